@@ -19,7 +19,7 @@ from workbench.edge import segment_groove
 from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
-from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe

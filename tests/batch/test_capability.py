@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from workbench.batch.capability import capability, line, spread_interval
+from workbench.batch.control import capability, line, spread_interval
 
 
 def series(n: int, mean: float, s: float) -> np.ndarray:

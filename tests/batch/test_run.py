@@ -127,7 +127,7 @@ def test_what_all_parts_share_is_refused_at_once(pipeline: Path, record: Write, 
 
 
 def test_two_batches_do_not_share_a_folder(pipeline: Path, record: Write, tmp_path: Path) -> None:
-    from workbench.pipeline.lock import locked
+    from workbench.pipeline.output import locked
 
     (tmp_path / "out").mkdir()
     with locked(tmp_path / "out"), pytest.raises(OutputError, match="another batch is writing there"):

@@ -38,7 +38,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.inspect import gate, sections
 from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
-from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import f_oneway
 
-from workbench.compare.anova import analyse
-from workbench.compare.gauge import gauge
+from workbench.compare.gauge import analyse, gauge
 from workbench.units import Float
 
 # AIAG, Measurement Systems Analysis, 4th ed. (2010), chapter III B. A row a part; operators A, B, C by threes.

@@ -11,7 +11,7 @@ from workbench.artefacts import Check, Document
 from workbench.cloud import denoise
 from workbench.compare import deviation, register, surface
 from workbench.compare.heights import heights
-from workbench.compare.path_error import path_error_u
+from workbench.compare.statistics import path_error_u
 from workbench.compare.surface_values import Deviations, Surface
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, random_recipe, simulate_recording

@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
 from workbench.synthetic import parse_recipe, simulate_recording
-from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
 from workbench.synthetic.swept.groove_conditions import random_groove_recipe

@@ -9,7 +9,7 @@ from workbench.errors import InputError
 from workbench.export import corners
 from workbench.export.corners import read_corners, recognised, written
 from workbench.scan import fuse
-from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 
 

@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from workbench.importing.bags_grid import Grid
+from workbench.importing.bags_profiles import Grid
 
 
 @pytest.mark.parametrize("ragged", [False, True])

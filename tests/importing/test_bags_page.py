@@ -4,8 +4,8 @@ import json
 import re
 from pathlib import Path
 
-from workbench.importing.bags_mapping import BagPart
 from workbench.importing.mapping import read_mapping
+from workbench.importing.mapping_parts import BagPart
 
 PAGE = (Path(__file__).parents[2] / "docs" / "importing_bags.md").read_text(encoding="utf-8")
 

@@ -9,7 +9,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.importing import table
-from workbench.importing.mapping_tables import TextPart
+from workbench.importing.mapping_parts import TextPart
 
 FORM = TextPart(length_unit="mm")
 TEXT = "\n\na,b\n1,2\n\n\n3,4\n5,\n\n7,8\n\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.look.regions import regions_of
+from workbench.look.foreign import regions_of
 
 
 def plate(seed: int):

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from workbench.errors import PipelineError
-from workbench.pipeline.document import parse_json, read_document
-from workbench.pipeline.substitute import FromCaller, substitute
+from workbench.pipeline.document import FromCaller, parse_json, read_document, substitute
 
 GOOD = b'{"version": 1, "stages": [{"stage": "a.b"}]}'
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import OutputError
-from workbench.pipeline.lock import locked
 from workbench.pipeline.output import OLD as OLD_NAME
-from workbench.pipeline.output import OutputDirectory
+from workbench.pipeline.output import OutputDirectory, locked
 
 NEW = {"inspection.json": b"new", "run.json": json.dumps({"files": ["inspection.json", "run.json"]}).encode()}
 OLD = {

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.scan import layout, read
+from workbench.scan import hdf5, read
 
 MODULE = importlib.import_module("workbench.scan.read")  # its own name is the stage's
 Build = Callable[..., Path]
@@ -89,7 +89,7 @@ FORMS = {
 def test_a_good_recording_in_each_form(build: Build, good: dict[str, Any], storage: dict[str, Any]) -> None:
     path = build(**storage)
     got = read(recording=path)
-    for name, field in layout.FIELDS.items():
+    for name, field in hdf5.FIELDS.items():
         values = getattr(got, name)
         assert values.dtype == field.dtype
         assert not values.flags.writeable
@@ -433,7 +433,7 @@ def test_a_recording_that_vanishes_or_changes_half_way_is_refused(
 @settings(deadline=None, derandomize=True, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_flipped_numbers_never_raise_anything_but_input_errors(build: Build, data: st.DataObject) -> None:
-    field = data.draw(st.sampled_from(list(layout.FIELDS.values())))
+    field = data.draw(st.sampled_from(list(hdf5.FIELDS.values())))
     value = data.draw(st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, -1.0, 1e30]), st.integers(-9, 9)))
 
     def edit(file: Any) -> None:

@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import InputError
-from workbench.scan import read, trial
+from workbench.scan import hdf5, read
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
 
 
 def test_results_and_exceptions_survive_a_crash_does_not() -> None:
-    assert trial.survives(lambda: 1)
-    assert trial.survives(lambda: 1 / 0)
-    assert not trial.survives(lambda: os.kill(os.getpid(), signal.SIGSEGV))
+    assert hdf5.survives(lambda: 1)
+    assert hdf5.survives(lambda: 1 / 0)
+    assert not hdf5.survives(lambda: os.kill(os.getpid(), signal.SIGSEGV))
 
 
 def test_an_endless_loop_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,13 +27,13 @@ def test_an_endless_loop_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
         while True:
             pass
 
-    monkeypatch.setattr(trial, "CPU_SECONDS", 1)
-    assert not trial.survives(endless)
+    monkeypatch.setattr(hdf5, "CPU_SECONDS", 1)
+    assert not hdf5.survives(endless)
 
 
 def test_a_damaged_heap_of_texts_is_refused(build: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """A heap object that claims to reach almost to 2^64: HDF5 adds it up past the end and never comes back."""
-    monkeypatch.setattr(trial, "CPU_SECONDS", 1)
+    monkeypatch.setattr(hdf5, "CPU_SECONDS", 1)
     path = build()
     content = bytearray(path.read_bytes())
     heap = content.index(b"GCOL")

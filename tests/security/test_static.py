@@ -35,7 +35,7 @@ FORBIDDEN_MODULES = {
 MAY = {  # who may do what docs/security.md tells of
     "subprocess": {"batch/processes.py", "children.py", "cloud/read.py", "compare/surface.py", "offscreen.py"},
     "multiprocessing": {"batch/processes.py", "batch/worker.py"},
-    "os.fork": {"pipeline/follow.py", "scan/trial.py"},
+    "os.fork": {"pipeline/follow.py", "scan/hdf5.py"},
     "http.server": {"view/server.py"},
     "webbrowser": {"view/server.py"},
     "socket": set(),
@@ -47,7 +47,7 @@ MAY = {  # who may do what docs/security.md tells of
         "artefacts/showing.py",
         "children.py",
         "importing/kinds.py",
-        "look/regions.py",
+        "look/foreign.py",
         "pipeline/registry.py",
         "pipeline/run.py",
         "pipeline/sources.py",

@@ -24,7 +24,7 @@ from workbench.synthetic import (
     simulate_recording,
     simulate_swept,
 )
-from workbench.synthetic.prism_conditions import random_prism_recipe
+from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.units import Float
 

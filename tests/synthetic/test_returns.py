@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import parse_recipe
-from workbench.synthetic.returns import disturb, intensities
+from workbench.synthetic.scan import disturb, intensities
 
 SHAPE = (200, 500)
 STEEP = np.full(SHAPE, 0.25)

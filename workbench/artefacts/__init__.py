@@ -4,8 +4,18 @@ Lengths in mm, times in s, angles in rad unless a name ends in `_deg`; `a_from_b
 N frames, M columns, K robot poses. NaN marks what was not measured.
 """
 
-from workbench.artefacts.checks import Check
-from workbench.artefacts.decisions import Gate, Provenance, RobotCell
+from workbench.artefacts.decisions import (
+    EventKind,
+    Gate,
+    Judgement,
+    ProgramEvent,
+    ProgramMove,
+    ProgramMoves,
+    ProgramTool,
+    Provenance,
+    RobotCell,
+    Violation,
+)
 from workbench.artefacts.edges import (
     BEVEL_FACE,
     DECLARED,
@@ -26,6 +36,7 @@ from workbench.artefacts.edges import (
     Quantity,
     RawEdge,
 )
+from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames
 from workbench.artefacts.grooves import (
     SIZES,
     Corner,
@@ -49,17 +60,7 @@ from workbench.artefacts.inspections import (
 )
 from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
-from workbench.artefacts.parts import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Part, PartNames
 from workbench.artefacts.paths import ChainU, Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
-from workbench.artefacts.programs import (
-    EventKind,
-    Judgement,
-    ProgramEvent,
-    ProgramMove,
-    ProgramMoves,
-    ProgramTool,
-    Violation,
-)
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
 from workbench.artefacts.showing import shown_all
 from workbench.geometry.faces import FaceLines

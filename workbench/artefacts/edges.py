@@ -8,8 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.artefacts.checks import Check
-from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import AlongTheEdge
 from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from workbench.artefacts.checks import Check
-from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import along_chart, rows_table
 from workbench.units import Float, Int, Shaped
 

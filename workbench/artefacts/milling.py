@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.artefacts.checks import Check
-from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.paths import PathDeflection, Toolpath
 from workbench.units import Bool, Float, Shaped
 

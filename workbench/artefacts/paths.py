@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts.checks import Check
 from workbench.artefacts.decisions import Gate
-from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import columns_table, space_chart
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.times import step_lengths_mm, travel_time_s

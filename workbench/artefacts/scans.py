@@ -1,4 +1,4 @@
-"""What was scanned: recordings, the scanner on the robot, clouds with and without a grid."""
+"""What was scanned: recordings, the scanner on the robot, clouds with and without a grid, also as Open3D's."""
 
 from __future__ import annotations
 
@@ -8,9 +8,26 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from workbench.artefacts.checks import Check
-from workbench.artefacts.parts import UNKNOWN_PART, Part
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped, frozen
+
+
+def tensor_cloud(points_mm: Float, **attributes: AnyArray) -> Any:
+    """`open3d.t.geometry.PointCloud` with float64 positions and int32 (n, 1) attributes by name."""
+    import open3d as o3d
+
+    cloud = o3d.t.geometry.PointCloud()
+    cloud.point["positions"] = o3d.core.Tensor.from_numpy(np.array(points_mm, np.float64))
+    for name, values in attributes.items():
+        cloud.point[name] = o3d.core.Tensor.from_numpy(np.ascontiguousarray(values, np.int32)[:, None].copy())
+    return cloud
+
+
+def positions(cloud: Any) -> Float:
+    """Points (n, 3) of either of Open3D's point clouds, those that are not finite left out."""
+    points = cloud.point.positions.cpu().numpy() if hasattr(cloud, "point") else cloud.points
+    array = np.array(points, np.float64).reshape(-1, 3)
+    return array[np.isfinite(array).all(axis=1)]
 
 
 class Labelled(Protocol):
@@ -93,7 +110,6 @@ class Cloud:
         Attributes: `frame` and `column` (places in the scanner's grid) and `face` (`FACE_NAMES`; 0 without an edge).
         `.to_legacy()` of it is Open3D's older point cloud, without them.
         """
-        from workbench.artefacts.open3d_clouds import tensor_cloud
 
         frame, column = np.nonzero(self.keep)
         face = np.zeros(len(frame), np.int32) if edge is None else edge.labels[frame, column]
@@ -121,13 +137,11 @@ class PointSet:
 
     def to_open3d(self) -> Any:
         """The points as `open3d.t.geometry.PointCloud`, in mm."""
-        from workbench.artefacts.open3d_clouds import tensor_cloud
 
         return tensor_cloud(self.points_mm)
 
     @classmethod
     def from_open3d(cls, cloud: Any, source: str = "open3d") -> PointSet:
         """The finite points of one of Open3D's point clouds, tensor or legacy; its coordinates are taken as mm."""
-        from workbench.artefacts.open3d_clouds import positions
 
         return cls(frozen(positions(cloud)), source)

@@ -12,8 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from workbench import __version__
-from workbench.batch.capability import Capability, capability
-from workbench.batch.control import LEAST, RULES, ControlChart, individuals
+from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capability, individuals
 from workbench.batch.fleet_table import (
     Characteristic,
     characteristics,

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from workbench.batch.capability import capability
-from workbench.batch.control import ControlChart
+from workbench.batch.control import ControlChart, capability
 from workbench.batch.fleet_table import Characteristic
 from workbench.pieces import styled, svg
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE

@@ -22,12 +22,11 @@ from workbench.batch.record import (
 )
 from workbench.batch.store import copied, is_remote, local_path, remote, version_token, write_whole
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
-from workbench.pipeline.document import PipelineDocument
+from workbench.pipeline.document import Copied, PipelineDocument
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter
 from workbench.pipeline.results import RUN_FILE, is_plain_name
 from workbench.pipeline.run import run_files, run_plan
-from workbench.pipeline.substitute import Copied
 from workbench.pipeline.wiring import Plan, plan
 
 # The folder of one part's results, on this machine or in a store: a whole set of results or none.

@@ -21,7 +21,7 @@ from workbench.batch.store import is_remote, joined, listed, local_path, refuse_
 from workbench.errors import InputError, OutputError, PipelineError, nearest
 from workbench.geometry.blocks import cores
 from workbench.pipeline.document import PipelineDocument, read_document
-from workbench.pipeline.lock import BusyError, locked
+from workbench.pipeline.output import BusyError, locked
 from workbench.pipeline.wiring import plan
 
 # From what stands on the command line to parts: each recording's place, and the name of the folder of its results.

@@ -12,14 +12,12 @@ import scipy
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document, Edge
-from workbench.artefacts.checks import UNSEEN
+from workbench.artefacts.evidence import UNSEEN
 from workbench.compare.deviation_chapter import deviation_chapter
 from workbench.compare.heights import heights
-from workbench.compare.path_error import path_error_u
-from workbench.compare.statistics import Summary, median, summarise
+from workbench.compare.statistics import Summary, median, path_error_u, summarise
 from workbench.compare.surface_values import Deviations, Registration, Surface
-from workbench.compare.surfels import Surfels, surfels
-from workbench.compare.target import on_mesh
+from workbench.compare.surfels import Surfels, on_mesh, surfels
 from workbench.errors import InputError
 from workbench.stage import stage
 from workbench.strict_json import strict_json

@@ -10,10 +10,8 @@ from matplotlib.figure import Figure
 
 from workbench import pieces
 from workbench.artefacts import Chapter
-from workbench.compare.agreement import COVERAGE
-from workbench.compare.gauge import Component
-from workbench.compare.gauge_values import Characteristic
-from workbench.compare.values import Study
+from workbench.compare.gauge import COVERAGE, Characteristic, Component
+from workbench.compare.measurements import Study
 from workbench.pieces import GREY, ORANGE, PALE, SERIES, styled, svg
 
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not

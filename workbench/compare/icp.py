@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.compare.surfels import Surfels
-from workbench.compare.target import Target
+from workbench.compare.surfels import Surfels, Target
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.units import Bool, Float, Int, Shaped
 

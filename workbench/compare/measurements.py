@@ -1,27 +1,63 @@
-"""Measurements of a gauge study: one inspection each, by whom and of which part."""
+"""Measurements of a gauge study, one inspection each, by whom and of which part; what the stages exchange of them."""
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.artefacts import UNKNOWN_PART, Part
-from workbench.compare.values import CHARACTERISTICS
-from workbench.errors import InputError
+from workbench.errors import InputError, nearest
+from workbench.strict_json import read_json
+from workbench.text_files import numbered_lines, read_text
+from workbench.units import Float, Shaped
 
 if TYPE_CHECKING:
     from workbench.result_files.contract import RequirementsRow
-import csv
-import io
-from collections.abc import Callable, Iterator
 
-from workbench.errors import nearest
-from workbench.strict_json import read_json
-from workbench.text_files import numbered_lines, read_text
+
+CHARACTERISTICS = {"root_mm": "root_u_mm", "bevel_deg": "bevel_u_deg"}  # and their standard uncertainties
+TITLES = {"root_mm": "Root face", "bevel_deg": "Bevel angle"}
+UNITS = ("mm", "deg", "um")  # in which the name of a characteristic may end
+
+
+def title_of(name: str) -> str:
+    """A characteristic's name for a reader; one of other people's as they write it."""
+    return TITLES.get(name, name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """Repeated measurements of parts by operators, crossed and balanced: P parts, O operators, R trials, S sections.
+
+    Keys are the characteristics that every measurement has. NaN: hidden, or not stated.
+    """
+
+    parts: tuple[str, ...]
+    operators: tuple[str, ...]
+    trials: int
+    section: tuple[int, ...]  # (S,) index, from 1
+    arc_length_mm: Shaped[Float, " S"]  # mean place
+    measured: Mapping[str, Float]  # (P, O, R, S)
+    stated_u: Mapping[str, Float]  # (P, O, R, S) standard uncertainty that each measurement states
+    reference: Mapping[str, Float]  # (P, S)
+    reference_u: Mapping[str, Float]  # (P, S)
+    limits: Mapping[str, tuple[float, float]]  # lower and upper limit of the value, where known
+    files: tuple[tuple[str, str], ...]  # path as given and SHA-256 of every inspection
+    warnings: tuple[str, ...] = ()
+    part: Part = UNKNOWN_PART  # what all inspections agree on
+    unit: str = "mm"  # of characteristics whose names do not end in one
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a characteristic."""
+        suffix = name.rpartition("_")[2]
+        return suffix if suffix in UNITS else self.unit
+
 
 ONLY = "all"  # the part, the operator, where none is named
 NUMBERS = ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())

@@ -14,8 +14,7 @@ from workbench.children import in_one_thread
 from workbench.compare.icp import OPEN, Equations, coarse, equations_at, refine
 from workbench.compare.surface import rigid
 from workbench.compare.surface_values import Registration, Surface
-from workbench.compare.surfels import Surfels, surfels
-from workbench.compare.target import target_of
+from workbench.compare.surfels import Surfels, surfels, target_of
 from workbench.errors import InputError
 from workbench.geometry.coarse import coarse_registration
 from workbench.stage import stage

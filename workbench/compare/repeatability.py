@@ -1,20 +1,85 @@
-"""`compare.repeatability`: repeatability, reproducibility and bias of root face and bevel angle."""
+"""`compare.repeatability`: repeatability, reproducibility and bias of root face and bevel angle; repeatability.json."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import dataclasses
+from collections.abc import Sequence
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Chapter, Document
-from workbench.compare.agreement import agreement
-from workbench.compare.anova import analyse
-from workbench.compare.gauge import gauge
+from workbench.compare.gauge import Characteristic, Gauge, SectionGauge, agreement, analyse, gauge, seen_everywhere
 from workbench.compare.gauge_chapter import gauge_chapter
-from workbench.compare.gauge_document import gauge_document
-from workbench.compare.gauge_values import Characteristic, SectionGauge, seen_everywhere
-from workbench.compare.values import Study
+from workbench.compare.measurements import Study
 from workbench.stage import stage
+from workbench.strict_json import strict_json
+
+
+def gauge_document(study: Study, results: Sequence[Characteristic]) -> Document:
+    """The file."""
+    content = {
+        "format": "bevel-repeatability",
+        "version": 1,
+        "part": dataclasses.asdict(study.part),
+        "parts": list(study.parts),
+        "operators": list(study.operators),
+        "trials": study.trials,
+        "characteristics": [_characteristic_json(study, one) for one in results],
+        "inspections": [{"file": path, "sha256": digest} for path, digest in study.files],
+        "warnings": [*study.warnings, *(words for one in results for words in one.warnings)],
+    }
+    return Document("repeatability.json", strict_json(content))
+
+
+def _characteristic_json(study: Study, one: Characteristic) -> dict[str, Any]:
+    found = one.agreement
+    return {
+        "name": one.name,
+        "unit": study.unit_of(one.name),
+        "limits": one.limits,
+        "anova": [{**dataclasses.asdict(row), "mean_square": row.mean_square} for row in one.anova.sources],
+        "interaction_pooled": one.anova.pooled,
+        "correlation_between_sections": one.anova.correlation,
+        **_gauge(one.gauge),
+        "sections": [
+            {
+                "index": section.index,
+                "arc_length_mm": section.arc_length_mm,
+                "mean": section.mean,
+                **_gauge(section.gauge),
+            }
+            for section in one.sections
+        ],
+        "bias": [
+            {
+                "part": part,
+                "section": index,
+                "bias": found.bias[i, k],
+                "u": found.bias_u[i, k],
+                "largest_e_n": _largest(found.e_n[i, ..., k]),
+            }
+            for i, part in enumerate(study.parts)
+            for k, index in enumerate(study.section)
+        ]
+        if found.has_reference
+        else [],
+        "observed_over_stated_uncertainty": found.observed_over_stated,
+    }
+
+
+def _gauge(gauge: Gauge) -> dict[str, Any]:
+    return {
+        "components": [dataclasses.asdict(part) for part in gauge.components],
+        "distinct_categories": gauge.categories,
+    }
+
+
+def _largest(e_n: Any) -> float | None:
+    """The E_n number farthest from 0."""
+    seen = e_n[np.isfinite(e_n)]
+    return float(seen[np.argmax(np.abs(seen))]) if seen.size else None
 
 
 @stage("compare.repeatability")

@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import FACE_NAMES, Cloud, Document, Edge
-from workbench.artefacts.open3d_clouds import tensor_cloud
-from workbench.artefacts.scans import Labelled
+from workbench.artefacts.scans import Labelled, tensor_cloud
 from workbench.errors import InputError
 from workbench.export.points import PointTable, point_table
 from workbench.stage import stage

@@ -11,16 +11,14 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
-from workbench.importing.files import claims
 from workbench.importing.grid import bounded, without
 from workbench.importing.joints import moved
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_formats import ArraysPart
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
 from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames
 from workbench.importing.roles import TURN_DEG
 from workbench.scan.checks import normalised
-from workbench.scan.trial import CPU_SECONDS, survives
+from workbench.scan.hdf5 import CPU_SECONDS, survives
 from workbench.units import AnyArray, Float
 
 NAME = "arrays (.npy, .npz, .mat)"

@@ -1,7 +1,7 @@
 """Bags of ROS: MCAP, rosbag2 and rosbag1 with profiles, poses, or both.
 
 The method: open the bag, choose its topics, read profiles and poses message by message, tell passes apart. What the
-bag leaves open is asked for by its name in the mapping (`workbench.importing.bags_mapping`), never guessed.
+bag leaves open is asked for by its name in the mapping (`workbench.importing.mapping_parts`), never guessed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.importing.bags_frames import FrameTree, chained, frame_name, pose_row, product
-from workbench.importing.bags_mapping import LENGTH_MM, BagPart
 from workbench.importing.bags_profiles import profile_topics, read_profiles
 from workbench.importing.bags_reader import (
     JOINTS,
@@ -26,12 +25,15 @@ from workbench.importing.bags_reader import (
     Bag,
     Message,
     chosen_topic,
+    header_s,
+    in_order,
     listed,
     opened,
+    stamp_s,
 )
-from workbench.importing.bags_times import header_s, in_order, stamp_s
 from workbench.importing.joint_states import JointModel
 from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_parts import LENGTH_MM, BagPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.poses import of_flange_in_base
 from workbench.scan.checks import normalised

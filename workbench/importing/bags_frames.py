@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import interpolate_poses, inverse, pose_from, rotation_from_quaternion
-from workbench.importing.bags_times import in_order
+from workbench.importing.bags_reader import in_order
 from workbench.scan.checks import normalised
 from workbench.units import Float, Shaped
 

@@ -1,4 +1,4 @@
-"""An open bag: MCAP, rosbag2 or rosbag1, message by message, by rosbags.
+"""An open bag: MCAP, rosbag2 or rosbag1, message by message, by rosbags; and its times.
 
 Every fault of the file, whatever rosbags raises of it, is an InputError here and nowhere else. Messages are read by the
 standard definitions of their types, never by code made from the bag's own ones; a bag whose type has another digest is
@@ -12,9 +12,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.units import Float
 
 CLOUD, SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
 POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
@@ -171,3 +174,33 @@ def _edge(where: str, what: str) -> Iterator[None]:
     except Exception as error:
         said = getattr(error, "strerror", None) or " ".join(str(error).split())[:300] or "a record that does not fit"
         raise InputError(where, f"expected a readable {what}: {said} ({type(error).__name__})") from None
+
+
+def stamp_s(message: Message, time: Literal["header", "message"]) -> float:
+    """The time of a message that has a header. Raises InputError for a header without time."""
+    return message.time_ns / 1e9 if time == "message" else header_s(message.value.header, message.where)
+
+
+def header_s(header: object, where: str) -> float:
+    """The header's stamp. Raises InputError where it was never set."""
+    stamp = header.stamp  # type: ignore[attr-defined]
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        raise InputError(where, 'the header has no time: expected "time": "message" in $.bag of the mapping')
+    return float(stamp.sec + stamp.nanosec / 1e9)
+
+
+def in_order(time_s: Float, rows: Float, where: str) -> tuple[Float, Float, int]:
+    """Times (K,) and rows (K, n) sorted by time, and how many repeats were dropped.
+
+    Publishers may run ahead of each other, and repeat themselves: what says the same at the same time counts once.
+
+    Raises:
+        InputError: two different rows at one time.
+    """
+    order = np.argsort(time_s, kind="stable")
+    time_s, rows = time_s[order], rows[order]
+    again = np.flatnonzero(np.diff(time_s) == 0) + 1
+    for k in again:
+        if not np.allclose(rows[k], rows[k - 1], rtol=0, atol=1e-9):
+            raise InputError(where, f"two different poses at {time_s[k]!s} s")
+    return np.delete(time_s, again), np.delete(rows, again, axis=0), len(again)

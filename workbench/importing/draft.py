@@ -16,14 +16,13 @@ from workbench.importing import arrays, images, organised
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S
 from workbench.importing.neutral import Imported
 from workbench.importing.passes import joined
 from workbench.importing.roles import ANGLES, LENGTHS, TIMES, TURN_DEG, TURN_RAD, Columns, Named, columns_of
-from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
-from workbench.importing.text import as_utf8, first_bytes
+from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
 from workbench.importing.tracker_table import joined as joined_with_postures
 from workbench.storage import regular_file
 from workbench.units import Float

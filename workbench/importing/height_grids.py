@@ -10,7 +10,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM, TextPart
+from workbench.importing.mapping_parts import LENGTH_MM, TextPart
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.table import slabs
 from workbench.importing.text import cells, first_bytes, head_text

@@ -13,12 +13,11 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing import arrays
-from workbench.importing.files import claims
 from workbench.importing.grid import bounded, without
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.scan.trial import survives
+from workbench.scan.hdf5 import survives
 from workbench.units import AnyArray, Float
 
 NAME = "height map (TIFF, PNG, .npy)"

@@ -10,11 +10,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation
-from workbench.importing.files import claims
 from workbench.importing.joint_states import MM, SLACK, JointModel
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_formats import Robot
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, Robot
 from workbench.importing.neutral import Imported, JointStream, PoseStream
 from workbench.importing.table import header_names, read_table
 from workbench.units import DEG, Float

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.files import claims
 from workbench.importing.grid import bounded
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM, RawPart, TextPart
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, RawPart, TextPart
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.table import read_table
 from workbench.importing.text import head_text

@@ -10,9 +10,8 @@ from typing import Protocol, cast
 
 from workbench.errors import InputError
 from workbench.importing import joints, kistler, organised, poses, tables, tracker
-from workbench.importing.files import claimed_by
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import Column, TextPart
+from workbench.importing.mapping import Mapping, claimed_by
+from workbench.importing.mapping_parts import Column, TextPart
 from workbench.importing.neutral import Imported
 from workbench.importing.table import otherwise_separated
 from workbench.importing.text import first_bytes, head_text

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.mapping_tables import TextPart
+from workbench.importing.mapping_parts import TextPart
 from workbench.importing.table import read_table
 from workbench.importing.text import first_bytes, head_text
 from workbench.units import Float, Shaped

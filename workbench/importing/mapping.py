@@ -6,6 +6,7 @@ import copy
 import difflib
 import json
 import re
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeGuard, get_args
 
@@ -15,18 +16,22 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from workbench.errors import InputError, nearest
 from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
-from workbench.importing.bags_mapping import BagPart
-from workbench.importing.mapping_formats import ArraysPart, HeightMapPart, JointsPart, StampsPart, TrackerPart
-from workbench.importing.mapping_tables import (
+from workbench.importing.mapping_parts import (
     LENGTH_MM,
+    ArraysPart,
+    BagPart,
+    HeightMapPart,
+    JointsPart,
     LengthUnit,
     Matrix,
+    Part,
     PosesPart,
     ProfilesPart,
     RawPart,
+    StampsPart,
+    TrackerPart,
     check_convention,
 )
-from workbench.importing.part import Part
 from workbench.parameters import check_parameters
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.strict_json import read_json
@@ -351,3 +356,26 @@ def _parent(tree: Any, place: Place) -> Any:
 
 def _path(place: Place) -> str:
     return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
+
+
+Named = ProfilesPart | PosesPart | RawPart | HeightMapPart | ArraysPart | JointsPart | StampsPart | TrackerPart
+
+
+def claims(part: Named | None, path: Path) -> bool:
+    """Whether the part names the file by its pattern."""
+    return part is not None and part.files is not None and fnmatchcase(path.name, part.files)
+
+
+def claimed_by(path: Path, mapping: Mapping) -> list[str]:
+    """Modules of workbench.importing whose part of the mapping names the file."""
+    parts: dict[str, Named | None] = {
+        "tables": mapping.profiles,
+        "poses": mapping.poses,
+        "keyence": mapping.keyence_raw,
+        "images": mapping.height_map,
+        "arrays": mapping.arrays,
+        "joints": mapping.joints,
+        "stamps": mapping.stamps,
+        "tracker": mapping.tracker,
+    }
+    return [name for name, part in parts.items() if claims(part, path)]

@@ -9,10 +9,8 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
-from workbench.importing.bags_mapping import BagPart
-from workbench.importing.files import claims
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, PosesPart
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, BagPart, PosesPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.suspicions import check_angles
 from workbench.importing.table import Table, header_names, read_table

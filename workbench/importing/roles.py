@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.importing.sniff import Form, steady
+from workbench.importing.text import Form, steady
 from workbench.units import Float
 
 UNITS = {

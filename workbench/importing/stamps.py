@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.errors import InputError
-from workbench.importing.files import claims
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import TIME_S
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import TIME_S
 from workbench.importing.neutral import Imported
 from workbench.importing.table import read_table
 

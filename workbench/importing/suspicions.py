@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.importing.grid import MAX_MM
 from workbench.importing.mapping import Mapping, Suspicion
-from workbench.importing.mapping_tables import LENGTH_MM
+from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import PoseStream, ProfileFrames
 from workbench.units import Float, Float32
 

@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from workbench.errors import InputError, nearest
-from workbench.importing.mapping_tables import Column, TextPart
+from workbench.importing.mapping_parts import Column, TextPart
 from workbench.importing.text import (
     HEAD_BYTES,
     INK,

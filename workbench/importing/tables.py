@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.files import claims
 from workbench.importing.gopxl import intensities
 from workbench.importing.grid import Points, bounded, without
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, ProfileFrames
 from workbench.importing.table import Table, header_names, slabs
 from workbench.importing.text import cells, first_bytes, numbered, numbers, read_lines_as_bytes

@@ -17,11 +17,9 @@ import numpy as np
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
 from workbench.importing import joints, poses, tables
-from workbench.importing.files import claims
 from workbench.importing.grid import MAX_MM
-from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_formats import TrackerPart
-from workbench.importing.mapping_tables import LENGTH_MM, TIME_S
+from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, TrackerPart
 from workbench.importing.neutral import Imported, TrackerReadings
 from workbench.importing.roles import LENGTHS, role_of
 from workbench.importing.table import read_table

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.errors import InputError, OutputError
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_formats import TrackerPart
+from workbench.importing.mapping_parts import TrackerPart
 from workbench.importing.neutral import Imported, PoseStream, TrackerReadings
 from workbench.importing.tracker import groups_of
 from workbench.units import DEG, Float, Int

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import KINDS, MilledEdge, Quantity, Uncertainty, UncertaintySource
-from workbench.artefacts.checks import UNSEEN
+from workbench.artefacts.evidence import UNSEEN
 from workbench.units import DEG, Float
 
 NOT_INCLUDED = (

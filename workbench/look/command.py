@@ -20,13 +20,10 @@ from workbench.importing import kistler, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
-from workbench.importing.sniff import SAMPLE_BYTES, Form, sniffed
-from workbench.importing.text import decoded, first_bytes, head_text
+from workbench.importing.text import SAMPLE_BYTES, Form, decoded, first_bytes, head_text, sniffed
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
-from workbench.look.sample import chosen_of, shades_of
-from workbench.look.seen import Seen
-from workbench.look.tell import box, failed, told
+from workbench.look.seen import Seen, box, chosen_of, failed, shades_of, told
 from workbench.scan.read import read as read_recording
 from workbench.storage import regular_file
 

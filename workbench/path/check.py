@@ -11,10 +11,8 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, Layer, PathCorrection, PathDeflection, PathGate, Toolpath
 from workbench.geometry.times import step_lengths_mm
-from workbench.path.collisions import collisions
-from workbench.path.frame_checks import frame_faults
-from workbench.path.layer_checks import layer_faults
-from workbench.path.loaded import greatest_mm, loaded
+from workbench.path.path_checks import collisions, frame_faults, layer_faults
+from workbench.path.poses import greatest_mm, loaded
 from workbench.stage import stage
 
 MOST_TOLD = 3  # faults that the reason names

@@ -12,9 +12,7 @@ from pydantic import Field
 from workbench.artefacts import Layer, PathGate, Toolpath
 from workbench.geometry.segments import LineIndex, line_distances
 from workbench.path.check import PENETRATION_MM, decision, weakened
-from workbench.path.collisions import axes_of, shank_lines
-from workbench.path.frame_checks import insane
-from workbench.path.layer_checks import HEIGHT_MM, cutter_faults
+from workbench.path.path_checks import HEIGHT_MM, axes_of, cutter_faults, insane, shank_lines
 from workbench.path.remaining import face_lines, moves_in_order
 from workbench.stage import stage
 

@@ -13,12 +13,10 @@ from pydantic import Field
 
 from workbench.artefacts import ChainU, Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
-from workbench.path.course import Course, edge_course
-from workbench.path.make_plan import make_plan, travels_of
-from workbench.path.obstacles import Lift
-from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
-from workbench.path.refusals import (
+from workbench.path.course import Bevel, Course, bevel_of, edge_course, layer_heights, raised, under, upper_bevel
+from workbench.path.make_plan import (
     known_well,
+    make_plan,
     refuse_allowance,
     refuse_compound,
     refuse_cutter,
@@ -26,8 +24,10 @@ from workbench.path.refusals import (
     refuse_partial_view,
     refuse_requirement,
     refuse_small_root,
+    travels_of,
 )
-from workbench.path.section import Bevel, bevel_of, layer_heights, raised, under, upper_bevel
+from workbench.path.obstacles import Lift
+from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float

@@ -10,9 +10,8 @@ import numpy as np
 
 from workbench.artefacts import Layer, Travel
 from workbench.geometry.tool_frames import bevel_normal, tool_quaternions
-from workbench.path.course import Course
+from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course
 from workbench.path.obstacles import Lift, lifted_heights
-from workbench.path.section import LEAST_DEPTH_MM, Bevel
 from workbench.units import Bool, Float, Int, Shaped
 
 KEY_POINT_MM = 1.0

@@ -13,10 +13,9 @@ from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
 from workbench.geometry.segments import LineIndex, index_lines, line_distances
 from workbench.geometry.stations import frame_stations, standing_layers
 from workbench.geometry.stock import Stock, axis_distances, build_stock
-from workbench.path.course import Course, lower_course
+from workbench.path.course import Bevel, Course, finished, lower_course
 from workbench.path.obstacles import sections_of
 from workbench.path.poses import Poses, cutter_ends, poses_of
-from workbench.path.section import Bevel, finished
 from workbench.units import DEG, AnyArray, Bool, Float
 
 TANGENTS = 8  # that stand for a fillet: they leave it by 0.4 % of its radius at most

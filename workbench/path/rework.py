@@ -13,14 +13,12 @@ from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, Rework, Str
 from workbench.errors import InputError
 from workbench.geometry.stations import nearest_stations
 from workbench.path.check import check
-from workbench.path.course import Course, lower_course, with_thickness
+from workbench.path.course import Bevel, Course, bevel_of, layer_heights, lower_course, with_thickness
 from workbench.path.feed import feed
-from workbench.path.make_plan import make_plan, travels_of
+from workbench.path.make_plan import make_plan, refuse_cutter, travels_of
 from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
 from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.path.poses import poses_of
-from workbench.path.refusals import refuse_cutter
-from workbench.path.section import Bevel, bevel_of, layer_heights
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Shaped
 

@@ -20,7 +20,7 @@ from workbench.artefacts import (
     Section,
     Toolpath,
 )
-from workbench.artefacts.checks import UNSEEN
+from workbench.artefacts.evidence import UNSEEN
 from workbench.artefacts.grooves import JointInspection
 from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError

@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup
 
 from workbench.artefacts import Chapter, Mark, Part, PartNames, Provenance, Scene, Shading, Strokes, Verdict
-from workbench.artefacts.parts import iso_date
+from workbench.artefacts.evidence import iso_date
 from workbench.errors import one_line
 from workbench.report.tables import one_line_a_stage, shown_path
 from workbench.report.text import render, source

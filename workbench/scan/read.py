@@ -15,9 +15,7 @@ from workbench.artefacts import NO_NAMES, PartNames, Recording, frozen
 from workbench.errors import InputError
 from workbench.geometry.blocks import in_order
 from workbench.scan.checks import checked
-from workbench.scan.hdf5 import opened, whole
-from workbench.scan.layout import FIELDS, calibration, check_header, data_sets, part_of, text
-from workbench.scan.trial import survives
+from workbench.scan.hdf5 import FIELDS, calibration, check_header, data_sets, opened, part_of, survives, text, whole
 from workbench.stage import InputFile, Progress, stage
 from workbench.units import AnyArray, Float32
 

@@ -1,20 +1,241 @@
-"""The scan: every frame of every pass, from the robot's motion to x and z as returned, block by block."""
+"""The scan: how the robot carries the scanner, and what it returns of exact ranges, frame by frame, block by block."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
-from workbench.geometry.poses import inverse
+from workbench.geometry.poses import inverse, pose_from
+from workbench.kernels import kernel
 from workbench.synthetic import raycast
-from workbench.synthetic.motion import PassMotion, generator, move
-from workbench.synthetic.recipe import Recipe, Scanner
-from workbench.synthetic.returns import disturb, intensities
-from workbench.synthetic.surface import build_surface, clamp_boxes, pose
+from workbench.synthetic.recipe import Disturbances, Noise, Pass, Recipe, Scanner
+from workbench.synthetic.sphere_recipe import SphereRecipe
+from workbench.synthetic.surface import build_surface, clamp_boxes, edge_frames, pose
 from workbench.synthetic.workpiece import Cut
-from workbench.units import AnyArray, Float, Float32, Shaped
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Shaped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassMotion:
+    """One pass: N frames with their true poses, K recorded ones."""
+
+    time_s: Shaped[Float, " N"]  # as recorded
+    base_from_profiler: Shaped[Float, "N 4 4"]  # true
+    pose_time_s: Shaped[Float, " K"]
+    position_mm: Shaped[Float, "K 3"]  # flange in the base, as recorded
+    quaternion_wxyz: Shaped[Float, "K 4"]
+
+
+def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, repeat: int = 0) -> PassMotion:
+    """The motion of pass `index`, which begins at `start_s`. Each `repeat` of a scan draws other errors."""
+    scan, robot = recipe.passes[index], recipe.robot
+    rng = generator(recipe, 1, index, repeat=repeat)
+    length = abs(scan.to_mm - scan.from_mm)
+    frames = math.floor(length / robot.frame_pitch_mm + 1e-9) + 1
+    time = start_s + np.arange(frames) / robot.frame_rate_hz
+    pose_time = _pose_times(scan, robot.pose_rate_hz, time)
+    speed = robot.frame_rate_hz * robot.frame_pitch_mm
+    travelled, pose_travelled = (time - start_s) * speed, (pose_time - start_s) * speed
+
+    poses_at = _line if scan.follow == "line" else _along_edge
+    flange_from_profiler = pose(robot.flange_from_profiler)
+    true = poses_at(recipe, surface, scan, travelled / length) @ flange_from_profiler
+    true[:, :3, 3] += _smooth_error(recipe, rng, travelled)
+    true[:, :3, 3] += rng.normal(0.0, 1.0, (frames, 3)) * robot.vibration_mm
+    position, quaternion = _recorded(recipe, poses_at(recipe, surface, scan, pose_travelled / length), rng)
+    return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), true, pose_time, position, quaternion)
+
+
+def generator(recipe: Recipe, *key: int, repeat: int = 0) -> np.random.Generator:
+    """The random numbers for one purpose, `key`, of the scan that is the `repeat`-th after the first."""
+    return np.random.default_rng([recipe.seed, *key, *([repeat] if repeat else [])])
+
+
+def recorded_hand_eye(recipe: Recipe) -> Float:
+    """flange_from_profiler as the recording states it: the true one, off by the recipe's errors (per axis)."""
+    robot, rng = recipe.robot, generator(recipe, 2)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(
+        rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_deg * DEG
+    ).as_matrix()
+    shift = rng.normal(0.0, 1.0, 3) * robot.hand_eye_error_mm
+    true = pose(robot.flange_from_profiler)
+    return pose_from(turn @ true[:3, :3], true[:3, 3] + shift)
+
+
+def profiler_in_edge(recipe: Recipe, scan: Pass, share: Float) -> Float:
+    """edge_from_profiler (n, 4, 4) where `share` (n,) of the pass is done.
+
+    The range axis points at the edge from in front, `elevation_deg` above the end face's horizontal normal; the
+    laser plane is then turned about it by `oblique_deg`, and the scanner leans along the edge by `lead_deg`.
+    """
+    scanner, elevation = recipe.scanner, scan.elevation_deg * DEG
+    away = np.array([-math.cos(elevation), 0.0, -math.sin(elevation)])
+    lateral = np.array([-math.sin(elevation), 0.0, math.cos(elevation)])
+    turn = scipy.spatial.transform.Rotation.from_rotvec(
+        scan.lead_deg * DEG * lateral
+    ) * scipy.spatial.transform.Rotation.from_rotvec(scan.oblique_deg * DEG * away)
+    z = away if scanner.z_away else -away
+    x = -lateral if scan.upside_down else lateral
+    nominal = turn.as_matrix() @ np.stack([x, np.cross(z, x), z], axis=1)
+
+    rotation = (
+        nominal
+        @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, np.array(scan.turn_deg) * DEG)).as_matrix()
+    )
+    skew = scan.skew_mm[0] + (scan.skew_mm[1] - scan.skew_mm[0]) * share
+    aim = np.array([scan.aim_mm[0], 0.0, scan.aim_mm[1]]) + skew[:, None] * nominal[:, 0]
+    sign = 1.0 if scanner.z_away else -1.0
+    aim_in_profiler = np.array([scanner.x_offset_mm, 0.0, sign * (scanner.standoff_mm - scanner.zero_range_mm)])
+    return pose_from(rotation, aim - rotation @ aim_in_profiler)
+
+
+def _along_edge(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) -> Float:
+    """base_from_flange (n, 4, 4) while the scanner keeps its pose relative to the edge."""
+    part_from_edge = edge_frames(surface, scan.from_mm + share * (scan.to_mm - scan.from_mm))
+    base_from_profiler = pose(recipe.part.base_from_part) @ part_from_edge @ profiler_in_edge(recipe, scan, share)
+    return np.asarray(base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler)))
+
+
+def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) -> Float:
+    """base_from_flange (n, 4, 4) on a straight uniform motion along the chord: position linear, orientation slerp."""
+    ends = edge_frames(surface, np.array([scan.from_mm, scan.to_mm]))
+    chord = (ends[1, :3, 3] - ends[0, :3, 3]) * np.sign(scan.to_mm - scan.from_mm)
+    chord /= np.linalg.norm(chord)
+    ends[:, :3, 0], ends[:, :3, 1] = (chord[1], -chord[0], 0.0), chord
+    base_from_profiler = pose(recipe.part.base_from_part) @ ends @ profiler_in_edge(recipe, scan, np.array([0.0, 1.0]))
+    flange = base_from_profiler @ inverse(pose(recipe.robot.flange_from_profiler))
+    turned = (
+        scipy.spatial.transform.Rotation.from_matrix(flange[0, :3, :3]).inv()
+        * scipy.spatial.transform.Rotation.from_matrix(flange[1, :3, :3])
+    ).as_rotvec()
+    rotation = flange[0, :3, :3] @ scipy.spatial.transform.Rotation.from_rotvec(np.outer(share, turned)).as_matrix()
+    return pose_from(rotation, flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3]))
+
+
+def _pose_times(scan: Pass, rate_hz: float, time: Float) -> Float:
+    """When poses are recorded: at both ends, on the robot's own raster around the pass, or with each frame."""
+    if scan.motion == "two_poses":
+        return np.array([time[0], time[-1]]) if len(time) > 1 else np.array([time[0], time[0] + 1.0 / rate_hz])
+    if scan.motion == "stop_and_go":
+        return time.copy()
+    first = math.floor(time[0] * rate_hz - 0.3)
+    return (np.arange(first, math.ceil(time[-1] * rate_hz) + 2) + 0.3) / rate_hz
+
+
+def _recorded(recipe: Recipe, base_from_flange: Float, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Flange positions and quaternions with the robot's pose noise, each pose by itself."""
+    robot, count = recipe.robot, len(base_from_flange)
+    position = base_from_flange[:, :3, 3] + rng.normal(0.0, 1.0, (count, 3)) * robot.pose_noise_mm
+    noise = scipy.spatial.transform.Rotation.from_rotvec(rng.normal(0.0, 1.0, (count, 3)) * robot.pose_noise_deg * DEG)
+    quaternion = (noise * scipy.spatial.transform.Rotation.from_matrix(base_from_flange[:, :3, :3])).as_quat(
+        scalar_first=True
+    )
+    return position, np.asarray(quaternion)
+
+
+def _smooth_error(recipe: Recipe, rng: np.random.Generator, travelled_mm: Float) -> Float:
+    """The robot's smooth error (n, 3) in the base: one sine an axis over the way travelled, in no recorded pose."""
+    shortest, longest = recipe.robot.smooth_error_wavelength_mm
+    wavelength, phase = rng.uniform(shortest, longest, 3), rng.uniform(0, 2 * math.pi, 3)
+    return recipe.robot.smooth_error_mm * np.sin(2 * math.pi * travelled_mm[:, None] / wavelength + phase)
+
+
+def _jittered(time: Float, jitter_s: float, pose_time: Float, rng: np.random.Generator) -> Float:
+    """Recorded times: off by `jitter_s` (one sigma, at most 0.4 of a frame), still rising, within the pose times."""
+    if jitter_s == 0.0 or len(time) < 2:
+        return time
+    limit = 0.4 * (time[1] - time[0])
+    return np.clip(time + np.clip(rng.normal(0.0, jitter_s, len(time)), -limit, limit), pose_time[0], pose_time[-1])
+
+
+_STREAK_COLUMNS = (4, 30)  # greatest and least extent of a streak, [low, high)
+_STREAK_FRAMES = (1, 5)
+
+
+def disturb(recipe: Recipe | SphereRecipe, ranges: Float, cosines: Float, rng: np.random.Generator) -> Float:
+    """Ranges (frames, columns) as returned; NaN where there is no return. `ranges` are exact."""
+    what = recipe.disturbances
+    mixed = _mix_pixels(ranges, what, rng)
+    noisy = mixed + _noise(cosines, recipe.scanner.noise, rng)
+    noisy = noisy + _outliers(ranges.shape, what, rng)
+    noisy[_dropouts(cosines, what, rng)] = np.nan
+    if recipe.scanner.quantum_mm > 0:
+        noisy = np.round(noisy / recipe.scanner.quantum_mm) * recipe.scanner.quantum_mm
+    return np.asarray(noisy)
+
+
+def intensities(ranges: Float, cosines: Float, rng: np.random.Generator) -> AnyArray:
+    """Intensity (frames, columns) uint16: Lambert's law times speckle; 0 where there is no return."""
+    speckle = rng.gamma(16.0, 1 / 16.0, ranges.shape)
+    return np.where(np.isnan(ranges), 0.0, np.clip(30000.0 * cosines * speckle, 1, 65535)).astype(np.uint16)
+
+
+def _noise(cosines: Float, noise: Noise, rng: np.random.Generator) -> Float:
+    """Range noise that grows with grazing incidence; first-order autoregressive along the columns where correlated."""
+    white = rng.standard_normal(cosines.shape)
+    if noise.correlation_columns > 0:
+        _correlate(white, math.exp(-1.0 / noise.correlation_columns))
+    if noise.grazing_power == 0:
+        return white * noise.sd_mm
+    lowest = noise.grazing_cap ** (-1.0 / noise.grazing_power)
+    return np.asarray(white * (noise.sd_mm * np.maximum(cosines, lowest) ** -noise.grazing_power))
+
+
+@kernel
+def _correlate(white: Float, keep: float) -> None:
+    """In place: e[j] = keep e[j-1] + sqrt(1 - keep^2) white[j], of unit variance."""
+    fresh = math.sqrt(1.0 - keep * keep)
+    for i in range(white.shape[0]):
+        for j in range(1, white.shape[1]):
+            white[i, j] = keep * white[i, j - 1] + fresh * white[i, j]
+
+
+def _mix_pixels(ranges: Float, what: Disturbances, rng: np.random.Generator) -> Float:
+    """A column whose spot straddles a jump in depth may return a range between the two."""
+    step = np.diff(ranges, axis=1)
+    rows, columns = np.nonzero(np.abs(step) > what.mixed_pixel_jump_mm)
+    chosen = rng.random(len(rows)) < what.mixed_pixel_probability
+    rows, columns = rows[chosen], columns[chosen]
+    weight, after = rng.uniform(0.05, 0.95, len(rows)), rng.integers(0, 2, len(rows))
+    mixed = ranges.copy()
+    mixed[rows, columns + after] = ranges[rows, columns] + weight * step[rows, columns]
+    return mixed
+
+
+def _outliers(shape: tuple[int, ...], what: Disturbances, rng: np.random.Generator) -> Float:
+    """What outliers add to the ranges: isolated ones uniform within the reach, streaks a ramp with speckle."""
+    added = np.zeros(shape)
+    flat = added.reshape(-1)
+    where = np.flatnonzero(rng.random(flat.size) < what.outlier_share) if what.outlier_share > 0 else np.zeros(0, int)
+    flat[where] = rng.uniform(-what.outlier_reach_mm, what.outlier_reach_mm, len(where))
+    for rows, columns in _streaks(shape, what.streak_outlier_share, rng):
+        size = added[rows, columns].shape
+        ends = rng.uniform(-what.outlier_reach_mm, what.outlier_reach_mm) * rng.uniform(0.5, 1.0, 2)
+        added[rows, columns] = np.linspace(ends[0], ends[1], size[1]) + rng.normal(0.0, 0.1, size)
+    return added
+
+
+def _dropouts(cosines: Float, what: Disturbances, rng: np.random.Generator) -> Bool:
+    """Where returns are lost: at random, the more grazing the likelier, and in streaks."""
+    share = what.dropout_share + what.grazing_dropout * (1.0 - cosines) ** 3
+    lost = rng.random(cosines.shape) < share
+    for rows, columns in _streaks(cosines.shape, what.streak_dropout_share, rng):
+        lost[rows, columns] = True
+    return np.asarray(lost)
+
+
+def _streaks(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> list[tuple[slice, slice]]:
+    """Runs of columns over one or several frames that cover about `share` of the grid."""
+    size = (sum(_STREAK_COLUMNS) - 1) / 2 * (sum(_STREAK_FRAMES) - 1) / 2
+    count = rng.poisson(share * shape[0] * shape[1] / size)
+    first = rng.integers(0, shape, (count, 2))
+    extent = rng.integers((_STREAK_FRAMES[0], _STREAK_COLUMNS[0]), (_STREAK_FRAMES[1], _STREAK_COLUMNS[1]), (count, 2))
+    return [(slice(i, i + n), slice(j, j + m)) for (i, j), (n, m) in zip(first, extent, strict=True)]
+
 
 BLOCK_FRAMES = 256
 _PAUSE_S = 2.0  # between passes

@@ -12,12 +12,11 @@ import numpy as np
 from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.storage import beside, require_space
-from workbench.synthetic.motion import PassMotion, recorded_hand_eye
 from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import read_any_recipe
-from workbench.synthetic.scan import plan_motion, scan_pass
+from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
 from workbench.synthetic.sphere import SphereTruth, write_sphere
 from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.swept import (

@@ -19,8 +19,7 @@ from workbench.geometry.poses import (
 from workbench.storage import require_space
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Scanner
-from workbench.synthetic.returns import disturb
-from workbench.synthetic.scan import column_offsets, sensor_of
+from workbench.synthetic.scan import column_offsets, disturb, sensor_of
 from workbench.synthetic.sphere_recipe import SpherePass, SphereRecipe
 from workbench.synthetic.surface import pose
 from workbench.units import DEG, Bool, Float, Int, Shaped

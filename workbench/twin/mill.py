@@ -20,8 +20,7 @@ from workbench.strict_json import read_any_json
 from workbench.synthetic.milling import Stock
 from workbench.synthetic.workpiece import Workpiece
 from workbench.text_files import numbered_lines, read_text
-from workbench.twin.machine import Machine, Met
-from workbench.twin.mechanics import Mechanics
+from workbench.twin.machine import Machine, Mechanics, Met
 from workbench.units import DEG, Bool, Float
 
 Length = Annotated[float, Field(ge=-100, le=100)]

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.synthetic.swept.recipe import GroovePart
-from workbench.synthetic.swept.section import BEVEL, LOWER, ROOT, UNDER, UPPER, Chain, Outline, chain_of
-from workbench.synthetic.swept.spine import along
+from workbench.synthetic.swept.sweep import BEVEL, LOWER, ROOT, UNDER, UPPER, Chain, Outline, along, chain_of
 from workbench.units import DEG, Float
 
 RIGHT = 8  # added to the faces of the right plate

@@ -21,12 +21,12 @@ from workbench.synthetic.swept.mesh import (
     chain_sheet,
     gaussian_relief,
     mesh_of,
+    plate_mesh,
+    relief_of,
     sheet,
     stations,
     swept,
 )
-from workbench.synthetic.swept.motion import Motion, moves, recorded_hand_eye
-from workbench.synthetic.swept.plate_mesh import plate_mesh, relief_of
 from workbench.synthetic.swept.recipe import (
     AnyRecipe,
     Ghost,
@@ -38,9 +38,17 @@ from workbench.synthetic.swept.recipe import (
     SweptScanner,
     Texture,
 )
-from workbench.synthetic.swept.section import BEVEL, ROOT, UPPER, UPPER_BEVEL
-from workbench.synthetic.swept.sensor import Profiles, Spoil, View, column_places, see
-from workbench.synthetic.swept.spine import Curve, curve_of
+from workbench.synthetic.swept.scanner import (
+    Motion,
+    Profiles,
+    Spoil,
+    View,
+    column_places,
+    moves,
+    recorded_hand_eye,
+    see,
+)
+from workbench.synthetic.swept.sweep import BEVEL, ROOT, UPPER, UPPER_BEVEL, Curve, curve_of
 from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
 from workbench.units import AnyArray, Bool, Float, Float32
 

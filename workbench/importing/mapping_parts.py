@@ -1,0 +1,308 @@
+"""What a mapping file may say of tables, height maps, arrays, joints, stamps and bags: known keys, finite numbers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Protocol
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from workbench.errors import nearest
+from workbench.geometry.orientations import CONVENTIONS, USUAL_ANGLE_UNIT, components
+from workbench.geometry.poses import is_rigid
+
+
+class Part(BaseModel):
+    """An object of the mapping file."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+LengthUnit = Literal["mm", "m", "um", "0.01um", "inch"]
+TimeUnit = Literal["s", "ms", "us", "ns"]
+LENGTH_MM: dict[str, float] = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "0.01um": 1e-5, "inch": 25.4}
+TIME_S: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=0)]  # a header's name, or a place from 0
+Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
+Three = tuple[Column, Column, Column]
+
+
+class TextPart(Part):
+    """How a text file is written."""
+
+    files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
+    delimiter: Literal[",", ";", "\t", " "] = Field(default=",", description="between the cells; ' ': any white space")
+    decimal: Literal[".", ","] = Field(default=".", description="decimal mark")
+    skip_lines: int = Field(default=0, ge=0, le=1000, description="lines before the header, or before the numbers")
+    header: bool = Field(default=True, description="whether a line of column names stands above the numbers")
+    length_unit: LengthUnit = Field(description="of every length in the file")
+    time_unit: TimeUnit | None = Field(default=None, description="of every time in the file, where it has any")
+
+    @model_validator(mode="after")
+    def _told_apart(self) -> TextPart:
+        if self.delimiter == self.decimal:
+            raise ValueError("expected a delimiter that is not the decimal mark")
+        return self
+
+
+class ProfileColumns(Part):
+    """Which column of a table holds what: one row a point."""
+
+    x: Column = Field(description="lateral coordinate")
+    z: Column = Field(description="range")
+    intensity: Column | None = Field(default=None, description="0 to 65535, whole numbers")
+    frame: Column | None = Field(default=None, description="a number that changes from frame to frame")
+    time: Column | None = Field(default=None, description="the frame's time, the same in all its rows")
+    travel: Column | None = Field(default=None, description="way along the scan (encoder), the same in all its rows")
+
+
+class ProfilesPart(TextPart):
+    """A table of profile points, one row a point; or of ranges, one row a frame."""
+
+    frames: Literal["column", "blank_lines", "restart", "one", "rows"] = Field(
+        description="what tells frames apart: columns.frame, blank lines, x that starts anew, one frame a file, "
+        "a frame a row of ranges"
+    )
+    columns: ProfileColumns | None = Field(default=None, description="for a row a point")
+    x_first: float | None = Field(default=None, description="x of the first range in a row, for 'rows'")
+    x_pitch: float | None = Field(default=None, description="x from one range to the next, for 'rows'")
+    missing: list[float] = Field(default=[], description="values of x or z that mean no return, besides an empty cell")
+    ragged: Literal["spacing", "count"] = Field(
+        default="spacing", description="columns of frames with fewer points: by gaps in x, or simply counted from 0"
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> ProfilesPart:
+        if self.frames == "rows":
+            if self.x_first is None or not self.x_pitch or self.columns is not None:
+                raise ValueError("expected x_first, x_pitch (not 0) and no columns with frames 'rows'")
+        elif self.columns is None or self.x_first is not None or self.x_pitch is not None:
+            raise ValueError(f"expected columns, no x_first and no x_pitch with frames '{self.frames}'")
+        if self.columns is None:
+            if self.time_unit is not None:
+                raise ValueError("expected no time_unit with frames 'rows'")
+            return self
+        if (self.columns.frame is not None) != (self.frames == "column"):
+            raise ValueError("expected columns.frame with frames 'column' and only there")
+        if (self.columns.time is not None) != (self.time_unit is not None):
+            raise ValueError("expected time_unit with columns.time and only there")
+        return self
+
+
+class RawPart(Part):
+    """A Keyence file of raw uint16 heights, 0 = no return.
+
+    z = (v - 32768) z_unit / 100 and x = (x_start + i x_pitch) / 100, in micrometres.
+    """
+
+    files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
+    columns: int = Field(ge=2, le=10_000, description="points a profile")
+    x_start: int = Field(description="XStart of the profile information")
+    x_pitch: int = Field(description="XPitch of the profile information")
+    z_unit: int = Field(gt=0, le=65_535, description="ZUnit as the controller gives it")
+    luminance: bool = Field(default=False, description="whether luminance of all profiles follows their heights")
+    byte_order: Literal["little", "big"] = "little"
+
+
+class PosesPart(TextPart):
+    """A table of flange poses: one row a pose."""
+
+    position: Three = Field(description="columns of x, y, z of the flange in the base")
+    orientation: Annotated[list[Column], Field(min_length=3, max_length=4)] = Field(
+        description="columns of the orientation, in the convention's own order"
+    )
+    convention: str = Field(description="what the orientation's columns are")
+    angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of Euler angles and rotation vectors")
+    time: Column | None = Field(default=None, description="on the robot's clock")
+    scan_pass: Column | None = Field(default=None, description="number of the scanning pass")
+    flange_from_tool: Matrix | None = Field(default=None, description="4x4: the poses are a tool's, not the flange's")
+    base_from_frame: Matrix | None = Field(default=None, description="4x4: the poses are in a frame, not in the base")
+
+    @model_validator(mode="after")
+    def _complete(self) -> PosesPart:
+        check_convention(self.convention, len(self.orientation), self.angle_unit, "orientation columns")
+        for name in ("flange_from_tool", "base_from_frame"):
+            pose = getattr(self, name)
+            if pose is not None and not is_rigid(np.array(pose)):
+                raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
+        return self
+
+
+def check_convention(convention: str, count: int, angle_unit: str | None, what: str) -> None:
+    """Refuse (ValueError) an unknown convention, another count of numbers than it has, an angle unit out of place."""
+    if convention not in CONVENTIONS:
+        raise ValueError(f"unknown convention '{convention}'{nearest(convention, CONVENTIONS)}")
+    expected = components(convention)
+    if count != expected:
+        raise ValueError(f"expected {expected} {what} for {convention}, got {count}")
+    if expected == 4 and angle_unit is not None:
+        raise ValueError(f"expected no angle_unit for {convention}")
+    if expected == 3 and angle_unit is None and convention not in USUAL_ANGLE_UNIT:
+        raise ValueError(f"expected angle_unit for {convention}")
+
+
+class HeightMapPart(Part):
+    """An image of heights, TIFF or PNG: a row a profile."""
+
+    files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
+    length_unit: LengthUnit = Field(default="mm", description="of the pitches, of z_scale and z_offset")
+    x_pitch: float = Field(description="from column to column")
+    y_pitch: float = Field(description="from row to row: the way along the scan")
+    z_scale: float = Field(default=1.0, description="length a count; 1 where the image holds lengths")
+    z_offset: float = Field(default=0.0, description="z of the value 0")
+    missing: list[float] = Field(default=[0.0], description="values of the image that mean no return, besides NaN")
+
+    @model_validator(mode="after")
+    def _steps(self) -> HeightMapPart:
+        for name in ("x_pitch", "y_pitch", "z_scale"):
+            if not getattr(self, name):
+                raise ValueError(f"expected {name} other than 0")
+        return self
+
+
+class Robot(Protocol):
+    """A part that names the robot whose joints it tells."""
+
+    urdf: str | None
+    base_frame: str | None
+    flange_frame: str | None
+
+
+def check_robot(part: Robot) -> None:
+    """Refuse (ValueError) a robot that is told in part only."""
+    if len({name is None for name in (part.urdf, part.base_frame, part.flange_frame)}) > 1:
+        raise ValueError("expected urdf, base_frame and flange_frame together")
+
+
+class ArraysPart(Part):
+    """Arrays of a .npz or .mat file by name, where their own names do not tell what they are."""
+
+    files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
+    length_unit: LengthUnit = Field(default="mm", description="of every length in the file")
+    time_unit: TimeUnit = Field(default="s", description="of every time in the file")
+    x: str | None = Field(default=None, description="(N, M) or (M,) lateral coordinates")
+    z: str | None = Field(default=None, description="(N, M) ranges; NaN: no return")
+    intensity: str | None = Field(default=None, description="(N, M) whole numbers from 0 to 65535")
+    time: str | None = Field(default=None, description="(N,) of the frames")
+    travel: str | None = Field(default=None, description="(N,) way along the scan")
+    position: str | None = Field(default=None, description="(K, 3) of the flange in the base")
+    quaternion_wxyz: str | None = Field(default=None, description="(K, 4) of the flange in the base")
+    base_from_flange: str | None = Field(default=None, description="(K, 4, 4) instead of position and quaternion")
+    pose_time: str | None = Field(default=None, description="(K,) of the poses")
+    joints: str | None = Field(default=None, description="(K, n) instead of poses, in the URDF's order")
+    angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of the joints")
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
+    missing: list[float] = Field(default=[], description="values of z that mean no return, besides NaN")
+
+    @model_validator(mode="after")
+    def _whole_robot(self) -> ArraysPart:
+        check_robot(self)
+        if self.joints is not None and self.angle_unit is None:
+            raise ValueError("expected angle_unit with joints")
+        return self
+
+
+class JointsPart(TextPart):
+    """A table of joint positions: the flange's poses follow from the robot's URDF, where a recording needs them."""
+
+    length_unit: LengthUnit = Field(default="mm", description="of linear joints")
+    columns: Annotated[list[Column], Field(min_length=1, max_length=12)] = Field(
+        description="of the joints between base and flange, in the URDF's order"
+    )
+    angle_unit: Literal["deg", "rad"] = Field(description="of the joints")
+    time: Column | None = Field(default=None, description="on the robot's clock")
+    number: Column | None = Field(default=None, description="number of the posture")
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
+
+    @model_validator(mode="after")
+    def _timed(self) -> JointsPart:
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
+        check_robot(self)
+        return self
+
+
+class TrackerPart(TextPart):
+    """Readings of a laser tracker, to be joined with the robot's joints or poses; no part of a recording."""
+
+    length_unit: LengthUnit = Field(default="mm", description="of the places")
+    targets: Annotated[list[Three], Field(min_length=1, max_length=50)] | None = Field(
+        default=None, description="columns of x, y, z of each target, where a row is a posture of the robot"
+    )
+    number: Column | None = Field(default=None, description="number of the posture; default: the row")
+    time: Column | None = Field(default=None, description="on the tracker's clock")
+    pair: Literal["number", "time", "order"] | None = Field(
+        default=None, description="how readings and postures go together; null: the first of these that both tell"
+    )
+    within_s: float = Field(default=0.5, gt=0, description="most from a reading to its posture, for 'time'")
+
+    @model_validator(mode="after")
+    def _of_a_table(self) -> TrackerPart:
+        if self.targets is None and (self.number is not None or self.time is not None):
+            raise ValueError("expected number and time with targets only: other forms tell them")
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
+        return self
+
+
+class StampsPart(TextPart):
+    """Times in a file of their own: a row a frame, or a row a pose."""
+
+    files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
+    length_unit: LengthUnit = Field(default="mm", description="not used")
+    column: Column = Field(default=0, description="of the times")
+    time_unit: TimeUnit = Field(description="of the times")
+    of: Literal["profiles", "poses"] = Field(description="whose times they are")
+
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+NoReturn = Literal["nan", "zero", "inf"]
+
+
+def _rigid(pose: Matrix) -> Matrix:
+    if not is_rigid(np.array(pose)):
+        raise ValueError("expected a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+    return pose
+
+
+RigidMotion = Annotated[Matrix, AfterValidator(_rigid)]
+
+
+class BagPart(Part):
+    """Object `bag` of a mapping file (MCAP, rosbag2, rosbag1); optional where the bag leaves no doubt."""
+
+    profiles: list[str] | None = Field(
+        default=None, min_length=1, description="topics of the profiles; several: one scanning pass each, in this order"
+    )
+    poses: str | None = Field(default=None, description="topic of the poses; 'tf': /tf and /tf_static together")
+    time: Literal["header", "message"] = Field(
+        default="header", description="the header's stamp, or when the message was recorded"
+    )
+    length_unit: Literal["m", "mm"] = Field(default="m", description="of profiles; REP 103 says m")
+    pose_length_unit: Literal["m", "mm"] = Field(default="m", description="of poses; REP 103 says m")
+    lateral: Axis | None = Field(default=None, description="axis that is x of the profiler; PointCloud2 x, LaserScan y")
+    range: Axis | None = Field(default=None, description="axis that is z of the profiler; PointCloud2 z, LaserScan x")
+    no_return: list[NoReturn] | None = Field(
+        default=None, description="points that mean no return, besides NaN: all coordinates 0, an infinite one"
+    )
+    ragged: Literal["spacing", "count"] = Field(
+        default="spacing", description="columns of profiles with fewer points: by gaps in x, or simply counted from 0"
+    )
+    row_period_s: float | None = Field(
+        default=None, gt=0, description="time from row to row of a cloud of several rows; its time is the first row's"
+    )
+    pass_gap_s: float | None = Field(default=None, gt=0, description="a longer time without profile begins a new pass")
+    base_frame: str | None = Field(default=None, description="the robot's base, in /tf or the URDF")
+    flange_frame: str | None = Field(default=None, description="the mounting flange, in /tf or the URDF")
+    profiler_frame: str | None = Field(
+        default=None, description="the profiles' frame, fixed to the flange in /tf: the hand-eye pose"
+    )
+    flange_from_tool: RigidMotion | None = Field(default=None, description="4x4: the poses are a tool's")
+    base_from_frame: RigidMotion | None = Field(default=None, description="4x4: the poses are in a frame, not the base")
+    urdf: str | None = Field(default=None, description="the robot's URDF for JointState, relative to the mapping file")

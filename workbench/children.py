@@ -8,7 +8,9 @@ import pickle
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,6 +49,32 @@ def refuse_unloadable(status: int, said: str) -> None:
     lacking = MISSING.match(why)
     told = f"the shared library {lacking[1]} is missing" if lacking else why
     raise InputError(name, f"cannot be loaded: {told}; scripts/setup.sh installs it")
+
+
+@contextmanager
+def read_by(reader: str, file: Path, made: str, seconds: float | None = None) -> Iterator[tuple[int, str, Path]]:
+    """Run the script `reader FILE OUT`, since damaged files crash libraries: its exit status, what it said, and OUT.
+
+    OUT is named `made`, in a folder that is gone afterwards.
+
+    Raises:
+        InputError: a library that cannot be loaded.
+        TimeoutExpired: it took longer than `seconds`.
+    """
+    with tempfile.TemporaryDirectory(prefix="workbench-") as folder:
+        out = Path(folder) / made
+        child = subprocess.run(
+            [sys.executable, "-P", reader, str(file.absolute()), str(out)],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
+            cwd=folder,
+            env=environment(),
+            timeout=seconds,
+        )
+        said = child.stdout.decode(errors="replace")
+        refuse_unloadable(child.returncode, said)
+        yield child.returncode, said, out
 
 
 def in_one_thread(function: Callable[..., T], *arguments: Any) -> T:

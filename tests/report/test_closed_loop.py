@@ -97,10 +97,10 @@ def test_the_chart_draws_measured_and_planned(part, by_formula, monkeypatch):
     root, bevel = figures[0].axes
     profile = inspection.profile
     for axes, values in ((root, profile.root_mm - 1.5), (bevel, profile.bevel_deg - 40.0)):
-        drawn = [line.get_xydata() for line in axes.get_lines()]
+        drawn = [line.xy for line in axes.lines]
         expected = np.c_[profile.arc_length_mm, values]
         assert any(np.array_equal(xy, expected, equal_nan=True) for xy in drawn)
-        crosses = [line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "x"]
+        crosses = [line.xy[:, 1][0] for line in axes.lines if line.marker == "x"]
         np.testing.assert_allclose(crosses, 0.0, atol=1e-6)
         assert len(crosses) == 7  # two of the nine sections are not cut
 

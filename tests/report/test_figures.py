@@ -29,11 +29,11 @@ def drawn(monkeypatch):
 
 
 def lines(figure):
-    return [line.get_xydata() for axes in figure.axes for line in axes.get_lines()]
+    return [line.xy for axes in figure.axes for line in axes.lines]
 
 
 def texts(figure):
-    return [text.get_text() for axes in figure.axes for text in axes.texts]
+    return [text.text for axes in figure.axes for text in axes.texts]
 
 
 def test_the_root_chart_draws_the_profile_and_its_band(part, drawn):
@@ -107,12 +107,12 @@ def test_sections_are_dimensioned_to_one_scale(part, drawn):
     panels = drawn[0].axes
     assert len(panels) == 9
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in panels}) == 1
-    assert all(axes.get_aspect() == 1.0 for axes in panels)
+    assert all(axes.equal for axes in panels)
     first = p.inspection.sections[0]
-    shown = [text.get_text() for text in panels[0].texts]
+    shown = [text.text for text in panels[0].texts]
     assert f"{first.root_mm:.4f} ± 0.0062 mm" in shown
     assert f"({first.bevel_deg:.3f} ± 0.042)°" in shown
-    assert "the edge is hidden here" in [text.get_text() for text in panels[4].texts]
+    assert "the edge is hidden here" in [text.text for text in panels[4].texts]
 
 
 def test_the_plan_counts_what_it_does_not_show(part, drawn):

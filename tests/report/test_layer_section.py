@@ -37,7 +37,7 @@ def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
     path = by_formula(clamp=(-2.0, -1.0), bevel_deg=41.0)
     layer_section.stepping_drawing(p.cloud, p.edge, path, layer_section.stepped_section(p.edge, path))
     figure: Figure = figures[0]
-    texts = {text.get_text() for text in figure.axes[0].texts}
+    texts = {text.text for text in figure.axes[0].texts}
     assert {"root face 1.500 ± 0.016 mm", "(41.000 ± 0.057)°", "thickness\n10.00 mm", "depth of cut 1 mm"} <= texts
     assert {"1", "2", "3", "4", "5", "6"} <= texts
 
@@ -49,7 +49,7 @@ def test_no_text_lies_on_another_or_outside(planned, monkeypatch):
         path = dataclasses.replace(p.toolpath, layers=layers)
         layer_section.stepping_drawing(p.cloud, p.edge, path, layer_section.stepped_section(p.edge, path))
         figure = figures.pop()
-        boxes = [text.get_box() for text in figure.axes[0].texts]
+        boxes = [text.place() for text in figure.axes[0].texts]
         for k, (left, top, right, bottom) in enumerate(boxes):
             assert 0.0 <= left < right <= figure.width
             assert 0.0 <= top < bottom <= figure.height

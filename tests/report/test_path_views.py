@@ -70,8 +70,8 @@ def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     plan_colours.layer_scale(planned().toolpath)
     plan_colours.feed_scale(run)
     layers, feeds = (figure.axes[0] for figure in figures)
-    assert [text.get_text() for text in layers.get_xticklabels()] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
-    assert (layers.get_xlabel(), feeds.get_xlabel()) == ("layer (its height above the finished bevel)", "feed, mm/s")
+    assert layers.ticks["x"][1] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
+    assert (layers.labels["x"], feeds.labels["x"]) == ("layer (its height above the finished bevel)", "feed, mm/s")
     assert feeds.get_xlim() == (1.0, 20.0)
 
 
@@ -80,7 +80,7 @@ def test_many_layers_are_not_all_named(planned, monkeypatch):
     monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
     layer = planned().toolpath.layers[0]
     plan_colours.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
-    assert len(figures[0].axes[0].get_xticklabels()) == 12
+    assert len(figures[0].axes[0].ticks["x"][1]) == 12
 
 
 def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
@@ -89,7 +89,7 @@ def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
     path_charts.feed_chart(p.edge, p.toolpath)
     axes = figures[0].axes[0]
     final = p.toolpath.layers[-1]
-    np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), np.c_[final.arc_length_mm, final.feed_mm_s])
+    np.testing.assert_array_equal(axes.lines[0].xy, np.c_[final.arc_length_mm, final.feed_mm_s])
     assert axes.bars == [(0.0, 89.0), (123.0, 200.0)]
     assert axes.get_ylim()[1] > 10.0
 

@@ -76,9 +76,9 @@ def test_edges_in_the_plane_show_how_far_the_end_face_is_from_flat(planned, radi
     monkeypatch.setattr(path_charts, "svg", lambda figure: figures.append(figure) or b"")
     path_charts.edges_in_plane(p.cloud, p.edge)
     in_plane, off = figures[0].axes
-    lower, upper = (line.get_ydata() for line in in_plane.get_lines()[1::2])  # after each edge's vertices
+    lower, upper = (line.xy[:, 1] for line in in_plane.lines[1::2])  # after each edge's vertices
     np.testing.assert_allclose(np.asarray(upper) - np.asarray(lower), 10.0, atol=1e-6)
     sagitta = 0.0 if radius_mm is None else radius_mm * (1 - np.cos(50.0 / radius_mm))
-    for line in off.get_lines():
-        assert np.ptp(line.get_ydata()) == pytest.approx(sagitta, abs=1e-6)
+    for line in off.lines:
+        assert np.ptp(line.xy[:, 1]) == pytest.approx(sagitta, abs=1e-6)
     assert np.ptp(off.get_ylim()) >= 0.1

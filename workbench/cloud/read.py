@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, frozen
-from workbench.children import environment, refuse_unloadable
+from workbench.children import read_by
 from workbench.cloud import readers
 from workbench.cloud.readers import READERS
 from workbench.errors import InputError
@@ -91,24 +88,12 @@ def in_process(file: Path) -> Float:
 
     Raises InputError with the reason where that process ends early, or where a library complains.
     """
-    with tempfile.TemporaryDirectory(prefix="workbench-cloud-") as folder:
-        out = Path(folder) / "points.npy"
-        command = [sys.executable, "-P", readers.__file__, str(file.absolute()), str(out)]
-        child = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            check=False,
-            cwd=folder,
-            env=environment(),
-        )
-        said = child.stdout.decode(errors="replace")
-        refuse_unloadable(child.returncode, said)
+    with read_by(readers.__file__, file, "points.npy") as (status, said, out):
         complaints = [text.strip() for text in OPEN3D_SAYS.findall(said) if "fail" in text.lower()]
-        if child.returncode == 0 and not complaints:
+        if status == 0 and not complaints:
             return np.asarray(np.load(out), dtype=np.float64).reshape(-1, 3)
         lines = said.strip().splitlines()
-        why = complaints[-1] if complaints else lines[-1] if lines and child.returncode == 1 else "its reader crashed"
+        why = complaints[-1] if complaints else lines[-1] if lines and status == 1 else "its reader crashed"
     why = why.replace(str(file.absolute()), "it")
     raise InputError(str(file), f"expected a complete {file.suffix[1:].upper()} file: {why}")
 

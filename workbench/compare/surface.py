@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Cloud, PointSet, Toolpath
-from workbench.children import environment, refuse_unloadable
+from workbench.children import read_by
 from workbench.compare import mesh_reader
 from workbench.compare.surface_values import Surface
 from workbench.errors import InputError
@@ -230,23 +228,11 @@ def _area(points: Float, triangles: Int) -> float:
 
 
 def _in_process(path: Path, seconds: float) -> tuple[Float, Int]:
-    with tempfile.TemporaryDirectory(prefix="workbench-mesh-") as folder:
-        out = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-P", mesh_reader.__file__, str(path.absolute()), str(out)]
-        try:
-            child = subprocess.run(
-                command,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                check=False,
-                cwd=folder,
-                env=environment(),
-                timeout=seconds,
-            )
-        except subprocess.TimeoutExpired:
-            raise InputError(str(path), f"expected a whole mesh: not read within {seconds:.0f} s") from None
-        refuse_unloadable(child.returncode, child.stdout.decode(errors="replace"))
-        if child.returncode or not out.exists():
-            raise InputError(str(path), f"expected a complete {path.suffix[1:].upper()} file: its reader crashed")
-        with np.load(out) as found:
-            return np.asarray(found["points"], float), np.asarray(found["triangles"], np.int64)
+    try:
+        with read_by(mesh_reader.__file__, path, "mesh.npz", seconds) as (status, _, out):
+            if status or not out.exists():
+                raise InputError(str(path), f"expected a complete {path.suffix[1:].upper()} file: its reader crashed")
+            with np.load(out) as found:
+                return np.asarray(found["points"], float), np.asarray(found["triangles"], np.int64)
+    except subprocess.TimeoutExpired:
+        raise InputError(str(path), f"expected a whole mesh: not read within {seconds:.0f} s") from None

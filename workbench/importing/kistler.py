@@ -17,8 +17,6 @@ NAME = "Kistler DynoWare"
 MARK = "DynoWare"
 MOST_HEAD = 60  # lines
 UNITS = {"N": 1.0, "kN": 1000.0, "Nm": 1.0, "V": 1.0}
-RATE = "Sampling rate [Hz]:"
-STEADY = 1e-3  # share of the sampling interval by which times may differ from even ones
 
 
 class Forces(NamedTuple):

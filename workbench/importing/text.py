@@ -19,7 +19,6 @@ MAX_BYTES = 8_000_000_000  # 50,000 frames of 3,200 points in text
 HEAD_BYTES = 65_536
 INK = re.compile(rb"\S")
 BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
 
 
 def read_lines_as_bytes(path: Path) -> bytes:

@@ -26,7 +26,7 @@ from workbench.artefacts import (
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path.course import LEAST_DEPTH_MM
-from workbench.path.displacement import Estimate, estimate
+from workbench.path.displacement import Estimate, Prior, estimate
 from workbench.path.plan import KEY_POINT_MM, cut_stretches
 from workbench.path.poses import Poses, poses_of, turned_about_feed
 from workbench.stage import stage
@@ -147,17 +147,16 @@ def correct(
     edge_u = min(math.sqrt(2.0) * cut.edge_u_mm, math.hypot(aside, math.sqrt(2.0) * repeatability_mm))
     root_u = SharedU(cut.root_u.local * sine, math.hypot(math.hypot(cut.root_u.shared, edge_u) * sine, moved / ROOT_3))
 
-    def along(
-        values: Float, u: SharedU, axes: Float, axes_at: Float, largest: float, varying: float, unrepeated: float
-    ) -> Estimate:
-        s, length = cut.arc_length_mm, repeatability_length_mm
+    def along(values: Float, u: SharedU, axes: Float, axes_at: Float, prior: Prior) -> Estimate:
+        s = cut.arc_length_mm
         here = np.stack([np.interp(s, final.arc_length_mm, column) for column in axes.T], axis=1)
-        found = estimate(s, values, u.local, here, at, axes_at, largest, varying, unrepeated, length)
+        found = estimate(s, values, u.local, here, at, axes_at, prior)
         return found.less_sure(u.shared)
 
     lies, angle_off, tilts = (cut.root_mm - toolpath.root_mm) * sine, cut.angle - bevel, repeatability_deg * DEG
-    shift = along(lies, root_u, -frames.x, -frames_at.x, LARGEST_MM, VARYING_MM, repeatability_mm)
-    turn = along(angle_off, cut.angle_u, frames.y, frames_at.y, LARGEST, VARYING, tilts)
+    length = repeatability_length_mm
+    shift = along(lies, root_u, -frames.x, -frames_at.x, Prior(LARGEST_MM, VARYING_MM, repeatability_mm, length))
+    turn = along(angle_off, cut.angle_u, frames.y, frames_at.y, Prior(LARGEST, VARYING, tilts, length))
     evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
     expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
     made = expected.significant

@@ -64,6 +64,16 @@ class Estimate:
         return replace(self, u=np.hypot(self.u, u), by_chance=self.by_chance + np.outer(u, u))
 
 
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """How large errors may be, before any value is seen."""
+
+    largest: float  # standard deviation that a constant error may have
+    varying: float  # three times the standard deviation that f may have
+    unrepeated: float  # standard deviation of g
+    unrepeated_length_mm: float  # its correlation length
+
+
 def estimate(
     s: Shaped[Float, " n"],
     values: Shaped[Float, " n"],
@@ -71,10 +81,7 @@ def estimate(
     axes: Shaped[Float, "n 3"],
     at: Shaped[Float, " m"],
     axes_at: Shaped[Float, "m 3"],
-    largest: float,
-    varying: float,
-    unrepeated: float,
-    unrepeated_length_mm: float,
+    prior: Prior,
 ) -> Estimate:
     """Estimate what repeats from values at arc lengths `s` (n,), finite and in any order, for arc lengths `at` (m,).
 
@@ -85,11 +92,9 @@ def estimate(
         axes: (n, 3) the direction a in the base.
         at: (m,) mm.
         axes_at: (m, 3) a there.
-        largest: standard deviation that a constant error may have.
-        varying: three times the standard deviation that f may have.
-        unrepeated: standard deviation of g.
-        unrepeated_length_mm: its correlation length.
+        prior: how large they may be.
     """
+    largest = prior.largest
     few = np.unique(np.linspace(0, len(s) - 1, min(MOST_POINTS, len(s))).astype(np.int64))
     order = np.argsort(s)[few]
     s, d, u_d, axes = s[order], values[order], u[order], axes[order]
@@ -97,13 +102,13 @@ def estimate(
     held = np.clip(at, s[0], s[-1])
     constant, constant_at = _constant(s, axes, middle, span), _constant(held, axes_at, middle, span)
     known = largest**2 * constant @ constant.T
-    by_run = (GRAIN * largest) ** 2 * np.eye(len(s)) + unrepeated**2 * _rough(s, unrepeated_length_mm)
+    by_run = (GRAIN * largest) ** 2 * np.eye(len(s)) + prior.unrepeated**2 * _rough(s, prior.unrepeated_length_mm)
     usual = np.minimum(u_d, np.median(u_d))
     spread = np.outer(usual, usual) + np.outer(*2 * [np.sqrt(u_d**2 - usual**2)])  # where u is large, by other causes
     local = {length: spread * _rough(s, length) for length in LOCAL_MM}
     smooth = {length: _alike(s, s, length) for length in LENGTHS_MM}
     chances = [by_run + share**2 * local[length] for share, length in itertools.product(STATED, LOCAL_MM)]
-    repeats = [(0.0, LENGTHS_MM[-1]), *itertools.product([share * varying for share in SHARES], LENGTHS_MM)]
+    repeats = [(0.0, LENGTHS_MM[-1]), *itertools.product([share * prior.varying for share in SHARES], LENGTHS_MM)]
     trials = list(itertools.product(range(len(chances)), repeats))
     log = np.array([_likelihood(known + chances[k] + sd**2 * smooth[long], d) for k, (sd, long) in trials])
     log -= np.where([sd > 0.0 for _, (sd, _) in trials], math.log(len(repeats) - 1), 0.0)  # f is as likely as none

@@ -42,33 +42,13 @@ class Line:
     xy: Float
     marker: str
 
-    def get_xydata(self) -> Float:
-        """(n, 2) in the axes' units."""
-        return self.xy
-
-    def get_ydata(self) -> Float:
-        """(n,)"""
-        return self.xy[:, 1]
-
-    def get_marker(self) -> str:
-        """'' for lines."""
-        return self.marker
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Text:
     """A text, as drawn."""
 
     text: str
-    place: Callable[[], tuple[float, float, float, float]] = lambda: (0.0, 0.0, 0.0, 0.0)
-
-    def get_text(self) -> str:
-        """As given."""
-        return self.text
-
-    def get_box(self) -> tuple[float, float, float, float]:
-        """Left, top, right, bottom on paper, about: the reader's machine chooses the font."""
-        return self.place()
+    place: Callable[[], tuple[float, float, float, float]]  # left, top, right, bottom on paper, about: fonts differ
 
 
 class Figure:
@@ -198,7 +178,7 @@ class Axes:
     tick_length: float = TICK
     tick_pad: float = PAD
     ticks: dict[str, tuple[list[float], list[str]]] = field(default_factory=dict)
-    _lines: list[Line] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
     _legend: list[tuple[str, str]] = field(default_factory=list)
     _later: list[tuple[float, bool, Any]] = field(default_factory=list)  # zorder, whether clipped, what draws it
     _insets: list[Axes] = field(default_factory=list)
@@ -239,10 +219,6 @@ class Axes:
         """What the axes show."""
         return self.shared["y"].limits()
 
-    def get_aspect(self) -> float | str:
-        """1 for one scale both ways."""
-        return 1.0 if self.equal else "auto"
-
     def margins(self, *, x: float = MARGIN, y: float = MARGIN) -> None:
         """Shares of the data's span that stay free."""
         self.shared["x"].margin, self.shared["y"].margin = x, y
@@ -259,10 +235,6 @@ class Axes:
         """Left of the axes."""
         self.labels["y"] = text
 
-    def get_xlabel(self) -> str:
-        """Below the axes."""
-        return self.labels["x"]
-
     def set_yticks(self, at: Sequence[float], names: Sequence[str]) -> None:
         """Ticks at these values, with these names."""
         self.ticks["y"] = (list(at), list(names))
@@ -271,17 +243,9 @@ class Axes:
         """Ticks at these values, with these names."""
         self.ticks["x"] = (list(at), list(names))
 
-    def get_xticklabels(self) -> list[Text]:
-        """As drawn."""
-        return [Text(name) for name in self._ticks("x")[1]]
-
     def tick_params(self, *, labelsize: float = SIZE, length: float = TICK, pad: float = PAD) -> None:
         """How ticks look."""
         self.tick_size, self.tick_length, self.tick_pad = labelsize, length, pad
-
-    def get_lines(self) -> list[Line]:
-        """What `plot` drew."""
-        return self._lines
 
     def inset_axes(self, rect: tuple[float, float, float, float]) -> Axes:
         """Axes at shares of these axes."""
@@ -323,7 +287,7 @@ class Axes:
     ) -> None:
         """A line, broken where a point is not finite; or a marker at each: '.' (one picture of all), o, ^, x."""
         xy = np.column_stack([np.asarray(x, float).ravel(), np.asarray(y, float).ravel()])
-        self._lines.append(Line(xy, marker))
+        self.lines.append(Line(xy, marker))
         self._take(xy[:, 0], xy[:, 1])
         ink = _colour(color)
         if label is not None:
@@ -343,7 +307,7 @@ class Axes:
         """A staircase: each value holds from the place before it to its own."""
         xs, ys = np.repeat(x, 2)[:-1], np.repeat(y, 2)[1:]
         self.plot(xs, ys, color=color, linewidth=linewidth)
-        self._lines[-1] = Line(np.column_stack([x, y]), "")
+        self.lines[-1] = Line(np.column_stack([x, y]), "")
 
     def fill(self, x: Any, y: Any, *, facecolor: Colour = "none", hatch: str = "", zorder: float = 1.0) -> None:
         """A polygon, filled or hatched."""

@@ -209,8 +209,8 @@ class Pass(Strict):
         return self
 
 
-class Robot(Strict):
-    """The robot's motion as it is and as it is recorded."""
+class RecordedRobot(Strict):
+    """What the robots of both simulators have: when they record, and with which errors."""
 
     frame_rate_hz: Positive = 50.0
     frame_pitch_mm: Positive = 0.2
@@ -220,6 +220,11 @@ class Robot(Strict):
     hand_eye_error_deg: NonNegative = 0.0
     pose_noise_mm: NonNegative = 0.0
     pose_noise_deg: NonNegative = 0.0
+
+
+class Robot(RecordedRobot):
+    """The robot's motion as it is and as it is recorded."""
+
     smooth_error_mm: NonNegative = 0.0
     smooth_error_wavelength_mm: tuple[Positive, Positive] = (50.0, 200.0)
     vibration_mm: NonNegative = 0.0

@@ -11,7 +11,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from workbench.synthetic.recipe import Along, Course, NonNegative, Number, Placement, Positive, Share, Strict, Triple
+from workbench.synthetic.recipe import (
+    Along,
+    Course,
+    NonNegative,
+    Number,
+    Placement,
+    Positive,
+    RecordedRobot,
+    Share,
+    Strict,
+    Triple,
+)
 
 Small = Annotated[float, Field(ge=0, le=5)]
 Pair = tuple[Number, Number]
@@ -235,17 +246,10 @@ class Way(Strict):
         return self
 
 
-class SweptRobot(Strict):
+class SweptRobot(RecordedRobot):
     """The robot's motion as it is and as it is recorded."""
 
-    frame_rate_hz: Positive = 50.0
     frame_pitch_mm: Positive = 0.4
-    pose_rate_hz: Positive = 100.0
-    flange_from_profiler: Placement = Placement(position_mm=(126.92, 9.44, 41.48), rpy_deg=(60.489, -3.813, -2.024))
-    hand_eye_error_mm: NonNegative = 0.0
-    hand_eye_error_deg: NonNegative = 0.0
-    pose_noise_mm: NonNegative = 0.0
-    pose_noise_deg: NonNegative = 0.0
     drift_mm: NonNegative = 0.0
     smooth_error_mm: NonNegative = 0.0
     smooth_error_wavelength_mm: Positive = 100.0

@@ -1,7 +1,5 @@
 """`python -m workbench`: the command line."""
 
-import sys
+from workbench.cli import program
 
-from workbench.cli import main
-
-sys.exit(main())
+program()

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import os
 import sys
 from collections.abc import Callable
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 from workbench.arguments import build_parser, parse
 from workbench.commands import COMMANDS
@@ -83,6 +84,17 @@ def prepare_streams() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 (for as long as the process lives)
         if hasattr(getattr(sys, name), "reconfigure"):
             getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
+SELDOM = 10_000  # objects between two looks for garbage: imports make many that stay
+
+
+def program() -> NoReturn:
+    """The command line as a process of its own. What lives to its end is not searched for garbage again and again."""
+    gc.set_threshold(SELDOM)
+    status = main()
+    gc.freeze()
+    sys.exit(status)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -52,6 +52,8 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
 
             return emptied
 
+        for side in sides:
+            run(inspect, *given)(side)  # bytecode
         yield _row(
             "first inspection without set-up, all kernels to compile", sides, cold(run(inspect, *given)), repeats
         )
@@ -95,9 +97,11 @@ def _without_pages(path: Path) -> dict[str, object]:
 
 
 def _spent(side: Path, folder: Path, *arguments: str) -> float:
-    """Processor seconds of a command, from the sources in `side`."""
+    """Processor seconds of a command, from the sources in `side`, whose bytecode is kept as that of installed ones."""
     kernels = folder / f"kernels-{side.name}"
     kernels.mkdir(exist_ok=True)
+    own = {"PYTHONPATH": str(side), "PYTHONPYCACHEPREFIX": str(folder / f"bytecode-{side.name}")}
+    own |= {"NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": ""}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [sys.executable, "-m", "workbench", *arguments],
@@ -105,7 +109,7 @@ def _spent(side: Path, folder: Path, *arguments: str) -> float:
         text=True,
         check=False,
         cwd=side,
-        env={**os.environ, "PYTHONPATH": str(side), "NUMBA_CACHE_DIR": str(kernels)},
+        env={**os.environ, **own},
     )
     if done.returncode > 1:
         raise RuntimeError(done.stderr)

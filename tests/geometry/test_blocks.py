@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
@@ -15,8 +16,7 @@ from workbench.geometry import blocks
 @pytest.mark.parametrize("frames", [0, 1, 5, 63, 64])
 def test_every_frame_once_and_in_order(monkeypatch: pytest.MonkeyPatch, frames: int, cores: int) -> None:
     monkeypatch.setattr(blocks, "cores", lambda: cores)
-    monkeypatch.setattr(blocks, "BLOCK_POINTS", 1000)
-    spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125))
+    spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125), 1000)
     assert [i for first, last in spans for i in range(first, last)] == list(range(frames))
     assert all(last - first <= 8 for first, last in spans)
 
@@ -28,9 +28,23 @@ def test_many_frames_make_no_more_blocks_than_keep_the_cores_busy(monkeypatch: p
     assert spans[-1][1] == 1000_003
 
 
-def test_a_frame_wider_than_a_block_is_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_POINTS", 10)
-    assert blocks.over_blocks(lambda first, last: last - first, (3, 11)) == [1, 1, 1]
+def test_a_frame_wider_than_a_block_is_a_block() -> None:
+    assert blocks.over_blocks(lambda first, last: last - first, (3, 11), 10) == [1, 1, 1]
+
+
+def test_a_forked_process_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "cores", lambda: 2)
+    both = threading.Barrier(2, timeout=5)
+
+    def together(first: int, last: int) -> int:
+        return both.wait()
+
+    assert sorted(blocks.in_order(together, 2, 1)) == [0, 1]
+    child = os.fork()
+    if child == 0:
+        both.reset()
+        os._exit(sorted(blocks.in_order(together, 2, 1)) != [0, 1])
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_blocks_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:

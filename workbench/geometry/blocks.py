@@ -5,10 +5,14 @@ It is as fast as numba's own parallel loops, compiles several times faster, and 
 
 from __future__ import annotations
 
+import functools
 import os
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import partial
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
@@ -19,32 +23,72 @@ BLOCK_POINTS = 2**17  # the least in a block: long enough to make a call cheap
 BLOCKS_A_CORE = 8  # at most: short enough that no core waits long for another's last one
 
 
-def over_blocks(kernel: Callable[[int, int], T], shape: tuple[int, ...]) -> list[T]:
+def over_blocks(kernel: Callable[[int, int], T], shape: tuple[int, ...], least_points: int | None = None) -> list[T]:
     """What `kernel(first, last)` returns for each block of frames [first, last), in order.
 
     Args:
         kernel: releases the interpreter lock; touches no frame outside its block, unless to read it.
         shape: of the grid, frames x columns.
+        least_points: in a block, if not `BLOCK_POINTS`.
 
     Raises:
         What the kernel raises, once; blocks not begun by then are left out.
     """
     frames, columns = shape
-    step = max(1, BLOCK_POINTS // max(columns, 1), -(-frames // (BLOCKS_A_CORE * cores())))
+    step = max(1, (least_points or BLOCK_POINTS) // max(columns, 1), -(-frames // (BLOCKS_A_CORE * cores())))
     return list(in_order(kernel, frames, step))
 
 
 def in_order(task: Callable[[int, int], T], frames: int, step: int) -> Iterator[T]:
-    """What `task(first, last)` returns for each `step` frames, in order, while further blocks are under way."""
+    """What `task(first, last)` returns for each `step` frames, in order, while further blocks are under way.
+
+    The caller's thread works like the others: it waits for nobody who has not begun, be the machine busy or not.
+    """
     spans = [(first, min(first + step, frames)) for first in range(0, frames, step)]
     if len(spans) < 2 or cores() < 2:
         yield from (task(*span) for span in spans)
         return
-    pool = ThreadPoolExecutor(max_workers=min(cores(), len(spans)))
+    todo, made, finished = iter(range(len(spans))), dict[int, Callable[[], T]](), threading.Semaphore(0)
+
+    def work(k: int) -> None:
+        try:
+            value = task(*spans[k])
+            made[k] = lambda: value
+        except BaseException as error:
+            made[k] = partial(_raise, error)
+
+    def help_along() -> None:
+        for k in todo:
+            work(k)
+            finished.release()
+
+    helpers = [_helpers(cores() - 1).submit(help_along) for _ in range(min(cores(), len(spans)) - 1)]
     try:
-        yield from pool.map(lambda span: task(*span), spans)
+        for k in range(len(spans)):
+            while k not in made:
+                other = next(todo, None)
+                if other is None:
+                    finished.acquire()
+                else:
+                    work(other)
+            yield made.pop(k)()
     finally:
-        pool.shutdown(cancel_futures=True)
+        deque(todo, maxlen=0)
+        wait([one for one in helpers if not one.cancel()])
+
+
+def _raise(error: BaseException) -> NoReturn:
+    raise error
+
+
+@functools.cache
+def _helpers(count: int) -> ThreadPoolExecutor:
+    """Threads that are kept: to start them takes as long as a million points."""
+    return ThreadPoolExecutor(count, "blocks")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_helpers.cache_clear)  # a forked child has none of the threads
 
 
 def cores() -> int:

@@ -18,6 +18,8 @@ _MAGNITUDE = np.int32(0x7FFFFFFF)
 # Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
 MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
 
+FUSED_TOGETHER = 2**20  # points that one core has fused before another has begun
+
 
 def fuse(
     x_mm: Shaped[Float32, "N M"],
@@ -47,7 +49,7 @@ def fuse(
         raise ValueError("out is (N, M, 3), float32")
     grid, poses = (as_input(x_mm), as_input(z_mm)), (as_input(base_from_profiler), as_input(origin_mm))
     work = partial(_fuse, *grid, *poses, points.transpose(0, 2, 1))
-    over_blocks(work, x_mm.shape)
+    over_blocks(work, x_mm.shape, FUSED_TOGETHER)
     return points
 
 

@@ -125,7 +125,7 @@ def test_general_method_has_the_branches_of_the_parallel_one(chain: Chain, postu
     centre = spherical_wrist(chain).centre_mm
     wanted = forward_kinematics(chain, postures(500, 16))[:, :3, 3]
     general = general_position(chain, centre, wanted)
-    parallel = parallel_position(chain.axes, chain.points_mm / 1e3, centre / 1e3, wanted / 1e3)
+    parallel = parallel_position(chain.axes, chain.points_mm / 1e3, centre / 1e3, wanted / 1e3)[0]
     assert (np.isfinite(general).sum(axis=1) == np.isfinite(parallel).sum(axis=1)).all()
     distance = apart(parallel[:, :, None], general[:, None])
     assert (

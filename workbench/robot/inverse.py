@@ -52,7 +52,9 @@ def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
 def _first_three(chain: Chain, wrist: SphericalWrist, centre_mm: Float) -> Float:
     """Angles (n, 4, 3) that bring the wrist's centre to places (n, 3)."""
     if wrist.behind_parallel_axes:
-        return np.asarray(parallel_position(chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, centre_mm / 1e3))
+        return np.asarray(
+            parallel_position(chain.axes, chain.points_mm / 1e3, wrist.centre_mm / 1e3, centre_mm / 1e3)[0]
+        )
     return general_position(chain, wrist.centre_mm, centre_mm)
 
 

@@ -4,10 +4,13 @@ Axis 4 meets axis 5 in one point, axis 6 meets it in another. For a given angle 
 direction of axis 5 are known, so the first point is, and joints 1 to 3 bring it there in up to four ways, in closed
 form. Each way holds where axes 4 and 5 have the angle to each other that they have: one equation in one unknown on the
 circle, whose sign changes are bracketed on a grid, its double roots by its extremes, and its ends where the arm is
-stretched (1D searches of this kind: Elias and Wen 2022). Newton's steps on all six joints take away what is left.
+stretched; ways that live between two places of the grid alone, by the extremes of how far they are from ending. (1D
+searches of this kind: Elias and Wen 2022.) Newton's steps on all six joints take away what is left.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from workbench.units import AnyArray, Bool, Float, Int
 MOST = 16  # solutions of any six revolute joints (Primrose 1986)
 STEPS = 180  # of the grid on joint 6
 FINER = 8  # parts of a step that is looked at again
+STEEP = 61  # places on a piece in which joints 1 or 2 turn at once, evenly by how far they turn
 HALVINGS = 24  # of a bracket: 2e-9 rad or less are left for Newton
 GOLDEN = 0.6180339887498949
 BENT, NEAR = 0.03, 0.05  # second differences of the error from step to step, and extremes, that are looked at again
@@ -32,7 +36,7 @@ Brackets = tuple[Float, Float, Int, Int]  # lower and upper angle, pose, way: (m
 def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
     """Joint angles (n, MOST, 6) in (-pi, pi] at poses (n, 4, 4), NaN: fewer; in no particular order.
 
-    Where a solution is singular (double), it may be missing.
+    Where a solution is singular (double) to some 1e-6 rad, it may be missing.
     """
     found = np.full((len(poses), MOST, 6), np.nan)
     left, _, right = np.linalg.svd(poses[:, :3, :3])  # what is rounded is no rotation, and nothing would reach it
@@ -58,10 +62,13 @@ class _Search:
         along = h[5] * (h[5] @ h[4])  # of axis 5, about axis 6
         self.turning = np.array([along, h[4] - along, np.cross(h[5], h[4])])
 
-    def ways(self, pose: Int, angle: Float) -> tuple[Float, Float, Float]:
-        """Angles of joints 1 to 3 (m, 4, 3), error (m, 4), direction of axis 5 (m, 3), for joint 6 at angles (m,)."""
+    def ways(self, pose: Int, angle: Float) -> tuple[Float, Float, Float, Float]:
+        """Angles of joints 1 to 3 (m, 4, 3), error (m, 4), room (m, 4, 2), direction of axis 5 (m, 3), joint 6 at (m,).
+
+        The room is that of `parallel_position`.
+        """
         wrist, chain = self.wrist, self.chain
-        found: tuple[Float, Float, Float] = ways_kernel(
+        found: tuple[Float, Float, Float, Float] = ways_kernel(
             chain.axes,
             chain.points_mm / 1e3,
             wrist.on_4_mm / 1e3,
@@ -79,17 +86,17 @@ class _Search:
         step, count = 2 * np.pi / STEPS, len(self.poses)
         grid = 0.0123 + step * np.arange(-1, STEPS + 2)  # no special angle; the ends lie over each other
         pose, at = np.arange(count), np.tile(grid, (count, 1))
-        error = self._errors(pose, at)
-        again, where = np.nonzero(_doubtful(error))
+        error, room = self._errors(pose, at)
+        again, where = np.nonzero(_doubtful(error, room))
         finer = at[again, where][:, None] + step / FINER * np.arange(-1, FINER + 2)
-        parts = [self._changes(error, pose, at), *self._closely(pose[again], finer)]
+        parts = [self._changes(error, pose, at), *self._closely(pose[again], finer), *self._unseen(pose[again], finer)]
         low, high, pose, way = (np.concatenate(column) for column in zip(*parts, strict=True))
         below = np.sign(self._at(pose, way, low))
         for _ in range(HALVINGS):
             middle = (low + high) / 2
             left = np.sign(self._at(pose, way, middle)) == below
             low, high = np.where(left, middle, low), np.where(left, high, middle)
-        first, _, direction = self.ways(pose, (low + high) / 2)
+        first, _, _, direction = self.ways(pose, (low + high) / 2)
         first = first[np.arange(len(pose)), way]
         there = np.isfinite(first).all(axis=1)
         q = self._wrist(pose[there], first[there], direction[there], (low + high)[there] / 2)
@@ -99,10 +106,14 @@ class _Search:
     def _at(self, pose: Int, way: Int, angle: Float) -> Float:
         return np.asarray(self.ways(pose, angle)[1][np.arange(len(pose)), way])
 
-    def _errors(self, pose: Int, angle: Float) -> Float:
-        """Errors (p, k, 4) on pieces of the circle, angles (p, k)."""
+    def _room(self, pose: Int, way: Int, which: Int, angle: Float) -> Float:
+        return np.asarray(self.ways(pose, angle)[2][np.arange(len(pose)), way, which])
+
+    def _errors(self, pose: Int, angle: Float) -> tuple[Float, Float]:
+        """Errors (p, k, 4) and room (p, k, 4, 2) on pieces of the circle, angles (p, k)."""
         count, steps = angle.shape
-        return self.ways(np.repeat(pose, steps), angle.reshape(-1))[1].reshape(count, steps, 4)
+        _, error, room, _ = self.ways(np.repeat(pose, steps), angle.reshape(-1))
+        return error.reshape(count, steps, 4), room.reshape(count, steps, 4, 2)
 
     def _changes(self, error: Float, pose: Int, angle: Float) -> Brackets:
         """Where the sign changes from angle to angle."""
@@ -111,44 +122,88 @@ class _Search:
 
     def _closely(self, pose: Int, angle: Float) -> list[Brackets]:
         """Sign changes on pieces, those at ends and about extremes too."""
-        error = self._errors(pose, angle)
+        error, _ = self._errors(pose, angle)
         solved = np.isfinite(error)
         piece, at, way = np.nonzero(solved[:, :-1] != solved[:, 1:])
         inner, outer = np.where(solved[piece, at, way], (at, at + 1), (at + 1, at))
         ends = self._at_end(pose[piece], way, angle[piece, inner], angle[piece, outer])
         piece, at, way = np.nonzero(_extreme(error))
         low, middle, high = (angle[piece, at + k] for k in range(3))
-        return [self._changes(error, pose, angle), *ends, *self._at_extreme(pose[piece], way, low, middle, high)]
+        extremes = self._at_extreme(pose[piece], way, low, middle, high)
+        return [self._changes(error, pose, angle), *ends, *extremes]
+
+    def _unseen(self, pose: Int, angle: Float) -> list[Brackets]:
+        """What happens between the places of pieces, where the room comes near zero.
+
+        A way begins and ends, or ends and begins again; or joints 1 or 2 turn at once, and the error with them.
+        """
+        room = self._errors(pose, angle)[1]
+        both = self._where_both_end(pose, angle, room)
+        piece, at, way, which = np.nonzero(_hidden(room))
+        pose, low, middle, high = pose[piece], angle[piece, at], angle[piece, at + 1], angle[piece, at + 2]
+        sign = np.sign(self._room(pose, way, which, middle))
+        there = _golden(lambda at: sign * self._room(pose, way, which, at), low, high)
+        least, ends = self._room(pose, way, which, there), np.stack([low, high])
+        island, hole, near = (sign < 0) & (least > 0), (sign > 0) & (least < 0), (sign > 0) & (least > 0)
+        found = [*both, *self._on_island(pose[island], way[island], there[island], ends[:, island])]
+        for end in ends:
+            found += self._at_end(pose[hole], way[hole], end[hole], there[hole])
+        pose, way, which = pose[near], way[near], which[near]
+        least, there, ends = least[near], there[near], ends[:, near]
+        rise = [(self._room(pose, way, which, end) - least) / (end - there) ** 2 for end in ends]
+        width = np.sqrt(least / np.maximum(np.max(rise, axis=0), 1e-12))  # in which the room doubles
+        most = np.arcsinh((ends[1] - ends[0]) / width)
+        evenly = there[:, None] + width[:, None] * np.sinh(most[:, None] * np.linspace(-1, 1, STEEP))
+        return [*found, *self._closely(pose, evenly)]
+
+    def _where_both_end(self, pose: Int, angle: Float, room: Float) -> list[Brackets]:
+        """Ways that live between two neighbours: at the one end the shoulder's room ends, at the other the elbow's."""
+        changed = (room[:, :-1] * room[:, 1:] < 0).all(axis=3)
+        piece, at, way = np.nonzero(changed & (room[:, :-1].min(axis=3) < 0) & (room[:, 1:].min(axis=3) < 0))
+        pose, ends = pose[piece], np.stack([angle[piece, at], angle[piece, at + 1]])
+        zeros = []
+        for which in (np.zeros(len(pose), int), np.ones(len(pose), int)):
+            (low, high), below = ends, np.sign(self._room(pose, way, which, ends[0]))
+            for _ in range(2 * HALVINGS):
+                middle = (low + high) / 2
+                left = np.sign(self._room(pose, way, which, middle)) == below
+                low, high = np.where(left, middle, low), np.where(left, high, middle)
+            zeros.append(low)
+        there = (zeros[0] + zeros[1]) / 2
+        lives = np.isfinite(self._at(pose, way, there))
+        return self._on_island(pose[lives], way[lives], there[lives], ends[:, lives])
+
+    def _on_island(self, pose: Int, way: Int, there: Float, ends: Float) -> list[Brackets]:
+        """On ways that live about `there` (m,) and end before `ends` (2, m)."""
+        first, last = (self._last(pose, way, there, end) for end in ends)
+        sides = (one for end in ends for one in self._at_end(pose, way, there, end))
+        return [*sides, *self._at_extreme(pose, way, first, there, last)]
 
     def _at_end(self, pose: Int, way: Int, inner: Float, outer: Float) -> list[Brackets]:
         """Where a way ends, the arm is stretched: up to the last angle that it reaches, and back over an extreme."""
-        last, beyond = inner.copy(), outer.copy()
-        for _ in range(2 * HALVINGS):
-            middle = (last + beyond) / 2
-            reached = np.isfinite(self._at(pose, way, middle))
-            last, beyond = np.where(reached, middle, last), np.where(reached, beyond, middle)
+        last = self._last(pose, way, inner, outer)
         return [
             self._if_changed(pose, way, inner, last),
             self._if_near(pose, way, last),
             *self._at_extreme(pose, way, 2 * inner - outer, inner, last),
         ]
 
+    def _last(self, pose: Int, way: Int, inner: Float, outer: Float) -> Float:
+        """The last angle that a way reaches from an inner one to one beyond."""
+        last, beyond = inner.copy(), outer.copy()
+        for _ in range(2 * HALVINGS):
+            middle = (last + beyond) / 2
+            reached = np.isfinite(self._at(pose, way, middle))
+            last, beyond = np.where(reached, middle, last), np.where(reached, beyond, middle)
+        return last
+
     def _at_extreme(self, pose: Int, way: Int, low: Float, middle: Float, high: Float) -> list[Brackets]:
         """Both sides of where the error comes nearest to zero, if it crosses it."""
-        sign, begin, end = np.sign(self._at(pose, way, middle)), low, high
-        left, right = (low + (high - low) * share for share in (1 - GOLDEN, GOLDEN))
-        of_left, of_right = (sign * self._at(pose, way, at) for at in (left, right))
-        for _ in range(HALVINGS):
-            closer = of_left < of_right
-            low, high = np.where(closer, low, left), np.where(closer, right, high)
-            fresh = np.where(closer, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
-            of_fresh = sign * self._at(pose, way, fresh)
-            left, right = np.where(closer, fresh, right), np.where(closer, left, fresh)
-            of_left, of_right = np.where(closer, of_fresh, of_right), np.where(closer, of_left, of_fresh)
-        least = (low + high) / 2
-        tries = [least + share * (end - begin) for share in (-0.02, 0.0, 0.02)]
+        sign = np.sign(self._at(pose, way, middle))
+        least = _golden(lambda at: sign * self._at(pose, way, at), low, high)
+        tries = [least + share * (high - low) for share in (-0.02, 0.0, 0.02)]
         return [
-            *(self._if_changed(pose, way, side, least) for side in (begin, end)),
+            *(self._if_changed(pose, way, side, least) for side in (low, high)),
             *(self._if_near(pose, way, one) for one in tries),
         ]
 
@@ -173,6 +228,32 @@ class _Search:
         return np.column_stack([first, fourth, fifth, angle])
 
 
+def _golden(value: Callable[[Float], Float], low: Float, high: Float) -> Float:
+    """Where values are least between angles (m,), by golden section."""
+    left, right = (low + (high - low) * share for share in (1 - GOLDEN, GOLDEN))
+    of_left, of_right = value(left), value(right)
+    for _ in range(HALVINGS):
+        closer = of_left < of_right
+        low, high = np.where(closer, low, left), np.where(closer, right, high)
+        fresh = np.where(closer, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+        of_fresh = value(fresh)
+        left, right = np.where(closer, fresh, right), np.where(closer, left, fresh)
+        of_left, of_right = np.where(closer, of_fresh, of_right), np.where(closer, of_left, of_fresh)
+    return (low + high) / 2
+
+
+def _hidden(room: Float) -> Bool:
+    """Where room (p, k, 4, 2) is nearest to zero and may cross it between neighbours, of all angles but the outer ones.
+
+    From its least place a smooth room goes on by less than by what it changed towards either neighbour.
+    """
+    size, step = np.abs(room), np.abs(np.diff(room, axis=1))
+    here = size[:, 1:-1]
+    nearest = (here <= size[:, :-2]) & (here <= size[:, 2:]) & (here <= np.maximum(step[:, :-1], step[:, 1:]))
+    same = (room[:, 1:-1] * room[:, :-2] > 0) & (room[:, 1:-1] * room[:, 2:] > 0)
+    return np.asarray(nearest & same)
+
+
 def _extreme(error: Float) -> Bool:
     """Where errors (p, k, 4) come nearest to zero without crossing it, of all angles but the outer ones."""
     size, here = np.abs(error), error[:, 1:-1]
@@ -180,12 +261,12 @@ def _extreme(error: Float) -> Bool:
     return np.asarray(nearest & (here * error[:, 2:] > 0) & (here * error[:, :-2] > 0))
 
 
-def _doubtful(error: Float) -> Bool:
+def _doubtful(error: Float, room: Float) -> Bool:
     """Steps (p, k - 1) in which more may happen than a change of sign: an end, an extreme near zero, a bend."""
     solved = np.isfinite(error)
     bent = np.abs(np.diff(error, 2, axis=1)) > BENT
-    around = (bent | (_extreme(error) & (np.abs(error[:, 1:-1]) < NEAR))).any(axis=2)
-    ends = (solved[:, :-1] != solved[:, 1:]).any(axis=2)
+    around = (bent | _hidden(room).any(axis=3) | (_extreme(error) & (np.abs(error[:, 1:-1]) < NEAR))).any(axis=2)
+    ends = ((solved[:, :-1] != solved[:, 1:]) | (room[:, :-1] * room[:, 1:] < 0).all(axis=3)).any(axis=2)
     steps = ends.copy()
     steps[:, :-1] |= around | ends[:, 1:]
     steps[:, 1:] |= around | ends[:, :-1]
@@ -237,7 +318,7 @@ def ways_kernel(
     moved: AnyArray,
     pose: AnyArray,
     angle: AnyArray,
-) -> tuple[AnyArray, AnyArray, AnyArray]:
+) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
     """See `_Search.ways`; lengths in m, but `moved`."""
     direction, at = np.empty((len(pose), 3)), np.empty((len(pose), 3))
     for m in range(len(pose)):
@@ -250,7 +331,7 @@ def ways_kernel(
                 at[m, i] += turn * on_6[j]
         for i in range(3):
             at[m, i] -= offset * direction[m, i]
-    first = parallel_position(h, o, on_4, at)
+    first, room = parallel_position(h, o, on_4, at)
     error = np.empty((len(pose), 4))
     wanted = h[3, 0] * h[4, 0] + h[3, 1] * h[4, 1] + h[3, 2] * h[4, 2]
     for m in range(len(pose)):
@@ -266,7 +347,7 @@ def ways_kernel(
                     c * z + s * (a * y - b * x) + along * d,
                 )
             error[m, k] = x * direction[m, 0] + y * direction[m, 1] + z * direction[m, 2] - wanted
-    return first, error, direction
+    return first, error, room, direction
 
 
 def _turns(h: Float, first: Float) -> Float:

@@ -69,7 +69,7 @@ def main() -> None:
     choice, _ = search(examiner, traversal(arm, cell, K, some, ANGLES, ANGLES), whole_map=False)
     start = constant_law(examiner, K, choice)
     assert cell.turntable is not None
-    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.radians(100.0))
+    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))
     print(
         "| | cutter rotation, deg | turntable, deg | mean displacement, mm | bound of such laws, mm | at most above "
         "it, % | processor time, s |\n|---|---|---|---|---|---|---|"

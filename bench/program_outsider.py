@@ -131,12 +131,12 @@ class Outsider:
         share = np.abs(np.diff(places, axis=0)).max(axis=0) / (even[1] - even[0]) / rated
         if share.max() > 1 + CLOSE_SHARE:
             return f"speed of axis {share.argmax() + 1}: {share.max():.4f}", float(share.max())
-        if cell.accelerations is None:
+        most = _accelerations(cell)
+        if most is None:
             return "", float(share.max())
-        most = np.degrees(cell.accelerations)
-        asked = [2 * np.abs(way[:6]) / time**2 / most for way, time in _ends(times, angles)]
+        asked = [2 * np.abs(way) / time**2 / most for way, time in _ends(times, angles)]
         for step in (1, 2, 3):
-            rows, when = angles[::step, :6], times[::step, None]
+            rows, when = angles[::step], times[::step, None]
             speed = np.diff(rows, axis=0) / np.diff(when, axis=0)
             asked += list(np.abs(2 * np.diff(speed, axis=0) / (when[2:] - when[:-2])) / most)
         worst = np.max(asked, axis=0)
@@ -145,10 +145,11 @@ class Outsider:
 
     def of_a_spline(self, cell: Cell, times: Float, angles: Float) -> float:
         """The largest share of an acceleration that a cubic spline through the rows asks, from rest to rest."""
-        if cell.accelerations is None:
+        most = _accelerations(cell)
+        if most is None:
             return 0.0
-        bends = CubicSpline(times, angles[:, :6], bc_type="clamped")(times, 2)  # largest at the rows
-        return float((np.abs(bends) / np.degrees(cell.accelerations)).max())
+        bends = CubicSpline(times, angles, bc_type="clamped")(times, 2)  # largest at the rows
+        return float((np.abs(bends) / most).max())
 
     def _follow(self, q: Float, pose: Float) -> Float:
         """Newton from the postures before (n, 6) to the tip's poses (n, 4, 4); NaN where it finds no way."""
@@ -230,6 +231,14 @@ class Outsider:
 def _ends(times: Float, angles: Float) -> list[tuple[Float, float]]:
     """Way and time of the first and of the last step."""
     return [(angles[i + 1] - angles[i], float(times[i + 1] - times[i])) for i in (0, len(times) - 2)]
+
+
+def _accelerations(cell: Cell) -> Float | None:
+    """Largest of six joints and the turntable, deg/s^2."""
+    joints, table = cell.accelerations, cell.turntable and cell.turntable.acceleration
+    if joints is None and table is None:
+        return None
+    return np.degrees(np.append(np.full(6, np.inf) if joints is None else joints, table or np.inf))
 
 
 def _middle(cell: Cell) -> float:

@@ -41,11 +41,14 @@ def random_trajectory(cell: Cell, rng: np.random.Generator) -> tuple[Float, Floa
         return np.asarray(curve(share**3 * (10 - 15 * share + 6 * share**2)))
 
     fine = at(np.linspace(0, 1, FINE))
-    speed = np.abs(np.diff(fine, axis=0)).max(axis=0)[:6] * (FINE - 1) / np.degrees(cell.chain.speeds)
+    assert cell.turntable is not None
+    rated = np.degrees(np.append(cell.chain.speeds, cell.turntable.speed))
+    speed = np.abs(np.diff(fine, axis=0)).max(axis=0) * (FINE - 1) / rated
     seconds = speed.max()
     if cell.accelerations is not None:
-        change = np.abs(np.diff(fine, 2, axis=0)).max(axis=0)[:6] * (FINE - 1) ** 2
-        seconds = max(seconds, np.sqrt((change / np.degrees(cell.accelerations)).max()))
+        change = np.abs(np.diff(fine, 2, axis=0)).max(axis=0) * (FINE - 1) ** 2
+        most = np.append(cell.accelerations, cell.turntable.acceleration or np.inf)
+        seconds = max(seconds, np.sqrt((change / np.degrees(most)).max()))
     seconds *= 2 ** rng.uniform(-1.5, 2)
     share = np.linspace(0, 1, rng.integers(5, 120))
     times, angles = seconds * share, at(share)

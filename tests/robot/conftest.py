@@ -46,7 +46,7 @@ class Pin:
 def plainly(tree: Any) -> None:
     """The shipped cell without clearance, envelope, uncertainty and process, and the cutter a part of the tool."""
     del tree["uncertainty"], tree["robot"]["acceleration_deg_s2"], tree["tool"]["shapes"][2]["body"], tree["envelope"]
-    del tree["process"]
+    del tree["process"], tree["turntable"]["acceleration_deg_s2"]
     tree["margin_mm"] = 0
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import Cloud, PointSet
+from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.pipeline import Pipeline
 from workbench.robot import Cell
@@ -84,6 +85,21 @@ def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
     assert sure is not None
     assert not any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
+
+
+def test_a_scan_as_a_file_is_the_same_body(cell: Cell, tmp_path: Path) -> None:
+    """Of a pipeline that begins with a path, and sees no recording; its hand-eye is not known."""
+    points = np.array([[1700.0, 0, 750], [1703.0, 2, 752], [1712.0, 20, 753]])
+    np.savetxt(tmp_path / "plate.xyz", points)
+    file, upstream = plate(cell, scan=tmp_path / "plate.xyz"), plate(cell, cloud_of(None), PointSet(points))
+    assert file is not None
+    assert upstream is not None
+    assert [one.pose.tolist() for one in file.shapes] == [one.pose.tolist() for one in upstream.shapes]
+    assert (file.may_touch, file.unchecked, file.unseen) == (upstream.may_touch, upstream.unchecked, upstream.unseen)
+    assert plate(cell) is cell
+    np.savetxt(tmp_path / "plate.xyz", points / 1e3)
+    with pytest.raises(InputError, match=r"plate.xyz.*metres"):
+        plate(cell, scan=tmp_path / "plate.xyz")
 
 
 def test_a_cloud_without_a_grid_is_a_body_whole(cell: Cell) -> None:

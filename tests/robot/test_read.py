@@ -122,6 +122,7 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
     (lambda t: t["tool"].update(centre_of_gravity_mm=[3000, 0, 110]), "$.tool.centre_of_gravity_mm: expected a place"),
     (lambda t: t["robot"].update(joint_stiffness_nm_per_rad=[1.8e9] * 6), "$.robot.joint_stiffness_nm_per_rad"),
     (lambda t: t["robot"].update(acceleration_deg_s2=[1.57] * 6), "$.robot.acceleration_deg_s2"),
+    (lambda t: t["turntable"].update(acceleration_deg_s2=1.05), "$.turntable.acceleration_deg_s2"),
     (
         lambda t: t.update(process={"home": {"joints_deg": [0, -20, 20, 0, 30, 0]}, "feed": {"most_mm_s": 0.02}}),
         "$.process.feed.most_mm_s",

@@ -60,5 +60,26 @@ def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell) -> No
     assert (hits != FREE).any(axis=1).sum() > 10
 
 
+def test_what_tool_and_part_may_be_off_keeps_their_bodies_farther_apart(cell: Cell) -> None:
+    """By hand: the clearance, and twice what either is off; links of the robot are where its joints say."""
+    rng = np.random.default_rng(7)
+    q = rng.uniform(cell.chain.limits[:, 0], cell.chain.limits[:, 1], (300, 6))
+    unsure = dataclasses.replace(
+        cell, margin_mm=10.0, margins=dataclasses.replace(cell.margins, flange_mm=30, part_mm=40)
+    )
+    screen, around = CollisionScreen(unsure), {"floor", "turntable"}
+    judged, nearer = screen.hits(q, np.zeros(300)), 0
+    for one, hit in zip(q, judged, strict=True):
+        near = set()
+        for gap in CollisionModel(cell).gaps(one):
+            off = np.hypot(30.0 * ("tool" in gap.pair), 40.0 * bool(around.intersection(gap.pair)))
+            if gap.distance_mm < 10 + 2 * off:
+                near.add(gap.pair)
+        assert (hit == FREE) == (not near)
+        assert hit == FREE or screen.pair(hit) in near
+        nearer += hit != FREE and CollisionModel(dataclasses.replace(cell, margin_mm=10.0)).collision(one) is None
+    assert nearer > 10
+
+
 def test_no_postures_no_hits(cell: Cell) -> None:
     assert CollisionScreen(cell).hits(np.empty((0, 6)), np.empty(0)).shape == (0,)

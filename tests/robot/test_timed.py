@@ -64,6 +64,22 @@ def test_accelerations_across_rows(
     assert judge(cell, rows(cell, *steps)).passed  # none is stated
 
 
+def test_the_turntables_acceleration_counts_like_a_joints(cell: Cell) -> None:
+    """From 1 to 10 deg/s in half a second: 18 deg/s^2; a cell that states none of its joints judges it all the same."""
+    still = rows(cell, (1.0, 1, 0.0), (0.5, 1, 0.0), (1.0, 1, 0.0))
+    turned = zip(still.moves, np.radians([0.0, 1.0, 6.0, 7.0]).tolist(), strict=True)
+    moves = dataclasses.replace(still, moves=tuple(dataclasses.replace(one, turntable=at) for one, at in turned))
+    assert cell.turntable is not None
+    slack, tight = (
+        dataclasses.replace(cell, turntable=dataclasses.replace(cell.turntable, acceleration=np.radians(most)))
+        for most in (18.0, 12.0)
+    )
+    assert judge(slack, moves).passed
+    finding = "the turntable would need 1.50 times its largest acceleration"
+    assert told(judge(tight, moves)) == [(3, "acceleration", finding)]
+    assert judge(cell, moves).passed  # none is stated
+
+
 @pytest.mark.parametrize("seconds", [1e-9, 1e-15])
 def test_no_time_is_too_short_to_be_judged(cell: Cell, seconds: float) -> None:
     assert "speed" in {one.kind for one in judge(cell, rows(cell, (seconds, 3, 0.001))).violations}

@@ -27,6 +27,7 @@ from workbench.program.fanuc_reader import read_fanuc
 from workbench.program.krl import euler_deg
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.robot.cell import Cell
+from workbench.robot.margins import DIGITS
 from workbench.robot.sides import arm_sides, level_joint_3
 from workbench.units import DEG, Float
 
@@ -247,7 +248,7 @@ class Fanuc:
     def _axes(self, joints_deg: Float) -> list[str]:
         """Joint angles (6,) as the controller counts them: two lines of a position."""
         shown = level_joint_3(self.cell.chain, joints_deg[None])[0] if self.level else joints_deg
-        rows = [f"J{j}= {angle:.3f} deg" for j, angle in enumerate((np.round(shown, 3) + 0.0).tolist(), 1)]
+        rows = [f"J{j}= {angle:.{DIGITS}f} deg" for j, angle in enumerate((np.round(shown, DIGITS) + 0.0).tolist(), 1)]
         return [",\t".join(rows[:3]) + ",", ",\t".join(rows[3:])]
 
     def _position(self, number: int, said: str, values: list[str], turned: float | None) -> Iterator[str]:
@@ -255,7 +256,11 @@ class Fanuc:
         yield from (f"P[{number}]{{", "   GP1:", f"\tUF : {frame}, UT : {tool},{said and f'  CONFIG : {said!r},'}")
         yield from (f"\t{value}" for value in values)
         if turned is not None:
-            yield from ("   GP2:", f"\tUF : {frame}, UT : {tool},", f"\tJ1= {round(float(turned), 3) + 0.0:.3f} deg")
+            yield from (
+                "   GP2:",
+                f"\tUF : {frame}, UT : {tool},",
+                f"\tJ1= {round(float(turned), DIGITS) + 0.0:.{DIGITS}f} deg",
+            )
         yield "};"
 
 
@@ -263,29 +268,29 @@ def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> Iterator
     """A frame by way of a position register, which takes the robot's place first so that it is one in space."""
     yield f"PR[{REGISTER}]=LPOS"
     for i, value in enumerate(place(position_mm[None], quaternion_wxyz[None])[0].tolist(), 1):
-        yield f"PR[{REGISTER},{i}]={value:.3f}" if value >= 0 else f"PR[{REGISTER},{i}]=({value:.3f})"
+        yield f"PR[{REGISTER},{i}]={value:.{DIGITS}f}" if value >= 0 else f"PR[{REGISTER},{i}]=({value:.{DIGITS}f})"
     yield f"{name}=PR[{REGISTER}]"
 
 
 def configuration(cell: Cell, joints: Float) -> list[str]:
     """FANUC's configuration strings of postures (n, 6), rad."""
     sides = arm_sides(cell.chain, joints)
-    turns = np.floor((np.round(joints[:, [0, 3, 5]] / DEG, 3) + 180) / 360).astype(int)
+    turns = np.floor((np.round(joints[:, [0, 3, 5]] / DEG, DIGITS) + 180) / 360).astype(int)
     letters = np.where(sides[:, ::-1], list("FDB"), list("NUT"))
     rows = zip(letters.tolist(), turns.tolist(), strict=True)
     return [f"{' '.join(said)}, {', '.join(map(str, times))}" for said, times in rows]
 
 
 def place(position_mm: Float, quaternion_wxyz: Float) -> Float:
-    """X, Y, Z, W, P, R (k, 6): mm and deg, 3 decimals."""
+    """X, Y, Z, W, P, R (k, 6): mm and deg, rounded."""
     turned = euler_deg(quaternion_wxyz)[:, ::-1]
-    return np.asarray(np.round(np.concatenate([position_mm, turned], axis=1), 3) + 0.0)
+    return np.asarray(np.round(np.concatenate([position_mm, turned], axis=1), DIGITS) + 0.0)
 
 
 def spelled(values: Float) -> list[str]:
     """A position's two lines."""
     texts = [
-        f"{name} = {value:.3f} {'mm' if name in 'XYZ' else 'deg'}"
+        f"{name} = {value:.{DIGITS}f} {'mm' if name in 'XYZ' else 'deg'}"
         for name, value in zip("XYZWPR", values.tolist(), strict=True)
     ]
     return [",\t".join(texts[:3]) + ",", ",\t".join(texts[3:])]

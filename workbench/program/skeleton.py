@@ -20,10 +20,9 @@ from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.names import NUMBERED, RESERVED
+from workbench.robot.around import drawn_back, turntable_at_home
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import HomePart, ProcessPart, Signal
-from workbench.robot.inverse import inverse_kinematics
-from workbench.robot.kinematics import forward_kinematics
+from workbench.robot.cell_file import ProcessPart, Signal
 from workbench.units import DEG, Float
 
 STANDS_DEG = 1e-4  # a turntable that moves by less stands
@@ -65,7 +64,7 @@ class Skeleton:
     def home_deg(self) -> tuple[Float, float | None]:
         """Joint angles (6,) and the turntable's."""
         home, table = self.process.home, self.job.turntable_deg
-        return np.array(home.joints_deg), None if table is None else _turntable_at_home(home, table)
+        return np.array(home.joints_deg), None if table is None else turntable_at_home(home, float(table[0]))
 
     @functools.cached_property
     def start_deg(self) -> tuple[Float, float | None]:
@@ -89,18 +88,13 @@ class Skeleton:
     def _off(self, i: int, distance_mm: float, which: str) -> Float:
         """The posture with the cutter drawn back along its axis from target i: of all, the nearest to the target's."""
         assert self.job.moves.joints_deg is not None
-        there = self.job.moves.joints_deg[i] * DEG
-        flange = forward_kinematics(self.cell.chain, there)
-        flange[:3, 3] -= distance_mm * (flange @ self.cell.flange_from_cutter)[:3, 2]
-        branches = inverse_kinematics(self.cell.chain, flange[None])[0]
-        near = branches + 2 * np.pi * np.round((there - branches) / (2 * np.pi))
-        away = np.abs(near - there).max(axis=1)
-        if not np.isfinite(away).any():
+        found = drawn_back(self.cell, self.job.moves.joints_deg[i] * DEG, distance_mm)
+        if found is None:
             raise InputError(
                 f"{self.cell.source}: $.process.{which}",
                 f"expected a point that the robot reaches, {distance_mm:g} mm along the cutter's axis is none",
             )
-        return np.asarray(near[np.nanargmin(away)])
+        return found
 
     @property
     def first(self) -> list[Event]:
@@ -204,18 +198,11 @@ def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
             f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why} "
             "(stiffness.posture: turntable_moves false)",
         )
-    if process is not None and abs(_turntable_at_home(process.home, table) - table[0]) > STANDS_DEG:
+    if process is not None and abs(turntable_at_home(process.home, float(table[0])) - table[0]) > STANDS_DEG:
         raise InputError(
             f"{cell.source}: $.process.home.turntable_deg",
             f"expected the angle at which the turntable stands along the path, {table[0]:.4f}",
         )
-
-
-def _turntable_at_home(home: HomePart, table: Float) -> float:
-    """Where it stands at home, deg: as stated, or where the path has it first; a home of the controller has it at 0."""
-    if home.turntable_deg is not None:
-        return home.turntable_deg
-    return 0.0 if home.controller_name else float(table[0])
 
 
 def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:

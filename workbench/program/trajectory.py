@@ -121,8 +121,8 @@ class Trajectory:
         moved = np.diff(self._angles[self.kept], axis=0) * DEG
         rated = SHARE * np.append(self.cell.chain.speeds, table.speed if table else np.inf)
         steps = np.maximum(np.maximum(at_feed, (np.abs(moved) / rated).max(axis=1)), LEAST_S)
-        if self.cell.accelerations is not None:
-            steps = 1 / slowed(moved[:, :6], SHARE * self.cell.accelerations, 1 / steps)
+        if self.cell.rated_accelerations is not None:
+            steps = 1 / slowed(moved, SHARE * self.cell.rated_accelerations, 1 / steps)
         return np.append(0.0, np.cumsum(steps))
 
     def head(self) -> Iterator[str]:
@@ -197,8 +197,8 @@ def slowed(moved: Float, most: Float, rate: Float) -> Float:
     """The rates (n,), 1/s, of steps between rows, lowered until no joint changes its speed too fast.
 
     Args:
-        moved: (n, 6) of the joints in each step, rad.
-        most: (6,) largest accelerations, rad/s^2.
+        moved: (n, 7) of joints and turntable in each step, rad.
+        most: (7,) largest accelerations, rad/s^2; inf: not known.
         rate: (n,) largest rates, one over the step's time.
     """
     rate = rate.copy()

@@ -290,17 +290,19 @@ def too_sudden(moves: Moves, cell: Cell, zone_mm: float) -> Bool | None:
     states no accelerations.
     """
     made, point = moves.postures, moves.point
-    if cell.accelerations is None or made is None or point is None:
+    most = cell.rated_accelerations
+    if most is None or made is None or point is None:
         return None
     length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
     room = np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2
     zone = np.maximum(np.minimum(zone_mm, room), NOTHING)
     steps = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1)
-    a_mm = np.diff(made.joints, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each joint a mm of way
+    seven = np.column_stack([made.joints, made.turntable])
+    a_mm = np.diff(seven, axis=0) / np.maximum(steps, NOTHING)[:, None]  # rad of each a mm of way
     inside = np.clip(point, 1, len(a_mm) - 1)
     turned = np.abs(a_mm[inside] - a_mm[inside - 1]) * moves.feed_mm_s[:, None]
     asked = turned / (2 * zone / moves.feed_mm_s)[:, None]
-    return np.asarray((asked > GENTLE * cell.accelerations).any(axis=1))
+    return np.asarray((asked > GENTLE * most).any(axis=1))
 
 
 def as_seen(moves: Moves, frame_from_base: Float, point_from_tool: Float) -> Moves:

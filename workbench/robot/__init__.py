@@ -5,6 +5,7 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
+from workbench.robot.around import refusal
 from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
@@ -54,6 +55,7 @@ __all__ = [
     "motions",
     "plate",
     "read_cell",
+    "refusal",
     "spherical_wrist",
     "turntable_pose",
     "within_limits",

@@ -103,9 +103,8 @@ def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyA
 
 
 @kernel(error_model="numpy")
-def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: float) -> AnyArray:
-    """Whether each pair (n, P) may come as near as `least`."""
-    start = least + 1e-6  # what is farther apart need not be known
+def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArray) -> AnyArray:
+    """Whether each pair (n, P) may come as near as `least` (P,)."""
     found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
     motion, turn, at, placed, middle = _room(scene)
     axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
@@ -113,18 +112,20 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: float) 
         _move(motion, turn, axes, points, joints, turned[n], n)
         _place(at, placed, middle, motion, link, solid, ends, pose, False)
         for i in range(len(scene.pairs)):
-            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, start) <= least
+            start = least[i] + 1e-6  # what is farther apart need not be known
+            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, start) <= least[i]
     return found
 
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    scene: Scene, joints: AnyArray, turned: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: float
+    scene: Scene, joints: AnyArray, turned: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
 ) -> AnyArray:
     """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved.
 
     Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
     proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.
+    Pairs must keep `least` (P,) apart besides.
     """
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
@@ -151,8 +152,8 @@ def swept_kernel(
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
                     moved = _moved(carried[w], moves, w, lever, reach, middle, scene.around)
-                    need[w] = least + moved / (1.0 - total)
-                proven = _proven(at, placed, middle, scene, need, by, asked, d, many[d])
+                    need[w] = moved / (1.0 - total)
+                proven = _proven(at, placed, middle, scene, need, by, least, asked, d, many[d])
             left = many[d] - proven
             if left > 0 and a == b:
                 found[n, a] = True
@@ -174,6 +175,7 @@ def _proven(
     scene: Scene,
     need: AnyArray,
     by: AnyArray,
+    least: AnyArray,
     asked: AnyArray,
     d: int,
     many: int,
@@ -182,7 +184,7 @@ def _proven(
     pairs, around = scene.pairs, scene.around
     for k in range(many):
         i = asked[d, k]
-        s, t, apart = pairs[i, 0], pairs[i, 1], need[by[i]]
+        s, t, apart = pairs[i, 0], pairs[i, 1], least[i] + need[by[i]]
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]

@@ -84,14 +84,13 @@ def clearance_bound_mm(
     return np.asarray(bound_kernel(scene(cell, volumes), q, table, most_mm))
 
 
-def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> Bool:
-    """Which pairs (n, P) are not proven to keep apart at joint angles (n, 6) and turntable angles (n,), rad."""
-    least = cell.margin_mm + SAFE_MM
-    return np.asarray(
-        near_kernel(
-            scene(cell, volumes), np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float), least
-        )
-    )
+def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, least_mm: Float) -> Bool:
+    """Which pairs (n, P) are not proven to keep `least_mm` (P,) apart at joint angles (n, 6) and turntable angles (n,).
+
+    Angles in rad.
+    """
+    q, table = np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float)
+    return np.asarray(near_kernel(scene(cell, volumes), q, table, least_mm + SAFE_MM))
 
 
 def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:

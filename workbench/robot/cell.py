@@ -12,7 +12,7 @@ from workbench.artefacts import Judgement, Moves, ProgramMoves, RobotCell
 from workbench.errors import InputError
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.chain import Chain
-from workbench.robot.margins import Margins
+from workbench.robot.margins import OFF_MM, WRITTEN_JOINT, Margins
 from workbench.robot.shapes import Shape
 from workbench.units import Float, Shaped
 
@@ -26,6 +26,7 @@ class Turntable:
     base_from_turntable: Shaped[Float, "4 4"]  # at 0
     limits: Shaped[Float, " 2"]  # rad
     speed: float  # rad/s, largest
+    acceleration: float | None = None  # rad/s^2, largest; None: not stated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +87,15 @@ class Cell(RobotCell):
     unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
 
     @property
+    def rated_accelerations(self) -> Float | None:
+        """Largest of the joints and the turntable (7,), rad/s^2, inf where the file states none; None: it states no."""
+        table = self.turntable.acceleration if self.turntable else None
+        if self.accelerations is None and table is None:
+            return None
+        joints = np.full(6, np.inf) if self.accelerations is None else self.accelerations
+        return np.append(joints, np.inf if table is None else table)
+
+    @property
     def tool_name(self) -> str | None:
         """Of the tool as the controller has it; None: programs declare it."""
         return next(iter(self.controller_tools), None)
@@ -113,21 +123,25 @@ class Cell(RobotCell):
 
 
 def within_margins(cell: Cell) -> Cell:
-    """The cell with the limits of joints and turntable nearer by the margin: what is planned in it keeps the margin.
+    """The cell with limits nearer by their margins, and all of it by what a program may be off its postures.
+
+    What is planned in it keeps the margins as a program too.
 
     Raises:
         InputError: a joint or a turntable that is left no range.
     """
-    inwards = cell.margins.limit * np.array([1.0, -1.0])
-    limits, table = cell.chain.limits + inwards, cell.turntable
+    inwards = np.array([1.0, -1.0])
+    limits, table = cell.chain.limits + (cell.margins.limit + WRITTEN_JOINT) * inwards, cell.turntable
     if table is not None:
-        table = dataclasses.replace(table, limits=table.limits + turntable_margin(cell) * np.array([1.0, -1.0]))
+        kept = turntable_margin(cell) + WRITTEN_JOINT
+        table = dataclasses.replace(table, limits=table.limits + kept * inwards)
     if (np.diff(limits) <= 0).any():
         raise InputError(
             f"{cell.source}: $.margins.limit_deg",
             f"no range is left of a joint within {np.degrees(cell.margins.limit):g} deg of its limits",
         )
-    return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits), turntable=table)
+    chain = dataclasses.replace(cell.chain, limits=limits)
+    return dataclasses.replace(cell, chain=chain, turntable=table, margin_mm=cell.margin_mm + OFF_MM)
 
 
 def turntable_margin(cell: Cell) -> float:

@@ -115,6 +115,9 @@ class TurntablePart(_Part):
     base_from_turntable: Pose = Field(description="its frame at 0 deg; it turns about z")
     limits_deg: tuple[float, float] = Field(default=(-180.0, 180.0), description="lowest and highest angle")
     speed_deg_s: float = Field(default=30.0, gt=0, description="largest speed")
+    acceleration_deg_s2: float | None = Field(
+        default=None, gt=0, le=100000, description="largest acceleration; null: not judged"
+    )
     shapes: list[ShapePart] = Field(default=[], description="collision shapes, in the turntable's frame")
 
     @model_validator(mode="after")

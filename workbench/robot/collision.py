@@ -13,6 +13,7 @@ import numpy as np
 from workbench.geometry.poses import pose_from
 from workbench.robot.cell import Cell
 from workbench.robot.kinematics import motions
+from workbench.robot.margins import COVERAGE
 from workbench.robot.shapes import ON_TURNTABLE, Shape
 from workbench.units import Float, Shaped
 
@@ -26,6 +27,7 @@ class Clearance:
     distance_mm: float
     pair: tuple[str, str]
     points_mm: Shaped[Float, "2 3"] | None = None  # the nearest points, in the base, where they are known
+    near: bool = False  # nearer than the two must keep apart
 
 
 class CollisionModel:
@@ -36,16 +38,17 @@ class CollisionModel:
         self._cell = cell
         self._objects = [fcl.CollisionObject(_geometry(shape)) for shape in cell.shapes]
         self.pairs = checked_pairs(cell)
+        self.least_mm = least_mm(cell)
 
     def __repr__(self) -> str:
         """The cell, and how much is looked at."""
         return f"CollisionModel({self._cell.title!r}, {len(self._objects)} bodies, {len(self.pairs)} pairs)"
 
     def collision(self, joints: Float, turntable: float = 0.0) -> tuple[str, str] | None:
-        """The first pair of bodies nearer than the margin at joint angles (6,), rad; None: the posture is free."""
+        """The first pair of bodies that are too near at joint angles (6,), rad; None: the posture is free."""
         self._place(joints, turntable)
-        for a, b in self.pairs:
-            if self._near(a, b):
+        for i, (a, b) in enumerate(self.pairs):
+            if self._near(i):
                 return self.names(a, b)
         return None
 
@@ -53,11 +56,12 @@ class CollisionModel:
         """The distance of every pair of bodies that must not touch, at joint angles (6,), rad; the nearest first."""
         self._place(joints, turntable)
         least: dict[tuple[str, str], Clearance] = {}
-        for a, b in self.pairs:
+        for i, (a, b) in enumerate(self.pairs):
             pair = self.names(a, b)
             distance, points = (0.0, None) if self._touch(a, b) else self._nearest_points(a, b)
-            if pair not in least or distance < least[pair].distance_mm:
-                least[pair] = Clearance(distance, pair, points)
+            near = distance <= 0 or distance < self.least_mm[i]
+            if pair not in least or (not near, distance) < (not least[pair].near, least[pair].distance_mm):
+                least[pair] = Clearance(distance, pair, points, near)
         return sorted(least.values(), key=lambda gap: gap.distance_mm)
 
     def clearance(self, joints: Float, turntable: float = 0.0) -> Clearance | None:
@@ -71,7 +75,7 @@ class CollisionModel:
         return best
 
     def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "4 4"], pairs: list[int]) -> int:
-        """The first of some pairs (indices into `pairs`) that is nearer than the margin; -1: none.
+        """The first of some pairs (indices into `pairs`) that is nearer than it must keep apart; -1: none.
 
         Args:
             moved: (7, 4, 4) motions of base and links.
@@ -80,7 +84,7 @@ class CollisionModel:
         """
         for shape in {s for i in pairs for s in self.pairs[i]}:
             self._put(shape, moved, turned)
-        return next((i for i in pairs if self._near(*self.pairs[i])), -1)
+        return next((i for i in pairs if self._near(i)), -1)
 
     def distances(self, moved: Float, turned: Float, pairs: list[int]) -> list[float]:
         """The distance of some pairs (indices into `pairs`), 0 where they touch; arguments as in `first_hit`."""
@@ -93,9 +97,9 @@ class CollisionModel:
         """Of two bodies by the indices of their shapes."""
         return self._cell.shapes[a].body, self._cell.shapes[b].body
 
-    def _near(self, a: int, b: int) -> bool:
-        margin = self._cell.margin_mm
-        return self._touch(a, b) or (margin > 0 and self._distance(a, b) < margin)
+    def _near(self, pair: int) -> bool:
+        (a, b), least = self.pairs[pair], self.least_mm[pair]
+        return self._touch(a, b) or bool(least > 0 and self._distance(a, b) < least)
 
     def _touch(self, a: int, b: int) -> bool:
         return bool(fcl.collide(self._objects[a], self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
@@ -142,6 +146,24 @@ def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
         for b in range(a + 1, len(shapes))
         if _checked(shapes[a], shapes[b]) and frozenset((shapes[a].body, shapes[b].body)) not in free
     ]
+
+
+def least_mm(cell: Cell) -> Float:
+    """How far each of the checked pairs (P,) must keep apart: the clearance, and what tool and part may be off.
+
+    Coverage 2. A rotation of the tool turns its bodies about the flange, one of the part turns what stands there about
+    itself.
+    """
+    margins, flange = cell.margins, cell.chain.base_from_flange_at_zero[:3, 3]
+    off = np.zeros(len(cell.shapes))
+    for i, shape in enumerate(cell.shapes):
+        middle, radius = shape.sphere
+        if shape.body in ("tool", "cutter"):
+            off[i] = np.hypot(margins.flange_mm, margins.flange_rad * (np.linalg.norm(middle - flange) + radius))
+        elif not 0 <= shape.link <= 6:
+            off[i] = np.hypot(margins.part_mm, margins.part_rad * radius)
+    two = off[np.array(checked_pairs(cell), int).reshape(-1, 2)]
+    return np.asarray(cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
 
 
 def _checked(a: Shape, b: Shape) -> bool:

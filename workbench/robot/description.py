@@ -104,7 +104,7 @@ def _posture(cell: Cell, joints: Float, turntable: float) -> Iterator[str]:
     yield posture_text(joints, turntable)
     yield from (f"singular: {what}" for what in singularities(cell.chain, joints))
     gaps = CollisionModel(cell).gaps(joints, turntable)
-    hits = [gap for gap in gaps if collides(cell, gap)]
+    hits = [gap for gap in gaps if gap.near]
     for gap in hits:
         yield f"collision: {' with '.join(gap.pair)}"
     for gap in [] if hits else nearest_gaps(cell, gaps):
@@ -117,11 +117,6 @@ def posture_text(joints: Float, turntable: float) -> str:
     """A posture in words, from angles in rad."""
     angles = ", ".join(f"{angle / DEG:.6g}" for angle in joints)
     return f"posture, deg: {angles}; turntable {turntable / DEG:.6g}"
-
-
-def collides(cell: Cell, gap: Clearance) -> bool:
-    """Whether two bodies touch, or are nearer than the cell's margin."""
-    return gap.distance_mm <= 0 or gap.distance_mm < cell.margin_mm
 
 
 def nearest_gaps(cell: Cell, gaps: list[Clearance]) -> list[Clearance]:

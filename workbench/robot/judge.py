@@ -23,7 +23,7 @@ from workbench.robot.margins import dexterity
 from workbench.robot.pairs import Pairs
 from workbench.robot.process import disorders, placed
 from workbench.robot.surface import Driven, Planned, deviations
-from workbench.robot.timed import rated, timed_faults
+from workbench.robot.timed import axis_name, rated, timed_faults
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
 
@@ -60,6 +60,23 @@ def judge(
     way, places = first_look(cell, way)
     found = _proven(cell, way, places, _Findings())
     return _judgement(cell, program, way, found, planned, configuration)
+
+
+def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | None] | None:
+    """What stands between joint moves: kind of the first fault, and the pair of bodies of a collision; None: nothing.
+
+    The cutter may touch what `may_touch` says, as on a path.
+    """
+    try:
+        tools, frames = _frames(cell, program)
+        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), rated(cell))
+    except WayError:  # one posture alone
+        return None
+    found = _proven(cell, *first_look(cell, way), _Findings())
+    if not found.faults:
+        return None
+    kind = found.faults[0][2]
+    return kind, _names(cell, _least(found)[1]) if kind == "collision" else None
 
 
 def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
@@ -425,8 +442,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     faults = []
     if (worst > 1 + 1e-6).any():
         i = int(worst.argmax())
-        joint = int(asked[i].argmax())
-        name = "the turntable" if joint == 6 else f"joint {joint + 1}"
+        name = axis_name(int(asked[i].argmax()))
         faults.append(
             Violation(
                 int(way.line[places.segment[i + 1]]),
@@ -435,26 +451,25 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
                 f"{name} would need {worst[i]:.2f} times its largest speed",
             )
         )
-    if cell.accelerations is not None:
-        faults += _accelerations(cell, way, places, rate, seconds, arc)
+    if cell.rated_accelerations is not None:
+        faults += _accelerations(cell.rated_accelerations, way, places, seconds, arc)
     return faults, float(worst.max(initial=0.0))
 
 
-def _accelerations(cell: Cell, way: Way, places: Places, rate: Float, seconds: Float, arc: Float) -> list[Violation]:
-    """Within segments and through rounded corners, where the controller does not stop."""
-    assert cell.accelerations is not None
+def _accelerations(most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
+    """Within segments and through rounded corners, where the controller does not stop; `most` (7,)."""
     signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
     rate = np.where(seconds[:, None] > 1e-9, signed / np.maximum(seconds, 1e-9)[:, None], 0.0)
     middle = (seconds[1:] + seconds[:-1]) / 2
     flying = (places.segment[1:-1] == places.segment[2:]) & (seconds[1:] > 1e-9) & (seconds[:-1] > 1e-9)
-    change = np.abs(np.diff(rate, axis=0))[:, :6] / np.maximum(middle, 1e-9)[:, None]
-    asked = np.where(flying[:, None], np.nan_to_num(change / cell.accelerations), 0.0)
+    change = np.abs(np.diff(rate, axis=0)) / np.maximum(middle, 1e-9)[:, None]
+    asked = np.where(flying[:, None], np.nan_to_num(change / most), 0.0)
     asked[way.kind[places.segment[1:-1]] == JOINTS] = 0.0
     worst = asked.max(axis=1, initial=0.0)
     if not (worst > 1 + 1e-6).any():
         return []
     i = int(worst.argmax())
-    finding = f"joint {int(asked[i].argmax()) + 1} would need {worst[i]:.2f} times its largest acceleration"
+    finding = f"{axis_name(int(asked[i].argmax()))} would need {worst[i]:.2f} times its largest acceleration"
     return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration", finding)]
 
 

@@ -12,6 +12,12 @@ from workbench.robot.kinematics import jacobian_at, joint_axes
 from workbench.units import DEG, AnyArray, Float, Shaped
 
 COVERAGE = 2.0  # times the stated standard uncertainties
+DIGITS = 3  # of mm and deg behind the point, in the programs of the dialect that has the fewest: FANUC's
+ROUNDED = 0.5 * 10.0**-DIGITS  # mm, deg: by which such a number may be off
+# What a program may leave its path by: the tolerances of path.simplify, and three angles of each orientation rounded.
+WRITTEN_MM, WRITTEN = 0.01 + ROUNDED, (0.05 + 3 * ROUNDED) * DEG
+WRITTEN_JOINT = 2 * ROUNDED * DEG  # joint angles rounded; FANUC's joint 3 has the error of joint 2 besides
+OFF_MM = 1.0  # of bodies, at most, between a way and what its places and its program tell of it
 REGULAR = 1e9  # condition number up to which a Jacobian is inverted
 
 
@@ -33,6 +39,11 @@ class Margins:
         size = np.hypot([self.flange_mm, self.flange_rad], [self.part_mm, self.part_rad])
         return np.asarray(COVERAGE * np.repeat(size, 3))
 
+    @property
+    def written(self) -> Float:
+        """By how much a program may leave the postures that it was made from (6,): mm and rad, each axis."""
+        return np.repeat([WRITTEN_MM, WRITTEN], 3)
+
 
 def wrist_angles(axes: Float) -> Float:
     """Angle (n,), 0 to pi/2, between axes 4 and 6, of joint axes (n, 6, 3): 0 is the wrist's singularity."""
@@ -50,16 +61,16 @@ def dexterity(
     chain: Chain,
     joints: Shaped[Float, "n 6"],
     tip_mm: Shaped[Float, "n 3"],
-    twist: Shaped[Float, " 6"],
+    twist: Shaped[Float, "*k 6"],
     enough: float = 0.0,
 ) -> tuple[Float, Float, Float]:
-    """Wrist angle (n,), condition number (n,) and what an error of the tool asks of the joints (n, 6), at (n, 6) rad.
+    """Wrist angle (n,), condition number (n,) and what an error of the tool asks of the joints (*k, n, 6), at (n, 6).
 
     Args:
         chain: the robot.
-        joints: (n, 6).
+        joints: (n, 6) rad.
         tip_mm: (n, 3) the tool centre point in the base.
-        twist: (6,) how far the tool may be off, mm and rad, each axis.
+        twist: (6,), or several (k, 6): how far the tool may be off, mm and rad, each axis.
         enough: condition number up to which an upper bound of it will do (by Frobenius norms: at most 6 times it).
     """
     axes, points = joint_axes(chain, joints)
@@ -72,9 +83,10 @@ def dexterity(
     sizes = np.linalg.svd(j[open_], compute_uv=False)
     with np.errstate(divide="ignore", over="ignore"):
         condition[open_] = sizes[:, 0] / sizes[:, 5]
-    asked = np.zeros((len(joints), 6))
+    asked = np.zeros((*twist.shape[:-1], len(joints), 6))
     if twist.any():
-        asked = np.where((condition < REGULAR)[:, None], np.abs(back) @ (twist / scale), np.inf)
+        by_joint = np.einsum("nij,...j->...ni", np.abs(back), twist / scale)
+        asked = np.where((condition < REGULAR)[:, None], by_joint, np.inf)
     return wrist_angles(axes), condition, asked
 
 

@@ -14,12 +14,10 @@ from workbench.robot.bounds import bounding_volumes, scene
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
 from workbench.robot.kinematics import joint_axes
-from workbench.robot.margins import COVERAGE
 from workbench.robot.shapes import ON_TURNTABLE
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import Bool, Float, Shaped
 
 WAYS_A_BLOCK = 8  # some 20 ms
-OFF_MM = 1.0  # at most between a way and what its places tell of it
 
 
 class Pairs:
@@ -40,21 +38,7 @@ class Pairs:
         self.carried, self.moves = motions[:, 0].astype(np.int64), motions[:, 1:].astype(bool)
         self.table = on_table.any(axis=1)
         self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
-        self.least_mm = self._least(pairs)
-
-    def _least(self, pairs: Int) -> Float:
-        """The clearance (P,) and what tool and part may be off, coverage 2."""
-        margins, shapes = self.cell.margins, self.cell.shapes
-        around = self.volumes.around_mm if len(shapes) else np.zeros(0)
-        tool = np.array([shape.body in ("tool", "cutter") for shape in shapes])
-        part = np.array([not 0 <= shape.link <= 6 for shape in shapes])
-        flange = self.cell.chain.base_from_flange_at_zero[:3, 3]
-        lever = np.array([np.linalg.norm(shape.pose[:3, 3] - flange) for shape in shapes]) + around
-        lever = np.where(part, around, lever)
-        off = np.where(tool, np.hypot(margins.flange_mm, margins.flange_rad * lever), 0.0)
-        off = np.where(part, np.hypot(margins.part_mm, margins.part_rad * lever), off)
-        two = off[pairs]
-        return np.asarray(self.cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
+        self.least_mm = self.model.least_mm
 
     def moved_mm(self, joints: Float, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
@@ -72,7 +56,7 @@ class Pairs:
     def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, " c"]) -> Bool:
         """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
 
-        A stretch of a way is proven when every pair of bodies is farther apart in its middle than the margin, and what
+        A stretch of a way is proven when every pair of bodies is farther apart in its middle than it must be, and what
         the joints may move it by on the whole stretch; else it is halved, down to half a step either side of a place.
 
         Args:
@@ -80,7 +64,7 @@ class Pairs:
             table: (c,) rad, standing.
         """
         ways, turned = np.ascontiguousarray(joints, float), np.ascontiguousarray(table, float)
-        bodies, least = scene(self.cell, self.volumes), self.cell.margin_mm + OFF_MM
+        bodies, least = scene(self.cell, self.volumes), self.least_mm
 
         def some(first: int, last: int) -> Bool:
             chosen = slice(first, last)

@@ -12,7 +12,7 @@ from workbench.errors import InputError, OutputError
 from workbench.offscreen import cause_of, problem_of, start_drawing
 from workbench.robot.cell import Cell
 from workbench.robot.collision import CollisionModel, turntable_pose
-from workbench.robot.description import collides, nearest_gaps, posture_text
+from workbench.robot.description import nearest_gaps, posture_text
 from workbench.robot.kinematics import forward_kinematics
 from workbench.robot.shapes import ON_BASE
 from workbench.robot.triangles import cell_triangles
@@ -65,7 +65,7 @@ def cell_picture(cell: Cell, joints: Float, turntable: float) -> bytes:
 def _view(cell: Cell, joints: Float, turntable: float) -> CellPicture:
     """Bodies, frames and the gap between the nearest two."""
     gaps = CollisionModel(cell).gaps(joints, turntable)
-    hit = {name for gap in gaps if collides(cell, gap) for name in gap.pair}
+    hit = {name for gap in gaps if gap.near for name in gap.pair}
     shown = [gap.points_mm for gap in nearest_gaps(cell, gaps) if gap.points_mm is not None and gap.distance_mm > 0]
     made = cell_triangles(cell, joints, turntable, SIDES)
     if not made:

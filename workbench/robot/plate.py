@@ -14,8 +14,8 @@ from workbench.geometry.poses import inverse
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE
-from workbench.robot.workpiece import scanned
-from workbench.stage import stage
+from workbench.robot.workpiece import read_workpiece, scanned
+from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
 
 SAMPLED = 500  # points at which the uncertainty of a scan is looked at
@@ -33,9 +33,13 @@ CONTACT = ("cutter", "workpiece")  # what mills may touch what is milled
 @stage("robot.plate")
 def plate(
     cell: Cell | None,
-    cloud: Cloud,
+    cloud: Cloud | None = None,
     points: PointSet | None = None,
     *,
+    scan: Annotated[
+        InputFile | None,
+        Field(description="a scan as a file, where none is upstream: PLY, PCD, XYZ, mm in the base; null: none"),
+    ] = None,
     voxel_mm: Annotated[float, Field(gt=0, le=100, description="edge of the cubes that hold the scan's points")] = 5.0,
     planned_at_deg: Annotated[
         float, Field(ge=-360, le=360, description="where the turntable stood when the part was scanned")
@@ -51,14 +55,15 @@ def plate(
     covariance leaves open of where the points lie counts with the cell's own uncertainty of the part.
 
     Args:
-        cell: the robot cell; without one there is nothing to do.
+        cell: the robot cell; without one there is nothing to do, nor without a scan.
         cloud: the scan.
         points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
+        scan: a scan as a file, which says nothing of its hand-eye.
         voxel_mm: edge of the cubes.
         planned_at_deg: turntable angle at which the scan's points hold.
 
     Raises:
-        InputError: points too far from the origin for the grid.
+        InputError: points too far from the origin for the grid; a file that is none, or in metres.
 
     Example:
         >>> from workbench import edge, path, robot, scan
@@ -71,14 +76,21 @@ def plate(
     """
     if cell is None:
         return None
-    seen = _seen(cloud) if points is None else points.points_mm
+    if points is not None:
+        seen, source = points.points_mm, points.source
+    elif cloud is not None:
+        seen, source = _seen(cloud), cloud.source
+    elif scan is not None:
+        seen, source = read_workpiece(scan, f"{scan}")[0], str(scan)
+    else:
+        return cell
     on_table = cell.turntable is not None
     pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
-    body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, cloud.source or "cloud")
+    body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
-    known = scan_uncertainty(cloud)
+    known = None if cloud is None else scan_uncertainty(cloud)
     unchecked = cell.unchecked
     if known is None and cell.margins.part_mm:
         unseen = (*unseen, BASE_U_ALONE)

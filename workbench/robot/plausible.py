@@ -28,6 +28,7 @@ BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
 OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
 STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
 SLOWEST_DEG_S2, SLOWEST_MM_S = 10.0, 0.2  # industrial axes reach 50 deg/s2 and more; in m/s any feed up to 200 mm/s
+SLOWEST_TABLE_DEG_S2 = 4.0  # of a turntable, however heavy; in rad/s2 any up to 230 deg/s2
 METRES = "is it in metres?"
 
 
@@ -108,6 +109,12 @@ def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
         yield (
             "robot.acceleration_deg_s2",
             f"expected at least {SLOWEST_DEG_S2:g} deg/s^2, found {min(fastest):g}: is it in rad/s^2?",
+        )
+    turned = None if part.turntable is None else part.turntable.acceleration_deg_s2
+    if turned is not None and turned < SLOWEST_TABLE_DEG_S2:
+        yield (
+            "turntable.acceleration_deg_s2",
+            f"expected at least {SLOWEST_TABLE_DEG_S2:g} deg/s^2, found {turned:g}: is it in rad/s^2?",
         )
 
 

@@ -162,6 +162,10 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
             part.robot.acceleration_deg_s2 is None,
             "accelerations of the joints: the cell file states none ($.robot.acceleration_deg_s2)",
         ),
+        (
+            part.turntable is not None and part.turntable.acceleration_deg_s2 is None,
+            "acceleration of the turntable: the cell file states none ($.turntable.acceleration_deg_s2)",
+        ),
     )
     yield from (sentence for is_open, sentence in left_open if is_open)
 
@@ -266,7 +270,8 @@ def _turntable(part: TurntablePart | None, path: Path) -> Turntable | None:
     if part is None:
         return None
     pose = _pose(part.base_from_turntable, f"{path}: $.turntable.base_from_turntable")
-    return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG)
+    fastest = None if part.acceleration_deg_s2 is None else part.acceleration_deg_s2 * DEG
+    return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG, fastest)
 
 
 def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:

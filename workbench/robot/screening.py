@@ -29,15 +29,15 @@ class CollisionScreen:
         return f"CollisionScreen({self.model!r})"
 
     def hits(self, joints: Float, turntable: Float) -> Int:
-        """Index into `pairs` of a pair that is nearer than the margin, or FREE (n,), at (n, 6) and (n,), rad."""
+        """Index into `pairs` of a pair that is too near, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
-        need = self.cell.margin_mm + SAFE_MM
+        need = float(self.model.least_mm.max(initial=0.0)) + SAFE_MM
         open_ = np.flatnonzero(
             ~(clearance_bound_mm(self.cell, self._volumes, joints, turntable, need + SAFE_MM) > need)
         )
         if not len(open_):
             return found
-        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_])
+        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_], self.model.least_mm)
         moved = motions(self.cell.chain, joints[open_])
         angles, which = np.unique(turntable[open_], return_inverse=True)
         tables = [turntable_pose(self.cell, angle) for angle in angles.tolist()]
@@ -73,3 +73,8 @@ class CollisionScreen:
     def pair(self, hit: int) -> tuple[str, str]:
         """Names of the bodies of a hit."""
         return self.model.names(*self.model.pairs[hit])
+
+    def which(self, pair: tuple[str, str] | None) -> int:
+        """A hit of two bodies by their names; FREE: there is none."""
+        names = (self.model.names(*two) for two in self.model.pairs)
+        return next((i for i, one in enumerate(names) if one == pair), FREE)

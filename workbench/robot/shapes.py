@@ -29,6 +29,21 @@ class Shape:
     vertices_mm: Shaped[Float, "v 3"] | None = None  # of a mesh, in the shape's frame
     triangles: Shaped[AnyArray, "t 3"] | None = None
 
+    @property
+    def sphere(self) -> tuple[Float, float]:
+        """Middle (3,), where `pose` is, and radius of a sphere around it, mm."""
+        if self.vertices_mm is not None:
+            low, high = self.vertices_mm.min(axis=0), self.vertices_mm.max(axis=0)
+            return self.pose[:3, :3] @ (low + high) / 2 + self.pose[:3, 3], float(np.linalg.norm(high - low) / 2)
+        size = np.array(self.size_mm)
+        if self.kind == "box":
+            radius = np.linalg.norm(size) / 2
+        elif self.kind == "cylinder":
+            radius = np.hypot(size[0], size[1] / 2)
+        else:
+            radius = size[0] + size[1:].sum() / 2
+        return self.pose[:3, 3], float(radius)
+
 
 def named_file(path: Path, where: str, what: str) -> None:
     """Refuse a file that the cell names at `where` and that is not there, or is none."""

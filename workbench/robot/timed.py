@@ -16,6 +16,11 @@ def rated(cell: Cell) -> Float:
     return np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else np.inf)
 
 
+def axis_name(i: int) -> str:
+    """Of seven: the joints and the turntable."""
+    return "the turntable" if i == 6 else f"joint {i + 1}"
+
+
 def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]], float]:
     """What is beyond a joint's speed or acceleration, segment, share, kind, finding; and the largest share of a speed.
 
@@ -28,20 +33,21 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
     rate = np.where(way.timed[:, None], moved / way.duration_s[:, None], 0.0)
     speed = np.abs(rate) / rated(cell)
     faults = _worst(speed, np.arange(len(rate)), "speed")
-    if cell.accelerations is not None:
-        still, step = np.zeros((1, 6)), np.where(way.timed, way.duration_s, np.inf)
-        change = np.abs(np.diff(np.concatenate([still, rate[:, :6], still]), axis=0))
+    most = cell.rated_accelerations
+    if most is not None:
+        still, step = np.zeros((1, 7)), np.where(way.timed, way.duration_s, np.inf)
+        change = np.abs(np.diff(np.concatenate([still, rate, still]), axis=0))
         before, after = np.append(np.inf, step), np.append(step, np.inf)
         within = np.minimum(before, after) * np.where(np.isinf(before + after), 0.5, 1.0)
         here = np.arange(len(step) + 1) - np.isinf(after)  # the segment that begins at the row, or ends there
-        faults += _worst(change / within[:, None] / cell.accelerations, here, "acceleration")
+        faults += _worst(change / within[:, None] / most, here, "acceleration")
     return faults, float(speed.max())
 
 
 def _worst(asked: Float, segment: Int, kind: str) -> list[tuple[int, float, str, str]]:
-    """Where most (n, 6 or 7) is asked of a joint, if that is more than it can."""
+    """Where most (n, 7) is asked of a joint, if that is more than it can."""
     i, joint = np.unravel_index(int(asked.argmax()), asked.shape)
     if asked[i, joint] <= 1 + ROUNDING:
         return []
-    name = "the turntable" if joint == 6 else f"joint {joint + 1}"
+    name = axis_name(int(joint))
     return [(int(segment[i]), 1.0, kind, f"{name} would need {asked[i, joint]:.2f} times its largest {kind}")]

@@ -1,5 +1,6 @@
 """Dynamic programming against every way there is; joint angles of the fast kernel against the closed-form inverse."""
 
+import dataclasses
 import itertools
 from typing import Any
 
@@ -16,7 +17,7 @@ from workbench.plugins.stiffness.law_kernel import best_law, stepped
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import traversal
-from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics
+from workbench.robot import Cell, CollisionModel, Margins, forward_kinematics, inverse_kinematics
 from workbench.units import Float
 
 from .conftest import K
@@ -61,7 +62,7 @@ def test_the_way_is_the_cheapest_of_all(seed: int) -> None:
     joints = rng.normal(0, 0.2, (n, *window, 2)) + 0.05 * np.arange(3)[:, None]
     free, dt, speed = rng.random((n, *window)) > 0.1, rng.uniform(0.8, 1.2, n), np.array([0.5, 0.6])
     shift = rng.integers(-1, 2, (n, 2))
-    way = best_law(cost, joints, free, shift, dt, speed, ACCELERATION, STEP, np.array([1, 1]), RESTLESS)
+    way = best_law(cost, joints, free, shift, dt, speed, np.full(2, ACCELERATION), STEP, np.array([1, 1]), RESTLESS)
     least = cheapest(cost, joints, free, shift, dt, speed)
     if way[0, 0] < 0:
         assert least == np.inf
@@ -85,7 +86,7 @@ def test_straight_on_is_always_a_way() -> None:
         np.zeros((n, 2), int),
         np.ones(n),
         np.ones(2),
-        1.0,
+        np.ones(2),
         STEP,
         np.array([1, 1]),
         RESTLESS,
@@ -146,7 +147,8 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
 
 
 def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limits) -> tuple[Law, Law, float]:
-    """Best constant pair, law and bound on a grid of 2 deg."""
+    """Best constant pair, law and bound on a grid of 2 deg; no margins, which would leave the turntable no gain."""
+    cell = dataclasses.replace(cell, margins=Margins(limit=0.0, wrist=0.0, condition=1e6), margin_mm=0.0)
     examiner, angles = Examiner(cell, fast_arm(cell.chain), points), np.radians(np.arange(-180, 180, 2.0))
     choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles), whole_map=False)
     start = constant_law(examiner, K, choice)
@@ -156,7 +158,8 @@ def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limit
 
 def test_laws_of_both_angles_of_one_and_of_none(cell: Cell, points: PathPoints) -> None:
     """Each is no worse than the next, no better than its bound, within its steps and free of collision."""
-    limits, model = Limits(np.append(cell.chain.speeds, 0.5), 2.0), CollisionModel(cell)
+    limits = Limits(np.append(cell.chain.speeds, 0.5), np.full(7, 2.0))
+    model = CollisionModel(dataclasses.replace(cell, margin_mm=0.0, margins=Margins()))
     costs = []
     for bands in ((2, 2), (0, 2)):
         start, law, bound = law_of(cell, points, bands, limits)
@@ -175,7 +178,7 @@ def test_laws_of_both_angles_of_one_and_of_none(cell: Cell, points: PathPoints) 
 
 def test_where_nothing_may_move_the_law_is_the_constant_one(cell: Cell, points: PathPoints) -> None:
     """Speeds of next to nothing: every step is forbidden, and the bound says so much."""
-    still = Limits(np.full(7, 1e-9), 1e-9)
+    still = Limits(np.full(7, 1e-9), np.full(7, 1e-9))
     start, law, bound = law_of(cell, points, (2, 2), still)
     assert np.ptp(law.rotation) == np.ptp(law.table) == 0
     assert bound < law.cost_mm <= start.cost_mm

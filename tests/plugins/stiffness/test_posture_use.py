@@ -18,6 +18,8 @@ from workbench.program import write
 from workbench.program.rapid_program import RapidProgram, RobTarget
 from workbench.program.rapid_reader import parse_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
+from workbench.robot.around import drawn_back
+from workbench.robot.shapes import ON_BASE, Shape
 from workbench.twin.mill import read_deflections
 from workbench.units import Float
 
@@ -187,3 +189,21 @@ def test_twin_reads_the_predictions_file(
     file.write_bytes(document.content)
     for index, moved in read_deflections(file, path.layers).items():
         assert np.allclose(moved, found.by_layer_mm[index], atol=1e-6)
+
+
+def test_a_posture_from_which_no_way_leads_home_is_not_proposed(cell: Cell, stiffness: JointStiffness) -> None:
+    """A post between home and the optimum, far from the path: the judge refuses that, and another is proposed."""
+    path = thinned(read(toolpath=PATH), 3)
+    acts, coarse = force(path)[0], {"whole_map": False, "step_deg": 30.0}
+    best = posture(cell, stiffness, path, acts, **coarse)[0]
+    assert cell.process is not None
+    home, off = np.radians(cell.process.home.joints_deg), drawn_back(cell, best.joints[0], cell.process.approach_mm)
+    assert off is not None
+    pose = np.eye(4)
+    pose[:3, 3] = (forward_kinematics(cell.chain, (home + off) / 2) @ cell.flange_from_cutter)[:3, 3]
+    post = Shape("post", ON_BASE, "box", (60.0, 60.0, 60.0), pose)
+    blocked = dataclasses.replace(cell, shapes=(*cell.shapes, post))
+    other = posture(blocked, stiffness, path, acts, **coarse)[0]
+    for postures, passes in ((best, False), (other, True)):
+        assert write(simplify(path, postures), free(path), blocked)[-3].passed is passes
+    assert np.linalg.norm(other.displacement_mm, axis=1).mean() >= np.linalg.norm(best.displacement_mm, axis=1).mean()

@@ -27,7 +27,7 @@ class Limits:
     """What joints and turntable may do between points."""
 
     speed: Shaped[Float, " 7"]  # rad/s, the turntable's last
-    acceleration: float  # rad/s^2, any of them
+    acceleration: Shaped[Float, " 7"]  # rad/s^2, likewise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +115,7 @@ def _better(
     if reached >= best.cost_mm * (1 - EQUAL):
         return best
     rotation, table = grid.rotations[way[:, 1]], grid.tables[way[:, 0]]
-    followed, cause, _ = examiner.along(configuration, rotation, table)
+    followed, cause, _ = examiner.driven(configuration, rotation, table)
     return Law(rotation, table, configuration, followed, reached) if cause == FREE else best
 
 

@@ -58,7 +58,7 @@ def best_law(
     shift: AnyArray,
     dt: AnyArray,
     speed: AnyArray,
-    acceleration: float,
+    acceleration: AnyArray,
     most_step: float,
     bands: AnyArray,
     restless: float,
@@ -66,7 +66,8 @@ def best_law(
     """Indices (n, 2) of the cheapest way through n windows of a x t nodes; -1 where there is no way.
 
     A step is allowed if each of m coordinates moves by at most `most_step`, within `speed` (m,), and changes its
-    speed within `acceleration`; a row that the way goes straight through (no step before and after) is always allowed.
+    speed within `acceleration` (m,); a row that the way goes straight through (no step before and after) is always
+    allowed.
 
     Args:
         cost: (n, a, t) of each node.
@@ -75,7 +76,7 @@ def best_law(
         shift: (n, 2) how far each window lies from the one before, in nodes.
         dt: (n,) time from the row before.
         speed: (m,)
-        acceleration: of any coordinate.
+        acceleration: (m,)
         most_step: of any coordinate.
         bands: (2,) largest step along a and t, in nodes.
         restless: cost of a step, times its size in nodes squared.
@@ -144,11 +145,11 @@ def _moves(a: AnyArray, b: AnyArray, dt: float, speed: AnyArray, most_step: floa
 
 
 @kernel
-def _gentle(before: AnyArray, now: AnyArray, dt: float, acceleration: float) -> bool:
-    worst = 0.0
+def _gentle(before: AnyArray, now: AnyArray, dt: float, acceleration: AnyArray) -> bool:
+    good = True
     for j in range(len(now)):
-        worst = max(worst, abs(now[j] - before[j]))
-    return worst <= acceleration * dt
+        good &= abs(now[j] - before[j]) <= acceleration[j] * dt
+    return good
 
 
 @kernel

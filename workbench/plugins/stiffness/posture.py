@@ -70,7 +70,7 @@ def posture(
         float, Field(ge=-360, le=360, description="where the turntable stood when the part was scanned")
     ] = 0.0,
     acceleration_deg_s2: Annotated[
-        float, Field(gt=0, le=10000, description="along_path: largest of any joint and the turntable, of the law")
+        float, Field(gt=0, le=10000, description="along_path: largest of any axis of the law, besides the cell's own")
     ] = 100.0,
     step_cost_mm: Annotated[
         float,
@@ -143,7 +143,7 @@ def posture(
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
     at = sample(points, sampled_points)
-    examiner, some = Examiner(kept, arm, points), points.only(at)
+    examiner, some = Examiner(cell, arm, points), points.only(at)
     traversed = traversal(arm, kept, k, some, rotations, tables)
     choice, over = search(examiner, traversed, whole_map=False)
     if whole_map:
@@ -151,9 +151,7 @@ def posture(
         over = search(examiner, traversed.thinned(every, choice.rotation, choice.table), whole_map=True)[1]
     chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
-        limits = Limits(
-            np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0), acceleration_deg_s2 * DEG
-        )
+        limits = _law_limits(cell, acceleration_deg_s2)
         over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), step_cost_mm)
         chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
@@ -193,6 +191,13 @@ def grid(limits_deg: Range, step_deg: float) -> Float:
     count = int(np.floor((min(high - low, 360.0) + 1e-9) / step_deg)) + 1
     angles = low + step_deg * np.arange(count)
     return np.asarray(angles[angles < low + 360 - 1e-9] * DEG)
+
+
+def _law_limits(cell: Cell, acceleration_deg_s2: float) -> Limits:
+    """What a law may ask of joints and turntable: the cell's, and no acceleration beyond the stage's own."""
+    stated = np.full(7, np.inf) if cell.rated_accelerations is None else cell.rated_accelerations
+    speeds = np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0)
+    return Limits(speeds, np.minimum(stated, acceleration_deg_s2 * DEG))
 
 
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:

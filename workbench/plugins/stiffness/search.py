@@ -85,7 +85,7 @@ def _tried(examiner: Examiner, grid: Traversal, flat: int, flip: int, state: _St
     at = grid.rotations[rotation], grid.tables[table]
     for wrist in (flip, 1 - flip):
         configuration = Configuration(branch, wrist)
-        joints, cause, hit = examiner.along(configuration, np.full(n, at[0]), np.full(n, at[1]))
+        joints, cause, hit = examiner.driven(configuration, np.full(n, at[0]), np.full(n, at[1]))
         if cause == FREE:
             mean = float(grid.mean_mm[branch, table, rotation])
             return Choice(float(at[0]), float(at[1]), configuration, joints, mean, state.examined, grid.said[0].size)

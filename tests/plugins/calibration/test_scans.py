@@ -66,7 +66,9 @@ def test_errors_new_in_every_pose_are_not_taken_for_common() -> None:
     assert found.volume_u_mm < 0.03
 
 
-@pytest.mark.parametrize(("condition", "seed"), [("sphere_scans", 9102), ("sphere_weaved", 9100)])
+@pytest.mark.parametrize(
+    ("condition", "seed"), [("sphere_scans", 9102), ("sphere_weaved", 9100), ("sphere_scans_common", 7300011)]
+)
 def test_poses_as_noisy_as_stated_are_no_misfit(condition: str, seed: int) -> None:
     rec, _ = simulate_sphere(random_sphere_recipe(condition, seed))
     assert not calibrated(rec).warnings

@@ -15,16 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Float
+from workbench.api import Float, Shaped
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import Estimate, Noise, linearise, normal_equations
+from workbench.plugins.calibration.model import SIZE, Estimate, Noise, linearise, with_shared, within_scan
 from workbench.plugins.calibration.observations import Observations, Passes
 
 RIGHT_WITHIN = 1.5  # factor: one standard deviation of a repeatability as stated
 POSE = 6  # unknowns of the hand-eye pose, the first
-OWN = (0.01, 10.0)  # bounds of a pose's own error, over the stated one
-COARSE = np.array([0.0, 0.1, 0.3, 1.0, 3.0, 10.0])  # errors of a whole scan, over the stated one, with their own search
-FINE = np.concatenate([[0.0], np.geomspace(0.1, 10.0, 36)])  # the grid of the mixture
+WHOLE = np.concatenate([[0.0], np.geomspace(0.1, 10.0, 36)])  # the grid of a whole scan's error, over the stated one
+OWN = np.geomspace(0.01, 10.0, 7)  # of a pose's own error, the coarsest
+FINER = (0.4, 0.14, 0.05)  # distances of its logarithms about the likeliest
+AROUND = np.linspace(-2.0, 2.0, 5)  # standard deviations about the likeliest, in the grid
+WIDEST = 0.5  # such a standard deviation, where the frames hardly tell it
+AS_STATED = (0.01, 0.2, 0.5, 0.8, 1.0)  # a pose's own error, the whole scan's making up the stated one
 DRAWS = 4000  # of the mixture: its 95 % ellipsoid is told within some 2 % of its size
 LEVEL = 0.95
 CERTAIN = 5.4  # log-likelihood that a larger error must gain: half of chi-square's 0.001 with one degree of freedom
@@ -50,23 +53,23 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     """
     estimate = _moved(result, seen, noise, with_offset)
     likely = _Likelihood(estimate, seen, result, noise, with_offset)
-    own = np.exp(np.interp(np.arcsinh(FINE / 0.1), np.arcsinh(COARSE / 0.1), [likely.own(one) for one in COARSE]))
-    found = [likely.at(a, b) for a, b in zip(FINE, own, strict=True)]
-    total = np.log(np.hypot(FINE, own))
-    log = np.array([one[0] for one in found])
-    prior = -0.5 * (total / np.log(RIGHT_WITHIN)) ** 2
-    prior[0] += np.log(len(FINE) - 1)  # none in common is as likely as some
-    weights = np.exp(log + prior - (log + prior).max())
+    found = [likely.along(WHOLE, own) for own in likely.owns()]
+    log = np.concatenate([one.log for one in found])
+    believed = log + np.concatenate([_prior(WHOLE, one.own) for one in found])
+    weights = np.exp(believed - believed.max())
     weights /= weights.sum()
-    steps, covariances = np.array([one[1] for one in found]), np.array([one[2] for one in found])
+    steps, covariances = (np.concatenate([getattr(one, name) for one in found]) for name in ("step", "covariance"))
     mean = weights @ steps
     spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
     covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
     covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
-    best = int(np.argmax(log + prior))
-    as_stated = max(likely.at(a, np.sqrt(1.0 - a**2))[0] for a in FINE[FINE < 1.0])
+    best = int(np.argmax(believed))
+    whole, own = WHOLE[best % len(WHOLE)], found[best // len(WHOLE)].own
+    less = [one for one in (*AS_STATED, *(part.own for part in found)) if one <= 1.0]
+    as_stated = max(likely.along(np.sqrt([1.0 - one**2]), one).log[0] for one in less)
     fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
-    return Settled(fit, likely.noise(FINE[best], own[best]), bool(total[best] > 0 and log[best] > as_stated + CERTAIN))
+    misfit = bool(np.hypot(whole, own) > 1.0 and log[best] > as_stated + CERTAIN)
+    return Settled(fit, likely.noise(whole, own), misfit)
 
 
 def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> float:
@@ -89,19 +92,39 @@ def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: 
     estimate = result.estimate
     for _ in range(2):
         likely = _Likelihood(estimate, seen, result, noise, with_offset)
-        estimate = estimate.moved(likely.at(1.0, 0.5)[1])
+        estimate = estimate.moved(likely.along(np.array([1.0]), 0.5).step[0])
     return estimate
 
 
+@dataclass(frozen=True)
+class _Along:
+    """Answers with g errors of a whole scan beside one of the poses' own, P unknowns."""
+
+    own: float
+    log: Shaped[Float, " g"]  # likelihood, up to a constant
+    step: Shaped[Float, "g P"]
+    covariance: Shaped[Float, "g P P"]
+
+
 class _Likelihood:
-    """Restricted likelihood of the two errors, both over the stated repeatability, about an estimate."""
+    """Restricted likelihood of the two errors, both over the stated repeatability, about an estimate.
+
+    An error of a whole scan adds few columns to what the frames' own errors weight: once these are weighted, it costs
+    hardly anything to ask for many. The product of both errors in the square of c_y is left out.
+    """
 
     def __init__(
         self, estimate: Estimate, seen: Observations | Passes, result: Fit, stated: Noise, with_offset: bool
     ) -> None:
         here = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
-        self._here = here.subset(result.used)
-        self._estimate, self._stated, self._with_offset = estimate, stated, with_offset
+        self._here, self._stated = here.subset(result.used), stated
+        self._linear = linearise(estimate, self._here, replace(stated, common=1.0), with_offset)
+        self._off_mm = stated.radius_mm - estimate.radius_mm
+        self._spread = self._linear.by_pose * stated.spread
+        self._square = np.zeros((len(self._here), 3, 1))  # of a stated error of c_y, in w
+        self._square[:, 2, 0] = self._linear.bent / np.sqrt(2.0)
+        self._alone = self._linear.covariance - self._spread @ np.swapaxes(self._spread, 1, 2)
+        self._alone[:, 2, 2] -= self._linear.bent**2
 
     def noise(self, whole: float, own: float) -> Noise:
         total = float(np.hypot(whole, own))
@@ -112,24 +135,67 @@ class _Likelihood:
             common=float(whole / total) ** 2,
         )
 
-    def at(self, whole: float, own: float) -> tuple[float, Float, Float]:
-        """Log-likelihood, the step to its answer (P,) and the covariance (P, P)."""
-        noise = self.noise(whole, own)
-        linear = linearise(self._estimate, self._here, noise, self._with_offset)
-        now = normal_equations(linear, self._here, noise, self._estimate.radius_mm)
-        covariance = np.linalg.inv(now.matrix)
-        step = covariance @ now.side
-        log = -0.5 * (now.chi2 - now.side @ step + np.linalg.slogdet(now.matrix)[1] + now.log_size)
-        return float(log), step, np.asarray(covariance, float)
+    def owns(self) -> Float:
+        """Poses' own errors (o,) about the likeliest, evenly in standard deviations of their logarithm."""
+        at = np.log(OWN)
+        middle = float(at[np.argmax([self._all(one) for one in at])])
+        width = WIDEST
+        for apart in FINER:
+            low, here, high = (self._all(middle + k * apart) for k in (-1, 0, 1))
+            bend = (2.0 * here - low - high) / apart**2
+            width = min(WIDEST, 1.0 / np.sqrt(max(bend, 1e-6)))
+            middle += float(np.clip(0.5 * (high - low) / apart * width**2, -2.0 * apart, 2.0 * apart))
+            middle = float(np.clip(middle, at[0], at[-1]))
+        return np.exp(middle + width * AROUND)
 
-    def own(self, whole: float) -> float:
-        """Logarithm of the likeliest error of a pose's own beside that of the whole scan."""
-        prior = 0.5 / np.log(RIGHT_WITHIN) ** 2
+    def _all(self, log_own: float) -> float:
+        own = float(np.exp(log_own))
+        log = self.along(WHOLE, own).log + _prior(WHOLE, own)
+        return float(log.max() + np.log(np.exp(log - log.max()).sum()))
 
-        def cost(log_own: float) -> float:
-            own = float(np.exp(log_own))
-            return float(prior * np.log(np.hypot(whole, own)) ** 2) - self.at(whole, own)[0]
+    def along(self, whole: Float, own: float) -> _Along:
+        """Answers with errors of a whole scan `whole` (g,) beside poses' own errors `own`."""
+        joined, log_size = self._weighted(own)
+        size = self._linear.jacobian.shape[2] + 1
+        into = np.zeros((len(whole), joined.shape[1], size + 7))  # columns: J r, and those that the scan shares
+        into[:, np.arange(size), np.arange(size)] = 1.0
+        into[:, size, size - 1], into[:, size, size] = whole**2, np.sqrt(2.0) * whole**2
+        into[:, size + 1 :, size + 1 :] = whole[:, None, None] * np.eye(6)
+        by_scan, log_more = with_shared(np.swapaxes(into, 1, 2)[:, None] @ joined @ into[:, None], 7)
+        normal = by_scan.sum(axis=1)  # (g, P + 1, P + 1)
+        pull = self._stated.radius_u_mm**-2
+        normal[:, SIZE - 1, SIZE - 1] += pull
+        normal[:, [SIZE - 1, -1], [-1, SIZE - 1]] += pull * self._off_mm
+        normal[:, -1, -1] += pull * self._off_mm**2
+        matrix, side = normal[:, :-1, :-1], normal[:, :-1, -1]
+        covariance = np.linalg.inv(matrix)
+        step = np.einsum("gpq,gq->gp", covariance, side)
+        left = normal[:, -1, -1] - np.sum(side * step, axis=1)
+        log = -0.5 * (left + np.linalg.slogdet(matrix)[1] + log_size + log_more.sum(axis=1))
+        return _Along(own, log, step, covariance)
 
-        return float(
-            scipy.optimize.minimize_scalar(cost, bounds=np.log(OWN), method="bounded", options={"xatol": 0.02}).x
-        )
+    def _weighted(self, own: float) -> tuple[Float, float]:
+        """Products (s, c, c) of the columns J, r, square of c_y, errors of a pose, weighted by what frames have alone.
+
+        A posture held still is a scan of one frame. With them the logarithm of the size of what the frames have alone.
+        """
+        seen, linear = self._here, self._linear
+        square = own**2 * seen.evened[:, None, None] * self._square
+        residual = linear.residual[..., None] - self._square + square
+        columns = np.concatenate([linear.jacobian, residual, self._square, self._spread], axis=-1)
+        alone = self._alone + 2.0 * square @ np.swapaxes(square, 1, 2)
+        still = columns[seen.still]
+        at_rest = alone[seen.still] + own**2 * self._spread[seen.still] @ np.swapaxes(self._spread[seen.still], 1, 2)
+        joined = [np.swapaxes(still, 1, 2) @ np.linalg.solve(at_rest, still)]
+        log_size = float(np.linalg.slogdet(at_rest)[1].sum())
+        for scan in seen.scans:
+            more, log = within_scan(columns[scan.rows], alone[scan.rows], own * self._spread[scan.rows], scan)
+            joined.append(more[None])
+            log_size += log
+        return np.concatenate(joined), log_size
+
+
+def _prior(whole: Float, own: float) -> Float:
+    """Logarithm of what is believed of both errors before: as stated; none in common is as likely as some."""
+    total = np.log(np.hypot(whole, own)) / np.log(RIGHT_WITHIN)
+    return np.asarray(-0.5 * total**2 + np.where(whole == 0.0, np.log(len(WHOLE) - 1), 0.0))

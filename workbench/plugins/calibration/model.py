@@ -145,22 +145,31 @@ def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> t
     """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames and log det S, S = D + U U^T + V V^T (Woodbury, twice).
 
     D are the circles' covariances; U carries the errors that each recorded pose has of its own, in standard deviations,
-    to the frames, V the errors that all of them share. A frame rests on two poses, so I + U^T D^-1 U is
-    block-tridiagonal: the cost grows with the frames, not their cube.
+    to the frames, V the errors that all of them share.
     """
     spread = linear.by_pose[scan.rows] * noise.spread
     bent = np.zeros((len(spread), 3, 1))
     scale = noise.common / (noise.common + (1 - noise.common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
     bent[:, 2, 0] = scale * linear.bent[scan.rows]  # an error in common is so squared too
     alone = linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
-    inverse = np.linalg.inv(alone)
     own, shared = spread * np.sqrt(1 - noise.common), spread * np.sqrt(noise.common)
     columns = np.concatenate([both[scan.rows], shared, bent], axis=-1)
-    more = shared.shape[2] + 1
+    joined, log_size = within_scan(columns, alone, own, scan)
+    rest, log_more = with_shared(joined, shared.shape[2] + 1)
+    return rest, log_size + float(log_more)
+
+
+def within_scan(columns: Float, alone: Float, own: Float, scan: Group) -> tuple[Float, float]:
+    """C^T S^-1 C (c, c) of columns C (m, 3, c) over a scan's m frames and log det S, S = D + U U^T (Woodbury).
+
+    alone (m, 3, 3): D; own (m, 3, 6): what a recorded pose's own error does to a frame, in standard deviations. A frame
+    rests on two poses, so I + U^T D^-1 U is block-tridiagonal: the cost grows with the frames, not their cube.
+    """
+    inverse = np.linalg.inv(alone)
     weighted = inverse @ columns
     joined = np.tensordot(columns, weighted, axes=([0, 1], [0, 1]))
     square = np.swapaxes(own, 1, 2) @ inverse @ own  # (m, 6, 6)
-    side = np.swapaxes(own, 1, 2) @ weighted  # (m, 6, P + 8)
+    side = np.swapaxes(own, 1, 2) @ weighted  # (m, 6, c)
     diagonal, below = np.zeros((scan.nodes, 6, 6)), np.zeros((scan.nodes, 6, 6))
     at_nodes = np.zeros((scan.nodes, 6, columns.shape[2]))
     after, before = scan.fraction[:, None, None], 1 - scan.fraction[:, None, None]
@@ -179,10 +188,16 @@ def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> t
     flat = at_nodes.reshape(-1, columns.shape[2])
     factor = scipy.linalg.cholesky_banded(band.reshape(12, -1), lower=True)
     joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat)
-    in_common = np.eye(more) + joined[-more:, -more:]
-    log = 2 * np.log(factor[0]).sum() - np.linalg.slogdet(inverse)[1].sum() + np.linalg.slogdet(in_common)[1]
-    rest = joined[:-more, :-more] - joined[:-more, -more:] @ np.linalg.solve(in_common, joined[-more:, :-more])
-    return np.asarray(rest), float(log)
+    return np.asarray(joined), float(2 * np.log(factor[0]).sum() - np.linalg.slogdet(inverse)[1].sum())
+
+
+def with_shared(joined: Float, more: int) -> tuple[Float, Float]:
+    """C^T S^-1 C (..., c, c) with the last `more` columns V taken into S (S + V V^T), and what log det S grows by."""
+    in_common = np.eye(more) + joined[..., -more:, -more:]
+    rest = joined[..., :-more, :-more] - joined[..., :-more, -more:] @ np.linalg.solve(
+        in_common, joined[..., -more:, :-more]
+    )
+    return np.asarray(rest), np.asarray(np.linalg.slogdet(in_common)[1])
 
 
 def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from bench.metrology.summary import Summary
 
 INTERVAL = "95 % interval"
 LEAST_ALIKE = 4  # rows, from which on a column that says the same in all of them is said once
+FEW = 6  # one row in so many may differ from that
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 
@@ -159,15 +161,26 @@ def refusals(summaries: list[Summary]) -> Iterable[str]:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> list[str]:
-    """Lines of a Markdown table: intervals in brackets behind their values, below it what is alike in all rows."""
+    """Lines of a Markdown table: intervals in brackets behind their values, below it what is alike in most rows."""
     while INTERVAL in head:
         k = head.index(INTERVAL)
         rows = [[*row[: k - 1], _with_interval(row[k - 1], row[k]), *row[k + 1 :]] for row in rows]
         head = [*head[: k - 1], f"{head[k - 1]} ({INTERVAL})", *head[k + 1 :]]
-    alike = [k for k in range(1, len(head)) if len(rows) >= LEAST_ALIKE and len({row[k] for row in rows}) == 1]
-    told = ", ".join(f"{head[k]} {rows[0][k]}" for k in alike if rows[0][k])
+    keys = 1 if len({row[0] for row in rows}) == len(rows) else 2
+    alike = {k: found for k in range(keys, len(head)) if (found := _mostly(head[k], rows, k, keys)) is not None}
+    told = "; ".join(filter(None, alike.values()))
     kept = [[text for k, text in enumerate(row) if k not in alike] for row in (head, ["---"] * len(head), *rows)]
     return [f"| {' | '.join(row)} |" for row in kept] + (["", f"In all rows: {told}."] if told else [])
+
+
+def _mostly(name: str, rows: list[list[str]], column: int, keys: int) -> str | None:
+    """What a column says in all rows, with those few that differ; None where they are more than few."""
+    [(usual, count)] = Counter(row[column] for row in rows).most_common(1) or [("", 0)]
+    if len(rows) < LEAST_ALIKE or (len(rows) - count) * FEW > len(rows):
+        return None
+    others = ", ".join(f"{' '.join(row[:keys])} {row[column] or 'none'}" for row in rows if row[column] != usual)
+    said = f"{name} {usual or 'none'}"
+    return f"{said} (but {others})" if others else said if usual else ""
 
 
 def _with_interval(value: str, interval: str) -> str:

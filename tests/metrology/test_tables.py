@@ -21,6 +21,16 @@ def test_what_is_alike_in_all_rows_is_said_once() -> None:
     assert markdown(head, rows[:3])[0].count("|") == 5  # three rows may be alike by chance
 
 
+def test_what_few_rows_differ_in_is_said_with_their_names() -> None:
+    rows = [[name, "0", "1.5"] for name in "abcdef"]
+    rows[2][1] = "3"
+    assert markdown(["condition", "refused", "goal"], rows)[-1] == "In all rows: refused 0 (but c 3); goal 1.5."
+    twice = [[name, mechanics, "0", "x"] for name in "abc" for mechanics in ("perfect", "errors")]
+    twice[3][2] = ""
+    assert markdown(["condition", "mechanics", "refused", ""], twice)[0] == "| condition | mechanics |"
+    assert "refused 0 (but b errors none)" in markdown(["condition", "mechanics", "refused", ""], twice)[-1]
+
+
 SHARES = [
     ("a", "95.0", "93.0 to 97.0"),
     ("b", "100.0", "100.0 to 100.0"),

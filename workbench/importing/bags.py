@@ -127,14 +127,14 @@ def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None, bas
         stream = _stream(bag, time_s, poses, part)
         note = f"poses: {len(time_s)} of /tf, '{part.flange_frame}' in '{part.base_frame}'{_dense(time_s)}"
     else:
-        read = _joints if bag.types[source] == JOINTS else _stamped
-        stream, note = read(bag, source, part, base_dir)
+        joints = bag.types[source] == JOINTS
+        stream, note = _joints(bag, source, part, base_dir) if joints else _stamped(bag, source, part)
     position_mm, quaternion = of_flange_in_base(stream.position_mm, stream.quaternion_wxyz, part)
     told = [f"{name} applied" for name in ("base_from_frame", "flange_from_tool") if getattr(part, name) is not None]
     return replace(stream, position_mm=position_mm, quaternion_wxyz=quaternion), "; ".join([note, *told])
 
 
-def _stamped(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
+def _stamped(bag: Bag, source: str, part: BagPart) -> tuple[PoseStream, str]:
     """Poses that stand in the messages; all of the same two frames, and of the mapping's where it names them."""
     where, rows, frames = f"{bag.path}: {source}", [], (part.flange_frame, part.base_frame)
     for message in bag.messages([source]):

@@ -91,7 +91,7 @@ def check_motion(recording: Recording, has_clock: bool, mapping: Mapping) -> Non
         time_s = recording.time_s[frame]
         position_mm = _at(time_s, recording.robot_time_s[pose], recording.robot_position_mm[pose])
         way_mm = float(np.linalg.norm(np.diff(position_mm, axis=0), axis=1).sum())
-        _check_way(way_mm, len(time_s), where, partial(refuse, mapping, where))
+        _check_way(way_mm, len(time_s), partial(refuse, mapping, where))
         duration_s = float(np.ptp(time_s))
         if has_clock and duration_s > 0 and not SPEED_MM_S[0] <= way_mm / duration_s <= SPEED_MM_S[1]:
             what = f"the flange would move at {way_mm / duration_s:.3g} mm/s: is a unit of time or a rate wrong?"
@@ -101,7 +101,7 @@ def check_motion(recording: Recording, has_clock: bool, mapping: Mapping) -> Non
             _check_direction(position_mm, first, recording.flange_from_profiler, where, mapping)
 
 
-def _check_way(way_mm: float, frames: int, where: str, complain: Callable[[Suspicion, str], None]) -> None:
+def _check_way(way_mm: float, frames: int, complain: Callable[[Suspicion, str], None]) -> None:
     if way_mm == 0:
         complain("still", f"the flange does not move over {frames} frames")
     elif way_mm < WAY_MM[0]:

@@ -14,7 +14,7 @@ from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
-NOTE = "<!-- Written by workbench.pipeline.docs -->"
+NOTE = "<!-- This page and those of the stages are written by workbench.pipeline.docs -->"
 READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
 that does not show it, the range, the meaning; names end in their units. In a pipeline:
 `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file."""
@@ -43,7 +43,6 @@ def page(stage: Stage, directory: Path = DIRECTORY) -> str:
     """One stage: what it does, takes and makes, its parameters, its example and what that makes."""
     takes = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
     parts = [
-        NOTE,
         f"# `{stage.name}`",
         f"**Takes** {takes or 'no artefact'}. **Makes** {makes(stage)}.",
         _markdown(EXAMPLE.sub("", prose(stage)).strip()),

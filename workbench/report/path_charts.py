@@ -59,7 +59,7 @@ def procedure_views(cloud: Cloud, edge: RawEdge, toolpath: Toolpath, budget: int
         "b": _with_vertices(bare, cloud, edge, stretch, origin),
         "c": replace(bare, colour=np.where(points.label[:, None] == ROOT_FACE, rgb(FACES[ROOT_FACE]), bare.colour)),
         "e": _with_edges(bare, edge, stretch, origin),
-        "f": _with_tool_frames(bare, edge, toolpath, stretch, origin),
+        "f": _with_tool_frames(bare, toolpath, stretch, origin),
     }
 
 
@@ -97,7 +97,7 @@ def _with_edges(view: View, edge: RawEdge, stretch: Shown, origin: Float) -> Vie
     return joined(view, lines, colours)
 
 
-def _with_tool_frames(view: View, edge: Edge, toolpath: Toolpath, stretch: Shown, origin: Float) -> View:
+def _with_tool_frames(view: View, toolpath: Toolpath, stretch: Shown, origin: Float) -> View:
     """The final layer's key points, and x, y, z at some of them."""
     final = toolpath.layers[-1]
     s = final.arc_length_mm

@@ -11,6 +11,7 @@ from typing import Any
 
 from bench.fuzz.run import as_row, confine, fuzz
 from bench.fuzz.targets import ROOT, TARGETS
+from bench.metrology.table import markdown
 
 PAGE = ROOT / "docs" / "reliability.md"
 BEGIN, END = "<!-- fuzz begin -->", "<!-- fuzz end -->"
@@ -67,18 +68,22 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _write(rows: list[dict[str, Any]], seed: int) -> None:
-    head = (
-        "| reader | executions | accepted | refused with one line | slowest | failures |\n|---|---|---|---|---|---|\n"
-    )
-    cells = (
-        f"| {r['target']} | {r['executions']:,} | {r['accepted']:,} | {r['refused']:,} | {r['slowest_s']:.2f} s | "
-        f"{sum(r['failures'].values())} |"
+    head = ["reader", "executions", "accepted, the rest refused with one line", "slowest", "failures"]
+    cells = [
+        [
+            r["target"],
+            f"{r['executions']:,}",
+            f"{r['accepted']:,}",
+            f"{r['slowest_s']:.2f} s",
+            f"{sum(r['failures'].values())}",
+        ]
         for r in rows
-    )
+    ]
+    table = "\n".join(markdown(head, cells))
     total = f"\n\n{sum(row['executions'] for row in rows):,} executions, seed {seed}."
     text = PAGE.read_text()
     before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{head}" + "\n".join(cells) + f"{total}\n{END}" + rest.split(END)[1])
+    PAGE.write_text(f"{before}{BEGIN}\n{table}{total}\n{END}" + rest.split(END)[1])
 
 
 if __name__ == "__main__":

@@ -93,13 +93,11 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    In each section the face as cut has a root face and an angle, the plan others: the face lies outside its plan by
-    (root - planned) sin(bevel) along its normal b, at its root end, and is turned by the difference of the angles. Both
-    scans and both cuts share hand-eye, tool setting, work object and base: what these displace is in the comparison,
-    and goes. Both sizes are taken from the edge in one scan: the robot's error from scan to scan is not in them.
-    A finishing pass under another load than the first cut's last layer bends cutter and robot otherwise. What stands
-    too high is taken first, by a layer of its own; for less stock and a wider face the shift is changed by what
-    `predicted` says, or else `yield_share` goes into its u.
+    In each section the face as cut lies outside its plan by (root - planned) sin(bevel) along its normal b, at its root
+    end, and is turned by the difference of the angles (docs/planning.md, "Measure, cut, measure, correct"). Hand-eye,
+    tool setting, work object and base are in both cuts alike, and go; the robot's error from scan to scan is in
+    neither. What stands too high is taken first, by a layer of its own; for less stock and a wider face the shift is
+    changed by what `predicted` says, or else `yield_share` goes into its u.
 
     What repeats is told apart from the robot's repeatability (`displacement.py`); the finishing pass is moved against
     it along b and turned about the root end of the face, each only where it is significant (2 u along the edge).

@@ -60,14 +60,12 @@ def simplify(
     """Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
 
     From each target the longest move is taken, straight or circular, whose every skipped point lies within the
-    chord tolerance of the line or of the circle through start, via and target, in the order of motion, and is
-    turned as the controller turns there within the angle tolerance. The controller's orientation is taken as slerp
-    from start to target by length of path, in the frame of the work object: exact for a planar arc whose tool turns
-    with the tangent, and what `CirPathMode\\ObjectFrame` (ABB) and `$CIRC_TYPE = #BASE` (KUKA) ask for. A move's
-    feed is the slowest of its points. A straight move turns so little that the path holds as well where the
-    controller moves the cutter's tip straight, not the point on its flank (a tool that was measured on it). Layer,
-    cutting and measured do not change within a move. Arcs turn at most 170 deg, and their via point lies in the
-    middle. With both tolerances 0 every point is the target of a straight move.
+    chord tolerance of the line or of the circle through start, via and target, in the order of motion, and is turned
+    as the controller turns there (slerp by length of path, in the frame of the work object: `CirPathMode\\ObjectFrame`
+    of ABB, `$CIRC_TYPE = #BASE` of KUKA) within the angle tolerance. A straight move turns so little that the path
+    holds as well where the controller moves the cutter's tip straight, not the point on its flank. A move's feed is
+    the slowest of its points; layer, cutting and measured do not change within it. Arcs turn at most 170 deg, their
+    via point in the middle. With both tolerances 0 every point is the target of a straight move.
 
     With postures the targets are those of the turned tool, in the base, and the turntable's angles come along. While
     it turns, every point is the target of a straight move, since a controller would not turn it in step otherwise.

@@ -1,4 +1,4 @@
-"""Text files as people write them: UTF-8, of a bounded size, with comments."""
+"""Text files as people write them: UTF-8, of a bounded size, with comments; and text that spreadsheets open."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 
 from workbench.errors import InputError
 from workbench.storage import regular_file
+
+STARTS_A_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def read_text(path: Path, max_bytes: int) -> str:
@@ -27,3 +29,8 @@ def read_text(path: Path, max_bytes: int) -> str:
 def numbered_lines(text: str) -> list[tuple[int, str]]:
     """Lines with their numbers from 1; empty ones and comments (#) left out."""
     return [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+
+
+def as_text(value: object) -> object:
+    """`value`; a text that a spreadsheet would run as a formula gets an apostrophe before it (OWASP, CSV injection)."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(STARTS_A_FORMULA) else value

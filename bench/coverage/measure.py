@@ -19,7 +19,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.poses import rotation_from_vector
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic.surface import build_surface, pose
+from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Bool, Float
 
 BOUNDARY_MM = 1.0  # this near to the end of a hidden stretch either answer is right

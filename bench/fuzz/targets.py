@@ -90,7 +90,7 @@ def _toolpath(path: Path) -> object:
 
 
 def _hand_eye(path: Path) -> object:
-    from workbench.scan.hand_eye import read_hand_eye
+    from workbench.scan.checks import read_hand_eye
 
     return read_hand_eye(path)
 

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from bench.metrology.information import ALONG, CENTRE, COUNT, LEAN, LOWEST, OFFSET, SLOPE, STEP, Frames
 from workbench.synthetic import Recipe, raycast
-from workbench.synthetic.surface import build_surface
+from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG, Bool, Float
 
 WINDOW_MM = 10.0  # half width of the stretch of edge whose frames count for a section

@@ -14,7 +14,7 @@ import numpy as np
 from bench.metrology.rays import Rays
 from workbench.kernels import kernel
 from workbench.synthetic import Recipe, raycast
-from workbench.synthetic.surface import build_surface
+from workbench.synthetic.workpiece import build_surface
 from workbench.units import AnyArray, Bool, Float, Int
 
 COUNT, OFFSET, CENTRE, SLOPE, ALONG = range(5)  # columns of `Frames.root` and the like

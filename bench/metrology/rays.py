@@ -10,7 +10,7 @@ from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse
 from workbench.synthetic import Recipe, raycast
 from workbench.synthetic.scan import column_offsets, plan_motion, sensor_of
-from workbench.synthetic.surface import build_surface, clamp_boxes, pose
+from workbench.synthetic.workpiece import build_surface, clamp_boxes, pose
 from workbench.units import AnyArray, Bool, Float
 
 OUTLIER_SIGMAS = 6.0

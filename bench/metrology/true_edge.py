@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.coverage.measure import local_face
 from workbench.synthetic import Truth
-from workbench.synthetic.surface import build_surface
+from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG, Float
 
 

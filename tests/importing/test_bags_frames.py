@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.importing.bag_files import TRANSFORM, Ros
 from workbench.errors import InputError
 from workbench.importing.bags import hand_eye_from_frames
-from workbench.importing.bags_frames import FrameTree, chained
+from workbench.importing.bags_reader import FrameTree, chained
 from workbench.importing.mapping_parts import BagPart
 from workbench.units import Float
 

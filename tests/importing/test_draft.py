@@ -16,7 +16,7 @@ from workbench.artefacts import Recording
 from workbench.checks.judge import judge_recording, refuse_failed
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.importing.joint_states import JointModel
+from workbench.importing.joints import JointModel
 from workbench.scan.read import read
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"

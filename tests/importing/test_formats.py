@@ -182,7 +182,7 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, imported: Imported)
 
 
 def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, imported: Imported) -> None:
-    from workbench.importing.joint_states import JointModel
+    from workbench.importing.joints import JointModel
 
     urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
     joints = np.array([[0, 10, 20, 0, 45, 0], [5, 15, 18, 3, 50, 10.0]])
@@ -212,7 +212,7 @@ def test_joints_in_arrays(
     ending: str, tmp_path: Path, milled: Recording, imported: Imported, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Drafted without the robot; with its URDF the poses are those of the same joints in a table."""
-    from workbench.importing.joint_states import JointModel
+    from workbench.importing.joints import JointModel
 
     urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
     count = len(milled.time_s)

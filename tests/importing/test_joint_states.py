@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.importing.joint_states import JointModel
+from workbench.importing.joints import JointModel
 from workbench.robot import forward_kinematics, read_cell
 
 ROBOT = Path(__file__).parents[2] / "data" / "robot"

@@ -7,7 +7,7 @@ import numpy as np
 from bench.coverage.measure import LOCAL_MM, local_face
 from workbench.synthetic import random_recipe, simulate_recording
 from workbench.synthetic.raycast import _rough
-from workbench.synthetic.surface import build_surface
+from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG
 
 

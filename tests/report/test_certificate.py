@@ -9,7 +9,7 @@ import pytest
 
 from workbench.artefacts import Part, Uncertainty, UncertaintySource
 from workbench.report import html
-from workbench.report.certificate import MOST_ROWS, budget, certificate_html, least_favourable, small
+from workbench.report.inspection_text import MOST_ROWS, budget, certificate_html, least_favourable, small
 from workbench.report.page import dated, identity_html, identity_rows, page
 
 

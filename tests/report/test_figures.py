@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.report import along
-from workbench.report.certificate import decision_rule
+from workbench.report.inspection_text import decision_rule
 from workbench.report.plot import Figure
 from workbench.report.section_drawing import deviations, laid_out, section_drawings
 from workbench.report.tables import set_aside

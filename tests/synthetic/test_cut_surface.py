@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import parse_recipe, raycast
-from workbench.synthetic.surface import build_surface
-from workbench.synthetic.workpiece import Cut
+from workbench.synthetic.workpiece import Cut, build_surface
 from workbench.units import DEG
 
 LENGTH, ROOT, BEVEL = 40.0, 1.5, 40 * DEG

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from workbench.synthetic import parse_recipe, raycast, simulate_recording
-from workbench.synthetic.surface import build_surface, pose
+from workbench.synthetic.workpiece import build_surface, pose
 
 EXACT = {"noise": {"sd_mm": 0}, "columns": 200, "pitch_mm": 0.15}
 PART = {

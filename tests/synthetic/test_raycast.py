@@ -7,7 +7,7 @@ import pytest
 
 from workbench.synthetic import parse_recipe, raycast
 from workbench.synthetic.scan import sensor_of
-from workbench.synthetic.surface import build_surface, clamp_boxes
+from workbench.synthetic.workpiece import build_surface, clamp_boxes
 
 # A plate 10 mm thick over a table 20 mm below it; scanners look straight down from 100 mm above the lower surface.
 PLATE = {"kind": "raw", "length_mm": 100, "thickness_mm": 10}

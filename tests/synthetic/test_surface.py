@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
 from workbench.synthetic import parse_recipe, raycast
-from workbench.synthetic.surface import arc_length, build_surface, edge_frames, pose
+from workbench.synthetic.workpiece import arc_length, build_surface, edge_frames, pose
 
 CURVES = {
     "straight": {"shape": "straight"},

@@ -32,9 +32,17 @@ from workbench.artefacts.edges import (
     UNLABELLED,
     UPPER_SURFACE,
     Edge,
+    EdgeProfile,
+    Inspection,
     MilledEdge,
     Quantity,
     RawEdge,
+    Requirements,
+    Section,
+    Uncertainty,
+    UncertaintySource,
+    Verdict,
+    conformity,
 )
 from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames
 from workbench.artefacts.grooves import (
@@ -48,19 +56,23 @@ from workbench.artefacts.grooves import (
     PreparationInspection,
     u_name,
 )
-from workbench.artefacts.inspections import (
-    EdgeProfile,
-    Inspection,
-    Requirements,
-    Section,
-    Uncertainty,
-    UncertaintySource,
-    Verdict,
-    conformity,
-)
-from workbench.artefacts.milling import Engagement, LayerEngagement, PathCorrection, Rework, Stretch
 from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
-from workbench.artefacts.paths import ChainU, Cutter, Layer, Moves, PathDeflection, PathGate, Postures, Toolpath, Travel
+from workbench.artefacts.paths import (
+    ChainU,
+    Cutter,
+    Engagement,
+    Layer,
+    LayerEngagement,
+    Moves,
+    PathCorrection,
+    PathDeflection,
+    PathGate,
+    Postures,
+    Rework,
+    Stretch,
+    Toolpath,
+    Travel,
+)
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
 from workbench.artefacts.showing import shown_all
 from workbench.geometry.faces import FaceLines

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from workbench.artefacts.edges import Quantity
+from workbench.artefacts.edges import Quantity, Uncertainty, Verdict
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
-from workbench.artefacts.inspections import Uncertainty, Verdict
 from workbench.artefacts.showing import rows_table
 from workbench.units import AnyArray, Bool, Float, Shaped
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from workbench.artefacts.edges import Verdict
 from workbench.artefacts.evidence import Part
-from workbench.artefacts.inspections import Verdict
 from workbench.artefacts.showing import brief
 from workbench.errors import PipelineError
 from workbench.units import AnyArray, Float, Shaped

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from workbench.artefacts import Document, Inspection, Provenance, Section
-from workbench.spreadsheet import as_text
 from workbench.stage import stage
+from workbench.text_files import as_text
 
 FORMAT, VERSION = "bevel-inspection-rows", 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured

@@ -17,8 +17,7 @@ from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, Tim
 from workbench.importing.passes import chosen_poses, joined, poses_by_pass
 from workbench.importing.stamps import stamped
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
-from workbench.scan.checks import checked
-from workbench.scan.hand_eye import read_hand_eye
+from workbench.scan.checks import checked, read_hand_eye
 from workbench.units import Bool, Float, Int
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation
-from workbench.importing.bags_frames import FrameTree, chained, frame_name, pose_row, product
 from workbench.importing.bags_profiles import profile_topics, read_profiles
 from workbench.importing.bags_reader import (
     JOINTS,
@@ -23,15 +22,20 @@ from workbench.importing.bags_reader import (
     TF_OF_ROS1,
     TRANSFORM,
     Bag,
+    FrameTree,
     Message,
+    chained,
     chosen_topic,
+    frame_name,
     header_s,
     in_order,
     listed,
     opened,
+    pose_row,
+    product,
     stamp_s,
 )
-from workbench.importing.joint_states import JointModel
+from workbench.importing.joints import JointModel
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, BagPart
 from workbench.importing.neutral import Imported, PoseStream

@@ -22,7 +22,7 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.evidence import UNSEEN
 from workbench.artefacts.grooves import JointInspection
-from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
+from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
 from workbench.units import DEG

@@ -8,8 +8,7 @@ import numpy as np
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.loop import Compared
-from workbench.report.plan_tables import duration
+from workbench.report.plan_tables import Compared, duration
 from workbench.report.planned import whole_run
 from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage
@@ -171,7 +170,7 @@ def closed_loop(
     """
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.closed_loop import closed_loop_html, closed_loop_summary, contradictions
-    from workbench.report.loop import compared, loop_chart
+    from workbench.report.plan_tables import compared, loop_chart
     from workbench.report.scenes import loop_scene
 
     if not inspection.sections:

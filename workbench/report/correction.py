@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from workbench.artefacts import Chapter, Inspection, PathCorrection
-from workbench.artefacts.milling import CANCELS, NOT_INCLUDED
+from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
 from workbench.report.along import gaps

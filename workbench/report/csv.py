@@ -6,8 +6,8 @@ import csv as comma_separated
 import io
 
 from workbench.artefacts import Document, Inspection
-from workbench.spreadsheet import as_text
 from workbench.stage import stage
+from workbench.text_files import as_text
 
 HEADER = (
     "section",

@@ -20,9 +20,9 @@ from workbench.artefacts import (
 from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
 from workbench.report.along import gaps
-from workbench.report.certificate import STATEMENTS, decision_rule, small
 from workbench.report.chart_parts import TEXT_SIZE, hatch_hidden, mark_sections, svg
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
+from workbench.report.inspection_text import STATEMENTS, decision_rule, small
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_rows
 from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render

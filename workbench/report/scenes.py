@@ -28,9 +28,8 @@ from workbench.artefacts import (
 from workbench.report.along import developed
 from workbench.report.colours import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
 from workbench.report.inspection_text import faces_seen
-from workbench.report.loop import Compared
 from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
-from workbench.report.plan_tables import layer_rows
+from workbench.report.plan_tables import Compared, layer_rows
 from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm, planned_bevel
 from workbench.report.scene import Points, at_places, frame_arc_length_mm, overview
 from workbench.report.section_drawing import faces_extent, of_interest, outside_mm, plane_corners, round_limit

@@ -1,7 +1,7 @@
 """Reading profile recordings and fusing them into one organised cloud: the stages `scan.read` and `scan.fuse`."""
 
+from workbench.scan.checks import read_hand_eye
 from workbench.scan.fuse import fuse
-from workbench.scan.hand_eye import read_hand_eye
 from workbench.scan.read import read
 from workbench.scan.write import write
 

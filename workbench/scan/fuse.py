@@ -13,7 +13,7 @@ from workbench.artefacts import Cloud, HandEye, Recording
 from workbench.checks import checked_limits, judged, refuse_failed
 from workbench.errors import InputError
 from workbench.geometry.poses import interpolate_poses, rotation_from_quaternion, vector_from_rotation
-from workbench.scan.hand_eye import read_hand_eye, recorded_hand_eye
+from workbench.scan.checks import read_hand_eye, recorded_hand_eye
 from workbench.stage import InputFile, stage
 from workbench.units import Bool, Float, Float32
 

@@ -12,8 +12,17 @@ import numpy as np
 from workbench.geometry.poses import inverse
 from workbench.synthetic import raycast
 from workbench.synthetic.dexels import Lines, Sweep, cut_lines
-from workbench.synthetic.surface import build_surface, clamp_boxes, course_values, edge_frames, end_face_axes, pose
-from workbench.synthetic.workpiece import CONVERGING, Cut, Workpiece
+from workbench.synthetic.workpiece import (
+    CONVERGING,
+    Cut,
+    Workpiece,
+    build_surface,
+    clamp_boxes,
+    course_values,
+    edge_frames,
+    end_face_axes,
+    pose,
+)
 from workbench.units import Float, Int, Shaped
 
 # The lines (dexels) on which a part's material is counted while it is milled: normal to a bevel plane.

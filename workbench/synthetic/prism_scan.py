@@ -13,9 +13,9 @@ from workbench.synthetic.prism_recipe import SQUARE, PrismGroove, PrismRecipe
 from workbench.synthetic.raycast import Sensor
 from workbench.synthetic.recipe import Course
 from workbench.synthetic.scan import column_offsets, disturb, generator, intensities, move, recorded_hand_eye, sensor_of
-from workbench.synthetic.surface import build_surface, pose
 from workbench.synthetic.swept.groove import GrooveSizes
 from workbench.synthetic.swept.truth import GrooveTruth
+from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Bool, Float, Shaped
 
 BLOCK_FRAMES = 32

@@ -14,8 +14,7 @@ from workbench.kernels import kernel
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Disturbances, Noise, Pass, Recipe, Scanner
 from workbench.synthetic.sphere_recipe import SphereRecipe
-from workbench.synthetic.surface import build_surface, clamp_boxes, edge_frames, pose
-from workbench.synthetic.workpiece import Cut
+from workbench.synthetic.workpiece import Cut, build_surface, clamp_boxes, edge_frames, pose
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Shaped
 
 

@@ -21,7 +21,7 @@ from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Scanner
 from workbench.synthetic.scan import column_offsets, disturb, sensor_of
 from workbench.synthetic.sphere_recipe import SpherePass, SphereRecipe
-from workbench.synthetic.surface import pose
+from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 _BLOCK_FRAMES = 64

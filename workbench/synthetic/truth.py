@@ -14,8 +14,17 @@ from workbench.strict_json import read_json
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
-from workbench.synthetic.surface import arc_length, build_surface, course_values, edge_frames, end_face_axes, pose
-from workbench.synthetic.workpiece import Cut, Workpiece, profile_sizes
+from workbench.synthetic.workpiece import (
+    Cut,
+    Workpiece,
+    arc_length,
+    build_surface,
+    course_values,
+    edge_frames,
+    end_face_axes,
+    pose,
+    profile_sizes,
+)
 from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.5

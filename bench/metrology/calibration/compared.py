@@ -16,7 +16,7 @@ from workbench.plugins.calibration.planning import Limits, Optics
 from workbench.plugins.calibration.solve import Answer, solve
 from workbench.synthetic import SphereRecipe
 from workbench.synthetic.sphere import in_profiler
-from workbench.synthetic.surface import pose as placed
+from workbench.synthetic.workpiece import pose as placed
 from workbench.units import DEG, Float
 
 POSTURES, RANDOM_SETS, CANDIDATES = 9, 40, 800

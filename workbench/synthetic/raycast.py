@@ -438,15 +438,31 @@ def cast(
     faces = np.zeros((n, m), np.uint8)
     sight = np.zeros((n, 4))
     made = ranges, faces, cosines, sight
-    list(in_order(partial(_cast, s, boxes, table_z, sensor, part_from_profiler, offsets, made), n, FRAMES_A_CALL))
+    list(in_order(partial(_cast, s, (boxes, table_z), sensor, part_from_profiler, offsets, made), n, FRAMES_A_CALL))
     return made
+
+
+@kernel
+def _first_hit(
+    s: Surface, around: tuple[Float, float], near: Float, origin: Vector, d: Vector, far: float
+) -> tuple[float, int, float, float, float]:
+    """What a ray meets first of part, clamps and table: how far, which face, u and v there, cos(incidence)."""
+    boxes, table_z = around
+    a, face, u, v, cos = enter(s, near, origin, d, 0.0, far)
+    if boxes.shape[0] > 0:
+        box, box_cos = enter_box(boxes, origin, d, 0.0)
+        if box < a:
+            a, face, cos = box, CLAMP, box_cos
+    if d[2] < 0.0 and (table_z - origin[2]) / d[2] < a:
+        a, face = (table_z - origin[2]) / d[2], TABLE
+        cos = -d[2] / math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    return a, face, u, v, cos
 
 
 @kernel
 def _cast(
     s: Surface,
-    boxes: Float,
-    table_z: float,
+    around: tuple[Float, float],
     sensor: Sensor,
     part_from_profiler: Float,
     offsets: Float,
@@ -474,20 +490,13 @@ def _cast(
                 d = _along(w, lateral, offsets[j])
             else:
                 origin = _along(emitter, lateral, offsets[j])
-            a, face, u, v, cos = enter(s, near, origin, d, 0.0, sensor.far)
-            if boxes.shape[0] > 0:
-                box, box_cos = enter_box(boxes, origin, d, 0.0)
-                if box < a:
-                    a, face, cos = box, CLAMP, box_cos
-            if d[2] < 0.0 and (table_z - origin[2]) / d[2] < a:
-                a, face = (table_z - origin[2]) / d[2], TABLE
-                cos = -d[2] / math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            a, face, u, v, cos = _first_hit(s, around, near, origin, d, sensor.far)
             if face == NOTHING or a < sensor.near or a > sensor.far or cos < sensor.cos_min:
                 continue
             p = _along(origin, d, a)
-            if sensor.fan and not sensor.angular and hidden(s, boxes, near, p, emitter):
+            if sensor.fan and not sensor.angular and hidden(s, around[0], near, p, emitter):
                 continue
-            if hidden(s, boxes, near, p, camera):
+            if hidden(s, around[0], near, p, camera):
                 continue
             ranges[i, j], faces[i, j], cosines[i, j] = a, face, cos
             if face == ROOT:

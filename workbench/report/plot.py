@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -49,6 +49,18 @@ class Text:
 
     text: str
     place: Callable[[], tuple[float, float, float, float]]  # left, top, right, bottom on paper, about: fonts differ
+
+
+class Lettering(NamedTuple):
+    """How a text looks."""
+
+    ink: str = INK
+    weight: str = "normal"
+    rotation: float = 0.0  # deg
+    box: bool = False  # on white
+
+
+PLAIN, UPRIGHT = Lettering(), Lettering(rotation=90.0)
 
 
 class Figure:
@@ -109,7 +121,7 @@ class Figure:
 
     def supylabel(self, text: str, fontsize: float = SIZE, x: float = 0.0) -> None:
         """A label left of all axes."""
-        self._labels.append(_text(text, x * self.width, self.height / 2, fontsize, "center", "top", rotation=90))
+        self._labels.append(_text(text, x * self.width, self.height / 2, fontsize, "center", "top", UPRIGHT))
 
     def svg(self) -> bytes:
         """The file."""
@@ -455,7 +467,13 @@ class Axes:
         def drawn() -> str:
             x, y = self._anchor(at, xycoords)
             return _text(
-                text, x + offset[0], y - offset[1], fontsize, ha, va, _colour(color), fontweight, rotation, box
+                text,
+                x + offset[0],
+                y - offset[1],
+                fontsize,
+                ha,
+                va,
+                Lettering(_colour(color), fontweight, rotation, box),
             )
 
         self._later.append((zorder, False, drawn))
@@ -576,7 +594,7 @@ class Axes:
         if self.labels["y"]:
             off = self.tick_length + self.tick_pad + widest + 4.0
             x = left - off if self.y_label_at is None else left + self.y_label_at * width
-            names += _text(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", rotation=90)
+            names += _text(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", UPRIGHT)
         return f'<path d="{border}{marks}" fill="none" stroke="{GREY}" stroke-width="0.7"/>{names}'
 
     def _drawn_legend(self) -> str:
@@ -679,23 +697,20 @@ def _text(
     size: float,
     ha: str,
     va: str,
-    ink: str = INK,
-    weight: str = "normal",
-    rotation: float = 0.0,
-    box: bool = False,
+    look: Lettering = PLAIN,
 ) -> str:
     """A text of one line or several, aligned about (x, y)."""
     rows, step = text.split("\n"), 1.2 * size
     first = {"baseline": 0.0, "bottom": -0.24 * size, "top": 0.78 * size, "center": 0.36 * size}[va]
     first -= {"baseline": 1.0, "bottom": 1.0, "top": 0.0, "center": 0.5}[va] * step * (len(rows) - 1)
     anchor = {"left": "start", "center": "middle", "right": "end"}[ha]
-    bold = f' font-weight="{weight}"' if weight != "normal" else ""
-    halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if box else ""
+    bold = f' font-weight="{look.weight}"' if look.weight != "normal" else ""
+    halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if look.box else ""
     lines = "".join(f'<tspan x="0" y="{_n(first + k * step)}">{escape(row)}</tspan>' for k, row in enumerate(rows))
-    turned = f" rotate({_n(-rotation)})" if rotation else ""
+    turned = f" rotate({_n(-look.rotation)})" if look.rotation else ""
     return (
         f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
-        f'fill="{ink}"{bold}{halo}>{lines}</text>'
+        f'fill="{look.ink}"{bold}{halo}>{lines}</text>'
     )
 
 

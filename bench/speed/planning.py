@@ -16,7 +16,7 @@ from bench.speed.raw_edges import long_raw_edge
 from bench.speed.timing import REPEATS, in_turn, print_on_one_core
 from workbench.artefacts import Cloud, Edge, PathGate, Toolpath
 from workbench.path import check, feed, layers, simplify
-from workbench.path.remaining import remaining_stock, stock_distances
+from workbench.path.feed import remaining_stock, stock_distances
 from workbench.program import write
 from workbench.units import Float
 

@@ -13,8 +13,7 @@ from workbench.artefacts import Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import feed, layers
-from workbench.path.feed import feed_of_distance
-from workbench.path.remaining import remaining_stock, stock_distances
+from workbench.path.feed import feed_of_distance, remaining_stock, stock_distances
 from workbench.units import DEG, Float
 
 

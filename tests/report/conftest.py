@@ -379,7 +379,7 @@ def hostile():
 @pytest.fixture
 def quick(monkeypatch):
     """Leaves the views in space undrawn: for what does not depend on their pictures."""
-    monkeypatch.setattr("workbench.report.picture.picture", lambda view: b"\x89PNG")
+    monkeypatch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")
 
 
 # A real browser, headless.

@@ -32,9 +32,7 @@ def file(measured, planned, by_formula, provenance, tmp_path_factory):
     """A closed loop's report: three chapters with a scene each, on disk."""
     raw = planned(frames=60, columns=60)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "workbench.report.picture.picture", lambda view: b"\x89PNG"
-        )  # the pictures are not looked at here
+        patch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")  # the pictures are not looked at here
         chapters = (
             closed_loop(measured.inspection, by_formula(), cloud=measured.cloud, edge=measured.edge),
             plan(raw.cloud, raw.edge, raw.toolpath),

@@ -12,9 +12,8 @@ from PIL import Image
 from workbench.report import path_charts
 from workbench.report import planned as plan_colours
 from workbench.report.path_charts import path_views, station_frame
-from workbench.report.picture import picture
 from workbench.report.planned import whole_run
-from workbench.report.scene import View, joined, towards
+from workbench.report.scene import View, joined, picture, towards
 
 RED = np.array([[255, 0, 0]])
 

@@ -8,7 +8,7 @@ import scipy
 
 from workbench.report.along import _hermite
 from workbench.report.page import pitch_mm
-from workbench.report.picture import _widened
+from workbench.report.scene import _widened
 
 
 @pytest.mark.parametrize("seed", range(4))

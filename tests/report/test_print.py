@@ -122,7 +122,7 @@ def batch_page():
 def pages(part, planned, by_formula, provenance, tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workbench.report.picture.picture", lambda view: b"\x89PNG")  # not looked at here
+        patch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")  # not looked at here
         files = {
             "loop": loop_page(part, planned, by_formula, provenance),
             "fleet": batch_page(),

@@ -13,7 +13,7 @@ from bench.speed.rows import planned
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE
 from workbench.geometry import grids
 from workbench.path import layers
-from workbench.path.remaining import remaining_stock, stock_distances
+from workbench.path.feed import remaining_stock, stock_distances
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,11 @@
-"""`path.feed`: slow in the material, fast in travel moves."""
+"""`path.feed`: slow in the material, fast in travel moves; and the stock that still stands before each layer."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,10 +14,152 @@ from pydantic import Field
 from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
 from workbench.errors import InputError
 from workbench.geometry.feeds import limit_acceleration
+from workbench.geometry.segments import LineIndex, index_lines, line_distances
+from workbench.geometry.stations import frame_stations, standing_layers
+from workbench.geometry.stock import Stock, axis_distances, build_stock
 from workbench.geometry.times import step_lengths_mm
-from workbench.path.remaining import moves_in_order, remaining_stock, stock_distances
+from workbench.path.course import Bevel, Course, finished, lower_course
+from workbench.path.obstacles import sections_of
+from workbench.path.poses import Poses, cutter_ends, poses_of
 from workbench.stage import stage
-from workbench.units import Float
+from workbench.units import DEG, AnyArray, Bool, Float
+
+TANGENTS = 8  # that stand for a fillet: they leave it by 0.4 % of its radius at most
+SWEPT_STATIONS = 10  # a mm of edge: fine enough for the steep sides of the circle that a cutter leaves
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remaining:
+    """Points of the cloud that no earlier layer took away, and the face that each layer leaves."""
+
+    stock: Stock
+    faces: tuple[LineIndex | None, ...]  # of each layer once it is cut: a line across it at each key point
+
+
+def remaining_stock(toolpath: Toolpath, cloud: Cloud, edge: Edge) -> Remaining:
+    """What stands along a path. A point is gone once a layer cut below it, within the reach of the cutter's tip."""
+    stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, standing(toolpath, cloud, edge))
+    return Remaining(stock, tuple(face_lines(toolpath, layer) for layer in (*toolpath.before, *toolpath.layers)))
+
+
+def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) -> AnyArray:
+    """For how many layers each point of the grid (N, M) still stands (`geometry.stations.standing_layers`).
+
+    Layers count from the first of those that were milled before this path.
+
+    `swept`: all that the cutter meets on its way, whether it is meant to cut there or not. It is round, so it takes
+    some of what lies beside its places too; nothing below the finished face.
+    """
+    bevel, length = finished(toolpath), float(edge.arc_length_mm[-1])
+    count = (len(edge.arc_length_mm) - 1) * (SWEPT_STATIONS if swept else 1) + 1
+    table = lower_course(edge, np.linspace(0.0, length, count))
+    sections = sections_of(table)
+    start = frame_stations(edge.frame_arc_length_mm, cloud.pass_index, sections.step, count)
+    (cosine, sine), radius = bevel.normal, toolpath.cutter.radius_mm
+    final, faces = toolpath.layers[-1], []
+    course = lower_course(edge, final.arc_length_mm)
+    for layer in (*toolpath.before, *toolpath.layers):
+        if layer.arc_length_mm is not final.arc_length_mm:
+            course = lower_course(edge, layer.arc_length_mm)
+        height = bevel.height_mm(from_edge(toolpath, layer, course))
+        if swept:
+            faces.append(_swept(np.maximum(height, 0.0), layer.arc_length_mm, table, bevel, radius))
+        else:
+            height = np.where(layer.cutting, height, np.inf)
+            faces.append(_at_stations(height, layer.arc_length_mm, table.arc_length_mm))
+    down = (from_edge(toolpath, layer, course) @ np.array([[sine], [-cosine]]))[:, 0]
+    reach = np.interp(table.arc_length_mm, layer.arc_length_mm, down) + toolpath.cutter.flute_length_mm / 2.0
+    if bevel.fillet_mm:  # as required, not as the path has it: below the fillet the part must remain
+        reach = np.full_like(reach, radius - (bevel.root_mm + bevel.fillet_mm) * cosine)
+    return standing_layers(
+        cloud.x_mm,
+        cloud.z_mm,
+        cloud.keep,
+        cloud.base_from_profiler,
+        sections,
+        start,
+        (cosine, sine, bevel.plane_mm * sine, bevel.fillet_mm),
+        np.stack(faces, axis=1),
+        reach,
+        radius if swept else 0.0,
+    )
+
+
+def stock_distances(
+    remaining: Remaining, toolpath: Toolpath, points: Layer | Travel, done: int, at: Bool | None = None
+) -> Float:
+    """d_min of equation (26): distance (k,) mm of the cutter's axis to the stock after `done` layers.
+
+    The axis reaches from the tip over the flute's length. NaN where `at` (k,) is false.
+    """
+    mask = np.ones(len(points.position_mm), bool) if at is None else at
+    start, end = (ends[mask] for ends in cutter_ends(toolpath, poses_of(toolpath, points)))
+    face = remaining.faces[done - 1] if done else None
+    bound = np.full(len(start), np.inf) if face is None else line_distances(face, start, end)
+    out = np.full(mask.shape, np.nan)
+    out[mask] = axis_distances(remaining.stock, start, end, np.full(len(start), done), bound)
+    return out
+
+
+def moves_in_order(toolpath: Toolpath) -> Sequence[tuple[Layer | Travel, int]]:
+    """Every travel and layer in the order in which they run, and how many layers are done by then."""
+    layers, before = [isinstance(part, Layer) for part in toolpath.in_order], len(toolpath.before)
+    return [(part, before + sum(layers[:k])) for k, part in enumerate(toolpath.in_order)]
+
+
+def from_edge(toolpath: Toolpath, layer: Layer, course: Course) -> Float:
+    """A layer's origins in the section plane (k, 2), along n and m, from the lower edge."""
+    off = poses_of(toolpath, layer).origin_mm - course.position_mm
+    return np.stack([(off * course.normal).sum(axis=1), (off * course.across).sum(axis=1)], axis=1)
+
+
+def _at_stations(height: Float, s: Float, stations: Float) -> Float:
+    """Heights (k,) at arc lengths s (k,) as those of the nearest stations (n,); infinite beyond the ends."""
+    after = np.clip(np.searchsorted(s, stations), 1, s.size - 1)
+    nearest = np.where(stations - s[after - 1] < s[after] - stations, after - 1, after)
+    inside = (stations >= s[0] - 0.5) & (stations <= s[-1] + 0.5)
+    return np.where(inside, height[nearest], np.inf)
+
+
+def _swept(height: Float, s: Float, table: Course, bevel: Bevel, radius: float) -> Float:
+    """Height (n,) at the stations of `table` that a cutter leaves which cuts to heights (k,) at s (k,).
+
+    Across the feed it leaves a circle at each place. Seen from an edge that bends towards the cutter the circle is
+    flatter: 1 / radius - curvature.
+    """
+    at, out = table.arc_length_mm, np.full(table.arc_length_mm.shape, np.inf)
+    steep = np.maximum(1.0 / radius - table.curvature @ bevel.normal, 1e-3)
+    first = np.searchsorted(s, at - radius)
+    for k in range(int(np.max(np.searchsorted(s, at + radius, side="right") - first))):
+        key = np.minimum(first + k, s.size - 1)
+        apart = np.abs(s[key] - at)
+        rise = (1.0 - np.sqrt(np.maximum(1.0 - (apart * steep) ** 2, 0.0))) / steep
+        out = np.minimum(out, np.where(apart <= radius, height[key] + rise, np.inf))
+    return out
+
+
+def face_lines(toolpath: Toolpath, layer: Layer) -> LineIndex | None:
+    """The face that a layer leaves, as lines across it where it cuts; None where it cuts nothing."""
+    poses, half, cut = poses_of(toolpath, layer), layer.width_mm[:, None] / 2.0, layer.cutting
+    middle = toolpath.in_base(toolpath.face_middle_mm(layer))
+    lines = [((middle + half * poses.z)[cut], (middle - half * poses.z)[cut])]
+    if toolpath.root_radius_mm:
+        corners = _around_fillet(toolpath, poses)
+        lines += [(a[cut], b[cut]) for a, b in itertools.pairwise(corners)]
+    return index_lines(*(np.concatenate(ends) for ends in zip(*lines, strict=True)))
+
+
+def _around_fillet(toolpath: Toolpath, poses: Poses) -> list[Float]:
+    """Corners (k, 3) of a line of tangents around the fillet that a ball end makes, from the bevel face down."""
+    radius, whole = toolpath.root_radius_mm, math.pi / 2.0 - toolpath.bevel_deg * DEG
+    centre = poses.origin_mm + toolpath.cutter.cylinder_end_mm * poses.z - radius * poses.x
+    each = whole / TANGENTS
+    turned = [0.0, *(each * (np.arange(TANGENTS) + 0.5)), whole]
+    reach = [radius, *[radius / math.cos(each / 2.0)] * TANGENTS, radius]
+    return [
+        np.asarray(centre + r * (math.cos(a) * poses.x + math.sin(a) * poses.z))
+        for a, r in zip(turned, reach, strict=True)
+    ]
 
 
 @stage("path.feed")

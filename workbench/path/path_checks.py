@@ -10,10 +10,10 @@ from workbench.artefacts import UNLABELLED, Cloud, Edge, Layer, RawEdge, Toolpat
 from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
 from workbench.geometry.tool_frames import bevel_normal, cutter_axis
 from workbench.path.course import LEAST_DEPTH_MM, edge_course, finished, lower_course, stocked_course
+from workbench.path.feed import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.plan import KEY_POINT_MM
 from workbench.path.poses import Poses, poses_of
-from workbench.path.remaining import from_edge, moves_in_order, standing
 from workbench.units import DEG, Bool, Float
 
 ANGLE_DEG = 0.02  # between a frame's axis and where it must point

@@ -50,7 +50,7 @@ def inspection(
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.along import angle_chart, plan_view, root_chart
     from workbench.report.inspection_text import certificate_html, inspection_html
-    from workbench.report.picture import pictures
+    from workbench.report.scene import pictures
     from workbench.report.scenes import inspection_scene
     from workbench.report.section_drawing import section_drawings, section_views
 

@@ -119,9 +119,9 @@ def plan(
     # jinja2 and pillow cost time to import: only where a report is made.
     from workbench.report.layer_section import stepped_section, stepping_drawing
     from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart, path_views, procedure_views
-    from workbench.report.picture import pictures
     from workbench.report.plan import plan_html, plan_summary
     from workbench.report.planned import feed_scale, layer_scale, whole_run
+    from workbench.report.scene import pictures
     from workbench.report.scenes import plan_scene
 
     if not toolpath.layers:

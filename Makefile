@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz mutation docs data lock clean
+.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz mutation docs data lock wheel clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -19,6 +19,7 @@ help:
 	@echo "make docs       the pages of the stages and their pictures anew, and the site: out/docs/index.html; runs what the pages tell to run"
 	@echo "make data       write the recordings in data/synthetic anew from their recipes"
 	@echo "make lock       choose the newest versions of all packages: requirements.lock"
+	@echo "make wheel      dist/: a wheel that brings its kernels, for this Python and platform"
 	@echo "make clean      remove what was made, .venv too"
 
 setup:
@@ -67,6 +68,10 @@ data: setup
 lock:
 	@scripts/lock.sh
 
+wheel: setup
+	@$(BIN)/python scripts/compile_kernels.py --into build/kernels
+	@WORKBENCH_KERNELS=build/kernels $(BIN)/python -m hatchling build -t wheel -d dist
+
 clean:
-	rm -rf .venv out build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

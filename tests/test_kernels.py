@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core.codegen import get_host_cpu_features
 
+from workbench.kernels import BASELINE
 from workbench.user_folder import UserFolder
 
 CONSTANTS = "LIMIT = 2.0\nUNUSED = 5.0\n"
@@ -74,6 +76,34 @@ def test_a_new_process_finds_them_again(room: Path) -> None:
     before = kept(room)
     assert use(room) == "5.0 2.0 1 5.0"
     assert kept(room) == before
+
+
+def test_the_order_of_a_set_of_options_is_no_other_kernel(room: Path) -> None:
+    outer = (room / "outer.py").read_text()
+    (room / "outer.py").write_text(outer.replace("@kernel", '@kernel(fastmath={"nsz", "arcp", "contract"})'))
+    use(room, PYTHONHASHSEED="1")
+    made = kept(room)
+    assert [use(room, PYTHONHASHSEED=str(seed)) for seed in range(2, 6)] == ["5.0 2.0 1 5.0"] * 4
+    assert kept(room) == made
+
+
+@pytest.mark.skipif(
+    not set(BASELINE[1].split(",")) <= set(get_host_cpu_features().split(",")), reason="a processor of another family"
+)
+def test_kernels_of_a_wheel_serve_where_none_is_kept(room: Path) -> None:
+    """Compiled for a family of processors elsewhere; what is damaged or of other sources is compiled."""
+    name, features = BASELINE
+    use(room, NUMBA_CPU_NAME=name, NUMBA_CPU_FEATURES=features)
+    shipped = room.parent / "shipped"
+    shipped.mkdir()
+    for path in kept(room):
+        path.rename(shipped / path.name)
+    code = f"from pathlib import Path; from workbench import kernels; kernels.SHIPPED = Path({str(shipped)!r}){USE}"
+    assert use(room, code) == "5.0 2.0 1 5.0"
+    assert kept(room) == set()
+    for path in shipped.iterdir():
+        path.write_bytes(path.read_bytes()[:-1])
+    assert use(room, code) == "5.0 2.0 0 5.0"
 
 
 @pytest.mark.parametrize(

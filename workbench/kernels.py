@@ -7,6 +7,9 @@ versions. So a kernel of changed sources is never found again, and editing one f
 
 A kept kernel is loaded without numba's tables for typing, which take ten times as long as the kernel itself. What is
 compiled may therefore use numbers, tuples, arrays and numpy's functions of them, but no strings, dictionaries or sets.
+
+A wheel may bring kernels that were compiled when it was built, for every processor of a family (`BASELINE`): they serve
+where the user's folder has none.
 """
 
 from __future__ import annotations
@@ -26,6 +29,13 @@ from typing import Any, TypeAlias, TypeVar, overload
 from workbench.user_folder import folder, forget, keep
 
 DIGEST = hashlib.sha256
+SHIPPED = Path(__file__).parent / "shipped" / "kernels"  # in a wheel of `make wheel`
+# Processor and features that shipped kernels are compiled for: what x86-64-v3 means, 2013 and later.
+BASELINE = (
+    "x86-64-v3",
+    "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+cx8,+f16c,+fma,+fxsr,+lzcnt,+mmx,+movbe,+popcnt,+sahf,+sse,+sse2,+sse3,+sse4.1,"
+    "+sse4.2,+ssse3,+xsave",
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -139,13 +149,8 @@ class Kept:
         from numba.core.compiler import CompileResult
         from numba.core.runtime.nrt import rtsys
 
-        path = self._path(signature, target.codegen())
-        try:
-            content = path.read_bytes() if path else b""
-        except OSError:
-            return None
-        digest, data = content[: DIGEST().digest_size], content[DIGEST().digest_size :]
-        if not data or DIGEST(data).digest() != digest:
+        data = next(filter(None, map(_whole, self._places(signature, target.codegen().magic_tuple()))), None)
+        if data is None:
             return None
         rtsys.initialize(target)  # memory of arrays; all that a finished kernel needs of the target
         return CompileResult._rebuild(target, *pickle.loads(data))  # type: ignore[no-untyped-call]
@@ -154,17 +159,34 @@ class Kept:
         """Keep what was compiled; a folder that has become full or read-only costs the next process time, no more."""
         from numba.core.serialize import dumps
 
-        path = self._path(signature, result.codegen)
-        if path is None or result.lifted or result.library.has_dynamic_globals:
+        where = folder().path
+        if where is None or result.lifted or result.library.has_dynamic_globals:
             return
-        data = dumps(result._reduce())  # type: ignore[no-untyped-call]
-        keep(path, DIGEST(data).digest() + data)
+        data = dumps(result._replace(type_annotation="")._reduce())  # type: ignore[no-untyped-call]
+        keep(where / self._file(signature, result.codegen.magic_tuple()), DIGEST(data).digest() + data)
         forget(f"{self.name}-*.kernel")
 
-    def _path(self, signature: Any, codegen: Any) -> Path | None:
-        where = folder().path
-        key = DIGEST(f"{self.source} {signature} {codegen.magic_tuple()}".encode()).hexdigest()[:32]
-        return where / f"{self.name}-{key}.kernel" if where else None
+    def _places(self, signature: Any, processor: tuple[str, str, str]) -> Iterator[Path]:
+        """Where the kernel may be, the form for this very processor first."""
+        where, (system, _, features) = folder().path, processor
+        if where:
+            yield where / self._file(signature, processor)
+        if set(BASELINE[1].split(",")) <= set(features.split(",")):
+            yield SHIPPED / self._file(signature, (system, *BASELINE))
+
+    def _file(self, signature: Any, processor: tuple[str, str, str]) -> str:
+        key = DIGEST(f"{self.source} {signature} {processor}".encode()).hexdigest()[:32]
+        return f"{self.name}-{key}.kernel"
+
+
+def _whole(path: Path) -> bytes | None:
+    """What a file holds after its own digest; None if there is no such file, or it is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, data = content[: DIGEST().digest_size], content[DIGEST().digest_size :]
+    return data if data and DIGEST(data).digest() == digest else None
 
 
 _watching: list[Callable[[], None]] = []
@@ -190,7 +212,7 @@ def source_digest(compiled: Any) -> str:
 
     found: Found = {}
     _describe_kernel(compiled, found)
-    versions = (sys.version_info[:3], numba.__version__, numpy.__version__)
+    versions = (sys.version_info[:2], numba.__version__, numpy.__version__.split(".")[:2])
     return DIGEST(repr((versions, sorted(found.items()))).encode()).hexdigest()
 
 
@@ -207,7 +229,14 @@ def _describe_kernel(compiled: Any, found: Found) -> None:
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     constants = {name: _describe(value, found) for name, value in used.items()}
     rest = [_describe(value, found) for value in (*closed, *(function.__defaults__ or ()))]
-    found[name] = repr((constants, rest, sorted(compiled.targetoptions.items(), key=str)))
+    found[name] = repr(
+        (constants, rest, sorted((name, _even(value)) for name, value in compiled.targetoptions.items()))
+    )
+
+
+def _even(option: Any) -> str:
+    """An option in words that are the same in every process; the order of a set's members is not."""
+    return repr(sorted(option) if isinstance(option, set | frozenset) else option)
 
 
 def _codes(code: CodeType) -> list[CodeType]:

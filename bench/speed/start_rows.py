@@ -1,8 +1,8 @@
 """Rows of the table about waiting: start-up, the first run after installing, reports, a part in a batch.
 
 All are processor seconds of the command and its children, so that other work on the machine counts little. Set-up
-compiles the kernels; runs without it begin with an empty folder for them. `--beside CHECKOUT` of
-`python -m bench.speed.start_rows` times another state of the project in turn.
+compiles the kernels, a wheel of `make wheel` brings them; the first runs begin with an empty folder for them.
+`--beside CHECKOUT` of `python -m bench.speed.start_rows` times another state of the project in turn.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
             "first inspection without set-up, all kernels to compile", sides, cold(run(inspect, *given)), repeats
         )
         yield _row("first closed loop without set-up, all kernels to compile", sides, cold(run(loop)), repeats)
+        yield from _from_wheel(folder, repeats)
         for side in sides:  # all kernels are there from now on
             run(inspect, *given)(side)
         without = {side: [run(short, *given)(side) for _ in range(repeats)] for side in sides}
@@ -72,6 +73,31 @@ def starting(beside: Path | None = None, repeats: int = REPEATS) -> Iterator[Row
             yield _row(
                 f"`workbench {command[0]}`", sides, lambda side, c=command: _spent(side, folder, *c), repeats, 0.5
             )
+
+
+def _from_wheel(folder: Path, repeats: int) -> Iterator[Row]:
+    """First runs from a wheel of `make wheel`, unpacked as pip does."""
+    kernels, wheel, installed = folder / "wheel-kernels", folder / "wheel", folder / "installed"
+    compiled = [sys.executable, "scripts/compile_kernels.py", "--into", str(kernels)]
+    built = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(wheel)]
+    for command in (compiled, built):
+        subprocess.run(
+            command, check=True, capture_output=True, cwd=ROOT, env={**os.environ, "WORKBENCH_KERNELS": str(kernels)}
+        )
+    shutil.unpack_archive(next(wheel.iterdir()), installed, "zip")
+    kept, shipped = folder / f"kernels-{installed.name}", installed / "workbench" / "shipped"
+    runs = {  # what is run, and the goal
+        "first inspection": (("inspect_bevel.json", "--input", f"recording={RECORDING}"), 6),
+        "first closed loop": (("closed_loop.json",), 25),
+    }
+    for what, ((pipeline, *more), goal) in runs.items():
+
+        def timed(side: Path, path: Path = shipped / "pipelines" / pipeline, more: list[str] = more) -> float:
+            shutil.rmtree(kept, ignore_errors=True)
+            return _spent(side, folder, "run", str(path), *more, "--out", str(folder / "out"))
+
+        timed(installed)  # bytecode
+        yield _row(f"{what} from a wheel of `make wheel`, no kernel kept", [installed], timed, repeats, goal)
 
 
 def _batch_part(side: Path, folder: Path) -> float:

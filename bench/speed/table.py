@@ -64,8 +64,9 @@ stages take. The dask worker is killed with SIGKILL after a quarter of the parts
 with those of one machine.
 
 Start-up (`bench/speed/start_rows.py`): processor seconds of the command and its children. Set-up compiles the kernels;
-"without set-up" begins with an empty folder for them, as after `pip install`. The shipped milled edge (309 frames of
-600 columns) and the shipped closed loop.
+"without set-up" begins with an empty folder for them, as after `pip install` of a wheel without kernels; a wheel of
+`make wheel` brings them. Bytecode is kept, as pip does. The shipped milled edge (309 frames of 600 columns) and the
+shipped closed loop.
 """
 
 

@@ -155,5 +155,18 @@ def test_an_installed_wheel_runs_without_the_checkout(wheel, tmp_path):
     assert json.loads((tmp_path / "out" / "stiffness.json").read_text())["loads"] > 0
 
 
+def test_a_wheel_with_kernels_is_one_platforms(tmp_path):
+    kernels = tmp_path / "kernels"
+    kernels.mkdir()
+    (kernels / "room.one-0.kernel").write_bytes(b"code")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / "dist")]
+    subprocess.run(
+        build, capture_output=True, check=True, cwd=ROOT, env={**os.environ, "WORKBENCH_KERNELS": str(kernels)}
+    )
+    (made,) = (tmp_path / "dist").iterdir()
+    assert not made.name.endswith("none-any.whl")
+    assert zipfile.ZipFile(made).read("workbench/shipped/kernels/room.one-0.kernel") == b"code"
+
+
 def files_below(folder):
     return (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)

@@ -12,9 +12,18 @@ import pytest
 
 from workbench.artefacts import Judgement, Moves, ProgramMoves
 from workbench.cli import main
+from workbench.geometry.poses import inverse, quaternion_from_rotation
+from workbench.path import simplify
 from workbench.program import write
 from workbench.program.trajectory import read_trajectory, slowed
-from workbench.robot import Cell, read_cell
+from workbench.robot import (
+    Cell,
+    forward_kinematics,
+    inverse_kinematics,
+    read_cell,
+    turntable_pose,
+    within_limits,
+)
 from workbench.robot.judge import judge
 from workbench.robot.surface import Planned
 
@@ -72,6 +81,36 @@ def test_what_is_written_passes_in_the_files_own_time(moves: Moves, cell: Cell) 
     assert judgement.time_s == pytest.approx(last, abs=1e-9)
     assert last > moves.toolpath.time_s - 1e-6
     assert 0 < judgement.speed_share < 1
+
+
+def test_where_the_turntable_turns_fast_rows_lie_nearer(
+    moves: Moves, cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To and fro by 8 deg, 2 deg from posture to posture: even angles leave the path by r theta^2/8."""
+    made = moves.postures
+    step = np.arange(len(made.layer))
+    table = np.radians(2.0) * np.abs((step + 4) % 8 - 4)
+    turned = np.array([turntable_pose(cell, angle) @ inverse(turntable_pose(cell, 0.0)) for angle in table])
+    targets = turned @ forward_kinematics(cell.chain, made.joints) @ made.flange_from_point
+    branches = inverse_kinematics(cell.chain, targets @ inverse(made.flange_from_point))
+    near = np.array([within_limits(cell.chain, one, q) for one, q in zip(branches, made.joints, strict=True)])
+    which = np.nanargmin(np.linalg.norm(near - made.joints[:, None], axis=2), axis=1)
+    other = replace(
+        made,
+        turntable=table,
+        joints=near[step, which],
+        position_mm=targets[:, :3, 3],
+        quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
+    )
+    wild = simplify(moves.toolpath, other)
+    judgement = written(wild, cell)[1]
+    assert judgement.passed, judgement.violations
+    assert judgement.deviation_mm < 0.025
+    assert len(judgement.program.moves) > 2 * len(step)
+    monkeypatch.setattr("workbench.program.trajectory.MOST_ROWS", 1)
+    _, gate, judgement, _ = write(wild, passed(wild.toolpath), cell, controller="trajectory")
+    assert not gate.passed
+    assert "deviation" in {one.kind for one in judgement.violations}
 
 
 def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell: Cell) -> None:

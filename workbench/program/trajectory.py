@@ -1,10 +1,11 @@
 """A joint trajectory: when each posture is reached, for controllers and simulators that take points over time.
 
-One row for every posture of the path, travels included: time in s, the six joint angles and the turntable in deg, and
-which layer it belongs to (0: travel). CSV, and JSON with the names of the joints. Between two rows all
-angles go evenly. The time of a row is that of the path's feed, longer where a joint or the turntable could not
-follow by its speed or, where the cell states it, its acceleration: also from the standstill at the first row and to
-that at the last one. There is no way to the first row: the robot must stand there.
+Rows for every posture of the path, travels included: time in s, the six joint angles and the turntable in deg, and
+which layer it belongs to (0: travel). CSV, and JSON with the names of the joints. Between two rows all angles go
+evenly; where the turntable turns so fast that they would leave the path, there are rows between the postures. The time
+of a row is that of the path's feed, longer where a joint or the turntable could not follow by its speed or, where the
+cell states it, its acceleration: also from the standstill at the first row and to that at the last one. There is no
+way to the first row: the robot must stand there.
 """
 
 from __future__ import annotations
@@ -20,10 +21,20 @@ import numpy as np
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
-from workbench.geometry.poses import is_rigid
+from workbench.geometry.poses import (
+    inverse,
+    is_rigid,
+    pose_from,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    slerp,
+)
 from workbench.kernels import kernel
 from workbench.program.reading import NUMBER, Lines, one_file
 from workbench.robot.cell import Cell
+from workbench.robot.collision import turntable_pose
+from workbench.robot.inverse import inverse_kinematics
+from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, AnyArray, Float, Int
 
 # A strict reader for joint trajectories: the CSV and the JSON of one must say the same.
@@ -33,6 +44,7 @@ TOOL, BASE = "tool", "base"
 DIGITS = 6  # of angles in deg
 SHARE = 0.99  # of speeds and accelerations: the rest is for what digits of times add
 LEAST_S = 1e-6  # between two rows
+ROW_SHARE, MOST_ROWS = 0.25, 100  # of the tolerance of the path, by which rows may leave it; rows to a posture
 MOST_SWEEPS = 200  # forth and back: a few suffice, each corner meets its neighbours
 NEARLY = 1 + 1e-6
 
@@ -93,32 +105,81 @@ class Trajectory:
 
     @functools.cached_property
     def rows(self) -> list[list[float]]:
-        """Of all postures that differ from the one before: time, joints, turntable, layer."""
+        """All that differ from the one before: time, joints, turntable, layer."""
         made = self.job.moves.postures
         assert made is not None
-        columns = [self._times(), self._angles[self.kept], made.layer[self.kept]]
+        angles, towards, _ = self._fine
+        columns = [self._times(), angles[self.kept], made.layer[towards[self.kept]]]
         rows: list[list[float]] = np.column_stack(columns).tolist()
         return rows
 
     @functools.cached_property
-    def _angles(self) -> Float:
-        """Joints and turntable (n, 7) of all postures as they are written, deg."""
+    def _fine(self) -> tuple[Float, Int, Float]:
+        """Joints and turntable (n, 7) as they are written, deg; which posture (n,) each leads to; the share of the way.
+
+        The postures, and between them so many that angles which go evenly from row to row stay on the path.
+        """
         made = self.job.moves.postures
         assert made is not None
-        return np.asarray(np.round(np.column_stack([made.joints, made.turntable]) / DEG, DIGITS))
+        seven = np.column_stack([made.joints, made.turntable])
+        off, _ = self._between_postures(np.arange(1, len(seven)), np.full(len(seven) - 1, 0.5))
+        count = np.clip(np.ceil(np.sqrt(off / (ROW_SHARE * self.job.rounding_mm))), 1, MOST_ROWS).astype(int)
+        towards = np.repeat(np.arange(len(seven)), np.append(1, count))
+        share = np.concatenate([[1.0], *(np.arange(1, n + 1) / n for n in count.tolist())])
+        fine, inner = seven[towards], np.flatnonzero(share < 1.0)
+        fine[inner] = self._between_postures(towards[inner], share[inner])[1]
+        return np.asarray(np.round(fine / DEG, DIGITS)), towards, share
+
+    @functools.cached_property
+    def _on_part(self) -> Float:
+        """The cutter's tip (n, 4, 4) at all postures, in the turntable's frame."""
+        made = self.job.moves.postures
+        assert made is not None
+        turned = inverse(self._tables(made.turntable))
+        return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ self.cell.flange_from_cutter)
+
+    def _tables(self, angles: Float) -> Float:
+        return np.array([turntable_pose(self.cell, angle) for angle in angles.tolist()]).reshape(-1, 4, 4)
+
+    def _between_postures(self, towards: Int, share: Float) -> tuple[Float, Float]:
+        """How far even angles leave the path (k,), mm, on the way to postures (k,); and angles (k, 7) that stay on it.
+
+        On the part the cutter goes straight and turns evenly. Where nothing reaches it, the angles go evenly.
+        """
+        made, cell = self.job.moves.postures, self.cell
+        assert made is not None
+        seven = np.column_stack([made.joints, made.turntable])
+        even = seven[towards - 1] + share[:, None] * (seven[towards] - seven[towards - 1])
+        start, end = self._on_part[towards - 1], self._on_part[towards]
+        first, last = (quaternion_from_rotation(pose[:, :3, :3]) for pose in (start, end))
+        place = start[:, :3, 3] + share[:, None] * (end[:, :3, 3] - start[:, :3, 3])
+        wanted = self._tables(even[:, 6]) @ pose_from(rotation_from_quaternion(slerp(first, last, share)), place)
+        there = forward_kinematics(cell.chain, even[:, :6]) @ cell.flange_from_cutter
+        apart = np.linalg.norm(there[:, :3, 2:] - wanted[:, :3, 2:], axis=1)  # tilt of the axis, and at its tip
+        off = np.asarray(apart @ np.array([self.job.moves.toolpath.cutter.flute_length_mm, 1.0]))
+        left = np.flatnonzero(off > ROW_SHARE * self.job.rounding_mm)
+        branches = inverse_kinematics(cell.chain, wanted[left] @ inverse(cell.flange_from_cutter))
+        near = branches + 2 * np.pi * np.round((even[left, None, :6] - branches) / (2 * np.pi))
+        away = np.nan_to_num(np.abs(near - even[left, None, :6]).max(axis=2), nan=np.inf)
+        best = near[np.arange(len(left)), away.argmin(axis=1)]
+        even[left, :6] = np.where(np.isfinite(best), best, even[left, :6])
+        return off, even
 
     @functools.cached_property
     def kept(self) -> Int:
-        """Indices of those postures."""
-        return np.flatnonzero(np.append(True, np.any(np.diff(self._angles, axis=0), axis=1)))
+        """Indices of the rows that differ from the one before."""
+        return np.flatnonzero(np.append(True, np.any(np.diff(self._fine[0], axis=0), axis=1)))
 
     def _times(self) -> Float:
-        """When each of the kept postures is reached, s."""
+        """When each of the kept rows is reached, s."""
         made, table = self.job.moves.postures, self.cell.turntable
         assert made is not None
+        angles, towards, share = self._fine
         way = np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]
-        at_feed = np.diff(np.append(0.0, np.cumsum(way))[self.kept])
-        moved = np.diff(self._angles[self.kept], axis=0) * DEG
+        whole = np.append(0.0, np.cumsum(way))
+        feed = whole[towards] - (1 - share) * np.append(0.0, way)[towards]
+        at_feed = np.diff(feed[self.kept])
+        moved = np.diff(angles[self.kept], axis=0) * DEG
         rated = SHARE * np.append(self.cell.chain.speeds, table.speed if table else np.inf)
         steps = np.maximum(np.maximum(at_feed, (np.abs(moved) / rated).max(axis=1)), LEAST_S)
         if self.cell.rated_accelerations is not None:
@@ -181,7 +242,7 @@ class Trajectory:
         return rows
 
     def _between(self, before: int, last: int) -> list[str]:
-        first, end = np.searchsorted(self.kept, [before, last], side="right").tolist()
+        first, end = np.searchsorted(self._fine[1][self.kept], [before, last], side="right").tolist()
         return [",".join(map(str, _tidy(row))) for row in self.rows[first:end]]
 
 

@@ -57,7 +57,8 @@ def refusal(
             return "unreachable", None
         told = judge(dataclasses.replace(cell, process=None), _program(cell, moves))
         if told.violations:
-            return told.violations[0].kind, told.clearance_pair
+            kind = told.violations[0].kind
+            return kind, told.clearance_pair if kind == "collision" else None
     return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table.tolist(), strict=True)]))
 
 

@@ -113,7 +113,7 @@ def test_choice_and_map_are_those_of_plain_loops(
 ) -> None:
     here: Cell = request.getfixturevalue(where)
     sure = dataclasses.replace(here.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
-    here = dataclasses.replace(here, margins=sure)  # the loops know of no uncertainty
+    here = dataclasses.replace(here, margins=sure, process=None)  # the loops know of no uncertainty and no home
     made, _, document, _ = posture(here, stiffness, path, acts, **COARSE)
     least, each = best_by_loops(here, path, acts, 30.0)
     length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]

@@ -20,6 +20,7 @@ from workbench.api import (
     forward_kinematics,
     inverse,
     refusal,
+    within_limits,
     within_margins,
 )
 from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, joint_angles
@@ -107,8 +108,12 @@ class Examiner:
         poor = self.poor(joints[inside][:, spread(np.arange(places), SAMPLED_AT)])
         said = np.where((poor == LIMIT).any(axis=1), LIMIT, FREE)
         said[(poor == SINGULAR).any(axis=1)] = SINGULAR
-        cause[inside] = said
         hit, how = np.full(count, -1), np.full(count, SAMPLED)
+        for end in (0, -1):
+            still = np.flatnonzero(said == FREE)
+            cells, at = inside[still], np.full(len(still), self._stations[end])
+            said[still], hit[cells] = self.away(configuration, at, flange[cells, end], table[cells])
+        cause[inside] = said
         asked = inside[said == FREE]
         fast = (np.abs(np.diff(joints[asked], axis=1)) > MOST_STEP).any(axis=(1, 2))
         for i in asked[fast].tolist():
@@ -180,6 +185,29 @@ class Examiner:
             return joints[0], LIMIT, -1
         hits = self.screen.hits(joints[0], table)
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
+
+    def away(self, configuration: Configuration, at: Int, flange: Float, table: Float) -> tuple[Int, Int]:
+        """The cause against where the program comes from to the first, and goes to from the last point; and the hit.
+
+        FREE and -1 for other points among `at` (m,). Both lie along the cutter's axis from poses (m, 4, 4).
+        """
+        said, hit, process = np.full(len(at), FREE), np.full(len(at), -1), self.whole.process
+        if process is None:
+            return said, hit
+        for end, distance_mm in ((0, process.approach_mm), (len(self.points.layer) - 1, process.retract_mm)):
+            rows = np.flatnonzero(at == end)
+            back = flange[rows].copy()
+            back[:, :3, 3] -= distance_mm * (back @ self.cell.flange_from_cutter)[:, :3, 2]
+            joints = within_limits(self.cell.chain, configuration.joints(self.arm, back))
+            within = np.isfinite(joints).all(axis=1)
+            said[rows[~within]] = LIMIT
+            rows, joints = rows[within], joints[within]
+            said[rows] = self.poor(joints)
+            free = said[rows] == FREE
+            rows, joints = rows[free], joints[free]
+            hit[rows] = self.screen.hits(joints, table[rows])
+            said[rows[hit[rows] >= 0]] = COLLISION
+        return said, hit
 
     def driven(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """As `along`; then as the judge of programs drives them: between the points, and from home and back."""

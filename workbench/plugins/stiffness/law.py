@@ -150,6 +150,7 @@ def nodes(
     free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
     free[free] = examiner.poor(joints[free]) == FREE
     free[free] = examiner.screen.hits(joints[free], alpha[free]) < 0
+    free[free] = examiner.away(configuration, at[free], flange[free], alpha[free])[0] == FREE
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
     return np.where(free, cost, np.inf).reshape(shape), seven, free.reshape(shape)
 
@@ -177,9 +178,10 @@ def closed_off(examiner: Examiner, stiffness: Float, configuration: Configuratio
     shape, n = (len(grid.tables), len(grid.rotations)), len(examiner.points.layer)
     at = [np.minimum(np.arange(COARSE // 2, count + COARSE // 2, COARSE), count - 1) for count in shape]
     table, rotation = np.meshgrid(grid.tables[at[0]], grid.rotations[at[1]], indexing="ij")
+    looked = np.minimum(np.arange(POINTS // 2, n + POINTS // 2, POINTS), n - 1)
+    looked[[0, -1]] = 0, n - 1  # where the program comes from and goes to counts
     judged = [
-        ~nodes(examiner, stiffness, configuration, rotation[None], table[None], np.array([i]))[2][0]
-        for i in np.minimum(np.arange(POINTS // 2, n + POINTS // 2, POINTS), n - 1)
+        ~nodes(examiner, stiffness, configuration, rotation[None], table[None], np.array([i]))[2][0] for i in looked
     ]
     return lambda i: judged[i // POINTS].repeat(COARSE, axis=0).repeat(COARSE, axis=1)[: shape[0], : shape[1]]
 

@@ -11,6 +11,7 @@ import pytest
 from workbench.artefacts import Cloud, PointSet
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.path import read
 from workbench.pipeline import Pipeline
 from workbench.robot import Cell
 from workbench.robot.collision import turntable_pose
@@ -96,10 +97,24 @@ def test_a_scan_as_a_file_is_the_same_body(cell: Cell, tmp_path: Path) -> None:
     assert upstream is not None
     assert [one.pose.tolist() for one in file.shapes] == [one.pose.tolist() for one in upstream.shapes]
     assert (file.may_touch, file.unchecked, file.unseen) == (upstream.may_touch, upstream.unchecked, upstream.unseen)
-    assert plate(cell) is cell
+    alone = plate(cell)
+    assert alone is not None
+    assert (alone.shapes, alone.may_touch) == (cell.shapes, cell.may_touch)
     np.savetxt(tmp_path / "plate.xyz", points / 1e3)
     with pytest.raises(InputError, match=r"plate.xyz.*metres"):
         plate(cell, scan=tmp_path / "plate.xyz")
+
+
+def test_a_path_alone_says_how_well_its_hand_eye_was_known(cell: Cell) -> None:
+    path = read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json")
+    known = dataclasses.replace(path, part=dataclasses.replace(path.part, hand_eye_u_mm=0.3))
+    sure, unsure = (plate(cell, toolpath=one) for one in (path, known))
+    assert sure is not None
+    assert unsure is not None
+    assert sure.margins == cell.margins
+    assert any("hand-eye" in text for text in (*sure.unchecked, *sure.unseen))
+    assert not any("hand-eye" in text for text in (*unsure.unchecked, *unsure.unseen))
+    assert unsure.margins.part_mm == pytest.approx(np.hypot(cell.margins.part_mm, 0.3))
 
 
 def test_a_cloud_without_a_grid_is_a_body_whole(cell: Cell) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, PointSet
+from workbench.artefacts import Cloud, PointSet, Toolpath
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
 from workbench.robot.cell import Cell
@@ -35,6 +35,7 @@ def plate(
     cell: Cell | None,
     cloud: Cloud | None = None,
     points: PointSet | None = None,
+    toolpath: Toolpath | None = None,
     *,
     scan: Annotated[
         InputFile | None,
@@ -52,12 +53,14 @@ def plate(
     part is large; what the scan has not seen is not there.
     The cutter (the tool's shapes with `"body": "cutter"`) may touch it, since it mills: how deep is what `path.check`
     asks; the spindle may not. It takes the place of a workpiece that the cell file names. What the hand-eye's
-    covariance leaves open of where the points lie counts with the cell's own uncertainty of the part.
+    covariance leaves open of where the points lie counts with the cell's own uncertainty of the part; without a scan
+    upstream, the path's own figure of it.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.
         cloud: the scan.
         points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
+        toolpath: the path, whose part says how well its scan's hand-eye was known.
         scan: a scan as a file, which says nothing of its hand-eye.
         voxel_mm: edge of the cubes.
         planned_at_deg: turntable angle at which the scan's points hold.
@@ -76,6 +79,7 @@ def plate(
     """
     if cell is None:
         return None
+    cell = _as_known(cell, cloud, toolpath)
     if points is not None:
         seen, source = points.points_mm, points.source
     elif cloud is not None:
@@ -90,21 +94,24 @@ def plate(
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
+    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen)
+
+
+def _as_known(cell: Cell, cloud: Cloud | None, toolpath: Toolpath | None) -> Cell:
+    """The cell with what the hand-eye leaves open of the part: by the scan, or as the path says that was made of it."""
+    stated = None if toolpath is None else toolpath.part.hand_eye_u_mm
     known = None if cloud is None else scan_uncertainty(cloud)
-    unchecked = cell.unchecked
-    if known is None and cell.margins.part_mm:
-        unseen = (*unseen, BASE_U_ALONE)
-    elif known is None:
-        unchecked = (*unchecked, NO_HAND_EYE_U)
-    mm, rad = known or (0.0, 0.0)
+    if known is None and stated is None:
+        if cell.margins.part_mm:
+            return dataclasses.replace(cell, unseen=(*cell.unseen, BASE_U_ALONE))
+        return dataclasses.replace(cell, unchecked=(*cell.unchecked, NO_HAND_EYE_U))
+    mm, rad = known or (stated or 0.0, 0.0)
     margins = dataclasses.replace(
         cell.margins,
         part_mm=float(np.hypot(cell.margins.part_mm, mm)),
         part_rad=float(np.hypot(cell.margins.part_rad, rad)),
     )
-    return dataclasses.replace(
-        cell, shapes=(*others, *body), may_touch=touch, unseen=unseen, margins=margins, unchecked=unchecked
-    )
+    return dataclasses.replace(cell, margins=margins)
 
 
 def _seen(cloud: Cloud) -> Float:

@@ -66,8 +66,8 @@ def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
     """The calibration recording that `recipe` describes, and its truth. The same recipe gives the same numbers."""
     motions = sphere_motion(recipe)
     poses = np.concatenate([m.base_from_flange for m in motions])
-    x, z = _profiles(recipe, poses)
     truth = _truth(recipe, poses, _pass_index([len(m.time_s) for m in motions]))
+    x, z = _profiles(recipe, poses, _centers(recipe, truth.pass_index))
     sphere = recipe.sphere
     recording = Recording(
         source="synthetic",
@@ -90,20 +90,31 @@ def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
 def true_poses(recipe: SphereRecipe) -> tuple[Float, Float, Float]:
     """flange_from_profiler (4, 4), flange poses (N, 4, 4), sphere centres in the profiler frame (N, 3): true."""
     poses = np.concatenate([m.base_from_flange for m in sphere_motion(recipe)])
-    return pose(recipe.robot.flange_from_profiler), poses, scene(recipe, poses).centre
+    center = _centers(recipe, _pass_index([len(m.time_s) for m in sphere_motion(recipe)]))
+    return pose(recipe.robot.flange_from_profiler), poses, scene(recipe, poses, center).centre
 
 
 def _truth(recipe: SphereRecipe, poses: Float, pass_index: Int) -> SphereTruth:
-    true = pose(recipe.robot.flange_from_profiler)
-    return SphereTruth(recipe, true, design_hand_eye(recipe), poses, scene(recipe, poses).centre, pass_index)
+    true, seen = pose(recipe.robot.flange_from_profiler), scene(recipe, poses, _centers(recipe, pass_index))
+    return SphereTruth(recipe, true, design_hand_eye(recipe), poses, seen.centre, pass_index)
 
 
-def _profiles(recipe: SphereRecipe, poses: Float) -> tuple[Any, Any]:
+def _center(recipe: SphereRecipe, one: SpherePass) -> Float:
+    return np.array(recipe.sphere.center_mm if one.center_mm is None else one.center_mm)
+
+
+def _centers(recipe: SphereRecipe, pass_index: Int) -> Float:
+    """Where the sphere stands in the base (N, 3) in frames of passes (N,)."""
+    return np.array([_center(recipe, one) for one in recipe.passes])[pass_index]
+
+
+def _profiles(recipe: SphereRecipe, poses: Float, center: Float) -> tuple[Any, Any]:
     """x and z (N, M) as returned."""
     sensor, offsets = sensor_of(recipe.scanner), column_offsets(recipe.scanner)
     xs, zs = [], []
     for number, first in enumerate(range(0, len(poses), _BLOCK_FRAMES)):
-        exact, cosines = cast(scene(recipe, poses[first : first + _BLOCK_FRAMES]), sensor, offsets)
+        block = slice(first, first + _BLOCK_FRAMES)
+        exact, cosines = cast(scene(recipe, poses[block], center[block]), sensor, offsets)
         ranges = disturb(recipe, exact, cosines, np.random.default_rng([recipe.seed, 3, number]))
         x = sensor.emitter_x + (ranges * offsets if sensor.angular else np.broadcast_to(offsets, ranges.shape))
         xs.append(x.astype(np.float32))
@@ -153,8 +164,8 @@ class Scene:
     table_mm: float  # of the table below the centre; infinite: none
 
 
-def scene(recipe: SphereRecipe, base_from_flange: Float) -> Scene:
-    """What stands before the scanner while the flange is at poses (N, 4, 4)."""
+def scene(recipe: SphereRecipe, base_from_flange: Float, center: Float) -> Scene:
+    """What stands before the scanner while the flange is at poses (N, 4, 4) and the sphere at `center` (N, 3)."""
     sphere, hand_eye = recipe.sphere, pose(recipe.robot.flange_from_profiler)
     profiler_from_base = inverse(base_from_flange @ hand_eye)
     nominal = rotation_from_rpy(*(np.array(recipe.robot.nominal_rpy_deg) * DEG)) @ hand_eye[:3, :3]
@@ -163,7 +174,7 @@ def scene(recipe: SphereRecipe, base_from_flange: Float) -> Scene:
     rotation = profiler_from_base[:, :3, :3]
     radius = sphere.diameter_mm / 2
     return Scene(
-        rotation @ np.array(sphere.center_mm) + profiler_from_base[:, :3, 3],
+        (rotation @ center[..., None])[..., 0] + profiler_from_base[:, :3, 3],
         rotation @ (nominal @ tilt @ towards),
         radius,
         sphere.stem_diameter_mm / 2,
@@ -327,7 +338,7 @@ def flange_poses(recipe: SphereRecipe, one: SpherePass, time_s: Float) -> Float:
     turned = nominal @ rotation_from_vector(np.array(one.turn_deg) * DEG) @ rotation_from_vector(swing)
     flange_from_profiler = pose(robot.flange_from_profiler)
     in_flange = in_profiler(recipe.scanner, view) @ flange_from_profiler[:3, :3].T + flange_from_profiler[:3, 3]
-    return pose_from(turned, np.array(recipe.sphere.center_mm) - (turned @ in_flange[..., None])[..., 0])
+    return pose_from(turned, _center(recipe, one) - (turned @ in_flange[..., None])[..., 0])
 
 
 def systematic_error(recipe: SphereRecipe, base_from_flange: Float) -> Float:

@@ -37,6 +37,7 @@ class SpherePass(Strict):
     seconds: Annotated[float, Field(gt=0, le=100)] = 1.0
     weave_mm: NonNegative = 0.0  # amplitude in x, with 1.5 waves a scan, and in range, with 2.5
     weave_deg: NonNegative = 0.0  # amplitude of a swing about an oblique axis, with two waves
+    center_mm: Vector | None = None  # of the sphere now: another sphere, or on a table that turned; None: the sphere's
     gross_mm: Vector = (0.0, 0.0, 0.0)  # what the recorded pose is off, beyond the noise
 
 

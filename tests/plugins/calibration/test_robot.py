@@ -171,7 +171,10 @@ def test_a_sphere_tells_the_wrist(tmp_path: Path) -> None:
     again = read_hand_eye(tmp_path / "handeye.json")
     np.testing.assert_array_equal(again.flange_from_profiler, hand_eye.flange_from_profiler)
     np.testing.assert_array_equal(again.covariance, hand_eye.covariance)
-    assert f"u = {found['u_mm']:.3f} mm" in json.loads(documents[0].content)["method"]
+    pose = json.loads(documents[0].content)
+    assert f"u = {found['u_mm']:.3f} mm" in pose["method"]
+    assert pose["good_enough"]
+    assert re.match(r"the hand-eye pose, with .* takes U = 0\.\d+ mm .* and 0\.\d+ deg of a bevel tol", pose["verdict"])
     with pytest.raises(InputError, match=r"expected a handeye\.json, found a robot\.json: give the handeye\.json"):
         read_hand_eye(tmp_path / "robot.json")
 

@@ -104,7 +104,7 @@ def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
         seen, given = scanned(rng, REFERENCES), files(tmp_path, rng)
         rows = [f"ball {k},{k * EACH + i}" for k in range(2) for i in range(EACH)]
         (tmp_path / "references.csv").write_text("\n".join(["reference,pass", *rows]) + "\n")
-        touches = touch_file(tmp_path, touch_rows(rng, about=known))
+        touches = on_centres(touch_file(tmp_path, touch_rows(rng, about=known)))
         noise = {"robot_noise_mm": NOISE_MM, "touch_noise_mm": 0.0, "max_u_mm": 10.0}
         with pytest.raises(InputError, match="nothing determines the tool point"):
             tcp_stage(touches=touches, **noise)
@@ -117,9 +117,28 @@ def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
     assert 4.0 < np.mean(chi) < 8.2  # six degrees of freedom, sixteen tools: 6 +- 0.9
 
 
-def test_references_that_no_touch_names(tmp_path: Path) -> None:
+def on_centres(touches: Path, said: str = "0") -> Path:
+    """The table, which says how far from the spheres' centres the tool point stays."""
+    lines = touches.read_text().splitlines()
+    cells = [f",{'stand_off_mm' if k == 1 else said}" if k else "" for k in range(len(lines))]
+    touches.write_text("\n".join(line + cell for line, cell in zip(lines, cells, strict=True)) + "\n")
+    return touches
+
+
+@pytest.mark.parametrize("said", [None, "", "3"])
+def test_a_scanned_sphere_is_touched_on_its_surface_unless_it_is_said(tmp_path: Path, said: str | None) -> None:
+    """Pressed along the tool it would be too long by the radius, and no residual would show it."""
     rng = np.random.default_rng(1)
     seen, touches = scanned(rng, REFERENCES), touch_file(tmp_path, touch_rows(rng))
+    touches = touches if said is None else on_centres(touches, said)
+    (tmp_path / "references.csv").write_text("reference,pass\nball 0,0\nball 0,1\nball 0,2\n")
+    with pytest.raises(InputError, match=r"line 3: stand_off_mm: expected the tool point's distance .* 5 mm, and that"):
+        tcp_stage(circles(seen), seen, touches=touches, references=tmp_path / "references.csv")
+
+
+def test_references_that_no_touch_names(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    seen, touches = scanned(rng, REFERENCES), on_centres(touch_file(tmp_path, touch_rows(rng)))
     (tmp_path / "references.csv").write_text("reference,pass\nbal 0,0\nbal 0,1\nbal 0,2\n")
     with pytest.raises(InputError, match="'bal 0' is no reference of the touches; did you mean 'ball 0'"):
         tcp_stage(circles(seen), seen, touches=touches, references=tmp_path / "references.csv")

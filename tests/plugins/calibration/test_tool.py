@@ -81,6 +81,41 @@ def test_a_blunder_is_left_out_and_told(tmp_path: Path) -> None:
     assert np.linalg.norm(np.array(found["points"][0]["position_mm"]) - TIP) < 0.2
 
 
+def ball_rows(rng: Any, count: int, beside_mm: float, known: bool, tilt: float) -> list[str]:
+    """Touches of balls with a ball: the tool presses from its side, up to `tilt` rad off the line to the flange."""
+    rows = []
+    for i, turn in enumerate(rotation_from_vector(rng.normal(size=(count, 3)) * 0.6)):
+        lever = turn @ TIP
+        way = rotation_from_vector((rng.normal(size=3) * tilt)[None])[0] @ (-lever / np.linalg.norm(lever))
+        at = REFERENCES[i % 2] + beside_mm * way - lever
+        at = at + rng.normal(size=3) * NOISE_MM - np.cross(rng.normal(size=3) * NOISE, lever)
+        told = [*at, *quaternion_from_rotation(turn), beside_mm, *(REFERENCES[i % 2] if known else [])]
+        rows.append(f"ball {i % 2},tip," + ",".join(f"{v:.9f}" for v in told))
+    return rows
+
+
+@pytest.mark.parametrize(("known", "tilt"), [(True, 0.05), (True, 0.5), (False, 0.5)])
+def test_a_ball_that_is_touched_keeps_the_tool_off(tmp_path: Path, known: bool, tilt: float) -> None:
+    """By both radii; without them the tool would be too long by as much. Along the tool, and from all sides."""
+    header = "reference,tool_point,x_mm,y_mm,z_mm,qw,qx,qy,qz,stand_off_mm" + (",px_mm,py_mm,pz_mm" if known else "")
+    rng, chi, path = np.random.default_rng(5), [], tmp_path / "balls.csv"
+    for _ in range(40):
+        path.write_text("\n".join([header, *ball_rows(rng, 30, 8.0, known, tilt)]) + "\n")
+        found = calibrated(path, max_u_mm=10.0, reference_u_mm=0.001)
+        off = np.array(found["points"][0]["position_mm"]) - TIP
+        chi.append(off @ np.linalg.solve(np.array(found["points"][0]["covariance_mm2"]), off))
+        assert found["left_out"] == []
+    assert 2.2 < np.mean(chi) < 3.8  # three degrees of freedom, forty tools: 3 +- 0.4
+
+
+def test_a_distance_below_zero_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "balls.csv"
+    rows = ball_rows(np.random.default_rng(5), 8, -1.0, False, 0.5)
+    path.write_text("\n".join(["reference,tool_point,x_mm,y_mm,z_mm,qw,qx,qy,qz,stand_off_mm", *rows]) + "\n")
+    with pytest.raises(InputError, match="line 2: stand_off_mm: expected 0 or more"):
+        calibrated(path)
+
+
 def changed(rows: list[str], change: Any) -> list[str]:
     """Rows with `change` of their numbers (position, then quaternion, then the known reference)."""
     out = []

@@ -24,7 +24,6 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration import bundle, methods
-from workbench.plugins.calibration.blunders import enough
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.correlated import correlated
 from workbench.plugins.calibration.determinacy import check_determined, directions
@@ -34,14 +33,22 @@ from workbench.plugins.calibration.model import (
     Noise,
     View,
     linearise,
-    place_u,
     view_of_points,
     volume_u,
 )
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
 from workbench.plugins.calibration.solve import Answer, asked, check_scans, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
-from workbench.plugins.calibration.verdicts import NEAR, Scales, Sensor, rejections, rescaled, scales_of, warnings
+from workbench.plugins.calibration.verdicts import (
+    NEAR,
+    Scales,
+    Sensor,
+    rejections,
+    rescaled,
+    scales_of,
+    serves,
+    warnings,
+)
 
 ROUNDS = 8  # of scales: each frees one, or comes nearer
 NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
@@ -146,14 +153,13 @@ def hand_eye(
     if answer.with_offset:
         check_scans(result, passes, answer.noise, max_u_mm, view, where, raised=asked(noise, answer.noise))
     pose_covariance, rotation = result.covariance[:6, :6], result.estimate.rotation
-    turn_u_deg = float(np.sqrt(np.linalg.eigvalsh(pose_covariance[3:, 3:])[-1])) / DEG
-    verdict = enough(
-        place_u(pose_covariance, rotation, view),
+    verdict = serves(
+        pose_covariance,
+        rotation,
+        view,
         bevel_deg,
-        root_tolerance_mm,
-        "the hand-eye pose",
-        "add postures, first those of calibration_plan.csv",
-        (turn_u_deg, bevel_tolerance_deg),
+        (root_tolerance_mm, bevel_tolerance_deg),
+        ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
     found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
     return found.hand_eye, found, hand_eye_document(found)

@@ -140,10 +140,12 @@ class Passes:
                 still.append(rows)
                 continue
             at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
-            base_from_flange[rows] = interpolate_poses(at, time, *poses)
-            velocity[rows] = _velocity(at, time, *poses)
             node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-            fraction = (at - time[node]) / (time[node + 1] - time[node])
+            step = time[node + 1] - time[node]
+            fraction = (at - time[node]) / step
+            base_from_flange[rows], velocity[rows] = _moving(
+                at, 0.5 * fraction * (1 - fraction) * step**2, time, *poses
+            )
             evened[rows] = fraction**2 + (1 - fraction) ** 2
             scans.append(Group(rows, node, fraction, len(time)))
         at_rest = np.concatenate([*still, np.zeros(0, int)]).astype(int)
@@ -220,27 +222,37 @@ def _mean(circle: Float, covariance: Float) -> tuple[Float, Float]:
     return spread @ np.einsum("kij,kj->i", information, circle), spread
 
 
-def _velocity(at: Float, time: Float, position: Float, quaternion: Float) -> Float:
-    """Velocity of the flange (m, 6) at times (m,), in its own frame, mm/s and rad/s: of a smooth motion (see `_slope`).
+def _moving(at: Float, chord: Float, time: Float, position: Float, quaternion: Float) -> tuple[Float, Float]:
+    """Poses of the flange (m, 4, 4) at times (m,), and its velocity (m, 6) in its own frame, mm/s and rad/s.
 
-    Differences of neighbouring poses would pass their noise for motion, and so find a clock offset where none shows.
+    Between two recorded poses a motion leaves their chord by its second derivative times `chord` (m,), s^2: a weave
+    that is sampled coarsely would seem too small, and the sensor's scales wrong. Both derivatives are those of a smooth
+    motion (see `_slopes`): differences of neighbouring poses would pass their noise for motion, and so find a clock
+    offset where none shows.
     """
     here = (time >= at.min() - MARGIN_S) & (time <= at.max() + MARGIN_S)
     if here.sum() < 4:
         here = np.ones(len(time), bool)
     rotation = rotation_from_quaternion(quaternion)
-    now = interpolate_poses(at, time, position, quaternion)[:, :3, :3]
+    poses = interpolate_poses(at, time, position, quaternion)
     middle = rotation[len(rotation) // 2]
     turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
-    linear = _slope(at, time[here], position[here] - position[0])
-    vector, rate = vector_from_rotation(middle.T @ now), _slope(at, time[here], turned[here])
+    linear, bend = _slopes(at, time[here], position[here] - position[0])
+    rate, curl = _slopes(at, time[here], turned[here])
+    poses[:, :3, 3] -= chord[:, None] * bend
+    vector = vector_from_rotation(middle.T @ poses[:, :3, :3]) - chord[:, None] * curl
+    now = middle @ rotation_from_vector(vector)
+    poses[:, :3, :3] = now
     step = DIFFERENCE_S * rate
     spin = vector_from_rotation(np.swapaxes(now, 1, 2) @ middle @ rotation_from_vector(vector + step)) / DIFFERENCE_S
-    return np.concatenate([np.einsum("kji,kj->ki", now, linear), spin], axis=1)
+    return poses, np.concatenate([np.einsum("kji,kj->ki", now, linear), spin], axis=1)
 
 
-def _slope(at: Float, time: Float, values: Float) -> Float:
-    """Derivative at times (m,) of a polynomial through values (K, 3), of the degree that they deserve (BIC)."""
+def _slopes(at: Float, time: Float, values: Float) -> tuple[Float, Float]:
+    """First and second derivative at times (m,) of a polynomial through values (K, 3), of the degree that they deserve.
+
+    By the Bayesian information criterion.
+    """
     middle, half = (time[0] + time[-1]) / 2, (time[-1] - time[0]) / 2
     most = min(MAX_DEGREE, max(1, len(time) // 2 - 1))
     basis, triangle = np.linalg.qr(chebvander((time - middle) / half, most))
@@ -249,4 +261,6 @@ def _slope(at: Float, time: Float, values: Float) -> Float:
     score = values.size * np.log(np.maximum(left, 1e-300)) + 3 * np.arange(1, most + 2) * np.log(values.size)
     degree = 1 + int(np.argmin(score[1:]))
     series = np.linalg.solve(triangle[: degree + 1, : degree + 1], parts[: degree + 1])
-    return np.asarray(chebval((at - middle) / half, chebder(series)).T / half)
+    x = (at - middle) / half
+    first, second = (chebval(x, chebder(series, order)).T / half**order for order in (1, 2))
+    return np.asarray(first), np.asarray(second)

@@ -57,6 +57,7 @@ from workbench.plugins.calibration.rows import JOINTS, Table
 from workbench.plugins.calibration.solve import solve
 from workbench.plugins.calibration.tracker import chain_of, flange_poses, inverse_information
 from workbench.plugins.calibration.values import SphereProfiles
+from workbench.plugins.calibration.verdicts import serves
 
 if TYPE_CHECKING:
     from workbench.api import Chain
@@ -106,6 +107,7 @@ def robot(
         float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
     ] = 2.0,
     root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that robot and profiler must serve")] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="likewise, the hand-eye pose alone")] = 1.0,
     bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is measured")] = 40.0,
 ) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
@@ -131,6 +133,7 @@ def robot(
         length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
         max_u_mm: a hand-eye pose that is less certain over the field of view is refused, and the direction named.
         root_tolerance_mm: tolerance of the root face that is to be served.
+        bevel_tolerance_deg: of its bevel's angle; `handeye.json` says whether its pose serves both.
         bevel_deg: angle of its bevel.
 
     Raises:
@@ -217,9 +220,19 @@ def robot(
         f"field of view: u = {together_u:.3f} mm of the hand-eye pose with these errors, {u:.3f} mm by itself.",
     )
     hand_eye = HandEye(frozen(pose), frozen(both), recording.source, recording.part.recorded_at, together_u)
+    pose_serves = serves(
+        both,
+        found.estimate.rotation,
+        view,
+        bevel_deg,
+        (root_tolerance_mm, bevel_tolerance_deg),
+        ("the hand-eye pose, with the corrected robot,", "add postures"),
+    )
     return (
         hand_eye,
-        _hand_eye_document(hand_eye, document, recording, profiles, used, _causes(seen, kept, passes, left_out)),
+        _hand_eye_document(
+            hand_eye, document, recording, profiles, used, _causes(seen, kept, passes, left_out), pose_serves
+        ),
         Document(RobotFile.NAME, RobotFile.written(document)),
         Chapter(
             "Robot calibration",
@@ -270,6 +283,7 @@ def _hand_eye_document(
     profiles: SphereProfiles,
     used: Observations,
     causes: dict[int, str],
+    verdict: tuple[bool, str],
 ) -> Document:
     """`handeye.json`: the pose that goes with the corrected robot, as planning and inspection read it."""
     pose = hand_eye.flange_from_profiler
@@ -289,6 +303,8 @@ def _hand_eye_document(
         "method": f"beside {count} joint offsets and lengths: u = {u:.3f} mm of a place with both (robot.json)",
         "frames_used": sorted(frame for frames in used.frames for frame in frames),
         "frames_rejected": [{"frame": frame, "cause": cause} for frame, cause in sorted(rejected.items())],
+        "good_enough": verdict[0],
+        "verdict": verdict[1],
         "warnings": [*robot_json["warnings"], *([CORRECTED] if count else [])],
     }
     return Document(HandEyeFile.NAME, HandEyeFile.written(content))

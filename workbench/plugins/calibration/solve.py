@@ -22,6 +22,7 @@ HOPELESS = 0.5  # RMS residual of the centres, in sphere radii, beyond which not
 CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
+GROSS_ROUNDS = 3  # frames beside a gross one, which it had pulled the fit off, come back
 OFFSET_GRID_MM, MAX_OFFSETS = 1.0, 200  # how finely clock offsets are searched
 
 
@@ -127,8 +128,10 @@ def solve_with_offset(
             fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
     seen = passes.place(best.estimate.offset_s)
-    used = bundle.left_out(best, seen, noise) < bundle.GROSS
-    if not used.all() and (~used).mean() <= bundle.GROSS_SHARE:
+    for _ in range(GROSS_ROUNDS):
+        used = bundle.left_out(best, seen, noise) < bundle.GROSS
+        if (used == best.used).all() or (~used).mean() > bundle.GROSS_SHARE:
+            break
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
     _check_explains(best, seen, noise, where)

@@ -42,11 +42,15 @@ ASKED = "are poses the flange's, in mm, with the quaternion's w first?"
 LEAST_TOUCHES = 4
 ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
+STAND_OFF = "stand_off_mm"
+FAR_BETTER = 0.25  # a misfit over another's: touches along the tool fit its mirror image, beyond the ball, as well
+ROUNDS = 3  # the lever of the orientation's noise is the answer's own
+MOST_ROUNDS = 40  # where balls are touched, whose normals are the answer's too
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touches:
-    """n touches: the flange stands so that a tool point lies on a reference point."""
+    """n touches: the flange stands so that a tool point lies on a reference point, or beside it by a known distance."""
 
     base_from_flange: Shaped[Float, "n 3 4"]  # rotation and position
     tool_point: Shaped[Int, " n"]  # number of the tool point
@@ -55,7 +59,13 @@ class Touches:
     reference_names: tuple[str, ...]
     known_mm: Shaped[Float, "r 3"]  # references as measured in the base; NaN: unknown
     known_covariance: Float  # (3 k, 3 k) of those that are known, in their order, mm^2
+    stand_off_mm: Shaped[Float, " n"]  # of the tool point from the reference; NaN: not said, on it
     lines: tuple[int, ...]  # of the file
+
+    @property
+    def beside_mm(self) -> Float:
+        """The distances (n,), 0 where nothing is said."""
+        return np.nan_to_num(self.stand_off_mm)
 
     def only(self, keep: Int) -> Touches:
         """Some of the touches."""
@@ -64,6 +74,7 @@ class Touches:
             base_from_flange=self.base_from_flange[keep],
             tool_point=self.tool_point[keep],
             reference=self.reference[keep],
+            stand_off_mm=self.stand_off_mm[keep],
             lines=tuple(self.lines[i] for i in keep),
         )
 
@@ -113,10 +124,12 @@ def tcp(
 
     Touch i says R_i p + t_i = c: linear in the tool point p and in the reference c, which may be unknown (then at least
     three orientations are needed) or measured with the scanner: typed, or by the passes of a recording that show a
-    sphere there, three postures or more, and the known hand-eye pose. Weighted least squares; the weights hold the
+    sphere there, three postures or more, and the known hand-eye pose. A ball that is touched keeps the tool point off
+    its centre by both radii (`stand_off_mm`): |R_i p + t_i - c| = d. Weighted least squares; the weights hold the
     robot's position and, with the lever |p|, its orientation. Where the residuals are larger than the stated noise
     says, the covariance grows with them, never the other way. Touches of one point in postures less than 1 deg apart
-    weigh as much as one. A touch that all others contradict by 5 standard deviations is left out, with the cause.
+    (of a ball: and as near) weigh as much as one. A touch that all others contradict by 5 standard deviations is left
+    out, with the cause.
     `tcp.json` holds points, axis, covariance.
 
     The first tool point of the table is the tip; the axis runs to it from the last one.
@@ -153,6 +166,7 @@ def tcp(
             raise InputError(str(references), "expected a recording that shows them (scan.read, calibrate.circles)")
         eye = known_hand_eye(hand_eye, recording)
         shown = Noise(robot_noise_mm, robot_noise_deg, profiles.sphere_diameter_mm / 2)
+        _check_stand_off(every, profiles.sphere_diameter_mm / 2.0, str(touches))
         every = with_scanned(every, references, seen_by(eye, profiles, recording), recording, eye, shown)
         believed = () if eye.covariance is not None else (BELIEVED,)
     noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
@@ -249,11 +263,41 @@ def read_touches(path: InputFile, reference_u_mm: float) -> Touches:
     count = int(np.isfinite(measured).all(axis=1).sum())
     # One error for all of them, as of a hand-eye pose: it displaces nothing but them, and the tool carries it in full.
     shared = reference_u_mm**2 * np.kron(np.ones((count, count)), np.eye(3)) + ALONE_MM**2 * np.eye(3 * count)
-    return Touches(poses(table)[:, :3], tool, reference, tools, references, measured, shared, tuple(table.lines))
+    beside = table.numbers((STAND_OFF,), blank=True)[:, 0]
+    if (beside < 0.0).any():
+        raise InputError(f"{path}: line {table.lines[int(np.argmax(beside < 0.0))]}: {STAND_OFF}", "expected 0 or more")
+    return Touches(
+        poses(table)[:, :3], tool, reference, tools, references, measured, shared, beside, tuple(table.lines)
+    )
+
+
+def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
+    """Refuse touches of a scanned sphere that do not say how far from its centre the tool point stays."""
+    unsaid, within = np.isnan(touches.stand_off_mm), (touches.beside_mm > 0.0) & (touches.beside_mm < radius_mm)
+    if (unsaid | within).any():
+        raise InputError(
+            f"{where}: line {touches.lines[int(np.argmax(unsaid | within))]}: {STAND_OFF}",
+            f"expected the tool point's distance from the centre of the scanned sphere: its radius, {radius_mm:g} mm, "
+            "and that of the ball that touches it; or 0 where a pin target takes the sphere's place",
+        )
 
 
 def solve(touches: Touches, noise: tuple[float, float]) -> ToolPoints:
-    """Weighted least squares. `noise`: of position (mm) and orientation (rad), each axis."""
+    """Weighted least squares. `noise`: of position (mm) and orientation (rad), each axis.
+
+    Where balls are touched, begun with tool points on the references; then each lies beside its reference towards the
+    flange, as a tool that presses, or where that beginning has left it, if that explains the touches far better.
+    """
+    plain = _fit(touches, noise, np.zeros((len(touches.lines), 3)))
+    if not touches.beside_mm.any():
+        return plain
+    towards = -np.einsum("nij,nj->ni", touches.base_from_flange[:, :, :3], plain.position_mm[touches.tool_point])
+    pressed, other = (_fit(touches, noise, way) for way in (towards, plain.residual_mm))
+    return other if other.misfit < FAR_BETTER * pressed.misfit else pressed
+
+
+def _fit(touches: Touches, noise: tuple[float, float], way: Float) -> ToolPoints:
+    """The same from where each tool point lies beside its reference, directions `way` (n, 3); 0: on it, all of them."""
     rotation, position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
     n, tools, refs = len(rotation), len(touches.tool_names), len(touches.reference_names)
     size = 3 * (tools + refs)
@@ -265,25 +309,33 @@ def solve(touches: Touches, noise: tuple[float, float]) -> ToolPoints:
     prior, prior_right = _prior(touches, size)
     points = np.zeros((tools, 3))
     turn = np.arccos(np.clip((np.einsum("nij,mij->nm", rotation, rotation) - 1.0) / 2.0, -1.0, 1.0))
+    nearby = np.linalg.norm(position[:, None] - position[None], axis=2)  # round a ball the flange need not turn
+    turn = turn + np.divide(nearby, touches.beside_mm, out=np.zeros_like(turn), where=touches.beside_mm > 0.0)
     once = np.sqrt(shared(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE))[:, None, None]
-    for _ in range(3):  # the lever of the orientation's noise is the answer's own
+    beside = np.where(way.any(axis=1), touches.beside_mm, 0.0)
+    for _ in range(MOST_ROUNDS if beside.any() else ROUNDS):
+        way = way / np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
         lever = np.einsum("nij,nj->ni", rotation, points[touches.tool_point])
-        root = _whitening(lever, noise[0], noise[1]) / once
+        root = _whitening(lever, noise[0], noise[1], np.where(beside[:, None] > 0.0, way, 0.0)) / once
         white = np.einsum("nij,njk->nik", root, rows.reshape(n, 3, size)).reshape(3 * n, size)
-        seen = np.einsum("nij,nj->ni", root, right.reshape(n, 3)).reshape(-1)
-        whole = np.concatenate([white, prior])
-        target = np.concatenate([seen, prior_right])
+        target = right + (beside[:, None] * way).reshape(-1)
+        seen = np.einsum("nij,nj->ni", root, target.reshape(n, 3)).reshape(-1)
+        whole, wanted = np.concatenate([white, prior]), np.concatenate([seen, prior_right])
         information = whole.T @ whole
         inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
-        answer = inverse @ whole.T @ target
+        answer = inverse @ whole.T @ wanted
         points = answer[: 3 * tools].reshape(tools, 3)
+        apart = (rows @ answer - right).reshape(n, 3)
+        way = np.where(beside[:, None] > 0.0, apart, way)
     off = (white @ answer - seen).reshape(n, 3)
     distance = studentised(off, white.reshape(n, 3, size), inverse)
-    freedom = 3 * round(float((once**-2.0).sum())) + len(prior) - size
-    misfit = float(((whole @ answer - target) ** 2).sum() / max(freedom, 1))
+    told = np.where(beside > 0.0, 1, 3) * once[:, 0, 0] ** -2.0
+    freedom = round(float(told.sum())) + len(prior) - size
+    misfit = float(((whole @ answer - wanted) ** 2).sum() / max(freedom, 1))
     covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
     covariance = covariance + _open(information, tools)
-    residual = (rows @ answer - right).reshape(n, 3)
+    length = np.linalg.norm(apart, axis=1)[:, None]
+    residual = apart * (1.0 - beside[:, None] / np.maximum(length, 1e-12))
     return ToolPoints(
         points, covariance, answer[3 * tools : 3 * (tools + refs)].reshape(refs, 3), residual, misfit, freedom, distance
     )
@@ -299,11 +351,19 @@ def _prior(touches: Touches, size: int) -> tuple[Float, Float]:
     return factor @ rows, factor @ touches.known_mm[known].ravel()
 
 
-def _whitening(lever: Float, sigma_mm: float, sigma: float) -> Float:
-    """Inverse square roots (n, 3, 3) of the touches' covariances: position, and orientation over the lever (n, 3)."""
+def _whitening(lever: Float, sigma_mm: float, sigma: float, way: Float) -> Float:
+    """Inverse square roots (n, 3, 3) of the touches' covariances: position, and orientation over the lever (n, 3).
+
+    A ball that is touched, its normal `way` (n, 3), tells what lies along that, in the first row; 0: a point.
+    """
     across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
-    values, vectors = np.linalg.eigh(sigma_mm**2 * np.eye(3) + sigma**2 * across)
-    return np.asarray((vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
+    covariance = sigma_mm**2 * np.eye(3) + sigma**2 * across
+    values, vectors = np.linalg.eigh(covariance)
+    root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    ball = way.any(axis=1)
+    root[ball] = 0.0
+    root[ball, 0] = way[ball] / np.sqrt(np.einsum("ni,nij,nj->n", way, covariance, way)[ball])[:, None]
+    return np.asarray(root)
 
 
 def _open(information: Float, tools: int) -> Float:
@@ -316,7 +376,8 @@ def _open(information: Float, tools: int) -> Float:
 def _away_mm(found: ToolPoints, touches: Touches, row: int) -> float:
     """How far a touch lies from where a fit without it puts it."""
     frame, point = touches.base_from_flange[row], found.position_mm[touches.tool_point[row]]
-    return float(np.linalg.norm(frame[:, :3] @ point + frame[:, 3] - found.reference_mm[touches.reference[row]]))
+    apart = np.linalg.norm(frame[:, :3] @ point + frame[:, 3] - found.reference_mm[touches.reference[row]])
+    return float(abs(apart - touches.beside_mm[row]))
 
 
 def worst(found: ToolPoints, k: int) -> tuple[float, Float]:

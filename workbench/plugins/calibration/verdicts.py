@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Float, Recording, Shaped
+from workbench.api import DEG, Float, Recording, Shaped
 from workbench.plugins.calibration import arcs
+from workbench.plugins.calibration.blunders import enough
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import Linear, Noise, linearise, normal_equations
+from workbench.plugins.calibration.model import Linear, Noise, View, linearise, normal_equations, place_u
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.values import Calibration, Method, Rejected, SphereProfiles
@@ -145,6 +146,24 @@ def _by_scale(passes: Passes, profiles: SphereProfiles, recording: Recording, se
     members = [[row[frame] for frame in frames] for frames in passes.frames]
     return np.stack(
         [np.linalg.solve(information[m].sum(axis=0), (information[m] @ change[m]).sum(axis=0)) for m in members]
+    )
+
+
+def serves(
+    covariance: Float,
+    rotation: Float,
+    view: View,
+    bevel_deg: float,
+    tolerances: tuple[float, float],
+    words: tuple[str, str],
+) -> tuple[bool, str]:
+    """Whether a hand-eye pose serves a bevel, and the sentence that says so: of its covariance (6, 6) over the view.
+
+    tolerances: of the root face (mm) and of the bevel angle (deg); words: what it is, and what to do else.
+    """
+    turn_u_deg = math.sqrt(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1])) / DEG
+    return enough(
+        place_u(covariance, rotation, view), bevel_deg, tolerances[0], *words, turn=(turn_u_deg, tolerances[1])
     )
 
 

@@ -121,12 +121,28 @@ def _rounded(rng: np.random.Generator, sizes: Sizes) -> Section:
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, sizes.table_mm)
 
 
+def _undercut(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """The lower part of the root face stands back, as a second cut leaves it."""
+    back, from_mm = _even_in_log(rng, 0.05, 0.6), rng.uniform(0.2, 0.6) * sizes.root_mm
+    below = ((0.0, from_mm), (-back, from_mm), (-back, 0.0), (-FAR_MM, 0.0))
+    return sizes.drawn((plate(sizes.root_mm, sizes.above(), below),))
+
+
+def _near_table(rng: np.random.Generator, sizes: Sizes) -> Section:
+    """A plate on a table, or on what lifts it a little; its lower edge rounded."""
+    radius = float(rng.choice([0.0, min(_even_in_log(rng, 0.05, 0.5), 0.45 * sizes.root_mm)]))
+    gap = float(rng.choice([0.0, _even_in_log(rng, 0.02, 0.8)]))
+    return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, gap)
+
+
 SURROUNDED: dict[str, Callable[[np.random.Generator, Sizes], Section]] = {
     "a bevel below as well": _double_bevel,
     "a second plate in front": _second_plate,
     "a rail in front": _rail,
     "on a table, or up to 3 mm above": _on_table,
     "lower edge rounded by 0.15 to 1.2 mm": _rounded,
+    "lower part of the root face stands back": _undercut,
+    "on a table, lower edge rounded": _near_table,
 }
 
 

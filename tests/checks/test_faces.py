@@ -55,7 +55,7 @@ def test_upper_surface_and_bevel_face_are_no_bevel_face_and_root_face() -> None:
     """A view from above that does not show the root face: the angle tells, where no further surface does."""
     cloud = denoise(fuse(good()))
     edge = segment(cloud)
-    shown = Shown(0.0, 1.0, 1.0, False, False, 36.0, 55.0, 5.0)
+    shown = Shown(0.0, 1.0, 1.0, False, False, 36.0, 55.0, 5.0, False)
     with pytest.raises(InputError, match=r"a bevel face of 54.0 deg would: is the root face in view"):
         require_bevel(cloud, edge.labels, shown)
     for known in (shown._replace(upper_seen=True), shown._replace(lower_seen=True), shown._replace(bevel_deg=46.0)):

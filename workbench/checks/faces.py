@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.bends import bend_of
+from workbench.checks.beyond import beside_check
 from workbench.checks.corners import StandsOut, stands_out
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, least, most
@@ -49,6 +50,7 @@ class Shown(NamedTuple):
     bevel_deg: float  # angle between the two faces
     bevel_nominal_deg: float
     readings_apart: float  # in score (edge.identify), by which root face and bevel face read the other way fit worse
+    lies_on: bool  # what the plate lies on joins the root face's lower end
 
 
 def require_bevel(
@@ -88,8 +90,9 @@ def require_bevel(
     told += "nominal root face, and neither upper nor lower surface is in view to tell; widen or shift the view"
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     apart = check("readings_apart", shown.readings_apart if alone else None, told, given=limits)
-    judged = judge_faces(cloud, labels, limits)
-    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judged, right, apart)
+    judged = judge_faces(cloud, labels, limits, shown.lies_on)
+    stepped = beside_check(cloud, labels, limits)
+    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judged, stepped, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 
@@ -122,11 +125,14 @@ def plates_check(two_plates_share: float, limits: Mapping[str, Bound] | None = N
     return check("two_plates_share", two_plates_share, told, given=limits)
 
 
-def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:
+def judge_faces(
+    cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None, lies_on: bool = False
+) -> tuple[Check, ...]:
     """Checks of the faces (labels of `workbench.artefacts`, (N, M)) that were found in a cloud; none raises.
 
     The faces of a bevel are straight in the section and are there along the whole edge. On anything round, two chords
     that differ by 20 deg and more bow by a tenth of their width; on a bevel by less than a hundredth.
+    lies_on: what joins the root face's other end is what the plate lies on, and turns up.
     """
     given = limits or {}
     shows, found = np.zeros(len(labels), bool), np.zeros(len(labels), bool)
@@ -143,7 +149,8 @@ def judge_faces(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | No
     scatter, blur = _size_scatter(cloud, labels, rows)
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
-    hollow = share_of([any(turn < -HOLLOW for turn in one.beside.values()) for one in seen])
+    convex = [BEVEL_FACE] if lies_on else [ROOT_FACE, BEVEL_FACE]
+    hollow = share_of([any(one.beside.get(face, 0.0) < -HOLLOW for face in convex) for one in seen])
     groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a bevel "
     groove += "above a land or a fillet (inspect_preparation.json), or a plate that lies on something (let its lower "
     groove += "edge stand free by 2 mm)?"

@@ -11,6 +11,7 @@ import numpy as np
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.clock import clock_offset
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
+from workbench.checks.jumps import jump_mm
 from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency
 from workbench.checks.passes import disagreement_mm
@@ -281,6 +282,12 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     yield _position_step(recording)
     if calibration:
         return
+    jump = jump_mm(recording.robot_time_s, position, recording.robot_pass)
+    told = (
+        f"a recorded position jumps by {jump:.2g} mm along a motion that goes on as before: an encoder that slipped, "
+    )
+    told += "a base set anew within the scan, poses of two moves in one pass?"
+    yield check("position_jump_mm", jump, told, given=given)
     ways, speeds, steps, standing = [], [], [], []
     for number in np.unique(recording.pass_index):
         at, frames = recording.robot_pass == number, recording.pass_index == number

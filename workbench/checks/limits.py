@@ -48,6 +48,11 @@ LIMITS: dict[str, Limit] = {
         "share of the frames of a pass during which the recorded pose stands still",
         "a robot that waits does so for less of a scan; a pose stream that hangs looks like this",
     ),
+    "position_jump_mm": Limit(
+        0.5,
+        "single jump of a recorded position, against the motion before and after it",
+        "a robot goes on as it did; what lies beyond the jump is elsewhere by as much, which bends a curved edge",
+    ),
     "orientation_step_deg": Limit(
         0.1,
         "standard uncertainty of a turn by the digits to which quaternions are rounded",
@@ -221,6 +226,13 @@ LIMITS: dict[str, Limit] = {
         "certain and a bow does not",
         "no face of 900 good ones of three simulators shows one, bowed ones and those with ghosts included; of "
         "compound bevels that differ by 1.5 deg and more nine in ten do; a smaller one is in the uncertainty",
+    ),
+    "root_step_share": Limit(
+        0.3,
+        "share of some frames in which returns run parallel to the root face, 0.04 to 3 mm beside it, beyond its lower "
+        "end",
+        "good recordings of both simulators have 0; a lower part of the face that stands back by 0.05 mm and "
+        "more nearly 1, where the rays reach it",
     ),
     "face_columns": Limit(
         (8.0, 1e5),

@@ -39,7 +39,8 @@ class TrackedFaces:
     end_is_mixed: Shaped[Bool, " N"]  # the next column saw both the root face and what lies behind it
     end_is_cut: Shaped[Bool, " N"]  # the field of view, or something in front, ends the root face: its size is not seen
     end_is_burred: Shaped[Bool, " N"]  # a burr stands on the root face's end and covers it
-    end_is_corner: Shaped[Bool, " N"]  # the lower surface is seen and joins the root face
+    end_is_corner: Shaped[Bool, " N"]  # the lower surface is seen and joins the root face; or what the plate lies on
+    lies_on: Shaped[Bool, " N"]  # that is what the plate lies on
     labels: Shaped[AnyArray, "N M"]  # uint8
     range_sigma_mm: Shaped[Float, "N 4"]  # range noise of each face (order of LABELS) in the frame's pass
     readings_apart: float = math.inf  # in score, by which another reading of the profiles fits worse, in the worst pass
@@ -83,6 +84,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
             "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame",
         )
     faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
+    lies_on = lower & seen & _turns_up(faces)
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     return TrackedFaces(
@@ -93,12 +95,19 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
         outward,
         end[:, 4] == tracking.MIXED,
         _among_such((end[:, 4] == tracking.CUT) & ~lower, seen, cloud.pass_index),
-        _among_such(end[:, 4] == tracking.BURR, seen, cloud.pass_index),
+        _among_such((end[:, 4] == tracking.BURR) & ~lies_on, seen, cloud.pass_index),
         lower & seen,
+        lies_on,
         labels,
         sigma,
         apart,
     )
+
+
+def _turns_up(faces: dict[int, FaceLines]) -> Bool:
+    """Frames (N,) in which what joins the root face's lower end turns the other way than bevel and root face do."""
+    bevel, root, lower = (np.arctan(faces[one].sxz / faces[one].sxx) for one in (BEVEL_FACE, ROOT_FACE, LOWER_SURFACE))
+    return np.asarray((lower - root) * (root - bevel) < 0.0)
 
 
 def _among_such(flagged: Bool, seen: Bool, pass_index: Int) -> Bool:

@@ -44,6 +44,7 @@ INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of inciden
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 CHAMFERS = np.radians(np.arange(10.0, 80.0, 2.5))  # by which a chamfer turns from the face
 SEEN_MOST = 0.9  # of the frames, in which a face is seen no farther
+STEP_COLUMNS = 3  # of a surface beside the face's line: fewer are mixed pixels, and the blur of its end
 STEP_MM = 0.15  # between columns of one surface
 SHAPE, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle; and a chamfer not flat
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a group's depth; by which the last columns' are off anyway
@@ -308,11 +309,12 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     inclination = math.atan(slope)
     is_proven, radius, missing, missing_u, fall = _broken_edge(known, edges * step, inclination, INCIDENCES, phases)
     odd = _odd_columns(known, fall) * step
+    goes_on = _goes_on_columns(last[:, 0]) * step
     if odd > 0.0 or not is_proven:  # one that would not show is in u; so is an end that is neither sharp nor round
         shown = missing if is_proven else 0.0
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
         _, _, missing, missing_u, _ = _broken_edge(known, edges * step, inclination, seen, phases, most_mm)
-        return Rounding(u_mm=math.hypot(missing, missing_u, shown, odd))
+        return Rounding(u_mm=math.hypot(missing, missing_u, shown, odd, goes_on))
     further, further_u = _further(last[:, 0])  # returns beyond those on the line
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[:, 1])) * slope / step
@@ -339,6 +341,12 @@ def _further(beyond: Float) -> tuple[float, float]:
     """
     mean, most = float(beyond.mean()), float(np.quantile(beyond, SEEN_MOST))
     return 0.5 * (mean + most), math.hypot(0.5 * (most - mean), float(beyond.std()))
+
+
+def _goes_on_columns(beyond: Float) -> float:
+    """How many columns beyond a face's line returns go on beside it, in f frames (f,), that no rounding explains."""
+    usual = float(np.median(beyond))
+    return usual if usual >= STEP_COLUMNS else 0.0
 
 
 def _odd_columns(known: Depths, fall: Float) -> int:

@@ -24,6 +24,9 @@ WIDTH_SIGMA = 0.6  # of the logarithm of root width over nominal
 WORST_SCORE = 5.5
 CONTEXT = 3.0  # what a further corner of the right (wrong) angle gains (costs)
 GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond returns that lie so far beside it
+# Of what a plate lies on: angle to the upper surface, width in view, what the view may show beyond it, and columns of
+# the root face that noise puts below it.
+TABLE_ANGLE, TABLE_MM, TABLE_END_MM, BELOW_COLUMNS = 3.0 * DEG, 5.0, 1.0, 2.0
 PIECES_APART = 4  # places in the chain, at most, between two pieces of one face
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
@@ -176,6 +179,8 @@ def _read(
         if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
             lower_row, score = chain[lower], score - CONTEXT
             root_end = crossing(r, chain[lower])
+        elif upper_row is not None and _lies_on(chain, root, lower, upper_row):
+            lower_row, root_end = chain[lower], crossing(r, chain[lower])
         elif convex(r, chain[lower]) > 0 and upper_row is None:  # else a bevel below, too
             score += CONTEXT
     width = abs(root_end - crossing(b, r)) * math.hypot(1.0, r[SLOPE])
@@ -189,6 +194,21 @@ def _read(
         _line(r, side, root_end),
         None if lower_row is None else _line(lower_row, side),
     )
+
+
+def _lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
+    """Whether the face number `lower`, which turns up from the root face, is what the plate lies on: a table.
+
+    It is parallel to the upper surface and goes on to the end of the view; the land of a nose ends before. The root
+    face does not go on below it, as it is seen to do beside a stop that stands in front.
+    """
+    row, face = chain[lower], chain[root]
+    apart = abs(math.atan(row[SLOPE]) - math.atan(upper[SLOPE]))
+    long_mm = (row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE])
+    side, last = (1.0, chain[-1][X1] - row[X1]) if lower > root else (-1.0, row[X0] - chain[0][X0])
+    below = side * ((face[X1] if side > 0 else face[X0]) - crossing(face, row))
+    most_below = BELOW_COLUMNS * (face[X1] - face[X0]) / face[COUNT]
+    return bool(apart < TABLE_ANGLE and long_mm > TABLE_MM and last < TABLE_END_MM and below < most_below)
 
 
 def _line(row: Float, end: int, at: float | None = None) -> Float:

@@ -280,6 +280,7 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         end[:, 4] == tracking.CUT,
         end[:, 4] == tracking.BURR,
         np.zeros(n, bool),
+        np.zeros(n, bool),
         labels,
         np.tile(noise, (n, 1)),
     )

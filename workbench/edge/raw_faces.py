@@ -32,6 +32,8 @@ class FaceEnds:
     alone: Shaped[Bool, " N"]  # the next column saw both the face and what lies behind it
     burred: Shaped[Bool, " N"]  # points stand out beside the edge
     goes_on: Shaped[Bool, " N"]  # a further surface begins where the face ends, and leads away from it
+    # by how much the face ends above what the plate lies on, whose crossing with it is then the corner, mm; else NaN
+    gap_mm: Shaped[Float, " N"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +56,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     Raises InputError where no frame shows it, or where one of its ends is never seen.
     """
     n, columns = cloud.x_mm.shape
-    sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 8), np.nan)
+    sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 9), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
     grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     streaks = np.isfinite(along[:, 0])
@@ -156,7 +158,10 @@ def _ends(sums: Float, ends: Float, seen: Bool, surface: int) -> FaceEnds:
     pitch = np.where(corner, 0.0, ends[:, end_face.PITCH])
     burred = seen & (ends[:, end_face.PROUD] >= BURR_POINTS)
     alone = ends[:, end_face.ALONE] == 1.0
-    return FaceEnds(corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE], alone, burred, goes_on)
+    gap = np.where(corner, ends[:, end_face.GAP], np.nan)
+    return FaceEnds(
+        corner, point, ends[:, end_face.COLUMN], pitch, ends[:, end_face.SLOPE], alone, burred, goes_on, gap
+    )
 
 
 # Frames in which something stands before the edge: a clamp's own front runs along the end face and hides it.

@@ -30,6 +30,7 @@ from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
 from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
+from workbench.edge.under import under_u_mm
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope
@@ -48,6 +49,14 @@ ROUNDED = (
 TOLD_BY_NOMINAL = (
     "That the faces are root face and bevel face, and not bevel face and upper surface: neither the upper nor the "
     "lower surface is in view, so that their nominal sizes alone tell."
+)
+LIES_ON = (
+    "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
+    "root face seems to end above it is in their uncertainty"
+)
+TOLD_BY_TABLE = (
+    "That what joins the root face's lower end is what the plate lies on: a stop that touches the root face further up "
+    "looks alike."
 )
 ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
@@ -112,7 +121,8 @@ def segment(
         edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    unseen = () if shown.upper_seen or shown.lower_seen else (TOLD_BY_NOMINAL,)
+    unseen = [] if shown.upper_seen or shown.lower_seen else [TOLD_BY_NOMINAL]
+    unseen += [TOLD_BY_TABLE] if shown.lies_on else []
     return replace(edge, not_included=(*edge.not_included, *unseen))
 
 
@@ -131,6 +141,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         float(np.nanmedian(np.abs(root - bevel))) / DEG,
         bevel_nominal_deg,
         tracked.readings_apart,
+        bool(tracked.lies_on[tracked.seen].mean() > 0.5),
     )
 
 
@@ -186,10 +197,12 @@ def milled_edge(
     form = Form(
         np.hypot(form.root_turn_u, either), np.hypot(form.bevel_turn_u, either), np.hypot(form.corner_u_mm, ledge_mm)
     )
-    hidden_mm = hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE])
+    hidden_mm = np.hypot(hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE]), under_u_mm(cloud, tracked, s_low, at))
     root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
     position -= rounding.beyond_mm * across
     told: tuple[str, ...] = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
+    if tracked.lies_on.any():
+        told += (LIES_ON,)
     if measured.faces.even is not None:
         told += (ROUGH.format(rough_deg(measured, at + measured.shift), TOGETHER_MM),)
     return MilledEdge(

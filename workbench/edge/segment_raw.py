@@ -22,6 +22,7 @@ from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
+from workbench.edge.under import raw_under_u_mm
 from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, doubtful_slope
 from workbench.geometry.gaps import covered
@@ -30,6 +31,10 @@ from workbench.units import Bool, Float, Int
 
 ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
 ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
+LIES_ON = (
+    "the plate lies on what joins the end face's lower end, unless that is a stop which touches it further up: the "
+    "path rests on where both cross, and by how much the face seems to end above it is in the uncertainty"
+)
 
 
 @stage("edge.segment_raw")
@@ -170,8 +175,10 @@ def _edge(
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
     low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
+    low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
+    told += (LIES_ON,) if np.isfinite(found.lower.gap_mm).any() else ()
     return RawEdge(
         part=cloud.part,
         source=cloud.source,

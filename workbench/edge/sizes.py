@@ -20,6 +20,8 @@ SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so f
 SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
 UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
+# Frames that show the face beyond its told end: by how many columns and sigmas, their least share, over how much edge.
+REACH_STEPS, REACH_SIGMAS, REACH_SHARE, TOGETHER_MM = 1.5, 4.0, 0.1, 20.0
 MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a half steps: one alone says nothing
 
 
@@ -30,7 +32,7 @@ def sizes(
     form: Form,
     rounding: Rounding,
     end_u_mm: float,
-    hidden_mm: float = 0.0,
+    hidden_mm: Float | float = 0.0,
 ) -> tuple[Quantity, Quantity]:
     """Root face (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
 
@@ -71,8 +73,30 @@ def loose_mm(measured: Measured, at: Float) -> Float:
     """By how much the end of the root face may be lost, covered or drawn out at arc lengths `at` (m,), mm."""
     s, course = at + measured.shift, measured.end.course
     steps = sudden(at, course.value(s), course.u(s), seen=_seen(measured, s))
-    loose = np.maximum(steps, end_loose_mm(measured.end, s))
+    loose = np.maximum(np.maximum(steps, end_loose_mm(measured.end, s)), reached_mm(measured, s))
     return np.asarray(np.maximum(loose, _along(measured, measured.unsettled_mm, s)))
+
+
+def reached_mm(measured: Measured, s: Float) -> Float:
+    """By how much frames near s (m,) show returns on the face beyond its told end, mm; 0 where too few do.
+
+    Most frames may have lost the end of a face (an exposure that alternates): a face does not return where it is not.
+    """
+    ends = measured.ends
+    on = np.flatnonzero(np.isfinite(measured.upper_s) & np.isfinite(ends.low) & (ends.step > 0.0))
+    if not on.size:
+        return np.zeros(s.size)
+    on = on[np.argsort(measured.upper_s[on], kind="stable")]
+    at = measured.upper_s[on]
+    over = ends.low[on] - measured.end.course.value(at)
+    reaches = over > np.maximum(REACH_STEPS * ends.step[on], 0.5 * ends.step[on] + REACH_SIGMAS * ends.sigma[on])
+    out = np.zeros(s.size)
+    for k, place in enumerate(s):
+        near = slice(*np.searchsorted(at, [place - 0.5 * TOGETHER_MM, place + 0.5 * TOGETHER_MM]))
+        beyond = over[near][reaches[near]]
+        if beyond.size > max(REACH_SHARE * reaches[near].size, BESIDE):
+            out[k] = np.median(beyond)
+    return out
 
 
 def turned_u(measured: Measured, at: Float) -> Float:

@@ -18,7 +18,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 FACE, UPPER, LOWER, WHOLE = range(4)  # WHOLE: the end face with its margins
 COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 # What it reports of the face's lower end (0) and upper end (1).
-KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD = range(8)
+KIND, END_X, END_Z, COLUMN, PITCH, SLOPE, ALONE, PROUD, GAP = range(9)
 HIDDEN, SILHOUETTE, CORNER, GOES_ON = range(4)  # kinds of ends
 
 LEVEL_MM = 0.25  # width of the levels of q that are compared
@@ -36,6 +36,8 @@ MARGIN_MM = 0.5  # of the face at its ends that is left out: burrs, and the corn
 SURFACE_FROM_MM, SURFACE_TO_MM = 0.6, 8.0  # depth behind the face at which its surfaces are measured
 SURFACE_NEAR_MM = 2.5  # a surface that joins the face is seen within this depth
 SURFACE_SLACK, SURFACE_LEAN = 0.8, 0.15  # mm, and mm per mm of depth, that a surface may be off the square
+# What the plate lies on: lean to the upper surface, mm per mm, how far out it is seen, columns of the face below it.
+TABLE_LEAN, TABLE_MM, BELOW_COLUMNS = 0.05, 5.0, 2.0
 LOOK_COLUMNS = 12  # beyond the face's end, for what ends it
 ASIDE_MM = 0.3  # in front of or behind the face's line
 PROUD_NEAR_MM, PROUD_FROM_MM, PROUD_TO_MM = 1.2, 0.08, 1.5  # of the edge: points that stand out there; how far
@@ -276,6 +278,45 @@ def _surface(
 
 
 @kernel
+def _table(
+    p: Float, depth: Float, out: Float, end: int, other: int, n: int, way: int, lean: float, pitch: float, chosen: Bool
+) -> tuple[float, float]:
+    """Where what a plate lies on crosses its face, which ends at point `end`, and the gate about it, mm; 0: none.
+
+    It is parallel to the upper surface (lean; NaN: not seen), reaches out in front of the face, and the face does not
+    go on below it, as beside a stop. Marks its points in `chosen`. out (n,) is scratch.
+    """
+    if not math.isfinite(lean):
+        return 0.0, 0.0
+    far = 0.0
+    for k in range(n):
+        out[k], chosen[k] = -depth[k], False
+    # The face's last points may be where the table crosses its line: it begins before them.
+    first, last = (min(end, other), n) if way > 0 else (0, max(end, other) + 1)
+    a, b, around = _surface(p, out, first, last, p[end], way, chosen)
+    below = (p[end] - a) * np.sign(p[end] - p[other])
+    if around == 0.0 or abs(b + lean) > TABLE_LEAN or below > BELOW_COLUMNS * pitch:
+        return 0.0, 0.0
+    for k in range(first, last):
+        if chosen[k]:
+            far = max(far, out[k])
+    return (a, around) if far > TABLE_MM else (0.0, 0.0)
+
+
+@kernel
+def _gap(p: Float, depth: Float, n: int, middle: int, way: int, crossing: float, around: float, gate: float) -> float:
+    """How far above the crossing with what a plate lies on (its returns within `around`) the face's returns end, mm.
+
+    middle: a point of the face; its lower end lies towards `way`. What returns from behind the face lies below it.
+    """
+    k, low = middle, p[middle]
+    while 0 <= k < n and not (depth[k] > gate and abs(p[k] - crossing) < around):
+        low = min(low, p[k]) if abs(depth[k]) <= gate else low
+        k += way
+    return float(low - crossing)
+
+
+@kernel
 def _walked(p: Float, depth: Float, at: Int, n: int, end: int, way: int, climb: float) -> int:
     """The face's last point beyond `end`: where a burr stands on its end, it goes on out of its line."""
     k = end
@@ -369,7 +410,8 @@ def _read_frame(
     _sum_up(x, z, at, chosen, n, work[3], sums[FACE])
     if sums[FACE, COUNT] < LEAST_POINTS:
         return False, False
-    for upper in range(2):
+    lean = np.nan  # of the upper surface, mm per mm of depth
+    for upper in (1, 0):
         end = high_end if upper else low_end
         way = 1 if end == last else -1
         climb = 1.0 if upper else -1.0
@@ -377,6 +419,19 @@ def _read_frame(
         for k in range(n):
             chosen[k] = False
         sa, sb, around = _surface(p, depth, start, stop, p[end], way, chosen)
+        if upper and around > 0.0:
+            lean = sb
+        if not upper and around == 0.0:
+            pitch = abs(p[last] - p[first]) / max(last - first, 1)
+            ta, table = _table(p, depth, q, end, high_end, n, way, lean, pitch, chosen)
+            if table > 0.0:
+                ends[0, KIND], ends[0, PROUD] = CORNER, 0.0
+                ends[0, GAP] = max(_gap(p, depth, n, (first + last) // 2, way, ta, table, gate) - 0.5 * pitch, 0.0)
+                _sum_up(x, z, at, chosen, n, work[3], sums[LOWER])
+                for k in range(n):
+                    if chosen[k]:
+                        labels[at[k]] = names[LOWER]
+                continue
         edge = sa if around > 0.0 else p[end]
         ends[upper, PROUD] = _proud(p, depth, n, climb, edge, sb, around, gate)
         if around > 0.0:

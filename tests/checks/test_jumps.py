@@ -1,0 +1,39 @@
+"""Positions that jump, against what robots do: waits, turns back, sway, noise, poses that come late."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.checks.jumps import jump_mm
+from workbench.units import Float
+
+TIME = np.arange(300) / 100.0
+STEADY = np.stack([20.0 * TIME, 3.0 * np.sin(2.0 * TIME), 500.0 + 0.0 * TIME], axis=1)
+
+
+def of(place: Float, time: Float = TIME) -> float:
+    return jump_mm(time, place, np.zeros(len(time), np.int64))
+
+
+def after(k: int, by: Float) -> Float:
+    return np.where(np.arange(len(TIME))[:, None] >= k, by, 0.0)
+
+
+@pytest.mark.parametrize("by", [[-2.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 1.0, 0.0]])
+def test_a_slip_is_told(by: list[float]) -> None:
+    assert of(STEADY + after(120, np.array(by))) == pytest.approx(np.linalg.norm(by), abs=0.01)
+
+
+def test_what_robots_do_is_no_jump() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 0.3, STEADY.shape)
+    back = np.stack([20.0 * np.abs(TIME - 1.5), 0.0 * TIME, 0.0 * TIME], axis=1)
+    held = STEADY.copy()
+    held[150] = held[149]  # one pose late
+    hung = STEADY.copy()
+    hung[100:160] = hung[99]
+    waits = np.sort(np.random.default_rng(4).choice(3000, 300, replace=False)) / 100.0
+    for place in (STEADY, STEADY + noise, back, held, hung):
+        assert of(place) < 0.5
+    assert of(STEADY, waits) < 0.5  # stop and go
+    assert of(STEADY[:2], TIME[:2]) == 0.0

@@ -1,0 +1,99 @@
+"""A plate that lies on something: how far above it the returns of its root face end (docs/method.md, section 3)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
+from workbench.edge.faces import TrackedFaces
+from workbench.edge.raw_faces import RawFaces
+from workbench.geometry import end_face
+from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
+from workbench.units import Bool, Float, Float32
+
+NEAR_MM = 5.0  # of a station, to each side, whose frames have a say
+GATE_SIGMAS, GATE_MM = 4.5, 0.01  # of the range noise: returns that lie deeper are not on the root face
+BEHIND = 1.0 / 3.0  # share of a gap's columns that return from behind the face: noise hides those next to the crossing
+
+
+def under_u_mm(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, at: Float) -> Float:
+    """Standard uncertainty (m,), mm, of the lower edge at arc lengths `at` of a plate that lies on something; else 0.
+
+    The root face may end above where it crosses what the plate lies on, by a gap below the plate; or by its rounded
+    edge, which that crossing takes off. What returns from behind its line tells by how much; a part of a column and
+    what noise hides of it are not told. s_frames (N,): where each frame shows the edge.
+    """
+    root, table = tracked.faces[ROOT_FACE], tracked.faces[LOWER_SURFACE]
+    on = np.flatnonzero(tracked.lies_on & np.isfinite(s_frames) & (table.count > 2))
+    if not on.size:
+        return np.zeros(at.size)
+    on = on[np.argsort(s_frames[on], kind="stable")]
+    slope, table_slope = (face.sxz[on] / face.sxx[on] for face in (root, table))
+    offset = root.z_mean[on] - slope * root.x_mean[on]
+    crossing = (table.z_mean[on] - table_slope * table.x_mean[on] - offset) / (slope - table_slope)
+    bevel = tracked.faces[BEVEL_FACE]
+    away = np.sign(tracked.side[on] * (slope - bevel.sxz[on] / bevel.sxx[on]))  # +1: z counts away from the sensor
+    gate = GATE_SIGMAS * tracked.range_sigma_mm[on, 2] + GATE_MM
+    known = np.stack([root.x_mean[on], crossing, slope, offset, away, gate], axis=1)
+    gap = np.empty(on.size)
+    x, z, keep = (as_input(v[on]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _gaps(x, z, keep, as_input(known), gap)
+    return gap_u_mm(gap, s_frames[on], at, math.hypot(0.5 * float(np.median(tracked.root_end[on, 2])), np.median(gate)))
+
+
+def raw_under_u_mm(cloud: Cloud, found: RawFaces, s_frames: Float, at: Float) -> Float:
+    """As `under_u_mm`, of the lower edge of a raw plate."""
+    gap = found.lower.gap_mm
+    on = np.flatnonzero(np.isfinite(gap) & np.isfinite(s_frames))
+    if not on.size:
+        return np.zeros(at.size)
+    on = on[np.argsort(s_frames[on], kind="stable")]
+    face = found.whole
+    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
+    step = float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean / face.count[on]))
+    rss = np.maximum(face.szz - face.sxz**2 / face.sxx, 0.0)[on]
+    gate = max(end_face.FINAL_SIGMAS * float(np.median(np.sqrt(rss / face.count[on]))), end_face.FINAL_LEAST_MM)
+    return gap_u_mm(gap[on], s_frames[on], at, math.hypot(0.5 * step, gate))
+
+
+def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Float:
+    """Standard uncertainty (m,) at arc lengths `at`, by the gaps (f,) of frames at rising s_frames (f,); mm.
+
+    hidden_mm: what frames do not show. The edge lies between where the face ends and where it crosses what is below.
+    """
+    near = [slice(*np.searchsorted(s_frames, [s - NEAR_MM, s + NEAR_MM])) for s in at]
+    told = np.array([np.median(gap_mm[one]) if gap_mm[one].size else np.nan for one in near])
+    known = np.isfinite(told)
+    return np.asarray(np.hypot(np.interp(at, at[known], told[known]), hidden_mm) / math.sqrt(3.0))
+
+
+@kernel
+def _gaps(x: Float32, z: Float32, keep: Bool, known: Float, gap: Float) -> None:
+    """Fill in for f frames how far before the crossing most returns lie behind the root face, along it (f,), mm.
+
+    known (f, 6): x of the root face's middle and of the crossing, the face's slope and offset, sense of z, gate.
+    """
+    columns = x.shape[1]
+    before, behind = np.empty(columns), np.empty(columns, np.bool_)
+    for i in range(len(known)):
+        middle, crossing, slope, offset = known[i, 0], known[i, 1], known[i, 2], known[i, 3]
+        lean = math.sqrt(1.0 + slope * slope)
+        low, high = min(middle, crossing), max(middle, crossing)
+        size = 0
+        for j in range(columns):
+            if keep[i, j] and low < x[i, j] < high:
+                before[size] = abs(x[i, j] - crossing) * lean
+                behind[size] = (z[i, j] - slope * x[i, j] - offset) / lean * known[i, 4] > known[i, 5]
+                size += 1
+        # From the crossing on: columns come in order of x, either way.
+        rising = size > 1 and before[0] < before[size - 1]
+        deep = 0
+        gap[i] = 0.0
+        for k in range(size):
+            m = k if rising else size - 1 - k
+            deep += behind[m]
+            if behind[m] and deep >= BEHIND * (k + 1):
+                gap[i] = before[m]

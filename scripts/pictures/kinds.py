@@ -14,8 +14,8 @@ from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
 from workbench.artefacts.grooves import u_name
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.pieces import BLUE, GREY, INK, ORANGE, PALE, minus
-from workbench.report.chart_parts import layer_colours
 from workbench.report.groove import limits, sizes_of
+from workbench.report.planned import layer_colours
 from workbench.robot.collision import turntable_pose
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE
 from workbench.units import DEG

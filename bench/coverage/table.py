@@ -46,8 +46,8 @@ def _table(results: list[Result], quantities: tuple[str, ...]) -> str:
     for name in quantities:
         head += [f"{NAMES[name]}: p95 of the greatest"]
         if name not in NO_U:
-            head[-1] += "; within 2u, %; worst error/u; mean u"
-            head += [f"{NAMES[name]}: beyond 4u"]
+            head[-1] += "; worst error/u; mean u"
+            head += [f"{NAMES[name]}: within 2u, %", f"{NAMES[name]}: beyond 4u"]
     head.append("s")
     rows = []
     for condition in dict.fromkeys(r.condition for r in results):
@@ -72,7 +72,7 @@ def _row(results: list[Result], quantities: tuple[str, ...], raw: bool) -> list[
 
 
 def _quantity(results: list[Result], name: str) -> list[str]:
-    columns = 1 if name in NO_U else 2
+    columns = 1 if name in NO_U else 3
     results = [r for r in results if np.isfinite(r.error.get(name, math.nan)).any()]
     if not results:
         return [""] * columns
@@ -83,12 +83,12 @@ def _quantity(results: list[Result], name: str) -> list[str]:
         return [text]
     z, u = ratios(results, name), np.concatenate([r.u[name] for r in results])
     if not len(z):
-        return [text, ""]
+        return [text, "", ""]
     share = 100 * float((z <= 2).mean())
     within = _number(share, 1) if 93 <= share <= 97 else f"**{_number(share, 1)}**"
     beyond = int((z > 4).sum())
-    text = f"{text}; {within}; {_number(float(z.max()), 1)}; {_number(float(np.nanmean(u)), digits)}"
-    return [text, f"**{beyond}**" if beyond else "0"]
+    text = f"{text}; {_number(float(z.max()), 1)}; {_number(float(np.nanmean(u)), digits)}"
+    return [text, within, f"**{beyond}**" if beyond else "0"]
 
 
 def ratios(results: Iterable[Result], name: str) -> Float:

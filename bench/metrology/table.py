@@ -12,7 +12,7 @@ from bench.metrology.summary import Summary
 
 INTERVAL = "95 % interval"
 LEAST_ALIKE = 4  # rows, from which on a column that says the same in all of them is said once
-FEW = 6  # one row in so many may differ from that
+FEW = 4  # one row in so many may differ from that
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 

@@ -177,7 +177,7 @@ def test_a_table_counts_what_is_beyond() -> None:
     text = tables([good, refused])
     row = next(line for line in text.splitlines() if line.startswith("| swept_plain"))
     cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells[1:6] == ["1", "0", "0.0", "0.0200; **50.0**; 5.0; 0.0070", "**1**"]
+    assert cells[1:7] == ["1", "0", "0.0", "0.0200; 5.0; 0.0070", "**50.0**", "**1**"]
     assert worst([good], 1)[0].startswith("swept_plain 0 root_mm: 5.0 u")
 
 

@@ -31,4 +31,4 @@ def test_plugin_shown_is_a_stage() -> None:
 
 
 def test_every_key_of_the_document_is_explained() -> None:
-    assert all(f"| `{key}` |" in MANUAL for key in KEYS)
+    assert all(f"- `{key}`: " in MANUAL for key in KEYS)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.calibration import arm
+from bench.calibration import arm, tools
 from bench.calibration.postures import CENTER_MM, TRUE, measured, sphere_centres, vol_mm
 from bench.calibration.two_steps import analytic, genetic, turn_cost
 from bench.metrology.calibration.truth import bound, cell_of, circles
@@ -198,4 +198,5 @@ STATEMENTS = {
     "starts": starts,
     "diameter": diameter,
     "arm": arm.statement,
+    "tools": tools.statement,
 }

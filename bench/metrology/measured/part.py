@@ -37,6 +37,8 @@ FINISHING_WEAR = 0.5  # of that, in the finishing pass: much for a layer or two 
 BALANCING = 6  # rounds of force and deflection, each halfway to the next: within some micrometres
 MODEL_ERROR = 0.15  # relative, of force and stiffness together
 STEP_MM = 2.0
+NEAR_MM = 15.0  # a place that the pass cuts, of a section that counts
+SHARP_MM = 0.02  # radius of an edge that the twin has milled, declared: it rounds none
 
 
 @dataclass(frozen=True)
@@ -137,9 +139,11 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, errors: Erro
     clock.lap("milling")
     last = scan(done)
     clock.lap("simulation")
-    inspection = sections(segment(denoise(fuse(last))))
+    seen = denoise(fuse(last))
+    inspection = sections(segment(seen))
     clock.lap("inspection")
     compare(result, whole, milled_truth(done), correction, first, inspection, truth)
+    _declared_sharp(result, inspection, sections(segment(seen, most_radius_mm=SHARP_MM)))
 
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:
@@ -202,9 +206,10 @@ def compare(
     if inspection is None or done is None:
         return
     required = Requirements()
-    near = [k for k in inspection.sections if np.linalg.norm(at - k.origin_mm, axis=1).min(initial=np.inf) < 15.0]
+    near = [k for k in inspection.sections if np.linalg.norm(at - k.origin_mm, axis=1).min(initial=np.inf) < NEAR_MM]
     origins = np.array([k.origin_mm for k in near]).reshape(-1, 3)
     result.sections = {
+        "index": [k.index for k in near],
         "root_mm": [k.root_mm for k in near],
         "root_u_mm": [k.root_u_mm for k in near],
         "root_true_mm": numbers(done.root_mm_at(origins)),
@@ -213,6 +218,13 @@ def compare(
         "bevel_true_deg": numbers(done.bevel_deg_at(origins)),
     }
     assert required.bevel_nominal_deg * DEG == correction.bevel
+
+
+def _declared_sharp(result: MeasuredResult, inspection: Inspection, sharp: Inspection) -> None:
+    """The same sections, inspected by one who knows that the lower edge is sharp."""
+    assert len(sharp.sections) == len(inspection.sections)
+    same = [sharp.sections[int(index) - 1] for index in result.sections.get("index", []) if index is not None]
+    result.sections |= {"sharp_mm": [k.root_mm for k in same], "sharp_u_mm": [k.root_u_mm for k in same]}
 
 
 def _rounded(columns: dict[str, Float]) -> dict[str, Numbers]:

@@ -41,6 +41,7 @@ class MeasuredSummary:
     predicted: Cover  # finished root beside what correction and repeatability say, along b, mm
     predicted_turn: Cover  # finished bevel angle beside what the correction says, deg
     root_cover: Cover
+    sharp_cover: Cover  # of the root, where the lower edge is declared to be sharp
     bevel_cover: Cover
     too_deep: list[int]  # seeds of parts below the root's tolerance that a blind run would have left in it
     blind_too_deep: int  # parts below the tolerance when milled blindly
@@ -55,6 +56,7 @@ class MeasuredSummary:
             (not self.bevel[1] <= BEVEL_P95_DEG, "bevel"),
             (bool(self.too_deep), f"{len(self.too_deep)} cut too deep"),
             (self.root_cover.surely_not_covered, "inspected root within 2u"),
+            (self.sharp_cover.surely_not_covered, "inspected root within 2u, edge declared sharp"),
             (self.bevel_cover.surely_not_covered, "inspected bevel within 2u"),
             (self.predicted.surely_not_covered, "finished root within 2u of the correction"),
             (self.predicted_turn.surely_not_covered, "finished bevel within 2u of the correction"),
@@ -92,6 +94,13 @@ def summarise_measured(condition: str, results: list[MeasuredResult]) -> Measure
             (_column(r, "places", "bevel_deg") - BEVEL_DEG, _column(r, "places", "correction_u_deg")) for r in good
         ),
         root_cover=_cover(good, "root", "mm"),
+        sharp_cover=cover(
+            (
+                _column(r, "sections", "sharp_mm") - _column(r, "sections", "root_true_mm"),
+                _column(r, "sections", "sharp_u_mm"),
+            )
+            for r in good
+        ),
         bevel_cover=_cover(good, "bevel", "deg"),
         too_deep=[r.seed for r in good if _least(r, "root_mm") < tolerance <= _least(r, "root_blind_mm")],
         blind_too_deep=sum(_least(r, "root_blind_mm") < tolerance for r in (*good, *(r for r in results if r.beyond))),

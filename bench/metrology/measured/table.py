@@ -53,6 +53,7 @@ def uncertainty(summaries: list[MeasuredSummary]) -> list[str]:
         ("finished, along b", "mm"),
         ("finished, bevel", "deg"),
         ("inspected root", "mm"),
+        ("inspected root, edge declared sharp", "mm"),
         ("inspected bevel", "deg"),
     ):
         head += covered_head(name, unit)
@@ -62,6 +63,7 @@ def uncertainty(summaries: list[MeasuredSummary]) -> list[str]:
             *covered(s.predicted, 3),
             *covered(s.predicted_turn, 3),
             *covered(s.root_cover, 4),
+            *covered(s.sharp_cover, 4),
             *covered(s.bevel_cover, 3),
         ]
         for s in summaries

@@ -276,6 +276,18 @@ def _prism(s: Surface, near: Float, o: Vector, d: Vector, lo: float, hi: float) 
 
 
 @kernel
+def _gone(s: Surface, g: float, outwards: float, up: float) -> bool:
+    """Whether a ray that is g in front of the end face, where it goes `outwards` and `up`, goes away from it for good.
+
+    F is g less a bump or more; where g is convex along a ray it never falls again, and no bump reaches that far.
+    """
+    if s.twist != 0.0 or s.tilt_cos < 0.0 or g <= s.reserve:
+        return False
+    convex = s.bend == STRAIGHT or (s.bend == ARC and s.curvature > 0.0)
+    return convex and outwards * s.tilt_cos - up * s.tilt_sin >= 0.0
+
+
+@kernel
 def _hollow(s: Surface) -> float:
     """Greatest curvature (1/mm) with which the end face bends towards the scanner: there F is not convex."""
     if s.bend == ARC:
@@ -333,6 +345,8 @@ def enter(
             break
         z = o[2] + a * d[2]
         u, h, tx, ty, unit = project(s, o[0] + a * d[0], o[1] + a * d[1])
+        if _gone(s, h * s.tilt_cos - z * s.tilt_sin, d[0] * ty - d[1] * tx, d[2]):
+            break
         f, face, fu, fh, fz = body(s, u, h, z)
         fu /= unit
         slope = fu * (d[0] * tx + d[1] * ty) + fh * (d[0] * ty - d[1] * tx) + fz * d[2]

@@ -1,22 +1,26 @@
 """How values and the report's HTML are written.
 
 A value has its expanded uncertainty, and digits after it (GUM 7.2.2, 7.2.6). Templates are jinja2's with autoescape:
-names out of files (part, paths, causes) are data, which reach the page as text only.
+names out of files (part, paths, causes) are data, which reach the page as text only. jinja2 costs time to import: it
+comes with the first page.
 """
 
 from __future__ import annotations
 
 import base64
+import functools
 import math
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from markupsafe import Markup
 
 from workbench.report.colours import SIGNS
 from workbench.units import Float
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
 
 COVERAGE = 2.0  # U = k u with k = 2, about 95 %
 
@@ -67,6 +71,8 @@ def alike(*values: float) -> tuple[str, ...]:
 
 def environment(package: str) -> Environment:
     """The templates of a package of this project."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
     return Environment(
         loader=PackageLoader(package, ""),
         autoescape=select_autoescape(default=True, default_for_string=True),
@@ -76,19 +82,23 @@ def environment(package: str) -> Environment:
     )
 
 
-_ENVIRONMENT = environment("workbench.report")
+@functools.cache
+def _templates() -> Environment:
+    return environment("workbench.report")
 
 
 def render(name: str, **values: Any) -> str:
     """The template `name` filled in; every value is escaped unless it is Markup."""
-    return _ENVIRONMENT.get_template(name).render(signs=SIGNS, coverage=f"{COVERAGE:g}", **values)
+    return _templates().get_template(name).render(signs=SIGNS, coverage=f"{COVERAGE:g}", **values)
 
 
 def source(name: str) -> Markup:
     """A file of the report as it is, such as its style sheet."""
-    loader = _ENVIRONMENT.loader
+    from markupsafe import Markup
+
+    loader = _templates().loader
     assert loader is not None
-    return Markup(loader.get_source(_ENVIRONMENT, name)[0])
+    return Markup(loader.get_source(_templates(), name)[0])
 
 
 def data_address(picture: bytes) -> str:

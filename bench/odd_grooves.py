@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,13 +33,20 @@ class Plate:
     root_mm: float
     bevel_deg: float
     height_mm: float  # of the bevel
+    rise: float = 0.0  # of the upper surface outwards, mm a mm
     above: Corners | None = None  # of another shape than a bevel: from the root face's upper end to the upper surface
 
     def corners(self) -> Corners:
         """From the lower surface to the upper one."""
         plain = ((-np.tan(self.bevel_deg * DEG) * self.height_mm, self.height_mm),)
         up = tuple((u, self.root_mm + v) for u, v in (self.above if self.above is not None else plain))
-        return ((-FAR_MM, 0.0), (0.0, 0.0), (0.0, self.root_mm), *up, (up[-1][0] - FAR_MM, up[-1][1]))
+        return (
+            (-FAR_MM, 0.0),
+            (0.0, 0.0),
+            (0.0, self.root_mm),
+            *up,
+            (up[-1][0] - FAR_MM, up[-1][1] + self.rise * FAR_MM),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +59,7 @@ class Groove(Section):
     raised_mm: float  # the right plate's lower surface over the left one's
     fixed: tuple[Corners, ...] = ()  # that is the same all along
     varied: tuple[Chain, ...] = ()
+    told: dict[str, float] = field(default_factory=dict)  # what is true, where it is not what a plain groove has
 
     def segments(self, w: Float) -> Float:
         left = tuple((u - self.gap_mm / 2, v) for u, v in self.left.corners())
@@ -81,7 +89,7 @@ class Groove(Section):
             "depth_mm": float(np.mean(bevelled)),
         }
         is_plain = self.left.above is None and self.right.above is None
-        return out | ({"width_mm": self.gap_mm + wide} if is_plain else {})
+        return out | ({"width_mm": self.gap_mm + wide} if is_plain else {}) | self.told
 
 
 class Overhead(Usual):
@@ -197,7 +205,7 @@ def _dressed(rng: np.random.Generator) -> Groove:
         cut = plate.height_mm - size
         lean = slope + turn * (3.0 - slope)
         above = ((-slope * cut, cut), (-slope * cut - lean * size, plate.height_mm))
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above)
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=above)
 
     left, right = ground(of.left), of.right if rng.random() < 0.5 else ground(of.right)
     return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
@@ -212,7 +220,7 @@ def _compound(rng: np.random.Generator) -> Groove:
         low, high = np.tan(np.array([plate.bevel_deg, other]) * DEG)
         part = rng.uniform(0.15, 0.85) * plate.height_mm
         above = ((-low * part, part), (-low * part - high * (plate.height_mm - part), plate.height_mm))
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above)
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=above)
 
     left, right = bent(of.left), of.right if rng.random() < 0.5 else bent(of.right)
     return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
@@ -227,7 +235,7 @@ def _rounded(rng: np.random.Generator) -> Groove:
         centre = (-np.tan(bevel) * top - radius * np.tan(0.5 * (np.pi / 2 - bevel)), top - radius)
         turn = np.linspace(bevel, np.pi / 2, 13)  # of the outward normal over the horizontal
         arc = tuple((centre[0] + radius * np.cos(t), centre[1] + radius * np.sin(t)) for t in turn)
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, arc)
+        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=arc)
 
     return _groove(round_(of.left), round_(of.right), of.gap_mm, of.raised_mm, of.table_mm)
 
@@ -255,6 +263,60 @@ def _on_surface(rng: np.random.Generator) -> Groove:
     return _with(of, (strip,))
 
 
+def _below(rng: np.random.Generator) -> Groove:
+    """A strip that hangs some millimetres below the plates: a backing that does not touch."""
+    of, under, reach = plain(rng), rng.uniform(1.0, 6.0), rng.uniform(3.0, 20.0)
+    return _with(of, (((-reach, -under), (reach, -under)),))
+
+
+def _ceramic(rng: np.random.Generator) -> Groove:
+    """A ceramic backing with a round channel under the root, as wide as the gap or wider."""
+    of, deep, share = plain(rng), rng.uniform(0.5, 2.0), np.linspace(-1.0, 1.0, 15)
+    wide = of.gap_mm / 2 + rng.uniform(0.5, 5.0)
+    arc = tuple(zip((wide * share).tolist(), (deep * (share**2 - 1.0)).tolist(), strict=True))
+    return _with(of, (((-20.0, 0.0), *arc, (20.0, 0.0)),))
+
+
+def _part_filled(rng: np.random.Generator) -> Groove:
+    """Layers of weld up to a third and more of the depth; the next one not begun."""
+    of = plain(rng)
+    level = of.left.root_mm + rng.uniform(0.3, 0.95) * of.left.height_mm
+    return _with(of, (_bead(of, level, rng.uniform(-0.6, 0.6)),))
+
+
+def _thin_run(rng: np.random.Generator) -> Groove:
+    """A thin weld, of 0.05 to 0.6 mm, between roots that touch or nearly."""
+    of = plain(rng)
+    of = _groove(of.left, of.right, rng.choice([0.0, 0.2]), of.raised_mm, of.table_mm)
+    return _with(of, (_bead(of, max(of.left.root_mm, of.right.root_mm + of.raised_mm) + rng.uniform(0.05, 0.6), 0.0),))
+
+
+def _primer(rng: np.random.Generator) -> Groove:
+    """Primer of 0.03 to 0.15 mm on one plate, masked beside the edge; or rolling scale that has come off there."""
+    of, height = plain(rng), rng.uniform(0.03, 0.15)
+    upper = of.left.root_mm + of.left.height_mm
+    edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(0.5, 8.0)
+    return _with(of, (((edge, upper - 1.0), (edge, upper + height), (edge - FAR_MM, upper + height)),))
+
+
+def _bent(rng: np.random.Generator) -> Groove:
+    """Plates that do not stand level with each other, by 0.3 to 3 deg, up or down: shrinkage of a tack, a roof."""
+    of, turn = plain(rng), rng.uniform(0.3, 3.0) * rng.choice([-1.0, 1.0]) * DEG
+    left, slope = of.left, np.tan(of.left.bevel_deg * DEG)
+    corner = np.array([-slope * left.height_mm, left.height_mm])
+    spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    upper = spin @ corner
+    bent = Plate(left.root_mm, left.bevel_deg, left.height_mm, float(np.tan(turn)), ((upper[0], upper[1]),))
+    right = of.right
+    reach = np.array([np.tan(right.bevel_deg * DEG) * right.height_mm, right.height_mm])
+    root = np.array([max(of.gap_mm, 1.0), of.raised_mm + right.root_mm - left.root_mm])  # from the left one
+    axes = np.array([[np.cos(turn / 2), -np.sin(turn / 2)], [np.sin(turn / 2), np.cos(turn / 2)]])
+    gap, (width, step) = axes[0] @ root, axes @ (root + reach - upper)
+    bevels = left.bevel_deg + right.bevel_deg
+    told = {"gap_mm": gap, "width_mm": width, "misalignment_mm": step, "included_deg": bevels - turn / DEG}
+    return replace(_groove(bent, right, float(root[0]), of.raised_mm, of.table_mm), told=told)
+
+
 SHAPES: dict[str, Callable[[np.random.Generator], Groove]] = {
     "plain": plain,
     "one plate square": _single,
@@ -267,6 +329,12 @@ SHAPES: dict[str, Callable[[np.random.Generator], Groove]] = {
     "two bevel angles a side": _compound,
     "plates of two thicknesses": _two_thicknesses,
     "tape or bead on a plate": _on_surface,
+    "strip below the plates": _below,
+    "ceramic backing": _ceramic,
+    "groove filled in part": _part_filled,
+    "thin weld in a closed root": _thin_run,
+    "primer masked at the edge": _primer,
+    "plates that are not level": _bent,
 }
 
 

@@ -99,6 +99,13 @@ def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -
         ("upper edges ground", 2),  # the view hides the bevel below: 39 deg off at 430 u
         ("two bevel angles a side", 2),  # likewise
         ("two bevel angles a side", 4),  # hides the face above: an HV, 22 deg off
+        ("two bevel angles a side", 1002),  # the lower face is seen in four of ten profiles: 7 deg, 2.6 mm
+        ("two bevel angles a side", 4009),  # in a third: an HV, 20 deg off
+        ("one plate square", 1000),  # a gap of 17 columns taken for blind ones: 0.19 mm
+        ("root run", 1000),  # a hidden bevel of 16 deg taken for a square plate
+        ("upper edges rounded", 1002),  # a hidden bevel's root hides the other one: depth 0.2 mm at 15 u
+        ("tape or bead on a plate", 4009),  # the tape turned the upper surface's line by 1.8 deg
+        ("plates that are not level", 4000),  # the gap was that of level plates
     ],
 )
 def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:

@@ -321,6 +321,17 @@ LIMITS: dict[str, Limit] = {
         "share of the profiles with a face that show the kind of face that most do, of the worse plate",
         "a plate is prepared alike along its edge; spatter and tack welds hide less",
     ),
+    "groove_compound": Limit(
+        0.2,
+        "share of the profiles in which a plate of a groove shows a face above a steeper one",
+        "plain grooves come to 0.05 among spatter and tack welds; bevels of two angles mostly to 0.4 and more, and "
+        "what the other profiles showed of these was measured as one",
+    ),
+    "groove_unread": Limit(
+        0.5,
+        "share of the profiles with two plates in which a face could not be read",
+        "U and J grooves come to 0.3; what the lesser part of the profiles shows is mostly the upper one of two faces",
+    ),
     "preparation_share": Limit(
         (0.34, 1.0),
         "share of the profiles in which upper surface, preparation and root face of one plate were found",

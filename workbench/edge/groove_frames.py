@@ -26,10 +26,14 @@ NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
 WALK_PLACES = 9  # stretches of a plate's columns
+PLACE_MM, LEAST_PLACES = 0.25, 8  # of an upper surface, from its end on, that show whether it is straight
+STRIP_MM, STRIP_POINTS, STRIP_LEAN = 0.2, 4, 0.06  # from the corner on, what is level beside the end of that surface
+FORM_MM = 0.008  # what is left there in all profiles alike; of sensors that err by what walks over the columns 0.005
 ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
+ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 THIRD = 3  # return beyond an upper surface's end
 NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
@@ -47,6 +51,7 @@ class ReadFrames:
     up: float  # 1 where z counts out of the plates
     share: float  # of the profiles that have enough returns
     unread: float  # share of those with two plates of which a face could not be read
+    compound: float  # share of those in which a plate shows two faces
     agreement: float  # share of the profiles with a face that show the kind that most do, of the worse side
 
 
@@ -68,7 +73,10 @@ class Lines:
     last: Shaped[Float, "n 2"]  # innermost return of the plate; NaN where something covers its end
     step: Shaped[Float, " n"]  # from there to the next column
     edge_step: Shaped[Float, " n"]  # from the upper surface's last return to the next column
-    missing: float  # mm of the upper surface whose columns return nothing beyond its end, before what lies deeper does
+    missing: float  # mm of the upper surface, as many columns return nothing beyond the last return, before others do
+    # how far above the plate's last return the other plate's lies that is next to it in the profile; NaN where columns
+    # without return, or more than a few returns, lie between them, or where a root face is seen below
+    next_up: Shaped[Float, " n"]
     grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
     rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
@@ -85,6 +93,8 @@ class Lines:
     misfit: float  # of the fillet's returns, times their noise; NaN: there is none
     pattern: float  # share of the noise's variance that every profile repeats in the same column
     walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
+    form_mm: float  # u of the upper surface's height at the corner: it is not straight, or carries a tape
+    form_turn: float  # and of its direction, rad
     plate_mm: float  # width of the upper surface that is measured
     face_mm: float  # width of the face; NaN: there is none
 
@@ -95,7 +105,7 @@ class Lines:
         By the bevel's last return and the lowest one, less a column.
         """
         shown = np.isfinite(self.below[:, 0])
-        if not shown.mean() > ROOT_SHOWS:
+        if not shown.mean() > LEAST_FACE:
             return 0.0
         inwards, down = np.median(self.below[shown], axis=0)
         beyond = max(float(inwards - np.nanmedian(self.step)), 0.0)
@@ -149,6 +159,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         up,
         share,
         sum(one is not None and not is_read(one) for one in seen) / max(len(frames), 1),
+        sum(one is not None and "compound" in (one[0].kind, one[1].kind) for one in seen) / max(len(frames), 1),
         min(agree_left, agree_right),
     )
 
@@ -352,6 +363,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "share",
         "edge_step",
         "missing",
+        "next_up",
         "grazing",
         "lever",
         "plate_way",
@@ -364,22 +376,25 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     last, lowest, ends, beneath = (np.full((n, 2), np.nan) for _ in range(4))
     held = []
+    form = _Form()
     added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
+    value["next_up"] = _next_up(cloud, read, which)
     beyond_end, beyond_last = (_columns_on(cloud, read, which, name) for name in ("end", "last"))
     for k, side in enumerate(read.sides[which]):
         if not np.isfinite(s[k]):
             continue
         ray = _ray(cloud, read, curve, s, turn, k, mirror)
-        take = [side.upper, side.face, side.arc, np.array([side.end, side.last]), side.below]
+        strip = _strip(side, which)
+        take = [side.upper, side.face, side.arc, np.array([side.end, side.last]), side.below, strip]
         points, at = section_points(cloud, read, curve, s, turn, k, np.concatenate(take), mirror)
         cuts = np.cumsum([part.size for part in take])[:-1]
-        upper, face, arc, end, below = np.split(points, cuts)
+        upper, face, arc, end, below, beside = np.split(points, cuts)
         if face.size:
             value["face_s"][k] = float(np.split(at, cuts)[1].mean())
-        held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2]))
+        held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2], beside))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
-        value["missing"][k] = spacing * _without_return(read.columns[k], side.end, which)
+        value["missing"][k] = spacing * _without_return(read.columns[k], side.last, which)
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
             low = below[np.argmin(below[:, 1])]
@@ -393,6 +408,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         place, value["rms_p"][k], level, *_ = _line(upper, ray)
         off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
         on = np.abs(off) < STRAY_SIGMAS * value["rms_p"][k]
+        form.add(upper[on], off[on])
         column = read.columns[k][side.upper[on]]
         added += np.bincount(column, off[on], added.size)
         squares += float((off[on] ** 2).sum())
@@ -403,17 +419,17 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     noise_p, noise_f = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
     )
-    guess = 4.0
-    for k, upper, face, arc, ray, cuts_at in held:
+    guess, told = 4.0, np.mean(beyond_end == 1) > COVERED  # beside blind columns, or a gap that looks like these
+    for k, upper, face, arc, ray, cuts_at, beside in held:
         centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
         value["plate"][k], value["plate_v"][k] = angle, angle_v * noise_p**2
         value["plate_way"][k] = _way_along(upper, cuts_at[0], angle)
         plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
-        if kind == "edge":
+        if kind in ("edge", "hidden") and not (beyond_end[k] > 1 and told):
             corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
+        if kind == "edge":
             continue
         if kind == "hidden":
-            corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
             circle = _circle(arc, ray, noise_p)
             if circle is not None:
                 for name, found_ in zip(("radius", "radius_v", "bottom", "bottom_v", "misfit"), circle, strict=True):
@@ -444,6 +460,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face"][k], value["face_v"][k] = way, way_v
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
+        form.add_strip(beside, plate, corner[k])
     width_p, width_f, misfit = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else math.nan
         for name in ("width_p", "width_f", "misfit")
@@ -467,6 +484,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["step"],
         value["edge_step"],
         float(np.nanmedian(value["missing"])) if np.isfinite(value["missing"]).any() else 0.0,
+        value["next_up"],
         value["grazing"],
         float(np.median([side.rounded_mm for side in read.sides[which]])),
         max(noise_f * across, LEAST_SIGMA_MM),
@@ -483,9 +501,63 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         misfit,
         _pattern(added, count, squares),
         _walk(added, count, width_p),
+        *form.found(),
         width_p,
         width_f,
     )
+
+
+def _strip(side: Side, which: int) -> Int:
+    """Returns between an upper surface and the face below it."""
+    if not side.face.size:
+        return np.empty(0, np.int64)
+    ends = (side.upper[-1] + 1, side.face[0]) if which == 0 else (side.face[-1] + 1, side.upper[0])
+    return np.arange(*ends)
+
+
+class _Form:
+    """What the lines of an upper surface leave, mean of all profiles by the distance from its innermost return."""
+
+    def __init__(self) -> None:
+        self.total, self.count = np.zeros(0), np.zeros(0)
+        self.strips: list[float] = []  # how far off the line what lies between it and the corner is, of each profile
+
+    def add_strip(self, points: Float, plate: Line, corner: Float) -> None:
+        """The returns (m, 2) between an upper surface and its corner: as they are where a tape or primer ends there."""
+        centre, angle, *_ = plate
+        way = np.array([math.cos(angle), math.sin(angle)])
+        beside = points[(corner - points) @ way > STRIP_MM]
+        if len(beside) < STRIP_POINTS:
+            return
+        along, off = (beside - centre) @ way, (beside - centre) @ np.array([-way[1], way[0]])
+        level = abs(float(np.polyfit(along, off, 1)[0])) < STRIP_LEAN
+        self.strips.append(float(np.median(off)) if level else 0.0)
+
+    def add(self, points: Float, off: Float) -> None:
+        """The returns (m, 2) of one profile and what its line leaves of them (m,)."""
+        inner = points[np.argmax(points[:, 0])]
+        place = (np.hypot(*(points - inner).T) / PLACE_MM).astype(np.int64)
+        size = max(int(place.max()) + 1, self.count.size)
+        self.total = np.pad(self.total, (0, size - self.total.size)) + np.bincount(place, off, size)
+        self.count = np.pad(self.count, (0, size - self.count.size)) + np.bincount(place, minlength=size)
+
+    def found(self) -> tuple[float, float]:
+        """u of the line's height at the end, mm, and of its direction, rad.
+
+        By how much lines through the nearest quarter, half and three quarters of the surface differ from it there.
+        """
+        seen = np.flatnonzero(self.count > 0.5 * np.median(self.count)) if self.count.size else self.count
+        if seen.size < LEAST_PLACES:
+            return 0.0, 0.0
+        strip = abs(float(np.median(self.strips))) if self.strips else 0.0
+        strip = strip / math.sqrt(3.0) if strip > FORM_MM else 0.0
+        place, mean = (seen + 0.5) * PLACE_MM, self.total[seen] / self.count[seen]
+        if np.abs(mean).max() < FORM_MM:
+            return strip, 2.0 * strip / float(place[-1])
+        parts = [max(seen.size * k // 4, LEAST_PLACES // 2) for k in (1, 2, 3)]
+        lines = [np.polyfit(place[:part], mean[:part], 1) for part in parts]
+        turn, height = np.abs(lines).max(axis=0) / math.sqrt(3.0)
+        return math.hypot(height, strip), math.hypot(turn, 2.0 * strip / float(place[-1]))
 
 
 def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
@@ -497,13 +569,28 @@ def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
     return columns_to_next(cloud.z_mm, outwards)
 
 
-def _without_return(columns: Int, end: int, which: int) -> int:
-    """Columns without a return among the next ones from return `end` of a profile towards the groove.
+def _next_up(cloud: Cloud, read: ReadFrames, which: int) -> Float:
+    """`Lines.next_up` (n,) of a side."""
+    out = np.full(len(read.frame), np.nan)
+    for k, (columns, side, other) in enumerate(
+        zip(read.columns, read.sides[which], read.sides[1 - which], strict=True)
+    ):
+        next_ = other.below[(0, -1)[which]] if other.below.size else other.last
+        between = abs(int(next_) - side.last) - 1
+        blank = abs(int(columns[next_]) - int(columns[side.last])) - 1 - between
+        if not side.below.size and between <= ADJOINS_RETURNS and blank <= ADJOINS_COLUMNS:
+            z = cloud.z_mm[read.frame[k]]
+            out[k] = read.up * (float(z[columns[next_]]) - float(z[columns[side.last]]))
+    return out
+
+
+def _without_return(columns: Int, last: int, which: int) -> int:
+    """Columns without a return among the next ones from return `last` of a profile towards the groove.
 
     Up to the third return: the first one may be a mixed pixel of the end.
     """
-    beyond = min(max(end + (THIRD, -THIRD)[which], 0), columns.size - 1)
-    return abs(int(columns[beyond]) - int(columns[end])) - abs(beyond - end)
+    beyond = min(max(last + (THIRD, -THIRD)[which], 0), columns.size - 1)
+    return abs(int(columns[beyond]) - int(columns[last])) - abs(beyond - last)
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

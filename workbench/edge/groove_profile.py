@@ -17,8 +17,8 @@ from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straig
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 # edge: nothing is seen below the upper surface; hidden: a fillet, but not the flank above it; unread: a face that is
-# too steep, low or curved to read
-Kind = Literal["edge", "square", "bevel", "round", "hidden", "unread"]
+# too steep, low or curved to read; compound: a face above a steeper one
+Kind = Literal["edge", "square", "bevel", "round", "hidden", "unread", "compound"]
 
 LEAST_PLATE_MM, LEAST_PLATE_POINTS = 1.5, 12
 PARALLEL = 8.0 * DEG  # plates that meet at more are no butt joint
@@ -28,9 +28,11 @@ JUMP_MM = 0.7  # without returns: likewise
 GOES_ON = 8  # returns in a row behind a jump, for the surface to go on there
 LEAST_FALL = 15.0 * DEG  # of a bevel below its plate
 SQUARE = 85.5 * DEG  # falls of more than this are square faces
+UPRIGHT = 80.0 * DEG  # what falls less below a bevel is no root face; in an oblique profile that leans a little
 LEAST_WHOLE = 60  # returns of a line that is one face in spite of a gap
 NEAR_MM = 2.0  # of a face from the corner at which it starts, with the edge's rounding
 ROUND_TURN, ROUND_END = 6.0 * DEG, 45.0 * DEG  # a fillet turns by more, and comes to fall by less than
+SHARP_TURN = 45.0 * DEG  # the pieces of a fillet turn by less from one to the next; a weld or a strip joins a face so
 FLANK_FALL = 60.0 * DEG  # returns below a flank that is not seen fall by less where they are the fillet's
 ASIDE_OF_EDGE_MM = 4.0  # at most, of a face, or the first return of such a fillet, from the upper surface's end
 TRIM_MM = 0.35  # left out of a face beside a corner: rounding and mixed pixels
@@ -88,7 +90,7 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
 
 def is_read(sides: tuple[Side, Side]) -> bool:
     """Whether the faces of both plates could be read."""
-    return "unread" not in (sides[0].kind, sides[1].kind)
+    return not {"unread", "compound"} & {sides[0].kind, sides[1].kind}
 
 
 def _both_sides(x: Float, y: Float, lines: Float, long: Float, over: bool) -> tuple[Side, Side] | None:
@@ -200,11 +202,11 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
             return None
         last, off = _followed(x, y, line, last)
         arc = _fillet(x, y, lines, number, level, fall, last)
-        if not arc.size and (_turns_back(x, y, lines, falls, number, last) or _flattens(x, y, level, fall, last)):
-            # The face of a fillet of which too little is seen is no bevel.
-            return Side(
-                "unread", math.nan, corner, upper, nothing, nothing, end, last, _step(x, y, upper), 0.0, nothing
-            )
+        other = None if arc.size else _goes_on(x, y, lines, falls, number, last)
+        if other is None and not arc.size and _flattens(x, y, level, fall, last):
+            other = "unread"  # the face of a fillet of which too little is seen is no bevel
+        if other is not None:
+            return Side(other, math.nan, corner, upper, nothing, nothing, end, last, _step(x, y, upper), 0.0, nothing)
         face = np.arange(first, last + 1)
         # By the columns, not by the returns: on a face along the rays noise would choose which of them count.
         away = np.abs(x[face] - corner[0]) * math.hypot(1.0, line[SLOPE])
@@ -261,14 +263,20 @@ def _rounds_edge(x: Float, y: Float, lines: Float, falls: list[float], number: i
     return False
 
 
-def _turns_back(x: Float, y: Float, lines: Float, falls: list[float], number: int, last: int) -> bool:
-    """Whether a face, seen down to return `last`, goes on in another one that falls less."""
+def _goes_on(x: Float, y: Float, lines: Float, falls: list[float], number: int, last: int) -> Kind | None:
+    """What a plate is whose face, seen down to return `last`, goes on in another one; None: it does not.
+
+    One that falls less; or one that falls more, but not squarely.
+    """
     for line, fall in zip(lines[number + 1 :], falls[number + 1 :], strict=True):
         first = int(line[FIRST])
         if first > last - DROP_POINTS and int(line[LAST]) - first >= SEEN_BELOW:
             near = math.hypot(x[first] - x[last], y[first] - y[last]) < LINKED_MM
-            return near and LEAST_FALL < fall < falls[number] - ROUND_TURN
-    return False
+            before = falls[number]
+            if near and before + 0.5 * ROUND_TURN < fall < UPRIGHT:
+                return "compound"
+            return "unread" if near and LEAST_FALL < fall < before - ROUND_TURN else None
+    return None
 
 
 def _flattens(x: Float, y: Float, level: float, fall: float, last: int) -> bool:
@@ -343,7 +351,7 @@ def _fillet(x: Float, y: Float, lines: Float, number: int, level: float, fall: f
     for line in lines[number + 1 :]:
         f, i = level - math.atan(line[SLOPE]), int(line[FIRST])
         gap = math.hypot(x[i] - x[at], y[i] - y[at])
-        if f > before - 0.5 * ROUND_TURN or f < -20.0 * DEG or gap > 0.6:
+        if not 0.5 * ROUND_TURN <= before - f <= SHARP_TURN or f < -20.0 * DEG or gap > 0.6:
             break
         before, at, least = f, int(line[LAST]), f
     return np.arange(begin, at + 1) if least < ROUND_END and at - begin >= 6 else np.empty(0, np.int64)

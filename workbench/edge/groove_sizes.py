@@ -29,6 +29,8 @@ PATTERN = "fixed pattern of the columns: what every profile repeats"
 DIRECTION = "direction of the groove: robot position noise and hand-eye pose"
 HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
 STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
+JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
+JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
@@ -40,8 +42,8 @@ CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
 SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower root; how near a ray; spread of the fan
 GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return nothing
-STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V); small ones that are not seen beside a plate
-USUAL_DEG = 18.0  # whose bevel is seen would be unusual
+STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
+EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
@@ -70,7 +72,7 @@ class GrooveSizes:
         self._bevel_shared = 0.0
         self.root_face_seen = self.root_face_excluded = False
         self.shadowed = False  # whether one root lies in the other plate's shadow
-        self.high = 0.0  # mm by which one root's upper edge lies above the other
+        self.high = 0.0  # mm by which the right root's upper edge lies above the left one's
         self.uneven = math.nan  # that, over the greater depth; NaN: one plate is not prepared, or a root not seen
 
     @property
@@ -79,7 +81,7 @@ class GrooveSizes:
 
         One that leans away from the rays; or one that they graze, as far as columns beyond the end return nothing.
         """
-        leans = zip((-self.lean, self.lean), self.lines, strict=True)
+        leans = zip(self.leans, self.lines, strict=True)
         shown = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind not in UNSEEN]
         depth = max((one for one in shown if one > 0.0), default=LEAST_DEPTH_MM)
         return max(
@@ -92,10 +94,14 @@ class GrooveSizes:
         )
 
     @property
+    def leans(self) -> tuple[float, float]:
+        """Tangent of the angle by which the view leans over each plate: what falls inwards more steeply is hidden."""
+        return -self.lean, self.lean
+
+    @property
     def hides_bevels(self) -> bool:
-        """Whether a plate may have a bevel that is not seen: a steep one, or beside a bevel one of usual size."""
-        bevelled = any(one.kind in PREPARED for one in self.lines)
-        return self.hidden_deg > (USUAL_DEG if bevelled else STEEP_DEG)
+        """Whether a plate of which nothing is seen below its upper surface may have a bevel."""
+        return self.hidden_deg > STEEP_DEG
 
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
@@ -119,8 +125,8 @@ class GrooveSizes:
         step = self._course(
             right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1]
         )
-        lever = np.abs(width.value) * self.tilt_u
-        plates = [self._walked(one.plate_mm) for one in self.lines]
+        lever = np.abs(width.value) * np.hypot(self.tilt_u, 0.5 * math.hypot(left.form_turn, right.form_turn))
+        plates = [math.hypot(self._walked(one.plate_mm), one.form_mm) for one in self.lines]
         between = math.sqrt(self.walk * max(typical(np.abs(width.value)), 0.0))
         high = math.hypot(self._shared(*(one.corner_variance[:, 1] for one in self.lines)), *plates, between)
         self._mm("misalignment_mm", step.value, np.hypot(step.u, lever), 0.0, high)
@@ -153,6 +159,7 @@ class GrooveSizes:
             )
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
         roots = self._lit(roots, typical(width.value), typical(step.value))
+        beneath = self._beneath() if doubtful else (0.0, 0.0)
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
         if depths:
             n = len(depths)
@@ -173,13 +180,15 @@ class GrooveSizes:
             width.value + hidden - sum(r.run for r in roots),
             np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
             math.hypot(*(r.run_end for r in roots), edge_u),
-            shared,
+            math.hypot(shared, *(self._face_walk(one) for one in self.lines)),
         )
         if doubtful and self.hides_bevels:
-            u = np.full(self.at.size, reach / math.sqrt(3.0))
-            self.sizes["gap_mm"] = replace(
-                self.sizes["gap_mm"], u_by_source={**self.sizes["gap_mm"].u_by_source, HIDDEN: u}
-            )
+            if depths and not typical(self.sizes["gap_mm"].value) > reach:  # it may hide the root that is seen
+                self.sizes["depth_mm"] = replace(self.sizes["depth_mm"], value=np.full(self.at.size, np.nan))
+            self._hidden("gap_mm", reach)
+        elif any(beneath):
+            self._hidden("depth_mm", beneath[0])
+            self._hidden("gap_mm", beneath[1])
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]
@@ -194,6 +203,25 @@ class GrooveSizes:
             )
         self._corners(roots)
         self._root_faces(roots)
+
+    def _hidden(self, name: str, reach_mm: float) -> None:
+        """Put into a size's u that a face which is not seen may reach so far."""
+        size = self.sizes[name]
+        u = np.full(self.at.size, reach_mm / math.sqrt(3.0))
+        self.sizes[name] = replace(size, u_by_source={**size.u_by_source, HIDDEN: u})
+
+    def _beneath(self) -> tuple[float, float]:
+        """How far a face that is not seen below the upper one of two uneven roots may change depth and gap, mm.
+
+        It may be the lower one of two bevels, down to the level of the other root; steeper, so that the view hides it.
+        """
+        if not self.uneven > EVEN:
+            return 0.0, 0.0
+        upper = 1 if self.high > 0.0 else 0
+        high, one = abs(self.high), self.lines[upper]
+        hidden = math.atan(max(self.leans[upper], 0.0)) + min(math.atan(one.missing / high), GRAZING_DEG * DEG)
+        seen = bool(np.isfinite(one.root_a).mean() > SHOWS) or hidden < STEEP_DEG * DEG
+        return (0.0, 0.0) if seen else (0.5 * high, high * math.tan(hidden))
 
     def level_share(self) -> float:
         """How much higher one plate stands than the other, over the groove's depth."""
@@ -270,7 +298,13 @@ class GrooveSizes:
         if not math.isfinite(one.face_mm):
             return 0.0
         fall = abs(math.sin(typical(one.plate - one.face)))
-        return math.hypot(self._walked(one.plate_mm), self._walked(one.face_mm)) / max(fall, 0.3)
+        return math.hypot(self._walked(one.plate_mm), one.form_mm, self._walked(one.face_mm)) / max(fall, 0.3)
+
+    def _face_walk(self, one: Lines) -> float:
+        """How far a face's end lies off across the groove by such an error, mm."""
+        if not math.isfinite(one.face_mm):
+            return 0.0
+        return self._walked(one.face_mm) / max(abs(math.sin(typical(one.face))), 0.3)
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
         self.sizes[name] = Quantity(
@@ -299,7 +333,8 @@ class GrooveSizes:
             return None
         fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
         turns = [self._turned_by_walk(width) for width in (one.plate_mm, one.face_mm)]
-        self._bevel_shared = math.hypot(self._shared(one.plate_variance, one.face_variance), *turns)
+        pattern = self._shared(one.plate_variance, one.face_variance)
+        self._bevel_shared = math.hypot(pattern, one.form_turn, *turns)
         self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared, (name,))
         return fall.value, fall.u
 
@@ -307,13 +342,14 @@ class GrooveSizes:
         """The root's upper edge, from the upper corner: how far below and how far inwards."""
         zero = np.zeros(self.at.size)
         if one.kind not in PREPARED:
-            return _Root(zero, zero, 0.0, zero, zero, 0.0)
-        off = one.last - one.corner
+            return _Root(zero, zero, 0.0, zero, zero, 0.0, zero)
+        off, joined = one.last - one.corner, self._joined(one)
         if one.kind != "bevel":
             low = one.corner[:, 1] - one.bottom
             depth = self._course(low, one.corner_variance[:, 1] + one.bottom_variance)
             run, run_u, step = self._end(off[:, 0], one)
-            return _Root(depth.value, depth.u, 0.0, run, run_u, STEP_SHARE * step)
+            end = STEP_SHARE * step if joined is None else math.hypot(JOINED_SHARE * step, joined)
+            return _Root(depth.value, depth.u, 0.0, run, run_u, end, depth.value)
         if fall is None:
             raise AssertionError("a bevel has an angle")
         way = np.stack([np.cos(one.face), np.sin(one.face)], axis=1)
@@ -331,33 +367,57 @@ class GrooveSizes:
         else:
             far, far_u, step = self._end(low, one)
         angle, angle_u = fall
-        c, d, end = np.cos(angle), np.sin(angle), STEP_SHARE * step
-        mean = typical(angle)
+        end = STEP_SHARE * step if joined is None else math.hypot(JOINED_SHARE * step, joined)
+        # The run in the section plane: where the plates do not stand level with each other, no plate's own is that.
+        in_plane = -self._course(one.face, one.face_variance, one.face_s).value
+        c, d, mean = np.cos(in_plane), np.sin(in_plane), typical(angle)
         return _Root(
-            far * d,
-            np.hypot(d * far_u, c * far * angle_u),
+            far * np.sin(angle),
+            np.hypot(np.sin(angle) * far_u, np.cos(angle) * far * angle_u),
             end * math.sin(mean),
             far * c,
             np.hypot(c * far_u, d * far * angle_u),
             end * math.cos(mean),
+            far * d,
         )
 
-    def _lit(self, roots: list[_Root], width_mm: float, step_mm: float) -> list[_Root]:
-        """The roots, less a lower one that the other plate's root hides: its returns end in the shadow of that.
+    def _joined(self, one: Lines) -> float | None:
+        """By how much (mm, u) the levels leave open where a root ends that the other plate's last return joins.
 
-        The upper root at (b, h) from the lower one lies on the line of sight that ends there; (lean, 1) is the view's.
+        None: they do not lie side by side in the view.
+        """
+        rise = self._next_up(one)
+        return abs(rise) / math.sqrt(3.0) if abs(rise) <= self._joins_mm() else None
+
+    def _next_up(self, one: Lines) -> float:
+        """How far above a plate's last return the other plate's is that joins it; NaN: in most profiles none does."""
+        beside = np.isfinite(one.next_up)
+        return typical(one.next_up) if beside.mean() > SHOWS else math.nan
+
+    def _joins_mm(self) -> float:
+        """Levels of last returns that differ by less may be those of neighbouring columns on one surface."""
+        return JOINED_STEPS * max(typical(one.step) for one in self.lines)
+
+    def _lit(self, roots: list[_Root], width_mm: float, step_mm: float) -> list[_Root]:
+        """The roots, less a lower one that the other plate may hide: its returns end beside a higher one of that.
+
+        Or the upper root at (b, h) from the lower one lies on the line of sight that ends there, or beyond, or above
+        it; (lean, 1) is the view's.
         """
         left, right = roots
-        high = step_mm + typical(left.depth) - typical(right.depth)
-        self.high = abs(high)
+        self.high = high = step_mm + typical(left.down) - typical(right.down)
         if all(one.kind in PREPARED for one in self.lines):
-            self.uneven = self.high / max(typical(left.depth), typical(right.depth), 1e-3)
+            self.uneven = abs(high) / max(typical(left.down), typical(right.down), 1e-3)
         apart = width_mm - typical(left.run) - typical(right.run)
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.lines)
-        if abs(high) > SHADOW_MM and abs(apart - self.lean * high) < columns + SHADOW_FAN * abs(high):
-            unknown = np.full(self.at.size, np.nan)
-            roots[0 if high > 0 else 1] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0)
-            self.shadowed = True
+        beyond = abs(high) > SHADOW_MM and apart - max(self.lean * high, 0.0) < columns + SHADOW_FAN * abs(high)
+        for k, one in enumerate(self.lines):
+            if one.kind in PREPARED and (
+                self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))
+            ):
+                unknown = np.full(self.at.size, np.nan)
+                roots[k] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0, unknown)
+                self.shadowed = True
         return roots
 
     def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
@@ -447,7 +507,7 @@ class GrooveSizes:
             u = np.stack([np.hypot(a.u, math.hypot(end, LEAST_U_MM)), np.hypot(b.u, LEAST_U_MM)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in PREPARED:
-                low = place + np.stack([root.run, -root.depth], axis=1)
+                low = place + np.stack([root.run, -root.down], axis=1)
                 low_u = np.stack(
                     [
                         np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
@@ -479,7 +539,7 @@ class GrooveSizes:
             if shown.sum() < 3 or shown.mean() < SHOWS:
                 continue
             drop = one.corner[:, 1] - one.lowest[:, 1]
-            if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < self.high + 2.0 * BELOW_MM:
+            if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < abs(self.high) + 2.0 * BELOW_MM:
                 continue  # without a gap, what is seen below the upper root is the other plate
             self.root_face_seen = True
             if one.is_covered:
@@ -509,13 +569,17 @@ class _Course:
 
 
 class _Root:
-    """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end."""
+    """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end.
+
+    depth: square to the plate's own upper surface; run, down: in the section plane.
+    """
 
     def __init__(
-        self, depth: Float, depth_u: Float, depth_end: float, run: Float, run_u: Float, run_end: float
+        self, depth: Float, depth_u: Float, depth_end: float, run: Float, run_u: Float, run_end: float, down: Float
     ) -> None:
         self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
         self.run, self.run_u, self.run_end = run, run_u, run_end
+        self.down = down
 
 
 def _edge_u(one: Lines) -> float:

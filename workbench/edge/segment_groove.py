@@ -63,13 +63,7 @@ def segment_groove(
     """
     read = read_frames(cloud)
     kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
-    share = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles"
-    share += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
-    mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
-    checks = [
-        check("groove_share", read.share, f"{share}: no groove?", given=given),
-        check("groove_agreement", read.agreement, mixed, given=given),
-    ]
+    checks = _read_checks(read, given)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     curve, s = groove_curve(cloud, read)
     turn, tilt, about = plate_turn(cloud, read, curve, s)
@@ -116,6 +110,22 @@ def segment_groove(
             *((COVERED,) if any(one.is_covered for one in measured.lines) else ()),
         ),
     )
+
+
+def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
+    """That the profiles show two plates with one face each, and the same ones."""
+    few = f"two plates with a groove between them were found in {100 * read.share:.0f} % of the profiles"
+    few += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
+    two = f"in {100 * read.compound:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, "
+    two += "or one whose upper edge is dressed?"
+    unread = f"in {100 * read.unread:.0f} % of the profiles a face is too steep, low or curved to read: two faces?"
+    mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
+    return [
+        check("groove_share", read.share, f"{few}: no groove?", given=given),
+        check("groove_compound", read.compound, two, given=given),
+        check("groove_unread", read.unread, unread, given=given),
+        check("groove_agreement", read.agreement, mixed, given=given),
+    ]
 
 
 def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mapping[str, Bound]) -> list[Check]:

@@ -56,7 +56,7 @@ def not_met(short: Iterable[str], conditions: Sequence[str] = ()) -> str:
 def _named(where: list[str], conditions: Sequence[str]) -> str:
     """These conditions, by the fewer names."""
     others = [one for one in conditions if one not in where]
-    if len(others) >= len(where):
+    if len(conditions) < LEAST_ALIKE or len(others) >= len(where):
         return ", ".join(where)
     return f"all but {', '.join(others)}" if others else "all"
 

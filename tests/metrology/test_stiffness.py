@@ -71,7 +71,7 @@ def test_what_falls_short_is_told():
     assert not list(summary.shortcomings)
     text = stiffness_tables([summary], "typed")
     assert "| planned | 40 + 6 | 4.00 |" in text
-    assert "| 95.0 |" in text
+    assert "| 95.0 (91.0 to 97.6) |" in text
     assert "Not met: nothing." in text
     assert next(iter(worst_stiffness(good, 1))).startswith("planned, seed 0: chi-square 14.0")
 

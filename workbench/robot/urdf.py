@@ -8,10 +8,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
@@ -19,6 +18,9 @@ from workbench.robot.chain import Chain
 from workbench.robot.shapes import Shape, read_mesh
 from workbench.storage import regular_file
 from workbench.units import DEG, Float
+
+if TYPE_CHECKING:  # where a URDF is read, not wherever a program is written
+    import pinocchio as pin
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
@@ -53,6 +55,8 @@ def read_urdf(
         InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh; a
             mimic joint, or a prismatic one that is not held, by its name.
     """
+    import pinocchio as pin
+
     document = _parsed(path)
     _check_kinds(document, held or {}, flange_frame, path)
     model = _held(_built(document, path), document, held or {}, path)
@@ -130,6 +134,8 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
 
 def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, float], path: Path) -> pin.Model:
     """The model with some joints fixed where the cell says."""
+    import pinocchio as pin
+
     if not held:
         return model
     kinds = {joint.get("name"): joint.get("type") for joint in document.iterfind("joint")}
@@ -153,6 +159,8 @@ def kinematic_model(path: Path) -> pin.Model:
 
 
 def _built(document: ElementTree.Element, path: Path) -> pin.Model:
+    import pinocchio as pin
+
     with _quiet():
         try:
             return pin.buildModelFromXML(ElementTree.tostring(document, encoding="unicode"))

@@ -281,7 +281,7 @@ def _gone(s: Surface, g: float, outwards: float, up: float) -> bool:
 
     F is g less a bump or more; where g is convex along a ray it never falls again, and no bump reaches that far.
     """
-    if s.twist != 0.0 or s.tilt_cos < 0.0 or g <= s.reserve:
+    if s.twist != 0.0 or s.tilt_cos < 0.0 or g <= s.reserve - s.rough_reach:
         return False
     convex = s.bend == STRAIGHT or (s.bend == ARC and s.curvature > 0.0)
     return convex and outwards * s.tilt_cos - up * s.tilt_sin >= 0.0

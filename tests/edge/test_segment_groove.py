@@ -215,6 +215,8 @@ def test_no_included_angle_where_the_other_plate_may_have_a_bevel_too() -> None:
     seen, said = segment_groove(cloud), segment_groove(cloud, groove="HV")
     assert {"V", "Y"} <= set(seen.alternatives)
     assert "included_deg" not in seen.sizes
+    assert any("where a bevel of up to" in warning for warning in seen.warnings)
+    assert not any("where a bevel of up to" in warning for warning in said.warnings)
     assert np.nanmedian(said.sizes["included_deg"].value) == pytest.approx(40.0, abs=0.2)
 
 

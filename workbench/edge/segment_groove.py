@@ -106,6 +106,7 @@ def segment_groove(
         checks=(*cloud.checks, *checks),
         warnings=(
             *_alike(type_, alternatives, declared),
+            *_hidden(measured, declared),
             *((SHADOW,) if measured.shadowed else ()),
             *((COVERED,) if any(one.is_covered for one in measured.lines) else ()),
         ),
@@ -192,6 +193,14 @@ def _alike(type_: GrooveType, alternatives: tuple[GrooveType, ...], declared: bo
         return ()
     how, try_ = ("as given", "") if declared else ("by the evidence", ": give `groove` where it is known")
     return (f"type {type_} {how}; from the side seen it cannot be told from {', '.join(alternatives)}{try_}",)
+
+
+def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
+    if declared or not measured.hides_bevels:
+        return ()
+    deg = f"{measured.hidden_deg:.0f} deg"
+    told = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is known "
+    return (told + "bluntly, and what would rest on a square face is not told: give `groove`",)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

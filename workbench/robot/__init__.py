@@ -5,7 +5,7 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
-from workbench.robot.around import refusal
+from workbench.robot.around import refusal, turntable_at_home
 from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
@@ -57,6 +57,7 @@ __all__ = [
     "read_cell",
     "refusal",
     "spherical_wrist",
+    "turntable_at_home",
     "turntable_pose",
     "within_limits",
     "within_margins",

@@ -13,6 +13,8 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternio
 from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
 from workbench.plugins.stiffness.elastic import balance
+from workbench.plugins.stiffness.path_points import path_points
+from workbench.plugins.stiffness.posture import _table_band
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
 from workbench.program.rapid_program import RapidProgram, RobTarget
@@ -207,3 +209,27 @@ def test_a_posture_from_which_no_way_leads_home_is_not_proposed(cell: Cell, stif
     for postures, passes in ((best, False), (other, True)):
         assert write(simplify(path, postures), free(path), blocked)[-3].passed is passes
     assert np.linalg.norm(other.displacement_mm, axis=1).mean() >= np.linalg.norm(best.displacement_mm, axis=1).mean()
+
+
+def test_a_turntable_turns_no_faster_than_the_path_allows(cell: Cell, path: Toolpath, acts: MillingForce) -> None:
+    """At 400 mm from its axis 1 deg from point to point is 0.0152 mm off the chord, 2 deg 0.061 mm; 0.025 mm may be."""
+    assert cell.turntable is not None
+    points = path_points(path, acts, load="mean", reach_mm=6.5, planned=0.0)
+    frames = points.base_from_point.copy()
+    frames[:, :3, 3] = cell.turntable.base_from_turntable[:3, 3] + [0, 400.0, 250]
+    far = dataclasses.replace(points, base_from_point=frames)
+    assert [_table_band(cell, far, step, free(path)) for step in (0.25, 0.5, 1.0, 2.0)] == [2, 2, 1, 0]
+    assert cell.controller is not None
+    rows = dataclasses.replace(cell, controller=dataclasses.replace(cell.controller, dialect="trajectory"))
+    assert _table_band(rows, far, 2.0, free(path)) == 2
+
+
+def test_a_home_within_the_margin_of_a_limit_is_refused(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    assert cell.process is not None
+    home = cell.process.home.model_copy(update={"joints_deg": (0.0, -20.0, 69.0, 0.0, 30.0, 0.0)})
+    near = dataclasses.replace(cell, process=cell.process.model_copy(update={"home": home}))
+    expected = r"joints_deg\[2\]: expected joint 3 within its limits by their margin, .* to 68.00 deg, found 69"
+    with pytest.raises(InputError, match=expected):
+        posture(near, stiffness, path, acts)

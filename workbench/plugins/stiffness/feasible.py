@@ -20,7 +20,7 @@ from workbench.api import (
     forward_kinematics,
     inverse,
     refusal,
-    within_limits,
+    turntable_at_home,
     within_margins,
 )
 from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, joint_angles
@@ -36,6 +36,7 @@ STATION_MM, LEVER_MM, CHORD_MM = 12.0, 150.0, 0.2  # of stations: their step, wh
 # Relative change of a condition number when the joints move, in units of the number itself and of their moves in rad,
 # summed: at most 0.19 in 300,000 random postures with numbers from 5 to 50.
 STEEPEST = 0.25
+HOME_PLACES = 12  # on the way between home and the path, before the judge drives it
 SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are looked at
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
@@ -112,7 +113,8 @@ class Examiner:
         for end in (0, -1):
             still = np.flatnonzero(said == FREE)
             cells, at = inside[still], np.full(len(still), self._stations[end])
-            said[still], hit[cells] = self.away(configuration, at, flange[cells, end], table[cells])
+            there = flange[cells, end], table[cells], joints[cells, end]
+            said[still], hit[cells] = self.away(configuration, at, *there)
         cause[inside] = said
         asked = inside[said == FREE]
         fast = (np.abs(np.diff(joints[asked], axis=1)) > MOST_STEP).any(axis=(1, 2))
@@ -186,26 +188,34 @@ class Examiner:
         hits = self.screen.hits(joints[0], table)
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
 
-    def away(self, configuration: Configuration, at: Int, flange: Float, table: Float) -> tuple[Int, Int]:
+    def away(self, configuration: Configuration, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
         """The cause against where the program comes from to the first, and goes to from the last point; and the hit.
 
-        FREE and -1 for other points among `at` (m,). Both lie along the cutter's axis from poses (m, 4, 4).
+        FREE and -1 for other points among `at` (m,). Both lie along the cutter's axis from poses (m, 4, 4), with joints
+        near (m, 6); between them and home some places are looked at.
         """
         said, hit, process = np.full(len(at), FREE), np.full(len(at), -1), self.whole.process
         if process is None:
             return said, hit
+        home = np.array(process.home.joints_deg) * DEG
         for end, distance_mm in ((0, process.approach_mm), (len(self.points.layer) - 1, process.retract_mm)):
             rows = np.flatnonzero(at == end)
             back = flange[rows].copy()
             back[:, :3, 3] -= distance_mm * (back @ self.cell.flange_from_cutter)[:, :3, 2]
-            joints = within_limits(self.cell.chain, configuration.joints(self.arm, back))
-            within = np.isfinite(joints).all(axis=1)
+            joints = configuration.joints(self.arm, back)
+            joints += 2 * np.pi * np.round((near[rows] - joints) / (2 * np.pi))
+            low, high = self.cell.chain.limits.T
+            within = ((joints >= low) & (joints <= high)).all(axis=1)  # false where nothing reaches it
             said[rows[~within]] = LIMIT
             rows, joints = rows[within], joints[within]
             said[rows] = self.poor(joints)
             free = said[rows] == FREE
             rows, joints = rows[free], joints[free]
-            hit[rows] = self.screen.hits(joints, table[rows])
+            for share in np.linspace(1.0, 0.0, HOME_PLACES):
+                left = hit[rows] < 0
+                here, turned = rows[left], table[rows[left]]
+                stands = np.array([turntable_at_home(process.home, angle / DEG) for angle in turned.tolist()]) * DEG
+                hit[here] = self.screen.hits(home + share * (joints[left] - home), stands + share * (turned - stands))
             said[rows[hit[rows] >= 0]] = COLLISION
         return said, hit
 

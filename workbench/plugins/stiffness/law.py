@@ -150,7 +150,8 @@ def nodes(
     free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
     free[free] = examiner.poor(joints[free]) == FREE
     free[free] = examiner.screen.hits(joints[free], alpha[free]) < 0
-    free[free] = examiner.away(configuration, at[free], flange[free], alpha[free])[0] == FREE
+    away, _ = examiner.away(configuration, at[free], flange[free], alpha[free], joints[free])
+    free[free] = away == FREE
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
     return np.where(free, cost, np.inf).reshape(shape), seven, free.reshape(shape)
 

@@ -21,6 +21,7 @@ from workbench.api import (
     PostureFile,
     Postures,
     Toolpath,
+    inverse,
     stage,
     within_margins,
 )
@@ -29,12 +30,13 @@ from workbench.plugins.stiffness.feasible import CAUSES, JUDGED, Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.law_bound import Grid
 from workbench.plugins.stiffness.law_postures import Case, Found, case_at, postures
-from workbench.plugins.stiffness.path_points import Load, path_points
+from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.search import Choice, PostureMap, search
 from workbench.plugins.stiffness.traversal import lowest, sample, traversal
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
+OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points
 Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-360, le=360)]]
 
 
@@ -102,7 +104,9 @@ def posture(
         force: on the cutter along it.
         gate: of this path's own checks, passed on; without them there is no decision and no program.
         mode: one pair of angles, or a law along the path.
-        turntable_moves: whether the law moves the turntable too; else it stands at one angle, chosen for the law.
+        turntable_moves: whether the law moves the turntable too; else it stands at one angle, chosen for the law. From
+            point to point it takes the tool off by half the path's tolerance at most (r theta^2 / 8), so a smaller
+            `step_deg` may be needed far from its axis.
         cutter_rotation_deg: range of the cutter rotation.
         turntable_deg: range of the turntable angle.
         step_deg: of the grid.
@@ -138,6 +142,7 @@ def posture(
             "stiffness.posture", "expected the joint stiffness of this robot (stiffness.read behind robot.cell)"
         )
     kept = within_margins(cell)
+    _check_home(kept)
     arm, k = arm_of(kept.chain), stiffness.nm_per_rad
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
@@ -152,7 +157,8 @@ def posture(
     chosen, bound_mm = constant_law(examiner, k, choice), None
     if mode == "along_path":
         limits = _law_limits(cell, acceleration_deg_s2)
-        over_both = Grid(rotations, tables, np.array([BAND if turntable_moves else 0, BAND]), step_cost_mm)
+        band = _table_band(cell, points, step_deg, gate) if turntable_moves else 0
+        over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost_mm)
         chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
     worst = float(np.linalg.norm(made.displacement_mm, axis=1).max())
@@ -191,6 +197,34 @@ def grid(limits_deg: Range, step_deg: float) -> Float:
     count = int(np.floor((min(high - low, 360.0) + 1e-9) / step_deg)) + 1
     angles = low + step_deg * np.arange(count)
     return np.asarray(angles[angles < low + 360 - 1e-9] * DEG)
+
+
+def _check_home(kept: Cell) -> None:
+    """Refuse a home from which no program could begin."""
+    if kept.process is None:
+        return
+    home, (low, high) = np.array(kept.process.home.joints_deg) * DEG, kept.chain.limits.T
+    for i in np.flatnonzero((home < low) | (home > high)).tolist():
+        room = f"{low[i] / DEG:.2f} to {high[i] / DEG:.2f} deg"
+        raise InputError(
+            f"{kept.source}: $.process.home.joints_deg[{i}]",
+            f"expected joint {i + 1} within its limits by their margin, {room}, found {home[i] / DEG:g}",
+        )
+
+
+def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate | None) -> int:
+    """Steps of the grid that the turntable may turn by from point to point.
+
+    Between them the tool goes straight and the part on a circle, which is r theta^2 / 8 apart: no more than OFF_SHARE
+    of what the gate allows, or the program would be refused. A trajectory has rows between the points instead.
+    """
+    if cell.turntable is None or gate is None or (cell.controller and cell.controller.dialect == "trajectory"):
+        return BAND
+    table = inverse(cell.turntable.base_from_turntable)
+    there = points.base_from_point[:, :3, 3] @ table[:3, :3].T + table[:3, 3]
+    radius = float(np.linalg.norm(there[:, :2], axis=1).max())
+    most = np.sqrt(8 * OFF_SHARE * gate.tolerance_mm / max(radius, 1.0))
+    return int(min(most / (step_deg * DEG), BAND))
 
 
 def _law_limits(cell: Cell, acceleration_deg_s2: float) -> Limits:

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.robot import Chain, forward_kinematics, inverse_kinematics
+from workbench.robot import Cell, Chain, forward_kinematics, inverse_kinematics, within_margins
+from workbench.robot.margins import DIGITS
 from workbench.robot.sides import arm_sides, free_joint_3, level_joint_3
 
 
@@ -38,3 +39,18 @@ def test_the_level_joint_keeps_the_forearms_slope(arms: Any) -> None:
     turned = forward_kinematics(chain, free)[:, :3, :3]
     assert np.abs(turned[0] - turned[1]).max() < 1e-12
     assert np.abs(level_joint_3(chain, free) - level).max() < 1e-15
+
+
+def test_what_is_planned_keeps_its_margin_in_fanucs_digits(cell: Cell) -> None:
+    """Postures on the limits that planning keeps: joint 3 against the ground has the rounding of joint 2 besides."""
+    planned = within_margins(cell).chain.limits
+    q = np.random.default_rng(3).uniform(planned[:, 0], planned[:, 1], (3000, 6))
+    at, side = np.arange(3000) % 6, np.arange(3000) // 6 % 2
+    q[np.arange(3000), at] = planned[at, side]
+    shown = np.round(np.degrees(level_joint_3(cell.chain, q)), DIGITS)
+    read = free_joint_3(cell.chain, np.radians(shown))
+    room = np.minimum(read - cell.chain.limits[:, 0], cell.chain.limits[:, 1] - read)
+    assert room.min() >= cell.margins.limit
+    bare = np.round(np.degrees(cell.chain.limits[2] + np.array([1, -1]) * cell.margins.limit), DIGITS)
+    assert planned[2, 0] > np.radians(bare[0])  # the reserve is there, and small
+    assert np.degrees(planned[2, 0]) - bare[0] < 0.002

@@ -21,7 +21,7 @@ from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import lowest, sample, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
-from workbench.robot import read_cell
+from workbench.robot import Margins, read_cell
 
 PATH, CELL = Path("data/synthetic/paths/raw_arc.json"), Path("data/robot/cell.json")
 K, ANGLES = np.array(TABLE_2_NM_PER_RAD), np.radians(np.arange(-180, 180.0))
@@ -61,7 +61,9 @@ def show(name: str, law: Law, loaded: int, more: str = "| |") -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.long_edge", description=__doc__)
     parser.add_argument("--step-mm", type=float, default=1.0, help="from point to point (1)")
-    cell, path = read_cell(CELL), straight_edge(parser.parse_args().step_mm)
+    sure = Margins(limit=0.0, wrist=0.0, condition=1e6)
+    cell = dataclasses.replace(read_cell(CELL), margins=sure, margin_mm=0.0, process=None)
+    path = straight_edge(parser.parse_args().step_mm)
     arm = fast_arm(cell.chain)
     points = path_points(path, force(path)[0], load="mean", reach_mm=path.cutter.flute_length_mm / 2, planned=0.0)
     some, n = points.only(sample(points, 60)), len(points.loaded)

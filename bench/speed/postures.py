@@ -126,7 +126,7 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
     choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
     start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
     assert cell.turntable is not None
-    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.radians(100.0))
+    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))
     law, bound = improved_law(examiner, K, start, grid, limits)
     return {
         "law_s": timed(lambda: improved_law(examiner, K, start, grid, limits), 3),
@@ -138,7 +138,7 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
 
 def measure() -> dict[str, Any]:
     """All times in s."""
-    cell, path = read_cell(CELL), read(toolpath=PATH)
+    cell, path = dataclasses.replace(read_cell(CELL), process=None), read(toolpath=PATH)  # the path, no ways home
     arm = fast_arm(cell.chain)
     points = path_points(path, force(path)[0], load="mean", reach_mm=path.cutter.flute_length_mm / 2, planned=0.0)
     sampled = points.only(sample(points, POINTS))

@@ -1,4 +1,4 @@
-"""Positions that jump, against what robots do: waits, turns back, sway, noise, poses that come late."""
+"""Positions that jump, against waits, turns, sway, noise and late poses; windows that move in steps."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.checks.jumps import jump_mm
+from workbench.checks.window import end_step_check
 from workbench.units import Float
 
 TIME = np.arange(300) / 100.0
@@ -37,3 +38,14 @@ def test_what_robots_do_is_no_jump() -> None:
         assert of(place) < 0.5
     assert of(STEADY, waits) < 0.5  # stop and go
     assert of(STEADY[:2], TIME[:2]) == 0.0
+
+
+def test_a_window_that_follows_the_part_in_steps_is_told() -> None:
+    rng = np.random.default_rng(5)
+    moves = 300.0 + 40.0 * np.sin(TIME) + rng.normal(0.0, 0.3, TIME.size)
+    steps = (moves // 16 * 16).astype(np.int64)
+    steps[::9] += 3  # returns lost there
+    assert end_step_check(steps).value == 16
+    assert not end_step_check(steps).passed
+    for good in (moves.astype(np.int64), np.full(300, 320), np.full(5, 8), 300 + rng.integers(0, 2, 300)):
+        assert end_step_check(good).passed

@@ -56,19 +56,17 @@ def bend_of(cloud: Cloud, labels: AnyArray, label: int) -> Bend:
 
 def _corner(place: Float, left_mm: Float, width_mm: float) -> Bend:
     """The corner of what is left (k,) of a face at places (k,), shares of its width."""
-    line = [np.ones_like(place), place]
-    bowed, _ = _fit(left_mm, *line, place**2)
-    bent, turn, at = min((*_fit(left_mm, *line, np.maximum(place - at, 0.0)), at) for at in place[NEXT:-NEXT])
-    if bowed - bent < SURE * (bent + len(place) * LEAST_MM**2):
+    line = np.linalg.qr(np.stack([np.ones_like(place), place], axis=1))[0]
+    ats = place[NEXT:-NEXT]
+    shapes = np.concatenate([[place**2], np.maximum(place - ats[:, None], 0.0)])  # a parabola's, and each corner's
+    shapes -= shapes @ line @ line.T
+    off = left_mm - line @ (line.T @ left_mm)
+    along, size = shapes @ off, (shapes**2).sum(axis=1)
+    rest = off @ off - along**2 / size
+    best = 1 + int(rest[1:].argmin())
+    if rest[0] - rest[best] < SURE * (rest[best] + len(place) * LEAST_MM**2):
         return Bend()
-    return Bend(math.atan(turn / width_mm), float(at))
-
-
-def _fit(value: Float, *terms: Float) -> tuple[float, float]:
-    """Sum of squares that the best sum of terms leaves, and the last one's coefficient."""
-    rows = np.stack(terms, axis=1)
-    found = np.linalg.lstsq(rows, value, rcond=None)[0]
-    return float(((value - rows @ found) ** 2).sum()), float(found[-1])
+    return Bend(math.atan(along[best] / size[best] / width_mm), float(ats[best - 1]))
 
 
 @kernel

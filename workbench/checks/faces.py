@@ -314,12 +314,12 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
 
     And what the columns alone may make it: each of its two ends falls on one column or the next.
     """
-    widths, counts = [], []
-    for i in rows:
-        on = (labels[i] == ROOT_FACE) & cloud.keep[i]
-        if on.sum() >= 2:
-            counts.append(int(on.sum()))
-            widths.append(float(np.hypot(np.ptp(cloud.x_mm[i][on]), np.ptp(cloud.z_mm[i][on]))))
+    grid = cloud.x_mm, cloud.z_mm
+    on = (labels[rows] == ROOT_FACE) & cloud.keep[rows]
+    counts = on.sum(axis=1)
+    rows, on, counts = rows[counts >= 2], on[counts >= 2], counts[counts >= 2]
+    spans = [np.where(on, v[rows], -np.inf).max(axis=1) - np.where(on, v[rows], np.inf).min(axis=1) for v in grid]
+    widths = np.hypot(*spans)
     if len(widths) < LEAST_FRAMES or not np.median(widths) > 0:
         return 0.0, 0.0
     scatter = np.median(np.abs(np.diff(widths))) / 0.6745 / np.sqrt(2.0)

@@ -234,6 +234,11 @@ LIMITS: dict[str, Limit] = {
         "good recordings of both simulators have 0; a lower part of the face that stands back by 0.05 mm and "
         "more nearly 1, where the rays reach it",
     ),
+    "end_step_columns": Limit(
+        4.0,
+        "step in columns at which alone a root face or an end face ends, where it ends in several",
+        "faces end in any column; a window that follows the part moves by 8, 16 or 32 and may cut it",
+    ),
     "face_columns": Limit(
         (8.0, 1e5),
         "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",

@@ -84,10 +84,11 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     pieces_z = pieces_z[enough]
     off, used, slope = _off_line(pieces_x[enough], pieces_z)
     straight = used.mean(axis=1) >= LEAST_SHARE
+    mean = moving_mean(z)
     nothing = SensorTraces(
         np.nan,
         np.full(LAGS + 1, np.nan),
-        moving_mean(z),
+        mean,
         mean_frames,
         np.nan,
         fading_frames,
@@ -119,7 +120,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         equal = max(float((steps == 0).mean()) - chance, 0.0)
     is_whole = plain & used.all(axis=1)
     whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
-    mean = moving_mean(z)
     if mean and not (_blind(whole, mean) or _blind(level, mean)):
         mean = 0.0
     left = min(fading(whole, digit), fading(level, digit))

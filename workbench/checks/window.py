@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
-from workbench.artefacts import Recording
+from workbench.artefacts import Check, Recording
+from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import Chain, chains, sampled
 from workbench.geometry.grids import widest_blind
 from workbench.units import Bool, Float, Int
@@ -16,6 +18,8 @@ PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ 
 MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the end of what is seen would move: ends of
 # parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
 
+BLOCKS, LEAST_ENDS = (32, 16, 8), 20  # columns by which windows move; frames that tell
+IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; of those that end in the second of these
 STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
@@ -48,6 +52,26 @@ def fixed_end_share(seen: Bool) -> float:
     low, high = int(first.min()), int(last.max())
     begins, ends = low > 0, high < seen.shape[1] - 1
     return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
+
+
+def end_step_check(column: Int, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that the columns (n,) in which a face ends are no steps of a window that follows the part."""
+    step = _steps_of(column)
+    told = f"the face ends at every {step}th column alone: a window of the sensor that follows the part in steps, and "
+    told += "cuts it? widen it, or hold it still"
+    return check("end_step_columns", step, told if step else "the face ends in any column", given=limits)
+
+
+def _steps_of(column: Int) -> int:
+    """The step of which most columns (n,) are multiples, but for one remainder; 0: of none, or all are one column."""
+    if len(column) < LEAST_ENDS:
+        return 0
+    for step in BLOCKS:
+        remainder = column % step
+        value, count = np.unique(column[remainder == np.bincount(remainder).argmax()], return_counts=True)
+        if len(value) > 1 and count.sum() > IN_STEPS * len(column) and np.sort(count)[-2] > OFTEN * len(column):
+            return step
+    return 0
 
 
 def hidden_columns(seen: Bool) -> int:

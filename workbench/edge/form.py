@@ -18,10 +18,12 @@ from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.medians import row_medians
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 SAMPLE_FRAMES = 480  # evenly over the recording
+ASIDE_FRAMES = 120
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
 PLACES = 9  # on a face, from its upper to its lower end
 LEAST_FRAMES, FEW_FRAMES = 20, 3  # in a stretch, which is as long as it takes; with fewer in all nothing is known
@@ -87,6 +89,26 @@ def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, a
     steep = float(np.nanmedian(np.abs(face.sxz / face.sxx)))  # the end comes along the rays onto the line
     corner = np.hypot(root.offset_u_mm * (1.0 / np.abs(np.tan(beta)) + steep), bevel.offset_u_mm / np.sin(beta))
     return Form(root.turn_u, bevel.turn_u, corner)
+
+
+def aside_mm(cloud: Cloud, labels: AnyArray, face: FaceLines, label: int) -> float:
+    """How far most returns of a face lie beside its line, mm, for certain: second returns of some columns draw it off.
+
+    The median over frames of that of their residuals; as many lie on both sides where nothing but noise scatters them.
+    """
+    frames = np.flatnonzero(face.count > LEAST_FRAMES)
+    frames = (
+        frames[np.unique(np.linspace(0, frames.size - 1, ASIDE_FRAMES).astype(np.int64))] if frames.size else frames
+    )
+    if frames.size < LEAST_FRAMES:
+        return 0.0
+    slope = (face.sxz[frames] / face.sxx[frames])[:, None]
+    off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope * (cloud.x_mm[frames] - face.x_mean[frames, None])
+    on = (labels[frames] == label) & cloud.keep[frames]
+    middles = row_medians(np.where(on, off / np.hypot(1.0, slope), np.nan))
+    middle = float(np.median(middles))
+    u = 1.2533 * float(np.median(np.abs(middles - middle))) / 0.6745 / math.sqrt(frames.size)
+    return abs(middle) if abs(middle) > PROOF * u else 0.0
 
 
 def scattered(misfit: Misfit, rms: float) -> Misfit:

@@ -27,7 +27,7 @@ from workbench.geometry.faces import FaceLines
 from workbench.geometry.frame_noise import settled
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, section_lines
-from workbench.geometry.silhouette import Ends, find_end
+from workbench.geometry.silhouette import Ends, find_end, reached_mm
 from workbench.geometry.splines import Spline
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -557,7 +557,9 @@ def _found_end(
     end = find_end(known, course, together, orders)
     near = np.abs(side.s[:, None] - end.s[None, end.contradicted]) <= NEAR_MM
     off = np.where(near, np.abs(end.departure[end.contradicted])[None, :], 0.0).max(axis=1, initial=0.0)
-    return end.course, off
+    low = np.where(side.silhouette, side.low, np.nan)
+    further = reached_mm(side.s, low, side.step, side.sigma, end.course, end.s)
+    return end.course, np.maximum(off, np.interp(np.nan_to_num(side.s), end.s, further))
 
 
 def _end_along(

@@ -14,6 +14,7 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
+from workbench.checks.window import end_step_check
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.form import (
@@ -114,7 +115,8 @@ def segment(
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
-    checks = (*checks, edge_break_check(rounding.radius_mm, given))
+    free = is_free_end(tracked)
+    checks = (*checks, edge_break_check(rounding.radius_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked)

@@ -13,8 +13,9 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
+from workbench.checks.window import end_step_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
-from workbench.edge.form import HIDDEN_RADIUS_MM, hidden_end_u_mm, misfit_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.parameters import EndU, Limits, RobotNoise
@@ -106,7 +107,9 @@ def segment_raw(
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     broken = max(measured.lower.rounding.radius_mm, measured.upper.rounding.radius_mm)
-    checks = *checks, edge_break_check(broken, set_limits)
+    ends = [end.column[np.isfinite(end.column) & ~end.corner].astype(np.int64) for end in (found.lower, found.upper)]
+    steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
+    checks = *checks, edge_break_check(broken, set_limits), steps
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
@@ -167,6 +170,7 @@ def _edge(
     pose_u = math.hypot(pose_u, robot_noise_mm if cloud.only_end_poses else 0.0)
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), pose_u), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
+    stand_u = np.hypot(stand_u, aside_mm(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE))
     if measured.rough:  # its scatter hides the robot's
         hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
         stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))

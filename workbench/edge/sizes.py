@@ -8,7 +8,7 @@ from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGE
 from workbench.edge.directions import LOCAL_MM
 from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
-from workbench.geometry.silhouette import EndCourse
+from workbench.geometry.silhouette import EndCourse, reached_mm
 from workbench.units import DEG, Bool, Float
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root face by this is told, from so far before to so far after it
@@ -20,8 +20,6 @@ SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so f
 SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
 UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
-# Frames that show the face beyond its told end: by how many columns and sigmas, their least share, over how much edge.
-REACH_STEPS, REACH_SIGMAS, REACH_SHARE, TOGETHER_MM = 1.5, 4.0, 0.1, 20.0
 MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a half steps: one alone says nothing
 
 
@@ -73,30 +71,10 @@ def loose_mm(measured: Measured, at: Float) -> Float:
     """By how much the end of the root face may be lost, covered or drawn out at arc lengths `at` (m,), mm."""
     s, course = at + measured.shift, measured.end.course
     steps = sudden(at, course.value(s), course.u(s), seen=_seen(measured, s))
-    loose = np.maximum(np.maximum(steps, end_loose_mm(measured.end, s)), reached_mm(measured, s))
-    return np.asarray(np.maximum(loose, _along(measured, measured.unsettled_mm, s)))
-
-
-def reached_mm(measured: Measured, s: Float) -> Float:
-    """By how much frames near s (m,) show returns on the face beyond its told end, mm; 0 where too few do.
-
-    Most frames may have lost the end of a face (an exposure that alternates): a face does not return where it is not.
-    """
     ends = measured.ends
-    on = np.flatnonzero(np.isfinite(measured.upper_s) & np.isfinite(ends.low) & (ends.step > 0.0))
-    if not on.size:
-        return np.zeros(s.size)
-    on = on[np.argsort(measured.upper_s[on], kind="stable")]
-    at = measured.upper_s[on]
-    over = ends.low[on] - measured.end.course.value(at)
-    reaches = over > np.maximum(REACH_STEPS * ends.step[on], 0.5 * ends.step[on] + REACH_SIGMAS * ends.sigma[on])
-    out = np.zeros(s.size)
-    for k, place in enumerate(s):
-        near = slice(*np.searchsorted(at, [place - 0.5 * TOGETHER_MM, place + 0.5 * TOGETHER_MM]))
-        beyond = over[near][reaches[near]]
-        if beyond.size > max(REACH_SHARE * reaches[near].size, BESIDE):
-            out[k] = np.median(beyond)
-    return out
+    reached = reached_mm(measured.upper_s, ends.low, ends.step, ends.sigma, course, s)
+    loose = np.maximum(np.maximum(steps, end_loose_mm(measured.end, s)), reached)
+    return np.asarray(np.maximum(loose, _along(measured, measured.unsettled_mm, s)))
 
 
 def turned_u(measured: Measured, at: Float) -> Float:

@@ -46,6 +46,9 @@ def measured(beta: float, u: dict[str, float], run_root: float = 0.0, run_bevel:
     )
     return SimpleNamespace(
         faces=faces,
+        ends=SimpleNamespace(
+            low=np.full(frames.size, ROOT_MM - 0.02), step=np.full(frames.size, 0.05), sigma=np.full(frames.size, 0.01)
+        ),
         end=SimpleNamespace(
             course=course(ROOT_MM, u["end"], u.get("drift", 0.0)),
             s=AT,

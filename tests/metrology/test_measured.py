@@ -17,6 +17,8 @@ def part(
     sections = {
         "root_mm": root + inspected,
         "root_u_mm": 0.005,
+        "sharp_mm": root + 0.002,
+        "sharp_u_mm": 0.0015,
         "root_true_mm": root,
         "bevel_deg": bevel,
         "bevel_u_deg": 0.02,
@@ -39,6 +41,7 @@ def test_figures_of_known_parts() -> None:
     assert found.blind == pytest.approx([0.4] * 3)
     assert found.predicted.bias == pytest.approx(0.01 * SINE)
     assert found.root_cover.share == 1.0
+    assert (found.sharp_cover.share, found.sharp_cover.bias) == pytest.approx((1.0, 0.002))
     assert found.too_deep == []
     assert list(found.shortcomings) == []
     assert "| repeating | 5 | 4 | 1 | 0 |" in measured_tables([found], "command")

@@ -47,5 +47,11 @@ def test_a_window_that_follows_the_part_in_steps_is_told() -> None:
     steps[::9] += 3  # returns lost there
     assert end_step_check(steps).value == 16
     assert not end_step_check(steps).passed
-    for good in (moves.astype(np.int64), np.full(300, 320), np.full(5, 8), 300 + rng.integers(0, 2, 300)):
+    for good in (
+        moves.astype(np.int64),
+        np.full(300, 320),
+        np.full(5, 8),
+        300 + rng.integers(0, 2, 300),
+        304 + 8 * rng.integers(0, 2, 300),
+    ):
         assert end_step_check(good).passed

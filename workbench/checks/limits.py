@@ -236,7 +236,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "end_step_columns": Limit(
         4.0,
-        "step in columns at which alone a root face or an end face ends, where it ends in several",
+        "step in columns at which alone a root face or an end face ends, where it ends in three and more",
         "faces end in any column; a window that follows the part moves by 8, 16 or 32 and may cut it",
     ),
     "face_columns": Limit(

@@ -19,7 +19,7 @@ MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the en
 # parts that stay in one column move by up to 0.06 mm, as the sizes of their faces change, along a ring by 0.08
 
 BLOCKS, LEAST_ENDS = (32, 16, 8), 20  # columns by which windows move; frames that tell
-IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; of those that end in the second of these
+IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; and in the third commonest column
 STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
@@ -63,13 +63,14 @@ def end_step_check(column: Int, limits: Mapping[str, Bound] | None = None) -> Ch
 
 
 def _steps_of(column: Int) -> int:
-    """The step of which most columns (n,) are multiples, but for one remainder; 0: of none, or all are one column."""
+    """The step of which most columns (n,) are multiples, but for one remainder; 0: of none, or they are two alone."""
     if len(column) < LEAST_ENDS:
         return 0
     for step in BLOCKS:
         remainder = column % step
         value, count = np.unique(column[remainder == np.bincount(remainder).argmax()], return_counts=True)
-        if len(value) > 1 and count.sum() > IN_STEPS * len(column) and np.sort(count)[-2] > OFTEN * len(column):
+        shares = np.sort(count) / len(column)
+        if len(value) > 2 and shares.sum() > IN_STEPS and shares[-3] > OFTEN:
             return step
     return 0
 

@@ -8,7 +8,8 @@ from datetime import date, datetime
 from typing import Any, ClassVar
 
 UNSEEN = (
-    "Errors of scale and linearity of the profile sensor: see its calibration certificate.",
+    "Errors of scale and linearity of the profile sensor (see its calibration certificate), and what it drifts during "
+    "the scan, as while it warms up.",
     "Errors of the robot's position that stay constant within a pass, such as those of its kinematic calibration; "
     "where a pass has only the poses of its two ends, how far the robot left the straight line between them.",
     "A rotation of the laser plane by up to 20°, a displaced hand-eye pose, mirrored axes, an orientation that was not "
@@ -17,7 +18,9 @@ UNSEEN = (
     "An offset between the clocks of profiler and robot, unless the motion shows it: it moves values along the edge.",
     "A burr in the plane of the root face or end face, or a loss of returns at its end, along the whole edge: no "
     "profile reveals it. An allowance for it can be declared.",
-    "What stands back below the root face or end face, in the shadow that it throws along the rays (an undercut).",
+    "What stands back below the root face or end face, in the shadow that it throws along the rays: an undercut, a "
+    "chamfer of the lower edge.",
+    "An even layer of paint, scale or coolant: the surface that returns the light is measured.",
 )  # what no recording of a straight edge shows
 
 

@@ -81,6 +81,8 @@ is_usable() {
 install_wheels() {
     [ ! -e .venv/complete-dev ] || lock=requirements-dev.lock
     echo "setup: installing the packages of $lock into .venv; the first time this takes some minutes"
+    # What pip was writing when it was stopped has no RECORD yet, and counts as installed.
+    for begun in .venv/lib/python3*/site-packages/*.dist-info; do [ -s "$begun/RECORD" ] || rm -rf "$begun"; done
     pip=".venv/bin/python -m pip --disable-pip-version-check"
     $pip install --quiet --require-hashes --only-binary :all: --requirement $lock ||
         fail "the packages of $lock could not be installed, see above"

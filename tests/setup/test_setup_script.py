@@ -122,6 +122,24 @@ def test_nothing_is_done_twice(checkout):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@needs_sh
+def test_a_package_whose_installation_was_interrupted_is_installed_again(checkout):
+    (checkout / "scripts/system_libraries.py").write_text("")
+    (checkout / ".venv/bin").mkdir(parents=True)
+    (checkout / ".venv/bin/python").symlink_to(sys.executable)
+    (checkout / ".venv/bin/pip").symlink_to(sys.executable)
+    packages = checkout / ".venv/lib/python3.11/site-packages"
+    for name in ("begun", "whole"):
+        (packages / f"{name}-1.dist-info").mkdir(parents=True)
+        (packages / f"{name}-1.dist-info/METADATA").write_text(f"Name: {name}\nVersion: 1\n")
+    (packages / "whole-1.dist-info/RECORD").write_text("whole.py,,\n")
+    for lock in checkout.glob("*.lock"):
+        lock.write_text("no-such-package-to-install==1 --hash=sha256:" + 64 * "0" + "\n")
+    done = set_up(checkout, PYTHON=sys.executable, PIP_NO_INDEX="1")
+    assert done.returncode == 1
+    assert [one.name for one in packages.iterdir()] == ["whole-1.dist-info"]
+
+
 def test_a_missing_library_is_listed_by_its_package():
     sys.path.insert(0, str(ROOT / "scripts"))
     try:

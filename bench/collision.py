@@ -89,7 +89,7 @@ def counted(screens: dict[str, CollisionScreen], seed: int, chunk: int) -> dict[
     low, high = cell.chain.limits.T
     joints = np.vstack([near, rng.uniform(low, high, (CHUNK - len(near), 6))])
     table = np.append(near_table, rng.uniform(-np.pi, np.pi, CHUNK - len(near)))
-    proven = clearance_bound_mm(cell, bounding_volumes(cell), joints, table) > cell.margin_mm + SAFE_MM
+    proven = clearance_bound_mm(cell, bounding_volumes(cell), joints, table) > model.least_mm.max() + SAFE_MM
     free = screen.hits(joints, table) == FREE
     everything, moved = list(range(len(model.pairs))), motions(cell.chain, joints)
     hits = (model.first_hit(moved[i], turntable_pose(cell, table[i]), everything) for i in np.flatnonzero(free))

@@ -160,6 +160,7 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
         "end_face_step_share",
         "end_face_goes_on_share",
         "edge_break_mm",
+        "end_step_columns",
     ]
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):

@@ -33,7 +33,7 @@ FORBIDDEN_MODULES = {
     "ssl",
 }
 MAY = {  # who may do what docs/security.md tells of
-    "subprocess": {"batch/processes.py", "children.py", "cloud/read.py", "compare/surface.py", "offscreen.py"},
+    "subprocess": {"batch/processes.py", "children.py", "compare/surface.py", "offscreen.py"},
     "multiprocessing": {"batch/processes.py", "batch/worker.py"},
     "os.fork": {"pipeline/follow.py", "scan/hdf5.py"},
     "http.server": {"view/server.py"},

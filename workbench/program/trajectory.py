@@ -2,10 +2,10 @@
 
 Rows for every posture of the path, travels included: time in s, the six joint angles and the turntable in deg, and
 which layer it belongs to (0: travel). CSV, and JSON with the names of the joints. Between two rows all angles go
-evenly; where the turntable turns so fast that they would leave the path, there are rows between the postures. The time
-of a row is that of the path's feed, longer where a joint or the turntable could not follow by its speed or, where the
-cell states it, its acceleration: also from the standstill at the first row and to that at the last one. There is no
-way to the first row: the robot must stand there.
+evenly; where postures lie so far apart, or the turntable turns so fast, that they would leave the path, there are rows
+between the postures. The time of a row is that of the path's feed, longer where a joint or the turntable could not
+follow by its speed or, where the cell states it, its acceleration: also from the standstill at the first row and to
+that at the last one. There is no way to the first row: the robot must stand there.
 """
 
 from __future__ import annotations
@@ -132,11 +132,11 @@ class Trajectory:
 
     @functools.cached_property
     def _on_part(self) -> Float:
-        """The cutter's tip (n, 4, 4) at all postures, in the turntable's frame."""
+        """The path's frame (n, 4, 4) at all postures, in the turntable's frame."""
         made = self.job.moves.postures
         assert made is not None
         turned = inverse(self._tables(made.turntable))
-        return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ self.cell.flange_from_cutter)
+        return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ made.flange_from_point)
 
     def _tables(self, angles: Float) -> Float:
         return np.array([turntable_pose(self.cell, angle) for angle in angles.tolist()]).reshape(-1, 4, 4)
@@ -144,7 +144,7 @@ class Trajectory:
     def _between_postures(self, towards: Int, share: Float) -> tuple[Float, Float]:
         """How far even angles leave the path (k,), mm, on the way to postures (k,); and angles (k, 7) that stay on it.
 
-        On the part the cutter goes straight and turns evenly. Where nothing reaches it, the angles go evenly.
+        On the part the path's frame goes straight and turns evenly. Where nothing reaches it, the angles go evenly.
         """
         made, cell = self.job.moves.postures, self.cell
         assert made is not None
@@ -154,11 +154,11 @@ class Trajectory:
         first, last = (quaternion_from_rotation(pose[:, :3, :3]) for pose in (start, end))
         place = start[:, :3, 3] + share[:, None] * (end[:, :3, 3] - start[:, :3, 3])
         wanted = self._tables(even[:, 6]) @ pose_from(rotation_from_quaternion(slerp(first, last, share)), place)
-        there = forward_kinematics(cell.chain, even[:, :6]) @ cell.flange_from_cutter
-        apart = np.linalg.norm(there[:, :3, 2:] - wanted[:, :3, 2:], axis=1)  # tilt of the axis, and at its tip
+        there = forward_kinematics(cell.chain, even[:, :6]) @ made.flange_from_point
+        apart = np.linalg.norm(there[:, :3, 2:] - wanted[:, :3, 2:], axis=1)  # tilt of the axis, and at the point
         off = np.asarray(apart @ np.array([self.job.moves.toolpath.cutter.flute_length_mm, 1.0]))
         left = np.flatnonzero(off > ROW_SHARE * self.job.rounding_mm)
-        branches = inverse_kinematics(cell.chain, wanted[left] @ inverse(cell.flange_from_cutter))
+        branches = inverse_kinematics(cell.chain, wanted[left] @ inverse(made.flange_from_point))
         near = branches + 2 * np.pi * np.round((even[left, None, :6] - branches) / (2 * np.pi))
         away = np.nan_to_num(np.abs(near - even[left, None, :6]).max(axis=2), nan=np.inf)
         best = near[np.arange(len(left)), away.argmin(axis=1)]

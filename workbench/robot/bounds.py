@@ -76,8 +76,8 @@ def clearance_bound_mm(
 ) -> Float:
     """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and turntable angles (n,), rad.
 
-    Free without further look: more than SAFE_MM and the cell's margin. Negative or small: ask `CollisionModel`. What is
-    farther apart than `most_mm` need not be known, and takes less time.
+    Free without further look: more than SAFE_MM and what any pair must keep apart. Negative or small: ask
+    `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
     """
     q = np.ascontiguousarray(joints, float).reshape(-1, 6)
     table = np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))

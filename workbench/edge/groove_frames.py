@@ -10,7 +10,17 @@ import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.limits import most
-from workbench.edge.groove_profile import TRIM_MM, Kind, Side, is_read, read_profile, upwards
+from workbench.edge.groove_profile import (
+    DROP_MM,
+    DROP_POINTS,
+    SHARED,
+    TRIM_MM,
+    Kind,
+    Side,
+    is_read,
+    read_profile,
+    upwards,
+)
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
@@ -34,6 +44,7 @@ COVERED = 0.34  # of profiles in which something joins a plate's end, from which
 STRAY_SIGMAS = 3.5
 MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
+MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
 THIRD = 3  # return beyond an upper surface's end
 NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
 GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
@@ -578,9 +589,11 @@ def _next_up(cloud: Cloud, read: ReadFrames, which: int) -> Float:
         next_ = other.below[(0, -1)[which]] if other.below.size else other.last
         between = abs(int(next_) - side.last) - 1
         blank = abs(int(columns[next_]) - int(columns[side.last])) - 1 - between
-        if not side.below.size and between <= ADJOINS_RETURNS and blank <= ADJOINS_COLUMNS:
-            z = cloud.z_mm[read.frame[k]]
-            out[k] = read.up * (float(z[columns[next_]]) - float(z[columns[side.last]]))
+        if not side.below.size and between <= MOST_BETWEEN and blank <= ADJOINS_COLUMNS:
+            z = read.up * cloud.z_mm[read.frame[k], columns[min(next_, side.last) : max(next_, side.last) + 1]]
+            ends = (float(z[0]), float(z[-1])) if next_ > side.last else (float(z[-1]), float(z[0]))
+            if between <= ADJOINS_RETURNS or z.min() > min(ends) - DROP_MM:
+                out[k] = ends[1] - ends[0]
     return out
 
 

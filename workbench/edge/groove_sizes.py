@@ -45,6 +45,7 @@ GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return noth
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
+CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
 
@@ -146,6 +147,7 @@ class GrooveSizes:
                 math.hypot(
                     self._shared(left.face_variance, right.face_variance),
                     *(self._turned_by_walk(one.face_mm) for one in self.lines),
+                    *(self._chosen(one) for one in self.lines),
                 ),
                 ("left", "right"),
             )
@@ -189,6 +191,11 @@ class GrooveSizes:
         elif any(beneath):
             self._hidden("depth_mm", beneath[0])
             self._hidden("gap_mm", beneath[1])
+        if len(both) == 2 and any(self._joined(one) is not None for one in self.lines):
+            # A thin weld between the ends: without it the bevels go on until they meet.
+            apart = max(typical(self.sizes["gap_mm"].value), 0.0)
+            self._hidden("gap_mm", apart)
+            self._hidden("depth_mm", apart / sum(1.0 / math.tan(typical(angle)) for angle, _ in both))
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]
@@ -207,7 +214,7 @@ class GrooveSizes:
     def _hidden(self, name: str, reach_mm: float) -> None:
         """Put into a size's u that a face which is not seen may reach so far."""
         size = self.sizes[name]
-        u = np.full(self.at.size, reach_mm / math.sqrt(3.0))
+        u = np.hypot(size.u_by_source.get(HIDDEN, 0.0), np.full(self.at.size, reach_mm / math.sqrt(3.0)))
         self.sizes[name] = replace(size, u_by_source={**size.u_by_source, HIDDEN: u})
 
     def _beneath(self) -> tuple[float, float]:
@@ -293,18 +300,26 @@ class GrooveSizes:
         """How far it is turned, rad."""
         return TURN * math.sqrt(self.walk / (15.0 * width_mm))
 
+    def _chosen(self, one: Lines) -> float:
+        """How far a face is turned, rad, as its last returns, one at either end, are chosen by their own errors."""
+        if not math.isfinite(one.face_mm):
+            return 0.0
+        return math.sqrt(2.0) * CHOSEN * 0.5 * one.face_mm * typical(one.face_variance) / one.sigma
+
     def _corner_walk(self, one: Lines) -> float:
         """How far an upper corner lies off across the groove by such an error, mm."""
         if not math.isfinite(one.face_mm):
             return 0.0
         fall = abs(math.sin(typical(one.plate - one.face)))
-        return math.hypot(self._walked(one.plate_mm), one.form_mm, self._walked(one.face_mm)) / max(fall, 0.3)
+        ends = 2.0 / 3.0 * one.face_mm * self._chosen(one)
+        return math.hypot(self._walked(one.plate_mm), one.form_mm, self._walked(one.face_mm), ends) / max(fall, 0.3)
 
     def _face_walk(self, one: Lines) -> float:
         """How far a face's end lies off across the groove by such an error, mm."""
         if not math.isfinite(one.face_mm):
             return 0.0
-        return self._walked(one.face_mm) / max(abs(math.sin(typical(one.face))), 0.3)
+        ends = 2.0 / 3.0 * one.face_mm * self._chosen(one)
+        return math.hypot(self._walked(one.face_mm), ends) / max(abs(math.sin(typical(one.face))), 0.3)
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
         self.sizes[name] = Quantity(
@@ -334,7 +349,7 @@ class GrooveSizes:
         fall = self._course(one.plate - one.face, one.plate_variance + one.face_variance, one.face_s)
         turns = [self._turned_by_walk(width) for width in (one.plate_mm, one.face_mm)]
         pattern = self._shared(one.plate_variance, one.face_variance)
-        self._bevel_shared = math.hypot(pattern, one.form_turn, *turns)
+        self._bevel_shared = math.hypot(pattern, one.form_turn, self._chosen(one), *turns)
         self._deg(f"bevel_{name}_deg", math.pi / 2 - fall.value, fall.u, self._bevel_shared, (name,))
         return fall.value, fall.u
 

@@ -11,8 +11,10 @@ from bench.odd_plates import SURROUNDED, Drawn, Sizes, judged, plate
 from bench.outside import FAR_MM, Part, inspected, planned, simulate
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
-from workbench.edge import segment
+from workbench.edge import segment, segment_raw
 from workbench.errors import WorkbenchError
+from workbench.path import layers
+from workbench.path.check import unseen_checks
 from workbench.scan import fuse
 from workbench.units import DEG
 
@@ -50,6 +52,15 @@ def test_a_raw_plate_on_a_table_is_measured(seed: int) -> None:
     error, u = planned(on_table(seed, 0.0, is_raw=True))["along m, mm"]
     assert error.size > 5
     assert (np.abs(error) <= 3.0 * u).all()
+
+
+def test_a_path_names_that_a_stop_looks_alike() -> None:
+    part = on_table(1, 0.0, is_raw=True)
+    up = tuple(part.base_from_section[:3, 1].tolist())
+    cloud = denoise(fuse(part.recording))
+    edge = segment_raw(cloud, upper_side=up)
+    assert any("a stop which touches it" in one for one in edge.warnings)
+    assert any("a stop which touches it" in one for one in unseen_checks(layers(edge, cloud, root_mm=1.5)))
 
 
 def test_that_it_lies_on_a_table_is_said() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.bends import bend_of
-from workbench.checks.beyond import beside_check
 from workbench.checks.corners import StandsOut, stands_out
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, least, most
+from workbench.checks.root_step import beside_check
 from workbench.checks.sensor import column_pitch_mm
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, median_of

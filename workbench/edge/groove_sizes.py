@@ -193,9 +193,10 @@ class GrooveSizes:
             self._hidden("gap_mm", beneath[1])
         if len(both) == 2 and any(self._joined(one) is not None for one in self.lines):
             # A thin weld between the ends: without it the bevels go on until they meet.
-            apart = max(typical(self.sizes["gap_mm"].value), 0.0)
-            self._hidden("gap_mm", apart)
-            self._hidden("depth_mm", apart / sum(1.0 / math.tan(typical(angle)) for angle, _ in both))
+            apart = typical(self.sizes["gap_mm"].value)
+            if apart > 0.0:
+                self._hidden("gap_mm", apart)
+                self._hidden("depth_mm", apart / sum(1.0 / math.tan(typical(angle)) for angle, _ in both))
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.radius, one.radius_variance) for one in round_]

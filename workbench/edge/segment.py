@@ -29,9 +29,9 @@ from workbench.edge.form import (
 )
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
 from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
-from workbench.edge.under import under_u_mm
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, over_blocks
 from workbench.geometry.curves import doubtful_slope

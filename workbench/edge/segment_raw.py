@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Cloud, RawEdge
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Check, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
@@ -18,12 +19,12 @@ from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
+from workbench.edge.on_table import raw_under_u_mm
 from workbench.edge.parameters import EndU, Limits, RobotNoise
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
-from workbench.edge.under import raw_under_u_mm
 from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, doubtful_slope
 from workbench.geometry.gaps import covered
@@ -33,8 +34,8 @@ from workbench.units import Bool, Float, Int
 ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
 ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
 LIES_ON = (
-    "the plate lies on what joins the end face's lower end, unless that is a stop which touches it further up: the "
-    "path rests on where both cross, and by how much the face seems to end above it is in the uncertainty"
+    "the plate lies on what joins the end face's lower end, unless that is a stop which touches it further up: nothing "
+    "tells which. The path rests on where both cross; by how much the face seems to end above it is in the uncertainty"
 )
 
 
@@ -111,6 +112,7 @@ def segment_raw(
     steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
     checks = *checks, edge_break_check(broken, set_limits), steps
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
+    checks += tuple(_lies_on(found))
     edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
 
@@ -182,7 +184,7 @@ def _edge(
     low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
-    told += (LIES_ON,) if np.isfinite(found.lower.gap_mm).any() else ()
+    told += tuple(check.finding for check in _lies_on(found))
     return RawEdge(
         part=cloud.part,
         source=cloud.source,
@@ -207,6 +209,14 @@ def _edge(
         checks=cloud.checks,
         warnings=told,
     )
+
+
+def _lies_on(found: RawFaces) -> Iterator[Check]:
+    """That the lower edge is told by what the plate seems to lie on: named, not judged."""
+    share = float(np.isfinite(found.lower.gap_mm[found.seen]).mean())
+    if share > 0.0:
+        reason = "a lower surface, or a silhouette, tells the edge by itself"
+        yield Check("lies_on_share", share, None, True, reason, LIES_ON)
 
 
 def _between(s: Float, value: Float, at: Float) -> Float:

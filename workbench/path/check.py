@@ -128,7 +128,7 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
-SHOWING = ("flange_turn_deg", "fixed_end_share", "wiggle_mm", "position_step_mm")
+SHOWING = ("flange_turn_deg", "fixed_end_share", "wiggle_mm", "position_step_mm", "lies_on_share")
 UNSHOWN = ("would not show", "in no value", "nothing tells which")  # what these say where a recording is blind
 
 

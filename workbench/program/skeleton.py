@@ -20,9 +20,9 @@ from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.names import NUMBERED, RESERVED
-from workbench.robot.around import drawn_back, turntable_at_home
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart, Signal
+from workbench.robot.ways_home import drawn_back, turntable_at_home
 from workbench.units import DEG, Float
 
 STANDS_DEG = 1e-4  # a turntable that moves by less stands

@@ -5,7 +5,6 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
-from workbench.robot.around import refusal, turntable_at_home
 from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
 from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
@@ -25,6 +24,7 @@ from workbench.robot.read import cell, read_cell
 from workbench.robot.screening import CollisionScreen
 from workbench.robot.sides import arm_sides
 from workbench.robot.triangles import cell_triangles
+from workbench.robot.ways_home import refusal, turntable_at_home
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
 
 __all__ = [

@@ -1,7 +1,8 @@
 """Rows of the table about `workbench run --follow`: from a recording's last frame to the verdict.
 
 A writer in SWMR mode sends a recording in twenty parts over eight seconds, as a scan of that length would come, and
-closes it; the time runs from there to the line that tells the verdict. Other work on the machine lengthens it.
+closes it; the time runs from there to the line that tells the verdict. Other work on the machine lengthens it. Poses,
+those of a uniform motion's two ends, come first: a frame counts once there is a pose after it.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def _send(path: Path, grown: Path) -> None:
         new.swmr_mode = True
         for part in range(1, PARTS + 1):
             for values, sink in made.values():
-                first, last = len(sink), len(values) * part // PARTS
+                first, last = len(sink), len(values) * (PARTS if sink.name.startswith("/robot") else part) // PARTS
                 sink.resize(last, 0)
                 sink[first:last] = values[first:last]
                 sink.flush()

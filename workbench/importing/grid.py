@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int
 MOST_EMPTY = 20  # cells a point: beyond it the rows cannot be profiles of one sensor
 FEW_CELLS = 1_000_000
 BLOCK_POINTS = 1_000_000
+ROOM = 2**23 + 1  # points: so large an array (32 MB) has pages of its own, which are none before they are written
 MAX_MM = 1e5  # as scan.read: beyond it no length in mm, but a code for 'no return'
 
 
@@ -31,18 +33,16 @@ class Points:
     """Points in the order of a file, added stretch by stretch; then the grid. Holds little more than the numbers."""
 
     def __init__(self) -> None:
-        self._x: list[Float32] = []
-        self._z: list[Float32] = []
-        self._light: list[AnyArray] = []
+        self._x, self._z, self._light = _Growing(), _Growing(), _Growing()
         self._starts: list[Int] = []
         self.rows = self.frames = 0
 
     def add(self, x_mm: Float32, z_mm: Float32, first: Bool, intensity: AnyArray | None = None) -> None:
         """Points (r,), `first` True where a frame begins."""
-        self._x.append(x_mm)
-        self._z.append(z_mm)
+        self._x.add(x_mm)
+        self._z.add(z_mm)
         if intensity is not None:
-            self._light.append(intensity)
+            self._light.add(intensity)
         self._starts.append(np.flatnonzero(first) + self.rows)
         self.rows += len(x_mm)
         self.frames += len(self._starts[-1])
@@ -55,18 +55,51 @@ class Points:
         """
         starts = np.concatenate(self._starts)
         counts = np.diff(np.append(starts, self.rows))
-        x, z = _taken(self._x), _taken(self._z)
-        light = _taken(self._light) if self._light else None
+        x, z = self._x.taken(), self._z.taken()
+        light = self._light.taken() if self._light else None
         if counts.min() == counts.max():
             shape = (len(counts), int(counts[0]))
             return Grid(x.reshape(shape), z.reshape(shape), None if light is None else light.reshape(shape), "")
         note = f"frames of {counts.min()} to {counts.max()} points: columns "
         columns = _by_spacing(x, starts, counts) if by_spacing else None
         note += "counted from each frame's first point" if columns is None else "by the gaps in x"
-        width = int(counts.max()) if columns is None else max(int(each.max()) for each in columns) + 1
+        if columns is None:
+            columns = _by_count(starts, counts)
+        width = max(int(each.max()) for each in columns) + 1
         if len(counts) * width > max(FEW_CELLS, MOST_EMPTY * self.rows):
             raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
-        return _filled((len(counts), width), starts, counts, columns, x, z, light, note)
+        into = partial(_filled, (len(counts), width), starts, counts, columns)
+        x_mm = into(x)
+        del x  # each array of points is let go of before the next grid is made
+        z_mm = into(z)
+        del z
+        return Grid(x_mm, z_mm, None if light is None else into(light), note)
+
+
+class _Growing:
+    """An array that grows in place: the system moves its pages rather than their content."""
+
+    def __init__(self) -> None:
+        self._all = np.empty(0)
+        self._rows = 0
+
+    def __len__(self) -> int:
+        return self._rows
+
+    def add(self, values: AnyArray) -> None:
+        if not self._rows:
+            self._all = np.empty(ROOM, values.dtype)
+        rows = self._rows + len(values)
+        if rows > len(self._all):
+            self._all.resize(rows + rows // 16, refcheck=False)
+        self._all[self._rows : rows] = values
+        self._rows = rows
+
+    def taken(self) -> AnyArray:
+        """All that was added, which is gone from here."""
+        whole, self._all = self._all, np.empty(0)
+        whole.resize(self._rows, refcheck=False)
+        return whole
 
 
 def gridded(x_mm: Float, z_mm: Float, first: Bool, where: str) -> Grid:
@@ -74,17 +107,6 @@ def gridded(x_mm: Float, z_mm: Float, first: Bool, where: str) -> Grid:
     points = Points()
     points.add(bounded(x_mm), bounded(z_mm), first)
     return points.gridded(where)
-
-
-def _taken(parts: list[AnyArray]) -> AnyArray:
-    """All parts as one array, let go of one after another."""
-    whole = np.empty(sum(map(len, parts)), parts[0].dtype)
-    at = len(whole)
-    while parts:
-        part = parts.pop()
-        whole[at - len(part) : at] = part
-        at -= len(part)
-    return whole
 
 
 def _blocks(counts: Int) -> Iterator[tuple[int, int]]:
@@ -99,6 +121,15 @@ def _firsts(starts: Int, first: int, last: int, begin: int, end: int) -> Bool:
     made = np.zeros(end - begin, bool)
     made[starts[first:last] - begin] = True
     return made
+
+
+def _by_count(starts: Int, counts: Int) -> list[AnyArray]:
+    """Columns of the points, block by block of frames, counted from each frame's first point."""
+    ends = starts + counts
+    return [
+        columns_by_count(_firsts(starts, first, last, int(starts[first]), int(ends[last - 1]))).astype(np.int32)
+        for first, last in _blocks(counts)
+    ]
 
 
 def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | None:
@@ -117,34 +148,19 @@ def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | Non
         found = columns_by_spacing(x, at, pitch_mm=pitch, origin=origin)
         if found is None:
             return None
-        columns.append(found.astype(np.int32))
+        columns.append(found.astype(np.uint16 if found.max() < 2**16 else np.int32))
     return columns
 
 
-def _filled(
-    shape: tuple[int, int],
-    starts: Int,
-    counts: Int,
-    columns: list[AnyArray] | None,
-    x: Float32,
-    z: Float32,
-    light: AnyArray | None,
-    note: str,
-) -> Grid:
-    """Points put into their columns, block by block; counted from column 0 where `columns` is None."""
-    sources = [(x, np.nan), (z, np.nan), *([] if light is None else [(light, 0)])]
-    grids = [np.full(shape, empty, values.dtype) for values, empty in sources]
-    ends = np.append(starts[1:], len(x))
-    for number, (first, last) in enumerate(_blocks(counts)):
+def _filled(shape: tuple[int, int], starts: Int, counts: Int, columns: list[AnyArray], values: AnyArray) -> AnyArray:
+    """Points put into their columns, block by block; empty cells are NaN, or 0 of whole numbers."""
+    grid = np.full(shape, np.nan if values.dtype.kind == "f" else 0, values.dtype)
+    ends = starts + counts
+    for (first, last), column in zip(_blocks(counts), columns, strict=True):
         begin, end = int(starts[first]), int(ends[last - 1])
-        frame = np.repeat(np.arange(first, last), counts[first:last])
-        if columns is not None:
-            column = columns[number]
-        else:
-            column = columns_by_count(_firsts(starts, first, last, begin, end)).astype(np.int32)
-        for grid, (values, _) in zip(grids, sources, strict=True):
-            grid[frame, column] = values[begin:end]
-    return Grid(grids[0], grids[1], grids[2] if light is not None else None, note)
+        cell = np.repeat(np.arange(first, last) * shape[1], counts[first:last]) + column
+        grid.reshape(-1)[cell] = values[begin:end]
+    return grid
 
 
 def bounded(lengths_mm: Float) -> Float32:

@@ -213,15 +213,9 @@ def statement(trials: int) -> list[str]:
     """A table: errors over the bound, share of u that the truth lies within, parameter by parameter."""
     chain = read_cell(CELL).chain
     errors = arm_errors(chain, Priors())
-    lines = [
-        "| seen by | parameter | prior | RMSE | bound | stated u | within 2u, % |",
-        "|---|---|---|---|---|---|---|",
-    ]
     hand_eye = tuple(f"hand-eye {way} {axis}" for way in ("translation", "rotation") for axis in "xyz")
-    for name, one, names in (
-        ("tracker", one_tracked, errors.names),
-        ("sphere", one_sphere, hand_eye + errors.names),
-    ):
+    rows = {name: ["", "", ""] for name in hand_eye + errors.names}  # prior, by the tracker, by the sphere
+    for column, (one, names) in enumerate(((one_tracked, errors.names), (one_sphere, hand_eye + errors.names)), 1):
         all_ = [one(seed) for seed in range(trials)]
         off = np.array([a[0] for a in all_])
         u, lowest = (np.sqrt(np.array([np.diagonal(a[k]) for a in all_])) for k in (1, 2))
@@ -229,13 +223,15 @@ def statement(trials: int) -> list[str]:
         for k, parameter in enumerate(names):
             mm = "shift" in parameter or "translation" in parameter
             scale, unit = (1.0, "mm") if mm else (1 / DEG, "deg")
-            rms = [float(np.sqrt(np.mean(v[:, k] ** 2))) * scale for v in (off, lowest, u)]
-            built = "" if np.isnan(prior[k]) else f"{prior[k] * scale:.3g} {unit}"
+            rms = [f"{float(np.sqrt(np.mean(v[:, k] ** 2))) * scale:.4f}" for v in (off, lowest, u)]
+            rows[parameter][0] = unit if np.isnan(prior[k]) else f"{prior[k] * scale:.3g} {unit}"
             inside = 100 * float(np.mean(np.abs(off[:, k]) < 2 * u[:, k]))
-            lines.append(
-                f"| {name} | {parameter} | {built} | {rms[0]:.4f} {unit} | {rms[1]:.4f} | {rms[2]:.4f} | {inside:.0f} |"
-            )
-    return lines
+            rows[parameter][column] = "; ".join([*rms, f"{inside:.0f}"])
+    return [
+        "| parameter | prior, unit | tracker: RMSE; bound; stated u; within 2u, % | sphere: likewise |",
+        "|---|---|---|---|",
+        *(f"| {parameter} | {' | '.join(cells)} |" for parameter, cells in rows.items()),
+    ]
 
 
 def write_examples(folder: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydantic_core import to_jsonable_python
 
-from workbench.pipeline.describe import parameter_texts, summary, unit_of
+from workbench.pipeline.describe import parameter_texts, said_in_docstring, summary, unit_of
 from workbench.pipeline.registry import every_stage, families
 from workbench.pipeline.run import run_files
 from workbench.result_files import RESULT_FILES
@@ -47,6 +47,13 @@ def test_numbers_have_units(stage: Stage) -> None:
 @each_stage
 def test_parameters_are_described(stage: Stage) -> None:
     assert [text.name for text in parameter_texts(stage) if not text.description] == []
+
+
+@each_stage
+def test_parameters_are_described_in_one_place(stage: Stage) -> None:
+    """In the docstring, or by their type where several stages share it."""
+    fields = stage.model.model_json_schema().get("properties", {})
+    assert [name for name, one in fields.items() if "description" in one and said_in_docstring(stage.doc, name)] == []
 
 
 @each_stage

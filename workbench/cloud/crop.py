@@ -20,19 +20,17 @@ Corner = Annotated[list[float], Field(min_length=3, max_length=3)]
 def crop(
     points: PointSet,
     *,
-    low_mm: Annotated[Corner, Field(description="least x, y, z of the box")],
-    high_mm: Annotated[Corner, Field(description="greatest x, y, z of the box")],
-    base_from_box: Annotated[
-        list[list[float]] | None, Field(description="4x4 (direction cosines, mm) of the box's frame; null: the base")
-    ] = None,
+    low_mm: Corner,
+    high_mm: Corner,
+    base_from_box: list[list[float]] | None = None,
 ) -> PointSet:
     """Keep the points inside a box (Open3D's `OrientedBoundingBox`), their order as it was.
 
     Args:
         points: a cloud without a grid.
-        low_mm: one corner, in the box's frame.
-        high_mm: the other.
-        base_from_box: where that frame lies.
+        low_mm: least x, y, z of the box, in its own frame.
+        high_mm: greatest x, y, z.
+        base_from_box: 4x4 (direction cosines, mm) of the box's frame; null: the base.
 
     Raises:
         InputError: an empty box, no rigid motion, or no point in it.

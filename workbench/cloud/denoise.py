@@ -21,14 +21,12 @@ NOISE_SIGMAS = 9.0  # of a second difference, whose sigma is 2.4 times the noise
 def denoise(
     cloud: Cloud,
     *,
-    window_frames: Annotated[int, Field(ge=3, le=31, description="count of frames compared with each other")] = 5,
+    window_frames: Annotated[int, Field(ge=3, le=31)] = 5,
     tolerance_mm: Annotated[
         float | None,
-        Field(gt=0, le=5, description="how far off its neighbours' line a return may lie; null: from the noise"),
+        Field(gt=0, le=5),
     ] = None,
-    jump_mm: Annotated[
-        float, Field(gt=0, le=20, description="range step between neighbouring columns above which a surface ends")
-    ] = 1.0,
+    jump_mm: Annotated[float, Field(gt=0, le=20)] = 1.0,
 ) -> Cloud:
     """Reject isolated returns and short streaks, on the scanner's own grid.
 
@@ -39,9 +37,9 @@ def denoise(
 
     Args:
         cloud: the organised cloud.
-        window_frames: frames compared with each other (odd numbers; half of them on each side).
-        tolerance_mm: how far off its neighbours' line a return may lie; null takes it from the measured range noise.
-        jump_mm: range step a column above which a surface ends.
+        window_frames: count of frames compared with each other (odd numbers; half of them on each side).
+        tolerance_mm: how far off its neighbours' line a return may lie; null: from the measured range noise.
+        jump_mm: range step from column to column above which a surface ends.
 
     Example:
         >>> from workbench import cloud, scan

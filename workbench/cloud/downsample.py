@@ -18,7 +18,7 @@ MOST_VOXELS = 2**31  # along a side: Open3D counts them in int32
 def downsample(
     points: PointSet,
     *,
-    voxel_mm: Annotated[float, Field(gt=0, le=1000, description="side of the cube of which one point is left")],
+    voxel_mm: Annotated[float, Field(gt=0, le=1000)],
 ) -> PointSet:
     """Thin a cloud to the mean point of each voxel (Open3D's `voxel_down_sample`).
 
@@ -27,7 +27,7 @@ def downsample(
 
     Args:
         points: a cloud without a grid.
-        voxel_mm: side of the cubes; the first begins half a side before the least x, y, z.
+        voxel_mm: side of the cubes of which one point is left; the first begins half a side before the least x, y, z.
 
     Raises:
         InputError: nothing is left, or the cloud is too large for such voxels.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, frozen
 from workbench.children import read_by
@@ -33,9 +32,7 @@ FORMATS = "PLY, PCD, XYZ (or txt, asc, csv), STL, OBJ, LAS, LAZ, E57"
 def read(
     *,
     file: InputFile,
-    unit: Annotated[
-        Unit | None, Field(description="of the file's coordinates; null: what its format prescribes (E57: m), else mm")
-    ] = None,
+    unit: Unit | None = None,
     part: PartNames = NO_NAMES,
 ) -> PointSet:
     """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
@@ -47,7 +44,7 @@ def read(
 
     Args:
         file: the cloud; its name's ending tells the format.
-        unit: of its coordinates.
+        unit: of the file's coordinates; null: what its format prescribes (E57: m), else mm.
         part: who and what was measured with what: no format of clouds says so.
 
     Raises:

@@ -26,10 +26,10 @@ def register(
     points: PointSet,
     *,
     reference: InputFile,
-    unit: Annotated[Unit | None, Field(description="of the reference's coordinates; null: as cloud.read")] = None,
-    voxel_mm: Annotated[float, Field(gt=0, le=100, description="of the coarse registration by features")] = 1.0,
-    reach_mm: Annotated[float, Field(gt=0, le=100, description="of points that belong together, at the end")] = 0.5,
-    least_overlap: Annotated[float, Field(gt=0, le=1, description="share that must lie on the reference")] = 0.5,
+    unit: Unit | None = None,
+    voxel_mm: Annotated[float, Field(gt=0, le=100)] = 1.0,
+    reach_mm: Annotated[float, Field(gt=0, le=100)] = 0.5,
+    least_overlap: Annotated[float, Field(gt=0, le=1)] = 0.5,
     seed: Seed = 0,
 ) -> tuple[PointSet, Document]:
     """Lay a cloud on a reference from no start: Open3D's features and RANSAC, then its point-to-plane ICP.
@@ -41,10 +41,10 @@ def register(
     Args:
         points: a cloud without a grid.
         reference: the cloud or mesh to lie on.
-        unit: of its coordinates.
-        voxel_mm: both are thinned to it to find the start.
-        reach_mm: of the fine registration.
-        least_overlap: with less of the cloud on the reference, it is refused.
+        unit: of the reference's coordinates; null: as `cloud.read`.
+        voxel_mm: of the coarse registration by features: both are thinned to it to find the start.
+        reach_mm: of points that belong together in the fine registration, at the end.
+        least_overlap: share of the cloud that must lie on the reference; less is refused.
         seed: of RANSAC.
 
     Raises:

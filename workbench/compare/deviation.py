@@ -42,20 +42,14 @@ def deviation(
     *,
     position_u_mm: Annotated[
         float,
-        Field(
-            ge=0,
-            le=100,
-            description="standard uncertainty of the scan's place along a normal, where nothing fitted tells it",
-        ),
+        Field(ge=0, le=100),
     ] = 0.1,
-    spacing_mm: Annotated[float, Field(gt=0, le=50, description="between the places that are compared")] = 1.0,
-    normal_mm: Annotated[float, Field(gt=0, le=50, description="diameter of what a normal is taken from")] = 2.0,
-    projection_mm: Annotated[float, Field(gt=0, le=50, description="diameter of the cylinder that is averaged")] = 2.0,
-    depth_mm: Annotated[float, Field(gt=0, le=100, description="largest deviation that is looked for")] = 1.0,
-    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the part")] = 9,
-    half_width_mm: Annotated[
-        float, Field(gt=0, le=100, description="on each side of a section what counts for it")
-    ] = 3.0,
+    spacing_mm: Annotated[float, Field(gt=0, le=50)] = 1.0,
+    normal_mm: Annotated[float, Field(gt=0, le=50)] = 2.0,
+    projection_mm: Annotated[float, Field(gt=0, le=50)] = 2.0,
+    depth_mm: Annotated[float, Field(gt=0, le=100)] = 1.0,
+    sections: Annotated[int, Field(ge=1, le=999)] = 9,
+    half_width_mm: Annotated[float, Field(gt=0, le=100)] = 3.0,
 ) -> tuple[Deviations, Document, Chapter]:
     """Measure signed distances along the normal, positive outside the reference, each with its level of detection.
 
@@ -70,14 +64,15 @@ def deviation(
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         registration: moves the scan; without it, both are taken as they lie in the base.
         edge: gives arc lengths; without it the plan's path does, or the scan's longest direction.
-        position_u_mm: what robot and fixture leave open (two scans of 0.07 mm an axis), without a registration; with
-            one, where a single face is compared, or passes see no face together.
-        spacing_mm: of the places.
-        normal_mm: the normal's scale, D.
-        projection_mm: the projection's scale, d.
-        depth_mm: half the cylinder's length.
-        sections: equidistant, as in `inspect.sections`.
-        half_width_mm: of a section.
+        position_u_mm: standard uncertainty of the scan's place along a normal, what robot and fixture leave open
+            (default: two scans of 0.07 mm an axis): without a registration; with one, where a single face is compared,
+            or passes see no face together.
+        spacing_mm: between the places that are compared.
+        normal_mm: D, diameter of what a normal is taken from.
+        projection_mm: d, diameter of the cylinder that is averaged.
+        depth_mm: largest deviation that is looked for: half the cylinder's length.
+        sections: count of sections along the part, equidistant, as in `inspect.sections`.
+        half_width_mm: on each side of a section what counts for it.
 
     Raises:
         InputError: hardly any place of the scan lies at the reference.

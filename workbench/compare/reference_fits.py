@@ -21,16 +21,10 @@ from workbench.units import Float
 @stage("compare.reference_fits")
 def reference_fits(
     *,
-    points: Annotated[
-        list[InputFile], Field(min_length=1, description="data sets (.ds): x y z in mm, one point a line")
-    ],
-    answers: Annotated[
-        list[InputFile], Field(description="their reference answers (.fit), in the same order; none: only fit")
-    ] = [],  # noqa: B006  (checked and copied before the function sees it)
-    shape: Annotated[Shape, Field(description="what they are points of")],
-    tolerance: Annotated[
-        float, Field(gt=0, lt=1, description="largest error, as a share of the shape's size, that passes")
-    ] = 1e-9,
+    points: Annotated[list[InputFile], Field(min_length=1)],
+    answers: list[InputFile] = [],  # noqa: B006  (checked and copied before the function sees it)
+    shape: Shape,
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-9,
 ) -> tuple[Document, Chapter]:
     """Fit reference data sets and compare with their reference answers, as NIST's algorithm testing does.
 
@@ -39,10 +33,11 @@ def reference_fits(
     between the shapes at the data's centroid, and of the direction over the size.
 
     Args:
-        points: the data sets.
-        answers: the reference answers.
-        shape: line, plane, circle, sphere or cylinder.
-        tolerance: as a share of the size (the data's extent, or the radius where that is larger).
+        points: data sets (.ds): x y z in mm, one point a line.
+        answers: their reference answers (.fit), in the same order; none: only fit.
+        shape: what they are points of: line, plane, circle, sphere or cylinder.
+        tolerance: largest error that passes, as a share of the shape's size (the data's extent, or the radius where
+            that is larger).
 
     Raises:
         InputError: unreadable, another count of numbers, points that leave the shape open.

@@ -31,30 +31,15 @@ def register(
     scan: Surface,
     reference: Surface,
     *,
-    initial: Annotated[
-        list[list[float]] | None,
-        Field(description="4x4 (direction cosines, mm) to start from; null: both are in the base"),
-    ] = None,
-    start: Annotated[
-        Literal["initial", "features"],
-        Field(description="begin at the initial pose, or find a start by features and RANSAC (Open3D)"),
-    ] = "initial",
-    open_directions: Annotated[
-        Literal["refuse", "hold"],
-        Field(description="what to do where the shapes leave a direction open: refuse, or hold the initial pose"),
-    ] = "refuse",
-    held_u_mm: Annotated[
-        float, Field(gt=0, le=100, description="standard uncertainty of the initial pose, in directions that are held")
-    ] = 0.5,
-    reach_mm: Annotated[
-        float, Field(gt=0, le=50, description="largest distance of places that belong together, at the end")
-    ] = 1.0,
-    spacing_mm: Annotated[float, Field(gt=0, le=20, description="between the places that are matched")] = 0.8,
-    radius_mm: Annotated[float, Field(gt=0, le=20, description="of the neighbourhood that makes a local plane")] = 0.8,
-    least_overlap: Annotated[
-        float, Field(gt=0, le=1, description="share of the scan that must lie on the reference")
-    ] = 0.5,
-    largest_rms_mm: Annotated[float, Field(gt=0, le=10, description="of the distances along the normal")] = 0.15,
+    initial: list[list[float]] | None = None,
+    start: Literal["initial", "features"] = "initial",
+    open_directions: Literal["refuse", "hold"] = "refuse",
+    held_u_mm: Annotated[float, Field(gt=0, le=100)] = 0.5,
+    reach_mm: Annotated[float, Field(gt=0, le=50)] = 1.0,
+    spacing_mm: Annotated[float, Field(gt=0, le=20)] = 0.8,
+    radius_mm: Annotated[float, Field(gt=0, le=20)] = 0.8,
+    least_overlap: Annotated[float, Field(gt=0, le=1)] = 0.5,
+    largest_rms_mm: Annotated[float, Field(gt=0, le=10)] = 0.15,
 ) -> tuple[Registration, Document]:
     """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), coarse to fine, robust.
 
@@ -65,15 +50,15 @@ def register(
     Args:
         scan: from `compare.surface`.
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
-        initial: reference_from_scan to start from.
-        start: where nothing is known of the pose, features find one; `initial` must then be null.
-        open_directions: refuse or hold.
-        held_u_mm: how well the initial pose is known in held directions; it enters the covariance.
-        reach_mm: matches farther apart do not count.
-        spacing_mm: of the matched places.
-        radius_mm: of local planes.
-        least_overlap: a smaller overlap is refused.
-        largest_rms_mm: a larger RMS is refused.
+        initial: 4x4 (direction cosines, mm) reference_from_scan to start from; null: both are in the base.
+        start: begin at the initial pose, or find a start by features and RANSAC (Open3D); `initial` must then be null.
+        open_directions: where the shapes leave a direction open: refuse, or hold the initial pose.
+        held_u_mm: standard uncertainty of the initial pose in held directions; it enters the covariance.
+        reach_mm: largest distance of places that belong together, at the end; matches farther apart do not count.
+        spacing_mm: between the places that are matched.
+        radius_mm: of the neighbourhood that makes a local plane.
+        least_overlap: share of the scan that must lie on the reference; a smaller one is refused.
+        largest_rms_mm: of the distances along the normal; a larger one is refused.
 
     Raises:
         InputError: open directions, a small overlap, a poor fit.

@@ -86,9 +86,7 @@ def _largest(e_n: Any) -> float | None:
 def repeatability(
     study: Study,
     *,
-    interaction_alpha: Annotated[
-        float, Field(gt=0, lt=1, description="share of false alarms at which part x operator counts as an interaction")
-    ] = 0.05,
+    interaction_alpha: Annotated[float, Field(gt=0, lt=1)] = 0.05,
 ) -> tuple[Document, Chapter]:
     """Judge the measuring system by repeated measurements: gauge R&R by analysis of variance, bias, E_n.
 
@@ -100,7 +98,8 @@ def repeatability(
 
     Args:
         study: parts x operators x trials by section.
-        interaction_alpha: level at which the interaction is tested; one that is not significant is pooled.
+        interaction_alpha: share of false alarms at which part x operator counts as an interaction; one that is not
+            significant is pooled.
 
     Raises:
         InputError: no section in which every recording has a value.

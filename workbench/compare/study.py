@@ -147,36 +147,15 @@ def apart(arc_length_mm: Float) -> tuple[str, ...]:
 @stage("compare.study")
 def study(
     *,
-    study: Annotated[
-        InputFile | None, Field(description="CSV or JSON that lists the measurements (docs/comparison.md)")
-    ] = None,
-    inspections: Annotated[
-        list[InputFile], Field(description="inspection.json files: repeats of one part by one operator")
-    ] = [],  # noqa: B006  (checked and copied before the function sees it)
-    reference_operator: Annotated[
-        str, Field(min_length=1, description="who stands for the reference in the study: the better measurement")
-    ] = "reference",
-    root_limits_mm: Annotated[
-        Limits | None, Field(description="lower and upper limit of the root face; null: the inspections' own")
-    ] = None,
-    bevel_limits_deg: Annotated[
-        Limits | None, Field(description="lower and upper limit of the bevel angle; null: the inspections' own")
-    ] = None,
-    characteristics: Annotated[
-        list[str], Field(max_length=100, description="columns of the study to analyse, whatever they measure")
-    ] = [],  # noqa: B006
-    columns: Annotated[
-        dict[Literal["part", "operator", "trial"], str],
-        Field(
-            description="what the study calls its columns `part`, `operator` and `trial`, where it is other people's"
-        ),
-    ] = {},  # noqa: B006
-    limits: Annotated[
-        dict[str, Limits], Field(description="lower and upper limit of each of the characteristics, where known")
-    ] = {},  # noqa: B006
-    unit: Annotated[
-        str, Field(min_length=1, max_length=12, description="of characteristics whose names end in no unit")
-    ] = "mm",
+    study: InputFile | None = None,
+    inspections: list[InputFile] = [],  # noqa: B006  (checked and copied before the function sees it)
+    reference_operator: Annotated[str, Field(min_length=1)] = "reference",
+    root_limits_mm: Limits | None = None,
+    bevel_limits_deg: Limits | None = None,
+    characteristics: Annotated[list[str], Field(max_length=100)] = [],  # noqa: B006
+    columns: dict[Literal["part", "operator", "trial"], str] = {},  # noqa: B006
+    limits: dict[str, Limits] = {},  # noqa: B006
+    unit: Annotated[str, Field(min_length=1, max_length=12)] = "mm",
 ) -> Study:
     """Gather the measurements of a gauge study: parts x operators x trials, by section.
 
@@ -185,15 +164,17 @@ def study(
     the study; their mean is what it is compared with.
 
     Args:
-        study: lists inspections (`part,operator,inspection`) or values (`part,operator,trial,section,root_mm,...`).
-        inspections: instead of it: files of one part, by one operator.
-        reference_operator: the name under which the file lists reference measurements.
-        root_limits_mm: tolerance limits, for the share of the tolerance.
-        bevel_limits_deg: likewise.
-        characteristics: columns of a CSV that hold one value a trial: any gauge, any size.
-        columns: names of its other columns.
-        limits: of the characteristics.
-        unit: of the characteristics.
+        study: CSV or JSON that lists inspections (`part,operator,inspection`) or values
+            (`part,operator,trial,section,root_mm,...`; docs/comparison.md).
+        inspections: instead of it: inspection.json files, repeats of one part by one operator.
+        reference_operator: the name under which the study lists reference measurements, the better ones.
+        root_limits_mm: lower and upper limit of the root face, for the share of the tolerance; null: the inspections'
+            own.
+        bevel_limits_deg: of the bevel angle, likewise.
+        characteristics: columns of a CSV study to analyse, with one value a trial: any gauge, any size.
+        columns: what the study calls its columns `part`, `operator` and `trial`, where it is other people's.
+        limits: lower and upper limit of each of the characteristics, where known.
+        unit: of characteristics whose names end in no unit.
 
     Raises:
         InputError: unreadable, unbalanced, fewer than two trials, or trials that are copies.

@@ -26,16 +26,14 @@ def surface(
     cloud: Cloud | None = None,
     points: PointSet | None = None,
     *,
-    most_points: Annotated[
-        int, Field(ge=1000, le=20_000_000, description="number of points that are used; of more, evenly thinned frames")
-    ] = 400_000,
+    most_points: Annotated[int, Field(ge=1000, le=20_000_000)] = 400_000,
 ) -> Surface:
     """Take the points of a scan for comparison: an organised cloud's, or those of a cloud without a grid.
 
     Args:
         cloud: the organised cloud; each point keeps the number of its frame, whose points share the robot's error.
         points: or a cloud without a grid.
-        most_points: a larger scan is thinned evenly.
+        most_points: number of points that are used; of more, evenly thinned frames.
 
     Raises:
         InputError: neither or both; fewer than 100 points.
@@ -63,21 +61,17 @@ def surface(
 @stage("compare.mesh")
 def mesh(
     *,
-    mesh: Annotated[InputFile, Field(description="STL, PLY or OBJ with triangles, counter-clockwise from outside")],
-    unit: Annotated[
-        str, Field(pattern="^(mm|m|inch)$", description="unit of length in the file: mm, m or inch")
-    ] = "mm",
-    base_from_mesh: Annotated[
-        list[list[float]] | None,
-        Field(description="4x4 (direction cosines, mm) that moves it there; null: it is there"),
-    ] = None,
+    mesh: InputFile,
+    unit: Annotated[str, Field(pattern="^(mm|m|inch)$")] = "mm",
+    base_from_mesh: list[list[float]] | None = None,
 ) -> Surface:
     """Read a triangle mesh to compare with: a CAD model, or another program's surface.
 
     Args:
-        mesh: the file (read by Open3D).
-        unit: of its coordinates.
-        base_from_mesh: rigid motion from the mesh's coordinates to the base.
+        mesh: STL, PLY or OBJ with triangles, counter-clockwise from outside (read by Open3D).
+        unit: of length in the file: mm, m or inch.
+        base_from_mesh: 4x4 (direction cosines, mm), the rigid motion from the mesh's coordinates to the base; null: it
+            is there.
 
     Raises:
         InputError: unreadable, no triangles, not finite, no rigid motion.

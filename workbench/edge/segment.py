@@ -84,16 +84,6 @@ def segment(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        root_nominal_mm: expected root face; only tells the faces apart.
-        bevel_nominal_deg: expected bevel angle; likewise.
-        robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
-            its two ends, nothing in the scan shows it, yet it turns the edge's tangent.
-        end_u_mm: of the end of the root face by what no frame shows (a burr in its plane, returns lost along the whole
-            edge): it enters the uncertainty of every root face.
-        most_radius_mm: greatest radius that the lower edge can have. Where the rays graze the root face a rounding is
-            not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
-        limits: limits of the checks of the faces by name. One that passes only by a wider limit than the default is
-            named in the results.
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow

@@ -56,14 +56,9 @@ def segment_cloud(
     *,
     root_nominal_mm: RootNominal = 1.5,
     bevel_nominal_deg: BevelNominal = 40.0,
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=5, description="standard deviation of the positions that the cloud was fused with")
-    ] = 0.07,
-    upper_side: Annotated[
-        tuple[float, float, float] | None,
-        Field(description="a raw edge's: direction from the plate's lower to its upper surface; null: a milled edge"),
-    ] = None,
-    use_order: Annotated[bool, Field(description="look for scan lines in the order of the points")] = True,
+    robot_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.07,
+    upper_side: tuple[float, float, float] | None = None,
+    use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
 
@@ -78,11 +73,10 @@ def segment_cloud(
 
     Args:
         points: the cloud of one edge, in mm.
-        root_nominal_mm: expected root face; only tells the faces apart.
-        bevel_nominal_deg: expected bevel angle; likewise.
         robot_noise_mm: standard deviation of the positions that the cloud was fused with, each axis: nothing in the
             cloud shows it, yet it turns the edge's tangent.
-        upper_side: of a raw edge, from its lower to its upper side; the cloud must then stand in scan order.
+        upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in
+            scan order. null: a milled edge.
         use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
 
     Returns:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import Check, Cloud, Groove, GrooveType
 from workbench.checks import checked_limits
@@ -35,7 +34,7 @@ Given = Literal["auto", "I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
 def segment_groove(
     cloud: Cloud,
     *,
-    groove: Annotated[Given, Field(description="type by ISO 9692-1, or `auto`: by the evidence")] = "auto",
+    groove: Given = "auto",
     robot_noise_mm: RobotNoise = 0.07,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Groove:
@@ -48,9 +47,8 @@ def segment_groove(
 
     Args:
         cloud: the organised cloud of one groove, in one or more passes from above it.
-        groove: the type, or `auto`. From one side some types look alike; those that are not excluded are named.
-        robot_noise_mm: standard deviation of a recorded flange position, each axis: it turns the groove's direction.
-        limits: limits of the checks of the groove by name.
+        groove: type by ISO 9692-1, or `auto`: by the evidence. From one side some types look alike; those that are not
+            excluded are named.
 
     Raises:
         InputError: no two plates with a groove between them are in view, or the type given is excluded by what is.

@@ -70,16 +70,9 @@ WORDS = {
 def segment_preparation(
     cloud: Cloud,
     *,
-    preparation: Annotated[
-        Given, Field(description="what the edge is prepared as, or `auto`: by the evidence")
-    ] = "auto",
-    root_nominal_mm: Annotated[
-        float, Field(gt=0, le=50, description="expected root face; tells it from the upper surface")
-    ] = 1.5,
-    upper_side: Annotated[
-        tuple[float, float, float] | None,
-        Field(description="direction to the plate's upper side, in the base; null: by the expected root face"),
-    ] = None,
+    preparation: Given = "auto",
+    root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
+    upper_side: tuple[float, float, float] | None = None,
     robot_noise_mm: RobotNoise = 0.07,
     end_u_mm: EndU = 0.0,
     most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
@@ -93,13 +86,11 @@ def segment_preparation(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.
-        preparation: what the edge is prepared as. Another one than the profiles show is refused.
-        root_nominal_mm: expected root face. A convex chain of faces can be read from both ends.
-        upper_side: a vector in the base to the plate's upper side, where the expected root face does not tell it.
-        robot_noise_mm: standard deviation of a recorded flange position, each axis.
-        end_u_mm: of the end of the root face by what no frame shows; it enters the uncertainty of every root face.
-        most_radius_mm: greatest radius that the lower edge can have, where the view would not show one.
-        limits: limits of the checks of the faces by name.
+        preparation: what the edge is prepared as, or `auto`: by the evidence. Another one than the profiles show is
+            refused.
+        root_nominal_mm: expected root face; tells it from the upper surface (a convex chain of faces can be read from
+            both ends).
+        upper_side: direction to the plate's upper side, in the base; null: by the expected root face.
 
     Raises:
         InputError: no such plate is in view, its upper surface is not, or it is prepared as something else.

@@ -20,7 +20,7 @@ from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, mis
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
-from workbench.edge.parameters import EndU, Limits, RobotNoise
+from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
@@ -43,25 +43,12 @@ LIES_ON = (
 def segment_raw(
     cloud: Cloud,
     *,
-    upper_side: Annotated[
-        tuple[float, float, float],
-        Field(
-            description="direction in the base from the plate's lower to its upper surface, good to 25 deg; "
-            "the ratio of its components counts, its length does not"
-        ),
-    ],
-    z_away: Annotated[
-        bool | None,
-        Field(description="does z count away from the sensor; null: from the rays, or what lies beside the end face"),
-    ] = None,
+    upper_side: tuple[float, float, float],
+    z_away: bool | None = None,
     robot_noise_mm: RobotNoise = 0.07,
     end_u_mm: EndU = 0.0,
-    robot_drift_u_mm: Annotated[
-        float, Field(ge=0, le=5, description="declared standard uncertainty of places by the robot's slow errors")
-    ] = 0.0,
-    most_radius_mm: Annotated[
-        float, Field(ge=0.01, le=0.8, description="greatest radius of the plate's edges, where the view shows none")
-    ] = HIDDEN_RADIUS_MM,
+    robot_drift_u_mm: Annotated[float, Field(ge=0, le=5)] = 0.0,
+    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
@@ -72,18 +59,12 @@ def segment_raw(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        upper_side: from the lower to the upper side, in the base: on a raw edge nothing tells the sides apart.
-        z_away: whether z counts away from the sensor; only needed where nothing but the end face is in view.
-        robot_noise_mm: standard deviation of a recorded flange position, each axis. Where a pass has only the poses of
-            its two ends, nothing in the scan shows it, yet it moves the edge and turns its tangent.
-        end_u_mm: of the lower edge across it by what no frame shows (a burr in the end face's plane, returns lost along
-            the whole edge).
-        robot_drift_u_mm: of a place of the edge in the base, along its normal and across it: errors of the robot that
-            change slowly along the scan (drift, its path accuracy) look like the edge's own course.
-        most_radius_mm: greatest radius that the plate's edges can have. Where the rays graze the end face a rounding is
-            not seen, and what it would hide is in the uncertainty; one that is seen may be larger.
-        limits: limits of the checks of the edge by name. One that passes only by a wider limit than the default is
-            named in the results.
+        upper_side: direction in the base from the plate's lower to its upper surface, good to 25 deg; the ratio of its
+            components counts, its length does not. On a raw edge nothing tells the sides apart.
+        z_away: does z count away from the sensor; null: from the rays, or what lies beside the end face. Only needed
+            where nothing but the end face is in view.
+        robot_drift_u_mm: declared standard uncertainty of a place of the edge in the base, along its normal and across
+            it, by the robot's slow errors (drift, its path accuracy), which look like the edge's own course.
 
     Raises:
         InputError: `upper_side` is zero or runs along the edge; no raw edge, only a part of it, or two plates with a

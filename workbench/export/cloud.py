@@ -9,10 +9,9 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import FACE_NAMES, Cloud, Document, Edge
 from workbench.artefacts.scans import Labelled, tensor_cloud
@@ -26,10 +25,8 @@ def cloud(
     cloud: Cloud,
     edge: Edge | None = None,
     *,
-    format: Annotated[Literal["ply", "pcd", "las", "laz", "e57"], Field(description="of the file")] = "ply",
-    organised: Annotated[
-        bool, Field(description="pcd: the scanner's grid with NaN, a row a frame, float32, as PCL takes it")
-    ] = False,
+    format: Literal["ply", "pcd", "las", "laz", "e57"] = "ply",
+    organised: bool = False,
 ) -> Document:
     """Write the fused cloud as `cloud.ply` (or pcd, las, laz, e57), each point with its face, frame and column.
 
@@ -43,7 +40,7 @@ def cloud(
         cloud: the cloud.
         edge: its faces, if they are known.
         format: of the file.
-        organised: whether a PCD keeps the grid.
+        organised: pcd: the scanner's grid with NaN, a row a frame, float32, as PCL takes it.
 
     Raises:
         InputError: `organised` with another format than pcd; nothing to write.

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import Annotated, Any, Literal
-
-from pydantic import Field
+from typing import Any, Literal
 
 from workbench.artefacts import Document, Inspection, Provenance, Section
 from workbench.stage import stage
@@ -56,7 +54,7 @@ def inspection(
     inspection: Inspection,
     provenance: Provenance,
     *,
-    format: Annotated[Literal["parquet", "csv"], Field(description="of the file")] = "parquet",
+    format: Literal["parquet", "csv"] = "parquet",
 ) -> Document:
     """Write a row a section as `inspection.parquet` or `inspection.csv`, with what it was measured on and by.
 

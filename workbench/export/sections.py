@@ -23,11 +23,9 @@ def sections(
     edge: Edge,
     cloud: Cloud,
     *,
-    format: Annotated[Literal["dxf", "csv"], Field(description="of the file")] = "dxf",
-    thickness_mm: Annotated[
-        float, Field(gt=0, le=20, description="of the slice whose points are written, across the section plane")
-    ] = 0.5,
-    reach_mm: Annotated[float, Field(ge=1, le=200, description="how far from the lower edge")] = 25.0,
+    format: Literal["dxf", "csv"] = "dxf",
+    thickness_mm: Annotated[float, Field(gt=0, le=20)] = 0.5,
+    reach_mm: Annotated[float, Field(ge=1, le=200)] = 25.0,
 ) -> Document:
     """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
 
@@ -41,8 +39,8 @@ def sections(
         edge: faces of the points.
         cloud: the points.
         format: of the file.
-        thickness_mm: points within half of it on each side of the section plane are the section's.
-        reach_mm: points further from the lower edge are left out.
+        thickness_mm: of the slice whose points are written, half of it on each side of the section plane.
+        reach_mm: how far from the lower edge; points further off are left out.
 
     Example:
         >>> from workbench import cloud, edge, export, inspect, scan

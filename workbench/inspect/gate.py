@@ -20,13 +20,11 @@ MOST_U = 10.0  # expanded uncertainties over the tolerance's width: what is told
 def gate(
     inspection: Inspection,
     *,
-    reject: Annotated[tuple[Literal["fail", "undecided"], ...], Field(description="verdicts that reject the part")] = (
+    reject: tuple[Literal["fail", "undecided"], ...] = (
         "fail",
         "undecided",
     ),
-    least_measured_share: Annotated[
-        float, Field(ge=0, le=1, description="share of the edge's length that must be measured for a pass")
-    ] = LEAST_SHARE,
+    least_measured_share: Annotated[float, Field(ge=0, le=1)] = LEAST_SHARE,
 ) -> Gate:
     """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
 
@@ -35,8 +33,8 @@ def gate(
 
     Args:
         inspection: the judged part.
-        reject: verdicts that reject it.
-        least_measured_share: the share of the edge's profile that must have both root face and bevel angle.
+        reject: verdicts that reject the part.
+        least_measured_share: share of the edge's length that must have both root face and bevel angle for a pass.
 
     Raises:
         InputError: no section was measured, or none to better than ten times the tolerance: there is nothing to judge.

@@ -45,15 +45,9 @@ LEFT_OUT_OF_PLATES = (*NOT_INCLUDED, "What the side that was scanned does not sh
 def groove(
     groove: Groove,
     *,
-    nominal: Annotated[
-        dict[str, Any] | None,
-        Field(
-            description="sizes by the names of groove.json and their tolerances: {'gap_mm': 2, "
-            "'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"
-        ),
-    ] = None,
-    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the groove")] = 9,
-    guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
+    nominal: dict[str, Any] | None = None,
+    sections: Annotated[int, Field(ge=1, le=999)] = 9,
+    guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
 ) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
@@ -62,9 +56,10 @@ def groove(
 
     Args:
         groove: the measured groove.
-        nominal: required sizes and their tolerances, as deviations lower <= 0 <= upper.
-        sections: how many sections.
-        guard_factor: guard band in standard uncertainties.
+        nominal: required sizes by the names of groove.json and their tolerances, deviations lower <= 0 <= upper:
+            {'gap_mm': 2, 'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged.
+        sections: count of sections along the groove.
+        guard_factor: guard band over u; 1.645: 95 % one-sided.
 
     Raises:
         PipelineError: a name that no groove has, or a nominal without its tolerance.
@@ -83,23 +78,18 @@ def groove(
 def preparation(
     preparation: Preparation,
     *,
-    nominal: Annotated[
-        dict[str, Any] | None,
-        Field(
-            description="sizes by the names of preparation.json and their tolerances: {'land_mm': 2, "
-            "'land_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged"
-        ),
-    ] = None,
-    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the edge")] = 9,
-    guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
+    nominal: dict[str, Any] | None = None,
+    sections: Annotated[int, Field(ge=1, le=999)] = 9,
+    guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
 ) -> PreparationInspection:
     """Measure the prepared edge of a plate in equidistant sections and judge what is required, as `inspect.groove`.
 
     Args:
         preparation: the measured edge.
-        nominal: required sizes and their tolerances, as deviations lower <= 0 <= upper.
-        sections: how many sections.
-        guard_factor: guard band in standard uncertainties.
+        nominal: required sizes by the names of preparation.json and their tolerances, deviations lower <= 0 <= upper:
+            {'land_mm': 2, 'land_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged.
+        sections: count of sections along the edge.
+        guard_factor: guard band over u; 1.645: 95 % one-sided.
 
     Raises:
         PipelineError: a name that no preparation has, or a nominal without its tolerance.
@@ -152,7 +142,7 @@ def _judged(
 def groove_gate(
     inspection: JointInspection,
     *,
-    accept_unjudged: Annotated[bool, Field(description="let a part through of which nothing was required")] = True,
+    accept_unjudged: bool = True,
 ) -> Gate:
     """Let a groove through whose verdict is `pass`, or of which nothing was required; the run's warnings say so.
 

@@ -23,15 +23,15 @@ MOST_BEVEL = 85.0 * DEG  # a root face or an angle beyond these limits is no mea
 def sections(
     edge: MilledEdge,
     *,
-    root_nominal_mm: Annotated[float, Field(gt=0, le=50, description="required root face")] = 1.5,
-    root_tolerance_mm: Annotated[Tolerance, Field(description="allowed deviations from it, lower and upper")] = (
+    root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
+    root_tolerance_mm: Tolerance = (
         -0.5,
         0.5,
     ),
-    bevel_nominal_deg: Annotated[float, Field(gt=0, lt=90, description="required bevel angle")] = 40.0,
-    bevel_tolerance_deg: Annotated[Tolerance, Field(description="allowed deviations from it")] = (-1.0, 1.0),
-    sections: Annotated[int, Field(ge=1, le=999, description="count of sections along the edge")] = 9,
-    guard_factor: Annotated[float, Field(ge=0, le=5, description="guard band over u; 1.645: 95 % one-sided")] = 1.645,
+    bevel_nominal_deg: Annotated[float, Field(gt=0, lt=90)] = 40.0,
+    bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
+    sections: Annotated[int, Field(ge=1, le=999)] = 9,
+    guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
 ) -> Inspection:
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
@@ -45,9 +45,9 @@ def sections(
         root_nominal_mm: required root face.
         root_tolerance_mm: allowed deviations from it, lower <= 0 <= upper.
         bevel_nominal_deg: required bevel angle.
-        bevel_tolerance_deg: allowed deviations from it, lower <= 0 <= upper.
-        sections: how many sections.
-        guard_factor: guard band in standard uncertainties.
+        bevel_tolerance_deg: allowed deviations from it, likewise.
+        sections: count of sections along the edge.
+        guard_factor: guard band over u; 1.645: 95 % one-sided.
 
     Example:
         >>> from workbench import cloud, edge, inspect, scan

@@ -28,14 +28,10 @@ def check(
     predicted: PathDeflection | None = None,
     correction: PathCorrection | None = None,
     *,
-    v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000, description="no feed is greater; null: no limit")] = None,
-    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="nor is the feed's change, per time")] = 50.0,
-    penetration_mm: Annotated[
-        float, Field(gt=0, le=2, description="how deep the cutter may touch what must remain, besides 3 u of the edge")
-    ] = PENETRATION_MM,
-    rests_milled: Annotated[
-        bool, Field(description="the path that this one rests on has been milled: of a compound bevel the upper one's")
-    ] = False,
+    v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000)] = None,
+    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
+    penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
+    rests_milled: bool = False,
 ) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
@@ -60,9 +56,10 @@ def check(
         predicted: how far the robot gives way along this path.
         correction: by which this path was corrected.
         v_fast_mm_s: greatest feed; null: not checked.
-        acceleration_mm_s2: greatest change of the feed.
-        penetration_mm: how deep the cutter may touch what must remain.
-        rests_milled: the path that this one rests on has been milled; nothing in the scan of the raw edge shows it.
+        acceleration_mm_s2: greatest change of the feed, per time.
+        penetration_mm: how deep the cutter may touch what must remain, besides 3 u of the edge.
+        rests_milled: the path that this one rests on has been milled (of a compound bevel the upper one's); nothing in
+            the scan of the raw edge shows it.
 
     Raises:
         InputError: the prediction, or the correction, is of another path.

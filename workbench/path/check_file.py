@@ -23,9 +23,7 @@ ALONE = "the workpiece. Its file tells of no check against a scan; the path was 
 def check_file(
     toolpath: Toolpath,
     *,
-    penetration_mm: Annotated[
-        float, Field(gt=0, le=2, description="how deep the cutter may enter the bevel that the final layer leaves")
-    ] = PENETRATION_MM,
+    penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
 ) -> PathGate:
     """Check a path that comes out of a file, where no scan is at hand.
 
@@ -36,7 +34,7 @@ def check_file(
 
     Args:
         toolpath: the path.
-        penetration_mm: how deep the cutter may enter the finished bevel.
+        penetration_mm: how deep the cutter may enter the bevel that the final layer leaves.
 
     Example:
         >>> from workbench import path

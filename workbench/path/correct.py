@@ -70,26 +70,18 @@ def correct(
     toolpath: Toolpath,
     predicted: PathDeflection | None = None,
     *,
-    repeatability_mm: Annotated[
-        float, Field(ge=0, le=2, description="standard deviation of what the robot does not repeat, along one axis")
-    ] = 0.03,
-    repeatability_deg: Annotated[float, Field(ge=0, le=2, description="the same of the tool's tilt")] = 0.01,
-    repeatability_length_mm: Annotated[
-        float, Field(ge=1, le=10000, description="correlation length of both along the path")
-    ] = 50.0,
+    repeatability_mm: Annotated[float, Field(ge=0, le=2)] = 0.03,
+    repeatability_deg: Annotated[float, Field(ge=0, le=2)] = 0.01,
+    repeatability_length_mm: Annotated[float, Field(ge=1, le=10000)] = 50.0,
     yield_share: Annotated[
         float,
-        Field(
-            ge=0, le=1, description="share of the stock's height by which tool and robot give way, where not predicted"
-        ),
+        Field(ge=0, le=1),
     ] = 0.1,
     wear_mm: Annotated[
         float,
-        Field(ge=0, le=1, description="what the cutter's radius may lose from the first cut to the finishing pass"),
+        Field(ge=0, le=1),
     ] = 0.02,
-    most_moved_mm: Annotated[
-        float, Field(gt=0, le=10, description="by which the edge may lie beside where the first scan saw it")
-    ] = 0.3,
+    most_moved_mm: Annotated[float, Field(gt=0, le=10)] = 0.3,
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
@@ -110,11 +102,12 @@ def correct(
         inspection: of the edge after the first cut.
         toolpath: that it was milled along, with its finishing pass (`path.layers`: `finish_allowance_mm`).
         predicted: how far the robot gives way along the first path.
-        repeatability_mm: what the robot does not repeat, along one axis (ISO 9283).
+        repeatability_mm: standard deviation of what the robot does not repeat, along one axis (ISO 9283).
         repeatability_deg: the same of the tool's tilt.
         repeatability_length_mm: correlation length of both along the path.
-        yield_share: by how much cutter and robot may give way, over the height of the stock, where nothing predicts it.
-        wear_mm: what the cutter's radius may lose between the two; a cutter that is changed or measured: 0.
+        yield_share: share of the stock's height by which cutter and robot may give way, where nothing predicts it.
+        wear_mm: what the cutter's radius may lose from the first cut to the finishing pass; changed or measured
+            between: 0.
         most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
 
     Raises:

@@ -168,10 +168,8 @@ def feed(
     cloud: Cloud,
     edge: Edge,
     *,
-    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000, description="feed far from all material")] = 20.0,
-    acceleration_mm_s2: Annotated[
-        float, Field(gt=0, le=1e5, description="greatest change of the feed, per time")
-    ] = 50.0,
+    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000)] = 20.0,
+    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
 ) -> Toolpath:
     """Plan the feed by the distance of the cutter's axis to the stock that still stands: the paper's equation (26).
 
@@ -186,7 +184,7 @@ def feed(
         cloud: the scan that it was planned from.
         edge: the edge that it was planned for.
         v_fast_mm_s: feed far from all material.
-        acceleration_mm_s2: greatest change of the feed.
+        acceleration_mm_s2: greatest change of the feed, per time.
 
     Raises:
         InputError: v_fast below the path's v_slow.

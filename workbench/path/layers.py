@@ -41,56 +41,39 @@ def layers(
     edge: RawEdge,
     cloud: Cloud,
     *,
-    root_mm: Annotated[float, Field(gt=0, le=50, description="required root face")] = 1.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="required bevel angle")] = 40.0,
-    depth_of_cut_mm: Annotated[float, Field(ge=0.05, le=20, description="height of a layer")] = 1.0,
-    finish_allowance_mm: Annotated[
-        float, Field(ge=0, le=5, description="left on the bevel face for a pass that `path.correct` corrects; 0: none")
-    ] = 0.0,
-    cutter_diameter_mm: Annotated[float, Field(ge=1, le=100, description="of the cutter")] = 10.0,
-    flutes: Annotated[int, Field(ge=1, le=20, description="count of the cutter's flutes")] = 4,
+    root_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    depth_of_cut_mm: Annotated[float, Field(ge=0.05, le=20)] = 1.0,
+    finish_allowance_mm: Annotated[float, Field(ge=0, le=5)] = 0.0,
+    cutter_diameter_mm: Annotated[float, Field(ge=1, le=100)] = 10.0,
+    flutes: Annotated[int, Field(ge=1, le=20)] = 4,
     flute_length_mm: Annotated[
         float | None,
-        Field(gt=0, le=200, description="cutting length, centred on the face; null: 2 mm over the widest at each end"),
+        Field(gt=0, le=200),
     ] = None,
-    v_slow_mm_s: Annotated[float, Field(gt=0, le=1000, description="feed while cutting")] = 1.0,
-    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height over stock and clamps, travelling")] = 5.0,
-    side_clearance_mm: Annotated[
-        float, Field(ge=0.1, le=50, description="how near the cutter comes to a clamp beside it")
-    ] = 2.0,
-    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
-    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,
+    v_slow_mm_s: Annotated[float, Field(gt=0, le=1000)] = 1.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100)] = 5.0,
+    side_clearance_mm: Annotated[float, Field(ge=0.1, le=50)] = 2.0,
+    ramp_mm: Annotated[float, Field(ge=1, le=100)] = 5.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200)] = 12.0,
     root_radius_mm: Annotated[
         float,
-        Field(ge=0, le=50, description="of a J preparation, milled by a ball end of this radius; 0: a bevel"),
+        Field(ge=0, le=50),
     ] = 0.0,
-    smoothing_mm: Annotated[
-        float, Field(ge=0, le=100, description="edge on each side over which the stock's upper edge is smoothed")
-    ] = 10.0,
-    tool: Annotated[InputFile | None, Field(description="a tcp.json: how well the tool is known")] = None,
-    turntable: Annotated[InputFile | None, Field(description="a turntable.json: how well its axis is known")] = None,
+    smoothing_mm: Annotated[float, Field(ge=0, le=100)] = 10.0,
+    tool: InputFile | None = None,
+    turntable: InputFile | None = None,
     robot_accuracy_mm: Annotated[
         float,
-        Field(ge=0, le=100, description="u of the robot's place, along an axis; 0: not stated"),
+        Field(ge=0, le=100),
     ] = 0.0,
-    robot_calibration: Annotated[
-        InputFile | None,
-        Field(description="a robot.json that the controller was corrected by: its u instead of robot_accuracy_mm"),
-    ] = None,
-    least_seen_share: Annotated[float, Field(ge=0, le=1, description="share of the edge that must be seen")] = 0.5,
-    root_tolerance_mm: Annotated[
-        float, Field(gt=0, le=10, description="of the root: the edge is not cut where 1.645 u is more")
-    ] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="of the bevel: likewise")] = 1.0,
-    upper_bevel_deg: Annotated[
-        float | None, Field(gt=10, le=75, description="of a compound bevel, its flatter upper bevel; null: none")
-    ] = None,
-    lower_bevel_mm: Annotated[
-        float | None, Field(gt=0, le=50, description="of a compound bevel: height of the lower bevel")
-    ] = None,
-    mill: Annotated[
-        Literal["upper", "lower"], Field(description="which of its bevels this path mills: the upper one first")
-    ] = "lower",
+    robot_calibration: InputFile | None = None,
+    least_seen_share: Annotated[float, Field(ge=0, le=1)] = 0.5,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
+    upper_bevel_deg: Annotated[float | None, Field(gt=10, le=75)] = None,
+    lower_bevel_mm: Annotated[float | None, Field(gt=0, le=50)] = None,
+    mill: Literal["upper", "lower"] = "lower",
 ) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
@@ -110,29 +93,34 @@ def layers(
         root_mm: required root face.
         bevel_deg: required bevel angle.
         depth_of_cut_mm: height of a layer; the first takes what is left over.
-        finish_allowance_mm: left on the bevel face, along its normal; at most the depth of cut.
+        finish_allowance_mm: left on the bevel face, along its normal, for a pass that `path.correct` corrects; at most
+            the depth of cut; 0: none.
         cutter_diameter_mm: of the cylindrical end mill.
         flutes: count of its flutes.
-        flute_length_mm: its cutting length, centred on the tool frame; null: just over the widest face.
+        flute_length_mm: its cutting length, centred on the tool frame; null: 2 mm over the widest face at each end.
         v_slow_mm_s: feed while cutting (`path.feed` makes the rest faster).
-        clearance_mm: height above the stock and above clamps in travel moves.
+        clearance_mm: height above stock and clamps in travel moves.
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
-        root_radius_mm: of a J preparation: its fillet meets the end face square, where the root face ends, and is
-            tangent to the bevel face. A ball end of its radius makes it: `cutter_diameter_mm` is twice that.
+        root_radius_mm: of a J preparation, milled by a ball end of this radius (`cutter_diameter_mm` is twice that); 0:
+            a bevel. The fillet meets the end face square, where the root face ends, and is tangent to the bevel face.
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
-        tool, turntable: what `calibrate.tcp` and `calibrate.turntable` have written: their u counts as the edge's own.
-        robot_accuracy_mm: of the robot between scan and cut: likewise.
-        robot_calibration: what `calibrate.tracker` or `calibrate.robot` has written, entered into the controller.
-        least_seen_share: an edge seen, or known well enough, on less of its length is refused.
-        root_tolerance_mm: where the guard band of the edge's place (1.645 u) is larger it is not cut.
-        bevel_tolerance_deg: the same of the end face's direction, from which the bevel angle counts.
-        upper_bevel_deg, lower_bevel_mm: of a compound bevel, which is milled by two paths from one scan: root face and
-            bevel angle are those of the lower bevel, at whose height the upper one begins. A steeper upper bevel, a
-            land or a fillet is hollow: a cylindrical cutter would cut into the face below.
+        tool: a tcp.json of `calibrate.tcp`: its u counts as the edge's own.
+        turntable: a turntable.json of `calibrate.turntable`, likewise.
+        robot_accuracy_mm: u of the robot's place between scan and cut, along an axis, likewise; 0: not stated.
+        robot_calibration: a robot.json of `calibrate.tracker` or `calibrate.robot` that the controller was corrected
+            by: its u instead of robot_accuracy_mm.
+        least_seen_share: share of the edge that must be seen, and known well enough; less is refused.
+        root_tolerance_mm: of the root: the edge is not cut where the guard band of its place (1.645 u) is larger.
+        bevel_tolerance_deg: of the bevel: likewise by the end face's direction, from which the bevel angle counts.
+        upper_bevel_deg: of a compound bevel (two paths from one scan; root face and bevel angle are those of the lower
+            bevel): its flatter upper bevel; null: none. A steeper one, a land or a fillet is hollow: a cylindrical
+            cutter would cut into the face below.
+        lower_bevel_mm: of a compound bevel: height of the lower bevel, at which the upper one begins.
         mill: the upper bevel, or the lower one after it, which passes above what the upper one's path leaves. Programs
-            of the lower one say NOT CHECKED, with exit status 1, until `path.check` is told that it is milled.
+            of the lower one say NOT CHECKED, with exit status 1, until `path.check` is told that the upper one is
+            milled.
 
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolpath, Travel
 from workbench.errors import InputError
@@ -21,14 +20,14 @@ MAX_BYTES = 2**28
 
 
 @stage("path.read")
-def read(*, toolpath: Annotated[InputFile, Field(description="a toolpath.json (docs/pipelines.md)")]) -> Toolpath:
+def read(*, toolpath: InputFile) -> Toolpath:
     """Read a milling path from a `toolpath.json`, its own or another program's.
 
     What the contract does not require may be absent: travels, requirements, what its check said, and the width of the
     face that is cut, which is then taken as the depth of cut. Positions in mm, in the frame that the file names.
 
     Args:
-        toolpath: the file.
+        toolpath: a toolpath.json (docs/pipelines.md).
 
     Raises:
         InputError: not such a file; the place in it and what was expected.

@@ -88,13 +88,13 @@ def rework(
     toolpath: Toolpath,
     cloud: Cloud,
     *,
-    overlap_mm: Annotated[float, Field(ge=0, le=50, description="milled beyond each end of a failing stretch")] = 3.0,
-    clearance_mm: Annotated[float, Field(ge=0.5, le=100, description="height over stock and clamps, travelling")] = 5.0,
-    side_clearance_mm: Annotated[float, Field(ge=0.1, le=50, description="distance to a clamp beside it")] = 2.0,
-    ramp_mm: Annotated[float, Field(ge=1, le=100, description="length of edge in which the cutter rises")] = 5.0,
-    lead_mm: Annotated[float, Field(ge=1, le=200, description="length of lead-in and lead-out")] = 12.0,
-    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000, description="feed far from all material")] = 20.0,
-    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5, description="greatest change of the feed")] = 50.0,
+    overlap_mm: Annotated[float, Field(ge=0, le=50)] = 3.0,
+    clearance_mm: Annotated[float, Field(ge=0.5, le=100)] = 5.0,
+    side_clearance_mm: Annotated[float, Field(ge=0.1, le=50)] = 2.0,
+    ramp_mm: Annotated[float, Field(ge=1, le=100)] = 5.0,
+    lead_mm: Annotated[float, Field(ge=1, le=200)] = 12.0,
+    v_fast_mm_s: Annotated[float, Field(gt=0, le=5000)] = 20.0,
+    acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
 ) -> Rework:
     """Plan to mill again where an inspection fails by too much material, and only there.
 
@@ -110,8 +110,12 @@ def rework(
         toolpath: that it was milled with: its cutter and depth of cut hold again; required is what was inspected for.
         cloud: the scan of the milled edge.
         overlap_mm: milled beyond each end of a failing stretch.
-        clearance_mm, side_clearance_mm, ramp_mm, lead_mm: as in `path.layers`.
-        v_fast_mm_s, acceleration_mm_s2: as in `path.feed`; the path is checked as by `path.check`.
+        clearance_mm: as in `path.layers`: height above stock and clamps.
+        side_clearance_mm: as in `path.layers`: distance to a clamp beside the cutter.
+        ramp_mm: as in `path.layers`: length of edge in which the cutter rises or falls.
+        lead_mm: as in `path.layers`: length of lead-in and lead-out.
+        v_fast_mm_s: as in `path.feed`; the path is checked as by `path.check`.
+        acceleration_mm_s2: likewise.
 
     Raises:
         InputError: a raw edge, an inspection of another edge.

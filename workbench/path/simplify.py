@@ -34,27 +34,14 @@ def simplify(
     toolpath: Toolpath,
     postures: Postures | None = None,
     *,
-    chord_tolerance_mm: Annotated[
-        float, Field(ge=0, le=5, description="greatest distance of a key point from the line or arc of its move")
-    ] = 0.01,
-    angle_tolerance_deg: Annotated[
-        float, Field(ge=0, le=10, description="greatest angle between its orientation and the move's there")
-    ] = 0.05,
-    feed_tolerance: Annotated[
-        float, Field(ge=0, le=10, description="share by which a key point's feed may exceed its move's, where it cuts")
-    ] = 0.1,
-    air_feed_tolerance: Annotated[
-        float, Field(ge=0, le=10, description="the same share in travel moves, where slower costs time only")
-    ] = 1.0,
-    arcs: Annotated[bool, Field(description="circular moves too; false: straight ones only")] = True,
+    chord_tolerance_mm: Annotated[float, Field(ge=0, le=5)] = 0.01,
+    angle_tolerance_deg: Annotated[float, Field(ge=0, le=10)] = 0.05,
+    feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 0.1,
+    air_feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 1.0,
+    arcs: bool = True,
     least_sweep_deg: Annotated[
         float,
-        Field(
-            gt=0,
-            le=90,
-            description="of a circular move; ABB asks for 1 deg between via and target seen from the "
-            "start, a quarter of the sweep",
-        ),
+        Field(gt=0, le=90),
     ] = 4.2,
 ) -> Moves:
     """Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
@@ -73,12 +60,13 @@ def simplify(
     Args:
         toolpath: the path; its frame stays.
         postures: how robot, cutter and turntable stand along it.
-        chord_tolerance_mm: greatest distance of a key point from its move.
-        angle_tolerance_deg: greatest angle of its orientation to the move's.
-        feed_tolerance: share by which its feed may exceed the move's while cutting.
-        air_feed_tolerance: the same in travel moves.
-        arcs: whether circular moves may be used.
-        least_sweep_deg: what turns less than this stays straight.
+        chord_tolerance_mm: greatest distance of a key point from the line or arc of its move.
+        angle_tolerance_deg: greatest angle between its orientation and the move's there.
+        feed_tolerance: share by which a key point's feed may exceed its move's, where it cuts.
+        air_feed_tolerance: the same share in travel moves, where slower costs time only.
+        arcs: circular moves too; false: straight ones only.
+        least_sweep_deg: of a circular move; ABB asks for 1 deg between via and target seen from the start, a quarter of
+            the sweep. What turns less stays straight.
 
     Raises:
         InputError: a path of fewer than two different poses; postures of another path.

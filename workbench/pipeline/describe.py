@@ -68,7 +68,7 @@ def parameter_texts(stage: Stage) -> list[ParameterText]:
             default="required" if name in required else json.dumps(found.get("default")),
             range=_range(found),
             description=found.get("description")
-            or _from_docstring(stage.doc, name)
+            or said_in_docstring(stage.doc, name)
             or ROLE_TEXT[stage.parameters[name]],
         )
         for name, found in schema.get("properties", {}).items()
@@ -108,7 +108,7 @@ def makes(stage: Stage) -> str:
     return ", ".join(made.__name__ for made in stage.produces) or "nothing"
 
 
-def _from_docstring(doc: str, name: str) -> str:
+def said_in_docstring(doc: str, name: str) -> str:
     """What the docstring says after `name:` at the beginning of a line, with the deeper indented lines below it."""
     found = re.search(rf"^( *){name}:\s*(.+(?:\n\1 +.+)*)", doc, re.MULTILINE)
     return " ".join(found[2].split()) if found else ""

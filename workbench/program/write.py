@@ -45,17 +45,11 @@ def write(
     gate: PathGate,
     cell: RobotCell | None = None,
     *,
-    controller: Annotated[
-        Controller | None,
-        Field(
-            description="whose language: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time; "
-            "null: the cell's"
-        ),
-    ] = None,
-    name: Annotated[str, AfterValidator(program_name), Field(description="of the program and its files")] = "BevelPath",
-    procedure: Annotated[Name, Field(description="RAPID: name of the procedure that mills")] = "MillBevel",
-    tool_name: Annotated[Name, Field(description="RAPID: name of the tool data")] = "tMill",
-    work_object_name: Annotated[Name, Field(description="RAPID: name of the work object")] = "woEdge",
+    controller: Controller | None = None,
+    name: Annotated[str, AfterValidator(program_name)] = "BevelPath",
+    procedure: Name = "MillBevel",
+    tool_name: Name = "tMill",
+    work_object_name: Name = "woEdge",
     zone_mm: Zone = 0.3,
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
@@ -78,11 +72,12 @@ def write(
         moves: the path as straight and circular moves.
         gate: of this path's own checks.
         cell: the robot cell; without one nothing is written, and the gate is passed on.
-        controller: the maker of the controller; null: what the cell's file says.
+        controller: whose language: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time; null: the
+            cell's.
         name: of the program and its files.
-        procedure: name of the procedure.
-        tool_name: name of the tool data, where the program declares it.
-        work_object_name: name of the work object, likewise.
+        procedure: RAPID: name of the procedure that mills.
+        tool_name: RAPID: name of the tool data, where the program declares it.
+        work_object_name: RAPID: name of the work object, likewise.
 
     Raises:
         InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that

@@ -18,9 +18,7 @@ def inspection(
     edge: Edge,
     inspection: Inspection,
     *,
-    points: Annotated[
-        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
-    ] = 300_000,
+    points: Annotated[int, Field(ge=10_000, le=1_000_000)] = 300_000,
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 

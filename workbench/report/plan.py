@@ -84,9 +84,7 @@ def plan(
     gate: Gate | None = None,
     engagement: Engagement | None = None,
     *,
-    points: Annotated[
-        int, Field(ge=10_000, le=1_000_000, description="about how many points a view in space shows at most")
-    ] = 150_000,
+    points: Annotated[int, Field(ge=10_000, le=1_000_000)] = 150_000,
 ) -> Chapter:
     """The plan as a chapter of the report: from the scan to the path, all layers, feed, times, what was refused.
 

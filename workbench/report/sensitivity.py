@@ -151,49 +151,32 @@ def sensitivity(
     toolpath: Toolpath,
     edge: Edge,
     *,
-    root_tolerance_mm: Annotated[Deviations, Field(description="allowed deviations from the nominal root face")] = (
+    root_tolerance_mm: Deviations = (
         -0.5,
         0.5,
     ),
-    bevel_tolerance_deg: Annotated[Deviations, Field(description="allowed deviations from the nominal bevel angle")] = (
+    bevel_tolerance_deg: Deviations = (
         -1.0,
         1.0,
     ),
-    tool: Annotated[InputFile | None, Field(description="a tcp.json: its u instead of tool_mm and tool_deg")] = None,
-    turntable: Annotated[
-        InputFile | None, Field(description="a turntable.json: its u instead of turntable_mm and turntable_deg")
-    ] = None,
-    hand_eye_mm: Annotated[
-        float | None, Field(ge=0, le=100, description="of a point by the hand-eye pose; null: as its file predicts")
-    ] = None,
-    hand_eye_deg: Annotated[
-        float | None, Field(ge=0, le=20, description="of its direction about the feed; null: as its file predicts")
-    ] = None,
-    robot_calibration: Annotated[
-        InputFile | None,
-        Field(description="a robot.json that the controller was corrected by: its u instead of robot_accuracy_mm"),
-    ] = None,
-    robot_accuracy_mm: Annotated[Length, Field(description="of the robot between scan and cut, along an axis")] = 0.1,
-    robot_repeatability_mm: Annotated[Length, Field(description="of the robot along an axis")] = 0.03,
-    robot_deg: Annotated[Angle, Field(description="of its orientation between scan and cut")] = 0.01,
-    tool_mm: Annotated[Length, Field(description="of the tool's measured place, along an axis")] = 0.2,
-    tool_deg: Annotated[Angle, Field(description="of its measured axis")] = 0.05,
-    turntable_mm: Annotated[Length, Field(description="of a point by the turntable's axis; 0: it stands")] = 0.0,
-    turntable_deg: Annotated[Angle, Field(description="of the part's direction by it")] = 0.0,
-    temperature_k: Annotated[
-        float, Field(ge=0, le=100, description="half the range between calibration and cut")
-    ] = 3.0,
-    drift_k: Annotated[float, Field(ge=0, le=100, description="half the range between the two cuts")] = 0.5,
-    wear_mm: Annotated[Length, Field(description="loss of the cutter's radius before it is replaced")] = 0.05,
-    inspection: Annotated[
-        InputFile | None, Field(description="an inspection.json: its u instead of inspection_mm and inspection_deg")
-    ] = None,
-    inspection_mm: Annotated[
-        float | None, Field(ge=0, le=100, description="u of an inspected root face; null: as such scans have it")
-    ] = None,
-    inspection_deg: Annotated[
-        float | None, Field(ge=0, le=20, description="u of an inspected bevel angle; null: likewise")
-    ] = None,
+    tool: InputFile | None = None,
+    turntable: InputFile | None = None,
+    hand_eye_mm: Annotated[float | None, Field(ge=0, le=100)] = None,
+    hand_eye_deg: Annotated[float | None, Field(ge=0, le=20)] = None,
+    robot_calibration: InputFile | None = None,
+    robot_accuracy_mm: Length = 0.1,
+    robot_repeatability_mm: Length = 0.03,
+    robot_deg: Angle = 0.01,
+    tool_mm: Length = 0.2,
+    tool_deg: Angle = 0.05,
+    turntable_mm: Length = 0.0,
+    turntable_deg: Angle = 0.0,
+    temperature_k: Annotated[float, Field(ge=0, le=100)] = 3.0,
+    drift_k: Annotated[float, Field(ge=0, le=100)] = 0.5,
+    wear_mm: Length = 0.05,
+    inspection: InputFile | None = None,
+    inspection_mm: Annotated[float | None, Field(ge=0, le=100)] = None,
+    inspection_deg: Annotated[float | None, Field(ge=0, le=20)] = None,
 ) -> tuple[Chapter, Document]:
     """Tell what each link of the chain costs in this part's root face and bevel angle, and what to improve first.
 
@@ -205,16 +188,30 @@ def sensitivity(
     Args:
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.
         edge: the scanned edge: its u is the sensor's share.
-        root_tolerance_mm, bevel_tolerance_deg: what must hold.
-        tool, turntable, robot_calibration: what `calibrate.tcp`, `calibrate.turntable`, and `calibrate.tracker` or
-            `calibrate.robot` have written.
-        hand_eye_mm: standard uncertainty of a point as a length (three axes together). By the covariance of the
-            calibration that the scan rests on it is what that does to this edge.
-        hand_eye_deg, robot_accuracy_mm, robot_repeatability_mm, robot_deg, tool_mm, tool_deg: of the links.
-        turntable_mm, turntable_deg, temperature_k, drift_k, wear_mm: of the links.
-        inspection: of a part like this one, by the same scanner.
-        inspection_mm, inspection_deg: of the measured cut; without them the larger of what this scan tells of two of
-            its edges and what inspections have in the mean of docs/metrology.md.
+        root_tolerance_mm: allowed deviations from the nominal root face.
+        bevel_tolerance_deg: allowed deviations from the nominal bevel angle.
+        tool: a tcp.json of `calibrate.tcp`: its u instead of tool_mm and tool_deg.
+        turntable: a turntable.json of `calibrate.turntable`: its u instead of turntable_mm and turntable_deg.
+        hand_eye_mm: standard uncertainty of a point by the hand-eye pose, as a length (three axes together); null: what
+            the covariance of the calibration that the scan rests on does to this edge.
+        hand_eye_deg: of its direction about the feed; null: as its file predicts.
+        robot_calibration: a robot.json of `calibrate.tracker` or `calibrate.robot` that the controller was corrected
+            by: its u instead of robot_accuracy_mm.
+        robot_accuracy_mm: of the robot between scan and cut, along an axis.
+        robot_repeatability_mm: of the robot along an axis.
+        robot_deg: of its orientation between scan and cut.
+        tool_mm: of the tool's measured place, along an axis.
+        tool_deg: of its measured axis.
+        turntable_mm: of a point by the turntable's axis; 0: it stands.
+        turntable_deg: of the part's direction by it.
+        temperature_k: half the range between calibration and cut.
+        drift_k: half the range between the two cuts.
+        wear_mm: loss of the cutter's radius before it is replaced.
+        inspection: an inspection.json of a part like this one, by the same scanner: its u instead of inspection_mm and
+            inspection_deg.
+        inspection_mm: u of an inspected root face; null: the larger of what this scan tells of two of its edges and the
+            mean of inspections in docs/metrology.md.
+        inspection_deg: u of an inspected bevel angle; null: likewise.
 
     Raises:
         InputError: a file that is none of its kind; an inspection in which nothing was measured.

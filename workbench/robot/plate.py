@@ -37,14 +37,9 @@ def plate(
     points: PointSet | None = None,
     toolpath: Toolpath | None = None,
     *,
-    scan: Annotated[
-        InputFile | None,
-        Field(description="a scan as a file, where none is upstream: PLY, PCD, XYZ, mm in the base; null: none"),
-    ] = None,
-    voxel_mm: Annotated[float, Field(gt=0, le=100, description="edge of the cubes that hold the scan's points")] = 5.0,
-    planned_at_deg: Annotated[
-        float, Field(ge=-360, le=360, description="where the turntable stood when the part was scanned")
-    ] = 0.0,
+    scan: InputFile | None = None,
+    voxel_mm: Annotated[float, Field(gt=0, le=100)] = 5.0,
+    planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
 ) -> Cell | None:
     """Make the scan a collision body of the cell: plate, clamps and fixtures as they stand, as boxes of a grid.
 
@@ -61,9 +56,10 @@ def plate(
         cloud: the scan.
         points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
         toolpath: the path, whose part says how well its scan's hand-eye was known.
-        scan: a scan as a file, which says nothing of its hand-eye.
-        voxel_mm: edge of the cubes.
-        planned_at_deg: turntable angle at which the scan's points hold.
+        scan: a scan as a file, where none is upstream, which says nothing of its hand-eye: PLY, PCD, XYZ, mm in the
+            base; null: none.
+        voxel_mm: edge of the cubes that hold the scan's points.
+        planned_at_deg: turntable angle at which the scan's points hold: where it stood when the part was scanned.
 
     Raises:
         InputError: points too far from the origin for the grid; a file that is none, or in metres.

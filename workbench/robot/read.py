@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.parameters import check_parameters
@@ -47,12 +45,12 @@ WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within 
 @stage("robot.cell")
 def cell(
     *,
-    cell: Annotated[InputFile | None, Field(description="a cell file (JSON or YAML); null: none, and no program")],
+    cell: InputFile | None,
 ) -> Cell | None:
     """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
 
     Args:
-        cell: the cell file; its own paths are relative to it.
+        cell: a cell file (JSON or YAML), its own paths relative to it; null: none, and no program.
 
     Raises:
         InputError: the file or one that it names is missing or unusable, an unknown frame.

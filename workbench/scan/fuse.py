@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from workbench.artefacts import Cloud, HandEye, Recording
 from workbench.checks import checked_limits, judged, refuse_failed
@@ -26,10 +24,7 @@ def fuse(
     recording: Recording,
     *,
     hand_eye: InputFile | None = None,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of checks by name, where the default ones do not fit (docs/checks.md)"),
-    ] = {},  # noqa: B006  (never changed)
+    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
 ) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
@@ -44,8 +39,8 @@ def fuse(
     Args:
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
-        limits: limits of checks by name. A check that passes only by a wider limit than the default is named in the
-            results, and a path then ends with status 1.
+        limits: limits of checks by name, where the default ones do not fit (docs/checks.md). A check that passes only
+            by a wider limit is named in the results, and a path then ends with status 1.
 
     Raises:
         InputError: no calibration at all, or an improper one; a recording on the profiler's own clock, or one that

@@ -36,35 +36,17 @@ def mill(
     *,
     tip_mm: Annotated[
         float | None,
-        Field(ge=-200, le=500, description="reach of the cutter beyond the tool frame; null: half its flutes"),
+        Field(ge=-200, le=500),
     ] = None,
-    offset_mm: Annotated[
-        tuple[Length, Length, Length], Field(description="constant error of the tool's position, in the base")
-    ] = (0.0, 0.0, 0.0),
-    rotation_deg: Annotated[
-        tuple[Angle, Angle, Angle], Field(description="constant error of its orientation, rotation vector in the base")
-    ] = (0.0, 0.0, 0.0),
-    robot_noise_mm: Annotated[
-        float, Field(ge=0, le=10, description="standard deviation of the robot's smooth error, each axis")
-    ] = 0.0,
-    robot_repeating_mm: Annotated[
-        float, Field(ge=0, le=10, description="the same of an error that every run to the same place repeats")
-    ] = 0.0,
-    robot_noise_length_mm: Annotated[
-        float, Field(ge=1, le=10000, description="correlation length of both along the path")
-    ] = 50.0,
-    deflection_mm: Annotated[
-        tuple[Length, Length, Length], Field(description="constant deflection of the tool, in its own frame")
-    ] = (0.0, 0.0, 0.0),
-    deflections: Annotated[
-        InputFile | None, Field(description="CSV or JSON file of further deflections, point by point; null: none")
-    ] = None,
-    wear_mm: Annotated[
-        float, Field(ge=0, le=10, description="loss of the cutter's radius by the end, growing with the length cut")
-    ] = 0.0,
-    worn_mm: Annotated[
-        float, Field(ge=0, le=10, description="what it has lost before, as at the end of an earlier path")
-    ] = 0.0,
+    offset_mm: tuple[Length, Length, Length] = (0.0, 0.0, 0.0),
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0),
+    robot_noise_mm: Annotated[float, Field(ge=0, le=10)] = 0.0,
+    robot_repeating_mm: Annotated[float, Field(ge=0, le=10)] = 0.0,
+    robot_noise_length_mm: Annotated[float, Field(ge=1, le=10000)] = 50.0,
+    deflection_mm: tuple[Length, Length, Length] = (0.0, 0.0, 0.0),
+    deflections: InputFile | None = None,
+    wear_mm: Annotated[float, Field(ge=0, le=10)] = 0.0,
+    worn_mm: Annotated[float, Field(ge=0, le=10)] = 0.0,
     seed: Seed = 0,
 ) -> tuple[Workpiece, Engagement]:
     """Mill a workpiece along a path and tell what the cutter met.
@@ -83,12 +65,13 @@ def mill(
         offset_mm: constant error of the tool's position in the base: hand-eye, tool or work object.
         rotation_deg: constant error of its orientation, a rotation vector in the base, about the frame's origin.
         robot_noise_mm: standard deviation of the robot's smooth error, each axis; each layer has its own.
-        robot_repeating_mm: standard deviation of an error that depends on the place alone: every run repeats it.
-        robot_noise_length_mm: correlation length of both.
-        deflection_mm: constant deflection of the tool in its own frame.
-        deflections: a file of deflections in the tool's frame, point by point: layer, point, dx_mm, dy_mm, dz_mm.
-        wear_mm: what the cutter's radius loses on this path, growing with the length cut.
-        worn_mm: what it has lost before.
+        robot_repeating_mm: the same of an error that depends on the place alone: every run repeats it.
+        robot_noise_length_mm: correlation length of both along the path.
+        deflection_mm: constant deflection of the tool, in its own frame.
+        deflections: a CSV or JSON file of further deflections in the tool's frame, point by point: layer, point, dx_mm,
+            dy_mm, dz_mm; null: none.
+        wear_mm: loss of the cutter's radius by the end, growing with the length cut on this path.
+        worn_mm: what it has lost before, as at the end of an earlier path.
         seed: of the robot's error.
 
     Raises:

@@ -16,7 +16,7 @@ from workbench.synthetic.workpiece import Workpiece
 def part(
     *,
     recipe: InputFile,
-    part_id: Annotated[str | None, Field(max_length=200, description="of the part; null: the recipe's")] = None,
+    part_id: Annotated[str | None, Field(max_length=200)] = None,
 ) -> Workpiece:
     """Put the raw part of a recipe on the table of the simulated cell (docs/simulation.md).
 
@@ -24,7 +24,7 @@ def part(
 
     Args:
         recipe: a recipe as for `workbench simulate`, its part of the kind `raw`.
-        part_id: name of the part, for results and reports.
+        part_id: of the part, for results and reports; null: the recipe's.
 
     Raises:
         InputError: the file is no recipe, or the recipe of a part that is milled already.

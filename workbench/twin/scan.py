@@ -21,12 +21,9 @@ def scan(
     *,
     elevation_deg: Annotated[
         float | None,
-        Field(gt=-90, lt=90, description="of the sensor above the end face's normal; null: as the recipe says"),
+        Field(gt=-90, lt=90),
     ] = None,
-    aim_mm: Annotated[
-        tuple[Length, Length] | None,
-        Field(description="where every pass aims: outwards from the lower edge, and up; null: as the recipe says"),
-    ] = None,
+    aim_mm: tuple[Length, Length] | None = None,
 ) -> Recording:
     """Scan the workpiece as it is now, with the scanner, passes and robot of its recipe (docs/simulation.md).
 
@@ -35,8 +32,9 @@ def scan(
 
     Args:
         workpiece: the part as it is now.
-        elevation_deg: elevation of the sensor in every pass, instead of the recipe's.
-        aim_mm: aim point (h, z) in the section in every pass, instead of the recipe's.
+        elevation_deg: of the sensor above the end face's normal in every pass; null: as the recipe says.
+        aim_mm: aim point (h, z) in the section in every pass: outwards from the lower edge, and up; null: as the recipe
+            says.
 
     Example:
         >>> from workbench import twin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from math import isfinite
 
@@ -19,12 +20,6 @@ from bench.metrology.calibration.summary import (
 )
 from bench.metrology.table import markdown, not_met
 from workbench.synthetic.sphere_conditions import DEGENERATE
-
-OPENCV = (
-    "OpenCV's `calibrateHandEye` cannot take this problem: its AX = XB needs the full pose of the target in the "
-    "sensor's frame for every posture. A circle gives two coordinates of a point and, without its sign, a third, but "
-    "no orientation."
-)
 
 
 def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str:
@@ -54,11 +49,11 @@ def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:
         "vol RMSE, mm",
         "bound, mm",
         "ratio",
-        "goal",
+        "goal of the ratio",
         "stated u, mm",
         "covers, %",
         "95 % interval",
-        "goal",
+        "goal of the coverage",
         "wrong signs",
         "silently wrong",
         "solve, ms (median)",
@@ -181,16 +176,39 @@ def methods(summaries: list[CalibrationSummary]) -> Iterable[str]:
             yield from markdown(["method", "vol RMSE, mm", "over the bound"], rows)
             yield ""
             yield "All but the bundle are given the signs and postures that the bundle has found."
-            yield OPENCV
 
 
 def refusals(summaries: list[CalibrationSummary]) -> Iterable[str]:
     rows = [
-        [s.condition, f"{s.trials}", f"{len(s.refused)}", f"{s.named}", s.refused[0].refused or "" if s.refused else ""]
+        [
+            s.condition,
+            *(f"{n}" for n in (s.trials, len(s.refused), s.named)),
+            advice(s.refused[0].refused if s.refused else ""),
+        ]
         for s in summaries
         if s.condition in DEGENERATE
     ]
-    return markdown(["set", "trials", "refused", "direction named", "the first one's words"], rows) if rows else []
+    return (
+        markdown(
+            [
+                "set",
+                "trials",
+                "refused",
+                "direction named",
+                "the first one: predicted u over the field of view, advice",
+            ],
+            rows,
+        )
+        if rows
+        else []
+    )
+
+
+def advice(refusal: str | None) -> str:
+    """Of a refusal the predicted uncertainty, and what it says last: what would mend it."""
+    predicted = re.search(r"predicted uncertainty ([\d.]+ mm)", refusal or "")
+    last = (refusal or "").rpartition("; ")[2]
+    return f"{predicted[1]}: {last}" if predicted else last
 
 
 def crashes(summaries: list[CalibrationSummary]) -> list[str]:

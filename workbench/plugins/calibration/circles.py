@@ -38,13 +38,8 @@ class Arc:
 def circles(
     recording: Recording,
     *,
-    profile_noise_mm: Annotated[
-        float, Field(gt=0, le=1, description="least standard deviation of a point along z; more is found in the data")
-    ] = 0.015,
-    limits: Annotated[
-        dict[str, float | tuple[float, float]],
-        Field(description="limits of the checks of the recording by name, where the default ones do not fit"),
-    ] = {},  # noqa: B006  (never changed)
+    profile_noise_mm: Annotated[float, Field(gt=0, le=1)] = 0.015,
+    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 
@@ -54,9 +49,9 @@ def circles(
 
     Args:
         recording: a calibration recording (with /sphere).
-        profile_noise_mm: least noise of a point along z. Where the arcs themselves show more, that counts.
-        limits: limits of the checks of units, sensor and copies by name (docs/checks.md). `held_end_share` is not
-            judged unless it is named here.
+        profile_noise_mm: least standard deviation of a point along z; where the arcs show more, that counts.
+        limits: limits of the checks of units, sensor and copies by name, where the default ones do not fit
+            (docs/checks.md). `held_end_share` is not judged unless it is named here.
 
     Raises:
         InputError: no sphere in the recording's header, no arc of it in any frame, or a recording that fails a check.

@@ -59,34 +59,19 @@ def hand_eye(
     profiles: SphereProfiles,
     recording: Recording,
     *,
-    method: Annotated[
-        Method, Field(description="'bundle': maximum likelihood; the others are for comparison")
-    ] = "bundle",
-    pose_noise_mm: Annotated[
-        float, Field(gt=0, le=5, description="standard deviation of a recorded flange position, each axis")
-    ] = 0.07,
-    pose_noise_deg: Annotated[
-        float, Field(ge=0, le=1, description="standard deviation of a recorded flange orientation, each axis")
-    ] = 0.01,
-    sphere_radius_u_mm: Annotated[
-        float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
-    ] = 0.05,
+    method: Method = "bundle",
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
     sensor_scale_u: Annotated[
         float,
-        Field(
-            gt=0, le=0.05, description="standard uncertainty of the profiler's own x and z, as a share of themselves"
-        ),
+        Field(gt=0, le=0.05),
     ] = 0.003,
-    robot_error: Annotated[
-        Literal["independent", "correlated"],
-        Field(description="'correlated': near postures share errors of the robot, whose size the data tell"),
-    ] = "independent",
-    max_u_mm: Annotated[
-        float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
-    ] = 0.75,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the hand-eye pose must serve")] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="likewise")] = 1.0,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is planned with it")] = 40.0,
+    robot_error: Literal["independent", "correlated"] = "independent",
+    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.75,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     seed: Seed = 0,
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
@@ -100,15 +85,17 @@ def hand_eye(
     Args:
         profiles: circles from `calibrate.circles`.
         recording: flange poses; /hand_eye, if there, is the design's pose to begin with, off by up to 20 deg and 50 mm.
-        method: 'bundle', or for comparison 'joint' (least squares on centres), 'analytic' (Kabsch on pairs of pure
-            translation), 'genetic' (the paper's two steps).
-        pose_noise_mm: the robot's repeatability in position, each axis.
-        pose_noise_deg: the same in orientation.
-        sphere_radius_u_mm: how well the sphere's radius is known; set free where the data contradict it.
-        sensor_scale_u: how well the profiler's x and z are known, as shares of themselves; as for the radius.
-        robot_error: whether postures err independently, or near ones alike (systematic errors).
-        max_u_mm: a recording that cannot determine the answer this well is refused.
-        root_tolerance_mm, bevel_tolerance_deg: of a bevel that is planned by it; the verdict says whether it serves.
+        method: 'bundle': maximum likelihood; for comparison 'joint' (least squares on centres), 'analytic' (Kabsch on
+            pairs of pure translation), 'genetic' (the paper's two steps).
+        pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
+        pose_noise_deg: the same of its orientation.
+        sphere_radius_u_mm: standard uncertainty of the sphere's stated radius; set free where the data contradict it.
+        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share of themselves; set free likewise.
+        robot_error: 'independent': postures err independently; 'correlated': near ones share errors (systematic ones),
+            whose size the data tell.
+        max_u_mm: largest predicted uncertainty over the field of view that is accepted; else the recording is refused.
+        root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
+        bevel_tolerance_deg: likewise.
         bevel_deg: angle of that bevel.
         seed: of the genetic algorithm.
 

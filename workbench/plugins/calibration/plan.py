@@ -42,23 +42,15 @@ def plan(
     profiles: SphereProfiles,
     recording: Recording,
     *,
-    postures: Annotated[int, Field(ge=1, le=50, description="how many to propose")] = 3,
-    cone_deg: Annotated[
-        float, Field(gt=0, le=80, description="greatest tilt of the range axis from the recording's mean orientation")
-    ] = 25.0,
-    roll_deg: Annotated[float, Field(ge=0, le=180, description="greatest turn about the range axis")] = 25.0,
-    half_width_mm: Annotated[
-        float, Field(gt=0, le=500, description="the sphere's centre stays this near to the middle of the view, in x")
-    ] = 10.0,
-    half_height_mm: Annotated[
-        float, Field(gt=0, le=500, description="the same in z, about the mean distance in the recording")
-    ] = 15.0,
-    cell: Annotated[
-        InputFile | None, Field(description="a robot cell: postures beyond the robot's reach or joint limits fall out")
-    ] = None,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="as in calibrate.hand_eye")] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.05,
+    postures: Annotated[int, Field(ge=1, le=50)] = 3,
+    cone_deg: Annotated[float, Field(gt=0, le=80)] = 25.0,
+    roll_deg: Annotated[float, Field(ge=0, le=180)] = 25.0,
+    half_width_mm: Annotated[float, Field(gt=0, le=500)] = 10.0,
+    half_height_mm: Annotated[float, Field(gt=0, le=500)] = 15.0,
+    cell: InputFile | None = None,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
     seed: Seed = 0,
 ) -> tuple[PosturePlan, Document]:
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
@@ -73,14 +65,15 @@ def plan(
         profiles: its circles.
         recording: its flange poses.
         postures: how many to propose.
-        cone_deg: how far the range axis may tilt.
-        roll_deg: how far the profiler may turn about it.
-        half_width_mm: half the width of the view in which the sphere is shown.
-        half_height_mm: half its height.
-        cell: a robot cell, of which only the robot counts; nothing is checked for collision.
-        pose_noise_mm: the robot's repeatability in position, each axis.
-        pose_noise_deg: the same in orientation.
-        sphere_radius_u_mm: how well the sphere's radius is known.
+        cone_deg: greatest tilt of the range axis from the recording's mean orientation.
+        roll_deg: greatest turn of the profiler about the range axis.
+        half_width_mm: half the width of the view in which the sphere's centre is shown, in x.
+        half_height_mm: half its height, in z, about the mean distance in the recording.
+        cell: a robot cell, of which only the robot counts: postures beyond its reach or joint limits fall out; nothing
+            is checked for collision.
+        pose_noise_mm: as in `calibrate.hand_eye`.
+        pose_noise_deg: as in `calibrate.hand_eye`.
+        sphere_radius_u_mm: as in `calibrate.hand_eye`.
         seed: of the candidates.
 
     Raises:

@@ -90,25 +90,17 @@ def robot(
     profiles: SphereProfiles,
     recording: Recording,
     *,
-    cell: Annotated[InputFile, Field(description="the cell file with the robot's URDF")],
-    joints: Annotated[
-        InputFile, Field(description="a CSV of the joint angles of each pass (docs/howto/calibrate_robot.md)")
-    ],
-    pose_noise_mm: Annotated[
-        float, Field(gt=0, le=5, description="repeatability of a flange position, each axis")
-    ] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="of its orientation, each axis")] = 0.01,
-    sphere_radius_u_mm: Annotated[
-        float, Field(gt=0, le=5, description="standard uncertainty of the sphere's stated radius")
-    ] = 0.05,
-    offset_prior_deg: Annotated[float, Field(ge=0, le=5, description="of a joint's zero as built; 0: right")] = 0.3,
-    length_prior_mm: Annotated[float, Field(ge=0, le=20, description="of a length as built; 0: right")] = 1.0,
-    max_u_mm: Annotated[
-        float, Field(gt=0, le=10, description="largest predicted uncertainty over the field of view that is accepted")
-    ] = 2.0,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that robot and profiler must serve")] = 0.5,
-    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30, description="likewise, the hand-eye pose alone")] = 1.0,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is measured")] = 40.0,
+    cell: InputFile,
+    joints: InputFile,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
+    length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
+    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 2.0,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
 ) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
 
@@ -124,17 +116,20 @@ def robot(
     Args:
         profiles: circles from `calibrate.circles`.
         recording: flange poses, all postures held still; the profiler's clock does not matter.
-        cell: the cell file.
-        joints: the table: pass and six angles in degrees, as the cell's model counts.
-        pose_noise_mm: the robot's repeatability in position, each axis.
-        pose_noise_deg: the same in orientation.
-        sphere_radius_u_mm: how well the sphere's radius is known.
-        offset_prior_deg: standard deviation of a joint's zero; 0: not estimated.
-        length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
-        max_u_mm: a hand-eye pose that is less certain over the field of view is refused, and the direction named.
-        root_tolerance_mm: tolerance of the root face that is to be served.
-        bevel_tolerance_deg: of its bevel's angle; `handeye.json` says whether its pose serves both.
-        bevel_deg: angle of its bevel.
+        cell: the cell file with the robot's URDF.
+        joints: a CSV of each pass and its six joint angles in degrees, as the cell's model counts
+            (docs/howto/calibrate_robot.md).
+        pose_noise_mm: repeatability of a flange position, each axis.
+        pose_noise_deg: of its orientation, each axis.
+        sphere_radius_u_mm: standard uncertainty of the sphere's stated radius.
+        offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
+        length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
+        max_u_mm: largest predicted uncertainty of a hand-eye pose over the field of view; a larger one is refused, and
+            the direction named.
+        root_tolerance_mm: of the root face that robot and profiler must serve.
+        bevel_tolerance_deg: of its bevel's angle, by the hand-eye pose alone; `handeye.json` says whether its pose
+            serves both.
+        bevel_deg: angle of the bevel that is measured.
 
     Raises:
         InputError: scans instead of postures, too few of them, angles that are not those of the recorded poses, an

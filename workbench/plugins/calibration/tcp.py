@@ -97,28 +97,18 @@ def tcp(
     profiles: SphereProfiles | None = None,
     recording: Recording | None = None,
     *,
-    touches: Annotated[InputFile, Field(description="a CSV of touches (docs/howto/calibrate_tool.md)")],
-    references: Annotated[
-        InputFile | None, Field(description="a CSV of the passes that show a reference, of scanned spheres")
-    ] = None,
-    hand_eye: Annotated[
-        InputFile | None, Field(description="a handeye.json, of scanned spheres; null: the recording's own")
-    ] = None,
-    robot_noise_mm: Annotated[float, Field(gt=0, le=5, description="of a flange position, each axis")] = 0.05,
-    robot_noise_deg: Annotated[float, Field(ge=0, le=1, description="of its orientation, each axis")] = 0.01,
-    touch_noise_mm: Annotated[float, Field(ge=0, le=5, description="of a touch, each axis")] = 0.02,
-    reference_u_mm: Annotated[
-        float, Field(gt=0, le=5, description="of a reference that was measured, each axis")
-    ] = 0.05,
-    max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of a tool point along any direction")] = 0.2,
-    least_reach_mm: Annotated[
-        float, Field(ge=0, le=1000, description="a tool point nearer to the flange's middle is refused")
-    ] = 25.0,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the tool must serve")] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
-    part: Annotated[
-        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
-    ] = NO_NAMES,
+    touches: InputFile,
+    references: InputFile | None = None,
+    hand_eye: InputFile | None = None,
+    robot_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    robot_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    touch_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.02,
+    reference_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.2,
+    least_reach_mm: Annotated[float, Field(ge=0, le=1000)] = 25.0,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine the tool's points on the flange from touches, and its axis from two points on it.
 
@@ -137,18 +127,19 @@ def tcp(
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.
         recording: of scanned references: their postures.
-        touches: the table.
-        references: the table of scanned references: reference, pass.
-        hand_eye: the pose of the profiler that scanned them.
+        touches: a CSV of touches (docs/howto/calibrate_tool.md).
+        references: of scanned spheres: a CSV of the passes that show a reference: reference, pass.
+        hand_eye: of scanned spheres: a handeye.json of the profiler that scanned them; null: the recording's own.
         robot_noise_mm: standard deviation of a flange position, each axis.
         robot_noise_deg: of its orientation, each axis.
         touch_noise_mm: of a touch, each axis.
         reference_u_mm: standard uncertainty of a reference that the table gives, each axis; one for all of them.
-        max_u_mm: a point that is less certain along some direction is refused, and the direction named.
-        least_reach_mm: no spindle is so short: positions in metres or inches make tools of some millimetres.
-        root_tolerance_mm: tolerance of the root face that the tool is to serve.
-        bevel_deg: angle of its bevel.
-        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
+        max_u_mm: greatest u of a tool point along any direction; a larger one is refused, and the direction named.
+        least_reach_mm: a tool point nearer to the flange's middle is refused: positions in metres or inches make such
+            tools.
+        root_tolerance_mm: of the root face that the tool must serve.
+        bevel_deg: angle of the bevel that it mills.
+        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
         InputError: an unusable table; touches that leave a direction open; more blunders than can be told apart.

@@ -95,21 +95,17 @@ class Tracked:
 @stage("calibrate.tracker")
 def tracker(
     *,
-    readings: Annotated[InputFile, Field(description="a CSV of tracker readings (docs/howto/calibrate_robot.md)")],
-    cell: Annotated[
-        InputFile | None, Field(description="the robot's cell file, where the readings have joint angles")
-    ] = None,
-    tracker_noise_mm: Annotated[float, Field(gt=0, le=5, description="of a reading, each axis")] = 0.02,
-    robot_noise_mm: Annotated[float, Field(ge=0, le=5, description="repeatability of a position, each axis")] = 0.05,
-    robot_noise_deg: Annotated[float, Field(ge=0, le=1, description="of an orientation, each axis")] = 0.005,
-    offset_prior_deg: Annotated[float, Field(ge=0, le=5, description="of a joint's zero as built; 0: right")] = 0.3,
-    length_prior_mm: Annotated[float, Field(ge=0, le=20, description="of a length as built; 0: right")] = 1.0,
-    tilt_prior_deg: Annotated[float, Field(ge=0, le=1, description="of an axis' direction; 0: right")] = 0.0,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the robot must serve")] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that it mills")] = 40.0,
-    part: Annotated[
-        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
-    ] = NO_NAMES,
+    readings: InputFile,
+    cell: InputFile | None = None,
+    tracker_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.02,
+    robot_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.05,
+    robot_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.005,
+    offset_prior_deg: Annotated[float, Field(ge=0, le=5)] = 0.3,
+    length_prior_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
+    tilt_prior_deg: Annotated[float, Field(ge=0, le=1)] = 0.0,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Register a robot to a laser tracker, and estimate what its joint offsets and lengths are off.
 
@@ -121,17 +117,18 @@ def tracker(
     way. A parameter whose uncertainty the readings hardly reduce is named, and left as built. `robot.json` holds all.
 
     Args:
-        readings: the table.
-        cell: the cell file with the robot's URDF; null: the table's poses are taken as they are.
+        readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).
+        cell: the cell file with the robot's URDF, where the readings have joint angles; null: the table's poses are
+            taken as they are.
         tracker_noise_mm: standard deviation of a reading, each axis.
-        robot_noise_mm: of a flange position, each axis (repeatability).
+        robot_noise_mm: repeatability of a flange position, each axis.
         robot_noise_deg: of its orientation, each axis.
-        offset_prior_deg: standard deviation of a joint's zero; 0: not estimated.
-        length_prior_mm: of where an axis lies beside the one before; 0: not estimated.
-        tilt_prior_deg: of the direction of an axis; 0: not estimated.
-        root_tolerance_mm: tolerance of the root face that the robot is to serve.
-        bevel_deg: angle of its bevel.
-        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
+        offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
+        length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
+        tilt_prior_deg: of an axis' direction; 0: right, not estimated.
+        root_tolerance_mm: of the root face that the robot must serve.
+        bevel_deg: angle of the bevel that it mills.
+        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
         InputError: an unusable table or cell; too few postures; more blunders than can be told apart.

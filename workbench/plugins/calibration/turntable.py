@@ -101,25 +101,17 @@ def turntable(
     profiles: SphereProfiles | None = None,
     recording: Recording | None = None,
     *,
-    marks: Annotated[InputFile, Field(description="a CSV of markers (docs/howto/calibrate_tool.md)")],
-    hand_eye: Annotated[
-        InputFile | None, Field(description="a handeye.json, of scanned spheres; null: the recording's own")
-    ] = None,
-    pose_noise_mm: Annotated[
-        float, Field(gt=0, le=5, description="of scanned spheres: of a flange position, each axis")
-    ] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="likewise: of its orientation, each axis")] = 0.01,
-    noise_mm: Annotated[float, Field(gt=0, le=5, description="of a measured point, each axis")] = 0.05,
-    angle_noise_deg: Annotated[float, Field(ge=0, le=1, description="of the table's angle")] = 0.002,
-    reach_mm: Annotated[
-        float, Field(gt=0, le=5000, description="along the axis, each way, over which it serves")
-    ] = 200.0,
-    max_u_mm: Annotated[float, Field(gt=0, le=10, description="greatest u of the axis over that reach")] = 0.2,
-    root_tolerance_mm: Annotated[float, Field(gt=0, le=10, description="that the table must serve")] = 0.5,
-    bevel_deg: Annotated[float, Field(ge=10, le=75, description="angle of the bevel that is milled on it")] = 40.0,
-    part: Annotated[
-        PartNames, Field(description="whose calibration it is: robot, robot_serial, recorded_at, operator")
-    ] = NO_NAMES,
+    marks: InputFile,
+    hand_eye: InputFile | None = None,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    angle_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.002,
+    reach_mm: Annotated[float, Field(gt=0, le=5000)] = 200.0,
+    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.2,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
     """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
 
@@ -136,16 +128,17 @@ def turntable(
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.
         recording: of scanned spheres: their postures.
-        marks: the table.
-        hand_eye: the pose of the profiler that scanned.
-        pose_noise_mm, pose_noise_deg: the robot's repeatability in it.
+        marks: a CSV of markers (docs/howto/calibrate_tool.md).
+        hand_eye: of scanned spheres: a handeye.json of the profiler that scanned them; null: the recording's own.
+        pose_noise_mm: of scanned spheres: repeatability of a flange position, each axis.
+        pose_noise_deg: likewise of its orientation.
         noise_mm: standard deviation of a measured point, each axis.
         angle_noise_deg: of the table's angle.
         reach_mm: how far along the axis, each way from the markers' middle, parts will be.
-        max_u_mm: an axis that is less certain there is refused, and the direction named.
-        root_tolerance_mm: tolerance of the root face that the table is to serve.
-        bevel_deg: angle of its bevel.
-        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
+        max_u_mm: greatest u of the axis over that reach; a larger one is refused, and the direction named.
+        root_tolerance_mm: of the root face that the table must serve.
+        bevel_deg: angle of the bevel that is milled on it.
+        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
         InputError: an unusable table; too few angles or markers; an axis that remains open.

@@ -131,12 +131,10 @@ def validate(
     profiles: SphereProfiles,
     recording: Recording,
     *,
-    folds: Annotated[
-        int, Field(ge=0, le=100, description="number of parts that are held out in turn; 0: each posture by itself")
-    ] = 0,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1, description="as in calibrate.hand_eye")] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5, description="as in calibrate.hand_eye")] = 0.05,
+    folds: Annotated[int, Field(ge=0, le=100)] = 0,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
@@ -148,10 +146,10 @@ def validate(
         calibration: what to validate.
         profiles: circles of the recording to validate on.
         recording: the calibration's own, or a second one.
-        folds: in how many parts the calibration's own recording is held out.
-        pose_noise_mm: the robot's repeatability in position, each axis.
-        pose_noise_deg: the same in orientation.
-        sphere_radius_u_mm: how well the sphere's radius is known.
+        folds: number of parts of the calibration's own recording that are held out in turn; 0: each posture by itself.
+        pose_noise_mm: as in `calibrate.hand_eye`.
+        pose_noise_deg: as in `calibrate.hand_eye`.
+        sphere_radius_u_mm: as in `calibrate.hand_eye`.
 
     Raises:
         InputError: too few postures to hold any out.

@@ -16,7 +16,7 @@ def compensate(
     toolpath: Toolpath,
     predicted: PathDeflection,
     *,
-    share: Annotated[float, Field(ge=0, le=2, description="factor of the prediction that is allowed for")] = 1.0,
+    share: Annotated[float, Field(ge=0, le=2)] = 1.0,
 ) -> Toolpath:
     """Move every point of a path against its predicted deflection, so that the loaded cutter comes where it should.
 
@@ -25,7 +25,7 @@ def compensate(
     Args:
         toolpath: the path, as planned.
         predicted: how far the robot gives way at its points, in their frames.
-        share: of the prediction that is allowed for.
+        share: factor of the prediction that is allowed for.
 
     Raises:
         InputError: the prediction is of another path.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     DEG,
@@ -33,24 +32,22 @@ def deflection(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    joints_deg: Annotated[Joints, Field(description="the posture, unloaded")] = (0, -3, 5, 45, -45, 225),
-    angle_convention: Annotated[AngleConvention, Field(description="how the angles count")] = "abb",
-    force_n: Annotated[Vector, Field(description="acts on the cutter's tip")] = (0, 0, -200),
-    torque_nm: Annotated[Vector, Field(description="acts there as well")] = (0, 0, 0),
-    axes: Annotated[Literal["base", "cutter"], Field(description="whose axes force and torque have")] = "base",
-    method: Annotated[
-        Method, Field(description="how the load's own effect on the robot's stiffness counts")
-    ] = "balance",
+    joints_deg: Joints = (0, -3, 5, 45, -45, 225),
+    angle_convention: AngleConvention = "abb",
+    force_n: Vector = (0, 0, -200),
+    torque_nm: Vector = (0, 0, 0),
+    axes: Literal["base", "cutter"] = "base",
+    method: Method = "balance",
 ) -> tuple[Deflection, Document]:
     """Displacement of the cutter's tip under a wrench, and the tangent stiffness (17) there (the paper's section 5.1).
 
     Args:
         cell: the robot cell.
         stiffness: of the joints.
-        joints_deg: the posture; default: the first of the paper's Table A1.
-        angle_convention: of these angles: the controller's (abb) or one of two Denavit-Hartenberg readings.
-        force_n: acts on the tip.
-        torque_nm: acts on the tip.
+        joints_deg: the posture, unloaded; default: the first of the paper's Table A1.
+        angle_convention: how the angles count: as the controller's (abb), or by one of two Denavit-Hartenberg readings.
+        force_n: acts on the cutter's tip.
+        torque_nm: acts there as well.
         axes: whose axes force and torque have; they keep their direction in space while the robot gives way.
         method: `balance`: springs and load in balance, solved; `second_order`: with K_c and the curvature of the way
             (at 2,000 N within 1.4e-4 of the balance); `third_order`: with a second step of Newton's method (within

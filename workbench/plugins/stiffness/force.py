@@ -41,23 +41,15 @@ def force(
     engagement: Engagement | None = None,
     cell: Cell | None = None,
     *,
-    material: Annotated[
-        Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"] | None,
-        Field(description="published coefficients; null: the cell's material, or al7075_t6 stands in"),
-    ] = None,
-    coefficients: Annotated[
-        Six | None, Field(description="instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six)")
-    ] = None,
-    spindle_rpm: Annotated[float, Field(gt=0, le=1e5, description="ratio of spindle turns to minutes")] = 6000.0,
-    radial_depth_mm: Annotated[
-        float | None, Field(gt=0, le=100, description="where no engagement is known; null: the path's depth of cut")
-    ] = None,
-    axial_depth_mm: Annotated[
-        float | None, Field(gt=0, le=200, description="likewise; null: the width of the layer's bevel face")
-    ] = None,
-    helix_deg: Annotated[float, Field(ge=0, le=60, description="of the cutter, right-hand")] = 30.0,
-    runout_mm: Annotated[float, Field(ge=0, le=1, description="of the cutter against the spindle")] = 0.0,
-    runout_angle_deg: Annotated[float, Field(ge=0, le=360, description="of tooth 1 against the runout")] = 0.0,
+    material: Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"]
+    | None = None,
+    coefficients: Six | None = None,
+    spindle_rpm: Annotated[float, Field(gt=0, le=1e5)] = 6000.0,
+    radial_depth_mm: Annotated[float | None, Field(gt=0, le=100)] = None,
+    axial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
+    helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
+    runout_mm: Annotated[float, Field(ge=0, le=1)] = 0.0,
+    runout_angle_deg: Annotated[float, Field(ge=0, le=360)] = 0.0,
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
@@ -68,14 +60,15 @@ def force(
         toolpath: points, feed, cutter.
         engagement: what the cutter meets, as milled in simulation; without it the depths below hold all along.
         cell: the robot cell, whose file may state the workpiece's material.
-        material: whose published coefficients to take.
-        coefficients: six of one's own.
-        spindle_rpm: turns a minute.
-        radial_depth_mm: depth of material before the cutter, normal to the bevel face.
-        axial_depth_mm: length of the cutter that cuts.
-        helix_deg: of the cutter.
+        material: whose published coefficients to take; null: the cell's material, or al7075_t6 stands in.
+        coefficients: instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six).
+        spindle_rpm: number of turns a minute.
+        radial_depth_mm: depth of material before the cutter, normal to the bevel face, where no engagement is known;
+            null: the path's depth of cut.
+        axial_depth_mm: length of the cutter that cuts, likewise; null: the width of the layer's bevel face.
+        helix_deg: of the cutter, right-hand.
         runout_mm: distance of the cutter's axis from the spindle's.
-        runout_angle_deg: of tooth 1 against it.
+        runout_angle_deg: of tooth 1 against the runout.
 
     Raises:
         InputError: the engagement is of another path; a radial depth beyond the cutter's diameter; a material in the

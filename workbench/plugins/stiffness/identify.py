@@ -132,18 +132,14 @@ MANY = 0.1  # share of loads or points: where more contradict the rest, it is no
 def identify(
     cell: Cell,
     *,
-    loads: Annotated[InputFile, Field(description="loading tests, a loads.csv")],
-    angle_convention: Annotated[AngleConvention, Field(description="how the file's joint angles count")] = "abb",
-    largest_relative_u: Annotated[
-        float, Field(gt=0, le=1, description="ratio of standard uncertainty to value above which a joint is refused")
-    ] = 0.5,
+    loads: InputFile,
+    angle_convention: AngleConvention = "abb",
+    largest_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.5,
     scale_relative_u: Annotated[
         float,
-        Field(ge=0, le=0.2, description="standard uncertainty of the ratio of force sensor's to tracker's scale"),
+        Field(ge=0, le=0.2),
     ] = 0.0,
-    part: Annotated[
-        PartNames, Field(description="whose loading tests they are: robot, robot_serial, recorded_at, operator")
-    ] = NO_NAMES,
+    part: PartNames = NO_NAMES,
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
 
@@ -154,11 +150,12 @@ def identify(
 
     Args:
         cell: the cell; its `loading` says where sensor, tool and targets sit.
-        loads: the tests: one row a load, wrench and displacement as loaded minus unloaded.
-        angle_convention: of the file's angles; the contract has the controller's (abb).
-        largest_relative_u: a joint less certain than this is refused, with the reason.
-        scale_relative_u: what the calibration of force sensor and tracker leaves open, as a share; no load shows it.
-        part: robot, serial number, date (ISO 8601) and operator, for the file and the page.
+        loads: a loads.csv: one row a loading test, wrench and displacement as loaded minus unloaded.
+        angle_convention: how the file's joint angles count; the contract has the controller's (abb).
+        largest_relative_u: ratio of standard uncertainty to value above which a joint is refused, with the reason.
+        scale_relative_u: standard uncertainty of the ratio of force sensor's to tracker's scale, which no load shows.
+        part: whose loading tests they are: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the
+            page.
 
     Raises:
         InputError: an unusable file; a mistake of signs, units, axes or conventions that explains the misfit; a joint

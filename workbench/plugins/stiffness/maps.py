@@ -22,18 +22,14 @@ def maps(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    axes: Annotated[tuple[Axis, Axis], Field(description="index of the axes that are varied, from 1")] = (2, 3),
-    joints_deg: Annotated[Posture, Field(description="where the other axes stand")] = (0, 0, 0, 45, -45, 225),
-    ranges_deg: Annotated[
-        tuple[Range, Range] | None, Field(description="of the two axes; null: the robot's limits, within a turn")
-    ] = None,
-    postures_deg: Annotated[
-        list[Posture] | None, Field(description="postures to mark; null: the paper's Table A1")
-    ] = None,
-    force_n: Annotated[float, Field(gt=0, le=1e6, description="size of the force")] = 2000.0,
-    torque_nm: Annotated[float, Field(gt=0, le=1e6, description="size of the torque, for f_r")] = 200.0,
-    steps: Annotated[int, Field(ge=5, le=400, description="count of grid points along each axis")] = 41,
-    directions: Annotated[int, Field(ge=6, le=2000, description="count of load directions, of which the worst")] = 60,
+    axes: tuple[Axis, Axis] = (2, 3),
+    joints_deg: Posture = (0, 0, 0, 45, -45, 225),
+    ranges_deg: tuple[Range, Range] | None = None,
+    postures_deg: list[Posture] | None = None,
+    force_n: Annotated[float, Field(gt=0, le=1e6)] = 2000.0,
+    torque_nm: Annotated[float, Field(gt=0, le=1e6)] = 200.0,
+    steps: Annotated[int, Field(ge=5, le=400)] = 41,
+    directions: Annotated[int, Field(ge=6, le=2000)] = 60,
 ) -> tuple[StiffnessMaps, Chapter]:
     """Map 1/omega (18), f_p (19) and f_r (20) over two axes, and say whether K_c is negligible for this robot.
 
@@ -44,14 +40,14 @@ def maps(
     Args:
         cell: the robot and its tool.
         stiffness: of the joints.
-        axes: the two axes that vary.
-        joints_deg: where the others stand.
-        ranges_deg: of the two axes.
-        postures_deg: postures to mark, and to judge K_c at.
+        axes: index of the two axes that are varied, from 1.
+        joints_deg: where the other axes stand.
+        ranges_deg: of the two axes; null: the robot's limits, within a turn.
+        postures_deg: postures to mark, and to judge K_c at; null: the paper's Table A1.
         force_n: size of the force.
-        torque_nm: size of the torque.
-        steps: grid points along each axis.
-        directions: directions of the load.
+        torque_nm: size of the torque, for f_r.
+        steps: count of grid points along each axis.
+        directions: count of load directions, of which the worst.
 
     Raises:
         InputError: the two axes are one, or a range is empty.

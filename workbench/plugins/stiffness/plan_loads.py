@@ -105,20 +105,16 @@ def plan_loads(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    postures_deg: Annotated[
-        list[Posture] | None, Field(min_length=1, description="postures to load at; null: choose them")
-    ] = None,
-    angle_convention: Annotated[AngleConvention, Field(description="how these angles count")] = "abb",
-    postures: Annotated[int, Field(ge=1, le=20, description="largest count of postures, where they are chosen")] = 3,
-    loads_per_posture: Annotated[int, Field(ge=2, le=400, description="largest count of loads at a posture")] = 40,
-    force_n: Annotated[float, Field(gt=0, le=1e5, description="of each load")] = 200.0,
-    target_relative_u: Annotated[
-        float, Field(gt=0, le=1, description="ratio of standard uncertainty to value to reach for every joint")
-    ] = 0.025,
-    targets: Annotated[int, Field(ge=0, le=50, description="count of tracked points; 0: six-dimensional")] = 0,
-    criterion: Annotated[Criterion, Field(description="worst joint, or volume of the ellipsoid")] = "minmax",
-    trials: Annotated[int, Field(ge=10, le=5000, description="count of random postures to choose from")] = 150,
-    seed: Annotated[Seed, Field(description="of the random postures")] = 0,
+    postures_deg: Annotated[list[Posture] | None, Field(min_length=1)] = None,
+    angle_convention: AngleConvention = "abb",
+    postures: Annotated[int, Field(ge=1, le=20)] = 3,
+    loads_per_posture: Annotated[int, Field(ge=2, le=400)] = 40,
+    force_n: Annotated[float, Field(gt=0, le=1e5)] = 200.0,
+    target_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.025,
+    targets: Annotated[int, Field(ge=0, le=50)] = 0,
+    criterion: Criterion = "minmax",
+    trials: Annotated[int, Field(ge=10, le=5000)] = 150,
+    seed: Seed = 0,
 ) -> tuple[LoadPlan, Document]:
     """Plan loading tests: postures, load points and directions that determine the worst joint best, and how many.
 
@@ -128,15 +124,16 @@ def plan_loads(
     Args:
         cell: the cell; chosen postures are within limits and free of collision in it.
         stiffness: as expected, for instance of a sister robot.
-        postures_deg: postures to load at.
-        angle_convention: of these.
-        postures: how many to choose at most.
-        loads_per_posture: at most.
+        postures_deg: postures to load at; null: choose them.
+        angle_convention: how these angles count.
+        postures: largest count of postures, where they are chosen.
+        loads_per_posture: largest count of loads at a posture.
         force_n: of each load.
-        target_relative_u: 0.025: 95 % of results within 5 %.
-        targets: how many tracked points measure; 0: the tool frame's displacement in six dimensions.
+        target_relative_u: ratio of standard uncertainty to value to reach for every joint; 0.025: 95 % of results
+            within 5 %.
+        targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
         criterion: `minmax`: the worst joint; `d_optimal`: the volume of the uncertainty's ellipsoid.
-        trials: random postures to choose from.
+        trials: count of random postures to choose from.
         seed: of these.
 
     Raises:

@@ -48,44 +48,28 @@ def posture(
     force: MillingForce,
     gate: PathGate | None = None,
     *,
-    mode: Annotated[
-        Literal["constant", "along_path"], Field(description="one posture law for all points, or a law along the path")
-    ] = "constant",
-    turntable_moves: Annotated[
-        bool, Field(description="along_path: the turntable turns along the path too, not the cutter alone")
-    ] = False,
-    cutter_rotation_deg: Annotated[Range, Field(description="lowest and highest; a full turn is the whole circle")] = (
+    mode: Literal["constant", "along_path"] = "constant",
+    turntable_moves: bool = False,
+    cutter_rotation_deg: Range = (
         -180,
         180,
     ),
-    turntable_deg: Annotated[Range | None, Field(description="lowest and highest; null: the cell's limits")] = None,
-    step_deg: Annotated[float, Field(ge=0.25, le=30, description="of the grid, both ways")] = 1.0,
-    sampled_points: Annotated[
-        int, Field(ge=2, le=5000, description="number of loaded points, evenly spread, that the traversal averages")
-    ] = 60,
-    load: Annotated[Load, Field(description="the force of a revolution that counts: its mean or its peak")] = "mean",
+    turntable_deg: Range | None = None,
+    step_deg: Annotated[float, Field(ge=0.25, le=30)] = 1.0,
+    sampled_points: Annotated[int, Field(ge=2, le=5000)] = 60,
+    load: Load = "mean",
     reach_mm: Annotated[
         float | None,
-        Field(ge=-200, le=500, description="of the cutter's tip beyond a point's frame; null: half its flutes"),
+        Field(ge=-200, le=500),
     ] = None,
-    planned_at_deg: Annotated[
-        float, Field(ge=-360, le=360, description="where the turntable stood when the part was scanned")
-    ] = 0.0,
-    acceleration_deg_s2: Annotated[
-        float, Field(gt=0, le=10000, description="along_path: largest of any axis of the law, besides the cell's own")
-    ] = 100.0,
+    planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
+    acceleration_deg_s2: Annotated[float, Field(gt=0, le=10000)] = 100.0,
     step_cost_mm: Annotated[
         float,
-        Field(
-            ge=0, le=0.1, description="along_path: displacement that a step of one grid step must save, of one point"
-        ),
+        Field(ge=0, le=0.1),
     ] = STEP_COST_MM,
-    whole_map: Annotated[
-        bool, Field(description="false: cells worse than the optimum are not examined for collision")
-    ] = True,
-    map_step_deg: Annotated[
-        float, Field(ge=0.25, le=30, description="of the map's grid, both ways, where larger than the grid's own")
-    ] = 5.0,
+    whole_map: bool = True,
+    map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
@@ -103,21 +87,23 @@ def posture(
         toolpath: the path, as planned.
         force: on the cutter along it.
         gate: of this path's own checks, passed on; without them there is no decision and no program.
-        mode: one pair of angles, or a law along the path.
-        turntable_moves: whether the law moves the turntable too; else it stands at one angle, chosen for the law. From
-            point to point it takes the tool off by half the path's tolerance at most (r theta^2 / 8), so a smaller
-            `step_deg` may be needed far from its axis.
-        cutter_rotation_deg: range of the cutter rotation.
-        turntable_deg: range of the turntable angle.
-        step_deg: of the grid.
-        sampled_points: how many loaded points the traversal looks at; the result holds for all.
-        load: mean or peak force.
-        reach_mm: how far the cutter reaches beyond a point's frame, along its axis.
-        planned_at_deg: turntable angle at which the path's positions hold.
-        acceleration_deg_s2: what the law may ask of a joint.
-        step_cost_mm: what a step costs, times its size squared in grid steps; a larger one makes a calmer law.
-        whole_map: whether all cells of the map are examined for collision.
-        map_step_deg: of the map: each of its free cells is judged along the whole path, which takes about 2 ms.
+        mode: one pair of angles for all points, or a law along the path.
+        turntable_moves: along_path: the law turns the turntable too; else it stands at one angle, chosen for the law.
+            From point to point it takes the tool off by half the path's tolerance at most (r theta^2 / 8): far from its
+            axis that may take a smaller `step_deg`.
+        cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
+        turntable_deg: lowest and highest; null: the cell's limits.
+        step_deg: of the grid, both ways.
+        sampled_points: number of loaded points, evenly spread, that the traversal averages; the result holds for all.
+        load: the force of a revolution that counts: its mean or its peak.
+        reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
+        planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
+        acceleration_deg_s2: along_path: largest of any axis of the law, besides the cell's own.
+        step_cost_mm: along_path: what a step costs, displacement of one point times the step's size squared in grid
+            steps; a larger one makes a calmer law.
+        whole_map: false: cells worse than the optimum are not examined for collision.
+        map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
+            whole path, which takes about 2 ms.
 
     Raises:
         InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast

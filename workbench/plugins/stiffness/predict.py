@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from workbench.api import (
     Cell,
@@ -36,7 +34,7 @@ def predict(
     force: MillingForce,
     postures: Postures,
     *,
-    load: Annotated[Load, Field(description="the force of a revolution that counts: its mean or its peak")] = "mean",
+    load: Load = "mean",
 ) -> tuple[PathDeflection, Document]:
     """Predict how far the cutter gives way at every point of a path: J K^-1 J^T f, eq. (22) put right.
 
@@ -49,7 +47,7 @@ def predict(
         toolpath: the path, as planned.
         force: on the cutter along it.
         postures: how the robot stands along it.
-        load: mean or peak force.
+        load: the force of a revolution that counts: its mean or its peak.
 
     Raises:
         InputError: postures or force are of another path.

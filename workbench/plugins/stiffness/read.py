@@ -18,20 +18,15 @@ Positive = Annotated[float, Field(gt=0, le=1e12)]
 def read(
     cell: Cell | None = None,
     *,
-    stiffness: Annotated[
-        InputFile | None, Field(description="a stiffness.json; null: the numbers given here, or the cell's")
-    ] = None,
-    joint_stiffness_nm_per_rad: Annotated[
-        tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None,
-        Field(description="stiffness of the six joints, where no file is named; null: the cell's"),
-    ] = None,
+    stiffness: InputFile | None = None,
+    joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None,
 ) -> JointStiffness | None:
     """Take the robot's joint stiffness from a file, as given, or from the cell's file: that of this robot, no other's.
 
     Args:
         cell: the robot cell, whose file may state the stiffness.
-        stiffness: a `stiffness.json`, as `stiffness.identify` writes it.
-        joint_stiffness_nm_per_rad: six numbers, exact, where no file is named.
+        stiffness: a `stiffness.json`, as `stiffness.identify` writes it; null: the numbers given here, or the cell's.
+        joint_stiffness_nm_per_rad: of the six joints, exact, where no file is named; null: the cell's.
 
     Raises:
         InputError: a stiffness of zero or less, a covariance that is none; a cell whose stiffness nobody states.

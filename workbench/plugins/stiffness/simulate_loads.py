@@ -30,8 +30,8 @@ def simulate_loads(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    targets: Annotated[int, Field(ge=0, le=50, description="count of tracked points; 0: six-dimensional")] = 0,
-    seed: Annotated[Seed, Field(description="of the noise")] = 0,
+    targets: Annotated[int, Field(ge=0, le=50)] = 0,
+    seed: Seed = 0,
 ) -> Document:
     """Simulate planned loading tests: `loads.csv` of a robot whose springs and loads are in balance, with noise.
 
@@ -39,7 +39,7 @@ def simulate_loads(
         plan: postures and loads.
         cell: where sensor, tool and targets sit, and their noise.
         stiffness: the truth.
-        targets: how many tracked points; 0: displacement of the tool frame in six dimensions.
+        targets: count of tracked points; 0: displacement of the tool frame in six dimensions.
         seed: of the noise.
 
     Raises:

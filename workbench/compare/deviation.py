@@ -53,11 +53,9 @@ def deviation(
 ) -> tuple[Deviations, Document, Chapter]:
     """Measure signed distances along the normal, positive outside the reference, each with its level of detection.
 
-    M3C2 (Lague, Brodu and Leroux 2013): both surfaces are averaged in cylinders along the normal; a distance below the
-    level of detection, 1.96 standard uncertainties, is no significant change. The uncertainty holds the noise of both
-    scans, frames as a whole, the registration, what all faces of a stretch do together (the robot's path), and passes
-    that do not agree. Whether anything changed at all is decided with 5 % false discoveries among all that is reported
-    (Benjamini and Hochberg 1995).
+    M3C2 with the departures of docs/comparison.md. A distance below the level of detection, 1.96 standard
+    uncertainties, is no significant change; whether anything changed at all is decided with 5 % false discoveries among
+    all that is reported.
 
     Args:
         scan: from `compare.surface`, as recorded.

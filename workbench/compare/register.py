@@ -43,9 +43,8 @@ def register(
 ) -> tuple[Registration, Document]:
     """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), coarse to fine, robust.
 
-    The scan's local planes are matched with the reference's; places at corners do not count. A straight edge slides
-    along itself: such open directions are named, and refused or held. The covariance comes from the normal equations
-    and from the residuals of stretches of the part, whose errors are correlated.
+    The scan's local planes are matched with the reference's. Open directions (a straight edge slides along itself) are
+    named, and refused or held (docs/comparison.md).
 
     Args:
         scan: from `compare.surface`.

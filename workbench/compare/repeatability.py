@@ -90,11 +90,9 @@ def repeatability(
 ) -> tuple[Document, Chapter]:
     """Judge the measuring system by repeated measurements: gauge R&R by analysis of variance, bias, E_n.
 
-    Repeatability (EV), reproducibility (AV) and part variation (PV) as AIAG's Measurement Systems Analysis (4th ed.
-    2010) names them, for every section by itself and for all of them; %GRR of the tolerance and of the study
-    variation, number of distinct categories, all with 95 % intervals. Where the study has reference measurements: bias
-    with its uncertainty by section, and E_n numbers (ISO 13528; ISO/IEC 17043) by the uncertainties that both sides
-    state.
+    As AIAG's Measurement Systems Analysis names them, for every section by itself and for all of them
+    (docs/comparison.md): EV, AV, PV, %GRR of the tolerance and of the study variation, number of distinct categories,
+    with 95 % intervals; with reference measurements bias by section, and E_n.
 
     Args:
         study: parts x operators x trials by section.

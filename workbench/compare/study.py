@@ -159,9 +159,8 @@ def study(
 ) -> Study:
     """Gather the measurements of a gauge study: parts x operators x trials, by section.
 
-    Every part is measured by every operator equally often: an analysis of variance of unbalanced data has no single
-    answer, so such a study is refused with the cell that differs. Measurements by `reference_operator` are not part of
-    the study; their mean is what it is compared with.
+    An unbalanced study is refused with the cell that differs. Measurements by `reference_operator` are not part of the
+    study; their mean is what it is compared with.
 
     Args:
         study: CSV or JSON that lists inspections (`part,operator,inspection`) or values

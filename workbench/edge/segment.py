@@ -78,9 +78,8 @@ def segment(
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
-    Key frames are segmented into straight faces (optimal partition) and read as root face and bevel face by their
-    corners; the frames between them are followed. All lengths and angles are then taken in the section plane, normal
-    to the lower edge, which comes out of the same measures as a smooth curve.
+    Lengths and angles hold in the section plane, normal to the lower edge, which comes out of the same measures as a
+    smooth curve (docs/method.md).
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.

@@ -62,14 +62,9 @@ def segment_cloud(
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
 
-    The cloud becomes an organised one, and the edge is then that of `edge.segment` (`edge.segment_raw` where
-    `upper_side` is given). Where the points still stand in the
-    order in which a line scanner took them, its grid is found again: each scan line lies in one plane, and its columns
-    are equal steps along one axis of that. Else the cloud is sliced: Open3D's surface normals tell in which direction
-    the edge runs, trial slices from which side its two faces show, a first pass its course; slices square to that, as
-    thick as the points are apart, are the profiles. Several passes in such a cloud are refused: where they do not
-    agree, they show as two sheets on a face; else by the traces of their scan lines. Of these, passes that are said to
-    agree (`robot_noise_mm` up to 0.02) are measured, and all values carry that noise.
+    The cloud becomes an organised one, by its scan lines or in slices, and the edge is then that of `edge.segment`
+    (`edge.segment_raw` where `upper_side` is given). Several passes without order are refused, unless they are said to
+    agree (docs/clouds.md).
 
     Args:
         points: the cloud of one edge, in mm.

@@ -40,10 +40,8 @@ def segment_groove(
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
 
-    Every profile is read from both sides inwards as upper surface, face and, where there is one, fillet; the plates'
-    kinds are those that most profiles show. Faces are then fitted in the section planes, normal to the groove, and
-    every size runs smoothly along it (`geometry.course`). What the sensor does not see is not told: a root face that
-    looks away from it, the far side of an X or a K.
+    Every size runs smoothly along the groove, in the section planes normal to it. How profiles are read, and what one
+    side does not show: docs/grooves.md.
 
     Args:
         cloud: the organised cloud of one groove, in one or more passes from above it.

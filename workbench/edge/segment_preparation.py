@@ -80,9 +80,8 @@ def segment_preparation(
 ) -> Preparation:
     """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
 
-    Every profile is read as a chain of straight faces from the upper surface to the root face, and a fillet where the
-    faces fall less and less; what most profiles show is what the edge is prepared as. Lower edge and root face are
-    measured as those of a milled edge (`edge.segment`), the other faces in the same section planes.
+    Lower edge and root face are measured as those of a milled edge (`edge.segment`), the other faces in the same
+    section planes (docs/grooves.md, "One plate").
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.

@@ -53,9 +53,8 @@ def segment_raw(
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 
-    In every frame the end face is the straight run along `upper_side`, rough or not; where a surface of the plate is
-    seen beside it, the edge is the crossing of both, else the place where the face's returns end. All frames together
-    give smooth edges, in the section planes of the lower one, and the end face's direction.
+    The end face is the straight run along `upper_side`, rough or not. All frames together give smooth edges, in the
+    section planes of the lower one, and the end face's direction (docs/method.md, section 6).
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.

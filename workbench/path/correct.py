@@ -85,18 +85,10 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    In each section the face as cut lies outside its plan by (root - planned) sin(bevel) along its normal b, at its root
-    end, and is turned by the difference of the angles (docs/planning.md, "Measure, cut, measure, correct"). Hand-eye,
-    tool setting, work object and base are in both cuts alike, and go; the robot's error from scan to scan is in
-    neither. What stands too high is taken first, by a layer of its own; for less stock and a wider face the shift is
-    changed by what `predicted` says, or else `yield_share` goes into its u.
-
-    What repeats is told apart from the robot's repeatability (`displacement.py`); the finishing pass is moved against
-    it along b and turned about the root end of the face, each only where it is significant (2 u along the edge).
-
-    Refused, in the result and so by `path.check`: a finishing pass that would find less than 0.05 mm + 2 u to remove
-    somewhere, or more than the depth of cut besides the allowance; a part that has moved between the scans; a cut that
-    was hardly measured.
+    How the cut is compared, what is in the difference, and what is refused: docs/planning.md, "Measure, cut, measure,
+    correct". The finishing pass is moved against what repeats along b and turned about the root end of the face, each
+    only where it is significant along the edge. A refusal stands in the result, and `path.check` refuses the path by
+    it.
 
     Args:
         inspection: of the edge after the first cut.

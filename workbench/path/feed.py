@@ -173,11 +173,9 @@ def feed(
 ) -> Toolpath:
     """Plan the feed by the distance of the cutter's axis to the stock that still stands: the paper's equation (26).
 
-    v = (v_fast - v_slow) / (1 + exp(-0.5 (d_min - 10 - R))) + v_slow, d_min in mm, R the cutter's radius. The stock at
-    a layer: the kept points of the cloud that no earlier layer took away, clamps and table included, and the face that
-    the layer before left. Where it cuts, the feed is the path's v_slow. Then |v dv/ds| stays within the acceleration
-    along the whole path, travels included: forwards and backwards, from the slower to the faster. The feed of a point
-    is the feed towards it.
+    v(d) and the stock that stands are those of docs/planning.md, "Feed"; where it cuts, the feed is the path's v_slow.
+    |v dv/ds| stays within the acceleration along the whole path, travels included. The feed of a point is the feed
+    towards it.
 
     Args:
         toolpath: the path.

@@ -77,15 +77,12 @@ def layers(
 ) -> Toolpath:
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
-    Key points lie every 1 mm of the lower edge. A layer's bevel face stands a multiple of the depth of cut above the
-    finished one, which runs through the root face on the end face, tilted about the feed by the bevel angle. The tool
-    frame stands in the middle of that face (docs/conventions.md). What was not measured is not cut: the cutter is
-    lifted over it and over clamps. Before and after each layer it comes down and rises along the edge's tangent.
+    Key points lie every 1 mm of the lower edge, the tool frame in the middle of the layer's bevel face
+    (docs/conventions.md). What was not measured is not cut: the cutter is lifted over it and over clamps. Layers,
+    leads, compound bevels, J preparations: docs/planning.md.
 
-    With a finish allowance the path ends that much above the finished bevel, at a larger root. Its last layer takes no
-    more than the allowance, as the finishing pass will: what the cutter and the robot do under that load is in the cut
-    that is measured (`path.correct`). The finishing pass is part of the path, but not of its layers: it first takes
-    what the cut has left too much, then the allowance.
+    With a finish allowance the path ends that much above the finished bevel, at a larger root, and its last layer takes
+    no more than the allowance (`path.correct`). The finishing pass is part of the path, but not of its layers.
 
     Args:
         edge: the measured raw edge.

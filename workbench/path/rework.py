@@ -99,10 +99,9 @@ def rework(
     """Plan to mill again where an inspection fails by too much material, and only there.
 
     The profile of the inspection is judged place by place (ISO 14253-1). A place that fails is milled to the required
-    bevel if the measured face lies on or above it, unless the first path left it out (a clamp). Layers step down by the
-    depth of cut of the first plan; beyond the ends of a stretch the cutter rises out of the surface that is there.
-    Where the root is too small, or a failing angle has left part of the face below the required one, nothing can be
-    mended: that is said, with the amount.
+    bevel if the measured face lies on or above it, unless the first path left it out (a clamp), in layers of the first
+    plan's depth of cut; beyond a stretch's ends the cutter rises out of the surface. Where the root is too small, or a
+    failing angle has left part of the face below the required one, that is said, with the amount.
 
     Args:
         edge: the milled edge as measured.

@@ -46,16 +46,15 @@ def simplify(
 ) -> Moves:
     """Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
 
-    From each target the longest move is taken, straight or circular, whose every skipped point lies within the
-    chord tolerance of the line or of the circle through start, via and target, in the order of motion, and is turned
-    as the controller turns there (slerp by length of path, in the frame of the work object: `CirPathMode\\ObjectFrame`
-    of ABB, `$CIRC_TYPE = #BASE` of KUKA) within the angle tolerance. A straight move turns so little that the path
-    holds as well where the controller moves the cutter's tip straight, not the point on its flank. A move's feed is
-    the slowest of its points; layer, cutting and measured do not change within it. Arcs turn at most 170 deg, their
-    via point in the middle. With both tolerances 0 every point is the target of a straight move.
+    From each target the longest move is taken, straight or circular, whose every skipped point lies within the chord
+    tolerance, in the order of motion, and is turned within the angle tolerance as the controller turns there (slerp by
+    length of path, in the frame of the work object: `CirPathMode\\ObjectFrame` of ABB, `$CIRC_TYPE = #BASE` of KUKA). A
+    straight move turns so little that the path holds as well where the controller moves the cutter's tip straight. A
+    move's feed is the slowest of its points; layer, cutting and measured do not change within it. Arcs turn at most 170
+    deg, their via point in the middle. With both tolerances 0 every point is the target of a straight move.
 
-    With postures the targets are those of the turned tool, in the base, and the turntable's angles come along. While
-    it turns, every point is the target of a straight move, since a controller would not turn it in step otherwise.
+    With postures the targets are those of the turned tool, in the base, with the turntable's angles. While it turns,
+    every point is the target of a straight move, since a controller would not turn it in step otherwise.
 
     Args:
         toolpath: the path; its frame stays.

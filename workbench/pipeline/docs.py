@@ -20,6 +20,8 @@ that does not show it, the range, the meaning; names end in their units. In a pi
 `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
+PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
+ASIDE = re.compile(r" \((?:the paper's|docs/)[^()]*(?:\([^()]*\)[^()]*)*\)")
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
 
@@ -35,7 +37,7 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
 
 def index(stages: Mapping[str, Stage]) -> str:
     """The list of all stages, and how their pages are read."""
-    rows = [f"- [`{name}`]({name}.md): {_line(summary(stage))}" for name, stage in stages.items()]
+    rows = [f"- [`{name}`]({name}.md): {_line(ASIDE.sub('', summary(stage)))}" for name, stage in stages.items()]
     return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 
@@ -67,8 +69,8 @@ def picture(name: str, directory: Path) -> list[str]:
 
 
 def _markdown(text: str) -> str:
-    """A docstring's list of errors under a heading of its own."""
-    head, mark, errors = text.partition("\nRaises:\n")
+    """A docstring's list of errors under a heading of its own, the pages that it names as links."""
+    head, mark, errors = _linked(text).partition("\nRaises:\n")
     return f"{head}\n## Refuses\n\n{textwrap.dedent(errors)}" if mark else head
 
 
@@ -92,7 +94,11 @@ def _interval(bounds: str) -> str:
 
 
 def _line(text: str) -> str:
-    return " ".join(text.split())
+    return _linked(" ".join(text.split()))
+
+
+def _linked(text: str) -> str:
+    return PAGE.sub(r"[\2](../\1)", text)
 
 
 def main(directory: Path) -> None:

@@ -54,19 +54,14 @@ def write(
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
-    `abb`: a RAPID module. `kuka`: KRL, `.src` and `.dat`. `fanuc`: TP as ASCII, `.ls`. `ur`: URScript. `yaskawa`: an
-    INFORM job, `.JBI`. `trajectory`: joint angles and external axis over time, as CSV and JSON. A program is written
-    only where the pipeline knows the robot's cell, for moves that rest on postures (`stiffness.posture`); it begins
-    with a move of the axes to the first one. Its files are read back by the dialect's own strict reader and driven
-    through the cell, between all targets (docs/programs.md). What fails leaves no program: the gate says line, place
-    and what is wrong. What the cell file does not state stands in the program's head as NOT CHECKED, and the exit
-    status is 1. `program_check.json` tells how near the program came to anything.
+    Languages, what they need, and how the written file is read back and driven through the cell: docs/controllers.md,
+    docs/programs.md. What fails leaves no program: the gate says line, place and what is wrong. `program_check.json`
+    tells how near the program came to anything.
 
-    Tool and work object are those of the controller where the cell file names them: then the tool is the cutter's tip.
-    Otherwise the program declares them: the tool centre point lies on the cutter's flank, a radius off its axis.
-    Positions have 3 decimals or more, orientations 3 of a degree or more. Feeds have 3 significant digits. Circular
-    moves turn the tool in the frame of the work object, as `path.simplify` assumes. Files are ASCII; names out of
-    recordings stand in comments only, filtered. Nothing is written where the gate rejects the path.
+    A tool or work object that the cell file does not name is declared by the program: the tool centre point then lies
+    on the cutter's flank, a radius off its axis. Positions have 3 decimals or more, orientations 3 of a degree or more,
+    feeds 3 significant digits. Circular moves turn the tool in the frame of the work object, as `path.simplify`
+    assumes. Files are ASCII; names out of recordings stand in comments only, filtered.
 
     Args:
         moves: the path as straight and circular moves.

@@ -53,8 +53,7 @@ def mill(
 
     The cutter, a cylinder along the z axis of each point's frame at x = -radius, with its ball end if any, moves
     through travels and layers in their order, straight from point to point; it removes what it meets, also where the
-    path does not mean to cut. The material is counted on lines normal to the required bevel (dexels: T. Van Hook,
-    SIGGRAPH 1986), each cut exactly at every 0.1 mm of the motion, which leaves ridges below 1 micrometre.
+    path does not mean to cut (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).
 
     Args:
         workpiece: the part as it is now.

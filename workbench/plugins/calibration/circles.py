@@ -43,9 +43,8 @@ def circles(
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 
-    Circles through three points are tried (RANSAC) and the best is fitted by maximum likelihood with the noise along
-    z; background, table, streaks and outliers fall out. The sense of z follows from the arcs' convexity, all frames
-    together. Circle centre, squared radius and their covariance come from the largest contiguous arc.
+    Circles through three points are tried (RANSAC) and the best is fitted by maximum likelihood with the noise along z
+    (docs/calibration.md). Circle centre, squared radius and their covariance come from the largest contiguous arc.
 
     Args:
         recording: a calibration recording (with /sphere).

@@ -55,10 +55,9 @@ def plan(
 ) -> tuple[PosturePlan, Document]:
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
 
-    The information of the postures at hand and that of each candidate come from the same model as the calibration's
-    uncertainty, with the robot's noise as large as the residuals say; candidates are chosen greedily and by exchange
-    (Fedorov 1972). The plan is a table, `calibration_plan.csv`: flange poses to go to, in order, and what the
-    uncertainty will be after each.
+    The information of the postures at hand and of each candidate comes from the model of the calibration's uncertainty,
+    the robot's noise as large as the residuals say; candidates are chosen greedily and by exchange (Fedorov 1972).
+    `calibration_plan.csv`: flange poses to go to, in order, and the uncertainty after each.
 
     Args:
         calibration: the calibration so far.

@@ -105,13 +105,10 @@ def robot(
     """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
 
     The model of `calibrate.hand_eye` with the flange's pose from the joint angles and the arm's errors (product of
-    exponentials): circles (x_c, z_c, w) are predicted from hand-eye pose, sphere and errors, each error with how well
-    the robot was built as prior (maximum a posteriori, Gauss-Newton). A posture that all others contradict by 5
-    standard deviations is left out. Where residuals are larger than the noise the covariance grows with them, never
-    the other way. One sphere cannot tell all: what the postures leave open is named, and left as built. `handeye.json`
-    holds the hand-eye pose for planning and inspection, with the covariance that it has together with these errors: a
-    last joint's zero turns the profiler too. It belongs to the corrected robot; a controller that is not corrected
-    wants that of `calibrate.hand_eye`.
+    exponentials), each with how well the robot was built as prior (maximum a posteriori, Gauss-Newton). A posture that
+    all others contradict by 5 standard deviations is left out. Where residuals are larger than the noise the covariance
+    grows with them, never the other way. What the postures leave open is named, and left as built. `robot.json` and
+    `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
 
     Args:
         profiles: circles from `calibrate.circles`.

@@ -109,12 +109,12 @@ def tracker(
 ) -> tuple[Document, Chapter]:
     """Register a robot to a laser tracker, and estimate what its joint offsets and lengths are off.
 
-    A reading is one place of one target at one posture: x = T (base_from_flange p) with the registration T and the
-    target p in the flange, both unknown. With poses alone these two are found; with joint angles and the cell's model
-    of the robot also its offsets, lengths and, on request, tilts of axes, each with how well it was built as prior
-    (maximum a posteriori, Gauss-Newton). A reading that all others contradict by 5 standard deviations is left out,
-    with how far it lies off. Where residuals are larger than the noise the covariance grows with them, never the other
-    way. A parameter whose uncertainty the readings hardly reduce is named, and left as built. `robot.json` holds all.
+    A reading is one place of one target at one posture: x = T (base_from_flange p), registration T and target p
+    unknown. With joint angles and the cell's model also the robot's offsets, lengths and, on request, tilts of axes are
+    estimated, each with how well it was built as prior (maximum a posteriori, Gauss-Newton). A reading that all others
+    contradict by 5 standard deviations is left out, with how far it lies off. Where residuals are larger than the noise
+    the covariance grows with them, never the other way. What the readings leave open is named, and left as built.
+    `robot.json` holds all.
 
     Args:
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).

@@ -138,9 +138,9 @@ def validate(
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
-    Of the calibration's own recording, postures are left out part by part and predicted from a fit of the others. Of
-    a second recording, only where its sphere stood is fitted; the hand-eye pose is the calibration's. The spread of
-    fitted centres is not used anywhere: it is small along just the directions that nothing determines.
+    Of the calibration's own recording, postures are left out part by part and predicted from a fit of the others. Of a
+    second recording only where its sphere stood is fitted. (The spread of fitted centres is small along just the
+    directions that nothing determines: it is not used.)
 
     Args:
         calibration: what to validate.

@@ -73,13 +73,10 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
-    `constant`: the traversal over both angles as in the paper, mean displacement J K^-1 J^T f of the path's points.
-    Cells are examined in the order of their displacement, so the choice is the optimum of the grid: every better cell
-    is proven unreachable, out of limits, singular or colliding. `along_path`: then a law of the cutter rotation along
-    the path, at the turntable angle that suits it best, or of both angles, by dynamic programming on the whole grid in
-    one configuration of the arm, never worse; the file says how far it can be from the best. All of it keeps the cell's
-    margins: to joint limits, to the wrist's singularity, in the Jacobian's condition, in clearance, and what the stated
-    uncertainty of tool and part may ask of the joints besides. Writes `posture.json`.
+    `constant`: the pair of angles with the least mean displacement J K^-1 J^T f of the path's points, the proven
+    optimum of the grid. `along_path`: a law of the cutter rotation, or of both angles, by dynamic programming, never
+    worse; the file says how far it can be from the best. All of it keeps the cell's margins (docs/stiffness.md). Writes
+    `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.

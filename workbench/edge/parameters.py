@@ -11,8 +11,8 @@ RobotNoise: TypeAlias = Annotated[
     Field(
         ge=0,
         le=5,
-        description="standard deviation of a recorded flange position, each axis. Where a pass has only the poses of "
-        "its two ends, nothing in the scan shows it, yet it moves the edge and turns its direction.",
+        description="standard deviation of a recorded flange position, each axis: it moves the edge and turns its "
+        "direction, and a pass with only the poses of its two ends does not show it.",
     ),
 ]
 EndU: TypeAlias = Annotated[
@@ -20,8 +20,8 @@ EndU: TypeAlias = Annotated[
     Field(
         ge=0,
         le=5,
-        description="declared standard uncertainty of the lower edge, across it, by what no frame shows (a burr in the "
-        "face's plane, returns lost along the whole edge); it is in every root face's u.",
+        description="declared u of the lower edge, across it, by what no frame shows (a burr in the face's plane, "
+        "returns lost along the whole edge).",
     ),
 ]
 MostRadius: TypeAlias = Annotated[
@@ -29,8 +29,8 @@ MostRadius: TypeAlias = Annotated[
     Field(
         ge=0.01,
         le=0.8,
-        description="greatest radius that the measured edge can have. Where the rays graze the face a rounding is not "
-        "seen, and what it would hide is in the uncertainty; one that is seen may be larger.",
+        description="greatest radius of the edge where the rays graze the face and do not show it; u holds what such a "
+        "rounding would hide.",
     ),
 ]
 RootNominal: TypeAlias = Annotated[
@@ -40,7 +40,7 @@ BevelNominal: TypeAlias = Annotated[float, Field(ge=20, le=70, description="expe
 Limits: TypeAlias = Annotated[
     dict[str, float | tuple[float, float]],
     Field(
-        description="limits of the checks of this stage by name (docs/checks.md). One that passes only by a wider "
-        "limit than the default is named in the results."
+        description="limits of the checks of this stage by name (docs/checks.md); the results name one that passes "
+        "only by a wider limit."
     ),
 ]

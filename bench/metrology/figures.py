@@ -23,8 +23,15 @@ def told(causes: Iterable[tuple[str, str, str | None, Any]]) -> list[str]:
     for (condition, word, _), parts in found.items():
         (cause, first), *others = parts
         seeds = f"seed {first.seed}" + (f" (so too {', '.join(str(r.seed) for _, r in others)})" if others else "")
-        lines.append(f"- {condition}, {seeds}: {word}: {cause} ({100 * first.seen_share:.0f} % of the edge in view)")
+        seen = f"({100 * first.seen_share:.0f} % of the edge in view)"
+        lines.append(f"- {condition}, {seeds}: {word}: {_brief(cause)} {seen}")
     return [*lines, ""] if lines else []
+
+
+def _brief(cause: str) -> str:
+    """What was found, without the file's name and the questions and parameters that advise a user."""
+    asked = r": [^:?()]*(?:\([^()]*\)[^:?()]*)*\?"
+    return re.sub(rf"{asked}|; [\w.]+ sets it", "", cause.removeprefix("synthetic: "))
 
 
 @dataclass(frozen=True, slots=True)

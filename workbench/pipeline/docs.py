@@ -21,7 +21,7 @@ that does not show it, the range, the meaning; names end in their units. In a pi
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
-ASIDE = re.compile(r" \((?:the paper's|docs/)[^()]*(?:\([^()]*\)[^()]*)*\)")
+ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
 
@@ -36,8 +36,10 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
 
 
 def index(stages: Mapping[str, Stage]) -> str:
-    """The list of all stages, and how their pages are read."""
-    rows = [f"- [`{name}`]({name}.md): {_line(ASIDE.sub('', summary(stage)))}" for name, stage in stages.items()]
+    """The list of all stages, each in a few words, and how their pages are read."""
+    rows = [
+        f"- [`{name}`]({name}.md): {_line(ASIDE.sub('', summary(stage)).rstrip('.'))}" for name, stage in stages.items()
+    ]
     return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 

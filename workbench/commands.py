@@ -212,7 +212,7 @@ def look(options: argparse.Namespace) -> int:
 
 def view_cell(options: argparse.Namespace) -> int:
     """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
-    from workbench.robot.view_cell import view_cell
+    from workbench.robot.picture import view_cell
 
     printed(print, "\n".join(view_cell(options.cell, options.posture, options.turntable_deg, options.out)))
     return 0

@@ -20,7 +20,7 @@ from workbench.artefacts import Document, Judgement, Moves, Part, PathGate, Prog
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.artefacts.showing import shown
 from workbench.errors import InputError
-from workbench.geometry.corners import rounding_mm
+from workbench.geometry.moves import rounding_mm
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from workbench.strict_json import strict_json
 from workbench.units import DEG, Bool, Float, Shaped

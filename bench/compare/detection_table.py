@@ -14,7 +14,7 @@ from workbench.cloud import denoise
 from workbench.compare import register, surface
 from workbench.compare.deviation import Scales, course_of, deviations, moved, places_of
 from workbench.compare.statistics import summarise
-from workbench.compare.surface_values import Deviations, Surface
+from workbench.compare.surface import Deviations, Surface
 from workbench.scan import fuse
 from workbench.synthetic import parse_recipe, simulate_recording
 

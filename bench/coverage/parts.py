@@ -12,9 +12,15 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import Recording
-from workbench.synthetic import CONDITIONS, RAW_CONDITIONS, Recipe, parse_recipe, random_recipe, simulate_recording
-from workbench.synthetic import milled_conditions as milled
-from workbench.synthetic import raw_conditions as raw
+from workbench.synthetic import (
+    CONDITIONS,
+    RAW_CONDITIONS,
+    Recipe,
+    conditions,
+    parse_recipe,
+    random_recipe,
+    simulate_recording,
+)
 from workbench.synthetic.draws import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
@@ -23,21 +29,28 @@ SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)
-_SHAPES = (milled.arc, milled.wavy)
+_SHAPES = (conditions.arc, conditions.wavy)
 _FAULTS = (
-    milled.oblique,
-    milled.two_pass,
-    milled.reversed,
-    milled.outliers,
-    milled.missing,
-    milled.coarse,
-    milled.noisy,
-    milled.correlated,
-    milled.robot_error,
-    milled.clamps,
-    milled.vibration,
+    conditions.oblique,
+    conditions.two_pass,
+    conditions.reversed,
+    conditions.outliers,
+    conditions.missing,
+    conditions.coarse,
+    conditions.noisy,
+    conditions.correlated,
+    conditions.robot_error,
+    conditions.clamps,
+    conditions.vibration,
 )
-_RAW_FAULTS = (milled.oblique, milled.reversed, milled.outliers, milled.missing, milled.noisy, milled.clamps)
+_RAW_FAULTS = (
+    conditions.oblique,
+    conditions.reversed,
+    conditions.outliers,
+    conditions.missing,
+    conditions.noisy,
+    conditions.clamps,
+)
 
 
 def is_raw(condition: str) -> bool:
@@ -83,7 +96,9 @@ def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     if rng.random() < 0.5:
         chosen.append(_SHAPES[rng.integers(len(_SHAPES))])
     if raw_edge:
-        first = [raw.straight, raw.rough, raw.drift, raw.burrs, raw.two_pass][rng.integers(5)]
+        first = [conditions.straight, conditions.rough, conditions.drift, conditions.burrs, conditions.two_raw_passes][
+            rng.integers(5)
+        ]
         first(rng, document)
     for condition in chosen:
         condition(rng, document)

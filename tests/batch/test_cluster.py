@@ -67,7 +67,7 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
 
 
 def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("workbench.batch.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("workbench.batch.workers.CONNECT_S", 0.5)
     with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers there"):
         run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.artefacts import Part
-from workbench.compare.surface_values import Surface
+from workbench.compare.surface import Surface
 from workbench.units import Float
 
 LENGTH, WIDTH, DEPTH = 40.0, 8.0, 6.0  # mm, of the faces of a rectangular edge along x

@@ -9,7 +9,7 @@ from tests.compare.bodies import AT, LENGTH, box, scanned
 from workbench.compare import deviation, register
 from workbench.compare.deviation import Scales, course_of, deviations, places_of
 from workbench.compare.statistics import changed, changed_regions
-from workbench.compare.surface_values import Deviations, Registration, Surface
+from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.errors import InputError
 from workbench.units import Float
 

@@ -10,9 +10,9 @@ import pytest
 from workbench.artefacts import Check, Document
 from workbench.cloud import denoise
 from workbench.compare import deviation, register, surface
-from workbench.compare.heights import heights
+from workbench.compare.local_planes import heights
 from workbench.compare.statistics import path_error_u
-from workbench.compare.surface_values import Deviations, Surface
+from workbench.compare.surface import Deviations, Surface
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, random_recipe, simulate_recording
 from workbench.units import DEG, Float

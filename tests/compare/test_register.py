@@ -8,7 +8,7 @@ import pytest
 
 from tests.compare.bodies import AT, box, scanned
 from workbench.compare import register
-from workbench.compare.surface_values import Surface
+from workbench.compare.surface import Surface
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.units import Float

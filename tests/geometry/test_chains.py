@@ -192,7 +192,7 @@ def test_no_partition_is_cheaper(seed: int) -> None:
     z = 3.0 + 0.7 * x + turn * np.maximum(x - x[split], 0) + jump * (x > x[split]) + rng.normal(0, sigma, x.size)
     z[rng.integers(x.size)] += rng.uniform(0, 1)
     best = min(partitions(0, x.size), key=lambda spans: price(spans, x, z, sigma))
-    made = _partition(x, z, _prefix_sums(x, z), sigma)
+    made = _partition(x, _prefix_sums(x, z), sigma)
     assert [tuple(map(int, row)) for row in made] == list(best)
 
 

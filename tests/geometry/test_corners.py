@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.geometry.corners import rounding_mm
+from workbench.geometry.moves import rounding_mm
 
 NONE = np.full((3, 3), np.nan)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from workbench.geometry.course import SHARPEST, Course, binned, fit_course, stretches
+from workbench.geometry.course import BIN_MM, SHARPEST, Course, _as_values, _inliers, _means, fit_course, stretches
 from workbench.units import Float
 
 Truth = Callable[[Float], Float]
@@ -272,7 +272,8 @@ def test_a_stiffness_of_before_saves_the_search() -> None:
 def test_bins_hold_the_weighted_means_of_each_pass() -> None:
     s, y = seen(constant, 10)
     variance, group = np.where(np.arange(s.size) % 2, 0.5, 1.0), (s > 61.0).astype(int)
-    bins = binned(s, y, variance, group)
+    values = _as_values(s, y, variance, group, BIN_MM)
+    bins = _means(values, _inliers(values))
     assert bins.kept.all()
     for one in range(len(bins.s)):
         mine = (group == bins.group[one]) & (np.abs(s - bins.s[one]) < 1.2)

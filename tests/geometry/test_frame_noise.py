@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.geometry.frame_noise import settled
+from workbench.geometry.silhouette import settled
 from workbench.units import Float
 
 STEP_MM, PITCH_MM, LENGTH_MM = 0.05, 0.2, 100.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.geometry.gaps import GAP_PITCHES, LEAST_GAP_MM, covered
+from workbench.geometry.curves import GAP_PITCHES, LEAST_GAP_MM, covered
 from workbench.units import Bool, Float
 
 

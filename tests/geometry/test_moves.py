@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.moves import merge_poses
+from workbench.geometry.moves import Tolerances, merge_poses
 
 DEG = np.pi / 180
 
 
-def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, **tolerances):
+def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, feed_share=0.1, **tolerances):
     n = len(position)
     quaternion = np.tile([1.0, 0, 0, 0], (n, 1)) if quaternion is None else quaternion
-    given = {"chord_mm": 0.01, "angle": 0.05 * DEG, "feed_share": np.full(n, 0.1)} | tolerances
+    allowed = Tolerances(**{"chord_mm": 0.01, "angle": 0.05 * DEG, "least_sweep": least_sweep} | tolerances)
     return merge_poses(
         position,
         quaternion,
         np.ones(n) if feed is None else feed,
+        np.broadcast_to(feed_share, n),
         np.zeros(n, int) if label is None else label,
-        least_sweep=least_sweep,
-        **given,
+        allowed,
     )
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.orientations import CONVENTIONS, ORDERS, components, quaternions
-from workbench.geometry.poses import rotation_from_quaternion
+from workbench.geometry.poses import CONVENTIONS, ORDERS, components, quaternions, rotation_from_quaternion
 from workbench.units import Float
 
 ANGLES = np.random.default_rng(5).uniform(-3.1, 3.1, (40, 3))

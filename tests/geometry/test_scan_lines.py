@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.scan_grid import scan_grid
-from workbench.geometry.scan_lines import scan_lines
+from workbench.geometry.scan_grid import scan_grid, scan_lines
 from workbench.units import Float, Int
 
 PITCH_MM = 0.05

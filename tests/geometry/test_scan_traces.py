@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.scan_traces import traces
+from workbench.geometry.patches import traces
 from workbench.units import Float
 
 

@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from workbench.geometry.course import fit_course
-from workbench.geometry.frame_noise import settled
-from workbench.geometry.silhouette import EndCourse, Ends, find_end
+from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Float
 
 Truth = Callable[[Float], Float]

@@ -7,6 +7,7 @@ import pytest
 
 from workbench.geometry.poses import pose_from
 from workbench.geometry.stations import (
+    Cuts,
     SectionTable,
     foreign_points,
     frame_stations,
@@ -66,7 +67,7 @@ def test_layers_take_what_lies_above_their_face() -> None:
     face[10:20] = np.inf
     half = np.sqrt(0.5)
     start = frame_stations(np.where(np.arange(80) == 40, np.nan, 0.5 * np.arange(80.0)), np.zeros(80, int), 1.0, 41)
-    stands = standing_layers(x, z, keep, poses, table(), start, (half, half, 0.0, 0.0), face, np.full(41, 99.0))
+    stands = standing_layers(x, z, keep, poses, table(), start, Cuts(half, half, 0.0, 0.0, face, np.full(41, 99.0)))
     height = half * (-x + 108.0 - z)
     true = np.where(height > 4.5, 1, np.where(height > 3.0, 2, np.where(height > 0, 65534, 65535)))
     uncut = (np.rint(0.5 * np.arange(80) + 1e-9) >= 10) & (np.rint(0.5 * np.arange(80) + 1e-9) < 20)

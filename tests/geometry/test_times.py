@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.times import step_lengths_mm, step_times_s, travel_time_s
+from workbench.geometry.feeds import step_lengths_mm, step_times_s, travel_time_s
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 12.0], [3.0, 4.0, 12.0]])
 

@@ -26,6 +26,9 @@ from workbench.geometry.tracking import (
     UPPER,
     X_MEAN,
     Z_MEAN,
+    Followed,
+    KeyFrames,
+    Profiles,
     face_sigmas,
     follow,
 )
@@ -94,21 +97,9 @@ def followed(made: Pass, keys: tuple[int, ...] = (10, 40)) -> Pass:
     at: Int = np.array(keys)
     made.sums, made.end = np.zeros((FRAMES, 4, 8)), np.full((FRAMES, 5), np.nan)
     made.seen, made.labels = np.zeros(FRAMES, bool), np.zeros(made.x.shape, np.uint8)
-    follow(
-        made.x,
-        made.z,
-        made.keep,
-        made.side,
-        at,
-        made.states[at].copy(),
-        np.full(4, NOISE_MM),
-        NAMES,
-        0.0,
-        made.sums,
-        made.end,
-        made.seen,
-        made.labels,
-    )
+    known = KeyFrames(at, made.states[at].copy(), np.full(4, NOISE_MM))
+    found = Followed(made.sums, made.end, made.seen, made.labels)
+    follow(Profiles(made.x, made.z, made.keep), made.side, known, NAMES, 0.0, found)
     return made
 
 
@@ -263,7 +254,8 @@ def test_noise_of_each_face() -> None:
     keys: Int = np.array([10, 40])
     sums, end = np.zeros((FRAMES, 4, 8)), np.full((FRAMES, 5), np.nan)
     seen, labels = np.zeros(FRAMES, bool), np.zeros(made.x.shape, np.uint8)
-    follow(made.x, made.z, made.keep, 1.0, keys, made.states[keys].copy(), sigma, NAMES, 0.0, sums, end, seen, labels)
+    known = KeyFrames(keys, made.states[keys].copy(), sigma)
+    follow(Profiles(made.x, made.z, made.keep), 1.0, known, NAMES, 0.0, Followed(sums, end, seen, labels))
     found = face_sigmas(sums, seen)
     assert seen.all()
     np.testing.assert_allclose(found, [NOISE_MM, np.hypot(NOISE_MM, 0.02), NOISE_MM, NOISE_MM], rtol=0.1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.two_surfaces import two_sheets
+from workbench.geometry.patches import two_sheets
 from workbench.units import Float
 
 NOISE_MM = 0.012

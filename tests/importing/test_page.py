@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workbench.cli import main
-from workbench.geometry.orientations import CONVENTIONS
+from workbench.geometry.poses import CONVENTIONS
 from workbench.importing.mapping import Mapping
 from workbench.scan.read import read
 

@@ -14,8 +14,8 @@ import pytest
 from tests.path.conftest import Raw
 from workbench.artefacts import Edge, Layer, Toolpath
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
-from workbench.geometry.tool_frames import same_sign
 from workbench.path import check, feed, layers
+from workbench.path.poses import same_sign
 from workbench.units import DEG, Float
 
 CLAMPED = {

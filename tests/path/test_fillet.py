@@ -16,7 +16,7 @@ from workbench.artefacts import Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, check_file, feed, layers, read
-from workbench.path.path_checks import collisions
+from workbench.path.check import collisions
 from workbench.pipeline.results import result_files
 
 ROOT, RADIUS, ANGLE = 1.5, 3.0, math.radians(20.0)

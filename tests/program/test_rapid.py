@@ -17,7 +17,7 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternio
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_program import RapidProgram
+from workbench.program.rapid_language import RapidProgram
 from workbench.program.rapid_reader import parse_rapid
 from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics, inverse_kinematics

@@ -11,9 +11,8 @@ from workbench.artefacts import Moves
 from workbench.dialect import program_files
 from workbench.errors import InputError
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_program import JointTarget
+from workbench.program.rapid_language import TOOL0, JointTarget
 from workbench.program.rapid_reader import parse_rapid
-from workbench.program.rapid_values import TOOL0
 from workbench.program.write import program_job
 from workbench.robot import Cell
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 from workbench.errors import InputError, PipelineError
 from workbench.report import html, inspection
-from workbench.report.page import packed
+from workbench.report.html import packed
 
 
 @pytest.fixture(scope="module")

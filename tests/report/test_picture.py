@@ -7,7 +7,7 @@ import pytest
 import scipy
 
 from workbench.report.along import _hermite
-from workbench.report.page import pitch_mm
+from workbench.report.html import pitch_mm
 from workbench.report.scene import _widened
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.report.plot import Figure, nice_ticks
+from workbench.report.plot import Figure, Lettering, nice_ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -63,9 +63,9 @@ def test_any_text_and_value_leaves_a_well_formed_file(text, values):
     axes.set(xlim=(-1.0, 30.0), ylim=(-5.0, 5.0))
     places = np.arange(len(values))
     axes.plot(places, values)
-    axes.plot(places, values, ".")
+    axes.points(places, values, ".")
     axes.fill_between(places, values, np.add(values, 1.0), color="#000000")
-    axes.annotate(text, (0.5, 0.5), box=True, rotation=90)
+    axes.annotate(text, (0.5, 0.5), look=Lettering(rotation=90, box=True))
     axes.set_xlabel(text)
     assert ET.fromstring(figure.svg()).tag == f"{SVG}svg"
 
@@ -75,7 +75,7 @@ def test_dots_are_a_picture_darker_where_they_are_many():
         figure = Figure(figsize=(1, 1))
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
-        axes.plot(np.full(count, 0.5), np.full(count, 0.5), ".", markersize=8.0, alpha=0.3)
+        axes.points(np.full(count, 0.5), np.full(count, 0.5), ".", markersize=8.0, alpha=0.3)
         return figure.svg()
 
     assert ink(1) != ink(9)

@@ -11,7 +11,7 @@ import pytest
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Chapter, Mark, Scene, Shading, Strokes
 from workbench.report import closed_loop, html, inspection, plan
-from workbench.report.page import packed
+from workbench.report.html import packed
 from workbench.report.scene import Points
 from workbench.report.scenes import (
     UNKNOWN,

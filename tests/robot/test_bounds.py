@@ -10,8 +10,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, bounding_volumes, clearance_bound_mm, read_cell
-from workbench.robot.bounds import SAFE_MM
-from workbench.robot.pairs import Pairs
+from workbench.robot.bounds import SAFE_MM, Pairs
 from workbench.robot.picture import cell_picture
 
 

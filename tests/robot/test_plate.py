@@ -14,8 +14,8 @@ from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.path import read
 from workbench.pipeline import Pipeline
 from workbench.robot import Cell
+from workbench.robot.bounds import Pairs
 from workbench.robot.collision import turntable_pose
-from workbench.robot.pairs import Pairs
 from workbench.robot.plate import plate, scan_uncertainty
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.robot import Cell, CollisionModel, CollisionScreen
-from workbench.robot.screening import FREE
+from workbench.robot.bounds import FREE
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape
 
 

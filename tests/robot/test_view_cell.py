@@ -11,10 +11,7 @@ import pytest
 from workbench.cli import main
 from workbench.errors import InputError, OutputError
 from workbench.robot import Cell, CollisionModel, read_cell
-from workbench.robot.description import described, reach_mm, singularities
-from workbench.robot.picture import _view
-from workbench.robot.triangles import cell_triangles
-from workbench.robot.view_cell import view_cell
+from workbench.robot.picture import _view, cell_triangles, described, reach_mm, singularities, view_cell
 from workbench.units import DEG
 
 COLLIDING = "0,40,20,0,30,0"  # the forearm in the turntable
@@ -115,7 +112,7 @@ def test_unusable_arguments(
 
 
 def test_command_takes_negative_angles(cell_file: Any, tmp_path: Path, monkeypatch: Any, capsys: Any) -> None:
-    monkeypatch.setattr("workbench.robot.view_cell.cell_picture", lambda cell, joints, turntable: b"picture")
+    monkeypatch.setattr("workbench.robot.picture.cell_picture", lambda cell, joints, turntable: b"picture")
     out = str(tmp_path / "x.png")
     arguments = ["view-cell", str(cell_file()), "--posture", "-10,20,-30,40,50,60", "--turntable-deg", "-20"]
     assert main([*arguments, "--out", out]) == 0

@@ -10,6 +10,7 @@ import workbench
 
 PACKAGE = Path(workbench.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
+YAML_LOADS = ("yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load")
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__", "os.system", "os.popen", "input", "breakpoint"}
 FORBIDDEN_MODULES = {
     "cPickle",
@@ -33,15 +34,15 @@ FORBIDDEN_MODULES = {
     "ssl",
 }
 MAY = {  # who may do what docs/security.md tells of
-    "subprocess": {"batch/processes.py", "children.py", "compare/surface.py", "offscreen.py"},
-    "multiprocessing": {"batch/processes.py", "batch/worker.py"},
+    "subprocess": {"batch/workers.py", "children.py", "compare/surface.py", "offscreen.py"},
+    "multiprocessing": {"batch/workers.py", "batch/worker.py"},
     "os.fork": {"pipeline/follow.py", "scan/hdf5.py"},
     "http.server": {"view/server.py"},
     "webbrowser": {"view/server.py"},
     "socket": set(),
     "urllib.request": set(),
     "fsspec": {"batch/store.py"},
-    "distributed": {"batch/cluster.py"},
+    "distributed": {"batch/workers.py"},
     "importlib": {
         "__init__.py",
         "artefacts/showing.py",
@@ -103,10 +104,8 @@ def faults(text: str, name: str) -> list[str]:
         call, words = dotted(node.func), {word.arg: word.value for word in node.keywords}
         if call in FORBIDDEN_CALLS:
             found.append(f"calls {call}")
-        if call.endswith(("yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load")):
-            loader = dotted(node.args[1]) if len(node.args) > 1 else ""
-            if loader != "StrictLoader":
-                found.append(f"calls {call} with {loader or 'no loader'}")
+        if call.endswith(YAML_LOADS) and (loader := [dotted(one) for one in node.args[1:2]]) != ["StrictLoader"]:
+            found.append(f"calls {call} with {''.join(loader) or 'no loader'}")
         for word in ("shell", "allow_pickle"):
             if word in words and not (isinstance(words[word], ast.Constant) and words[word].value is False):
                 found.append(f"calls {call} with {word}")

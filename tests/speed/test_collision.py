@@ -7,7 +7,7 @@ import pytest
 
 from bench import collision
 from workbench.robot import CollisionModel, CollisionScreen, forward_kinematics
-from workbench.robot.screening import FREE
+from workbench.robot.bounds import FREE
 
 
 @pytest.fixture(scope="module")

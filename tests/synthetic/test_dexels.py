@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.synthetic.dexels import Lines, Sweep, cut_lines
+from workbench.synthetic.milling import Lines, Sweep, cut_lines
 
 RADIUS, TIP = 5.0, 6.0
 SIZE = (81, 61)

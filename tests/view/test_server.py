@@ -15,7 +15,7 @@ import urllib.request
 import pytest
 
 from workbench.errors import InputError, OutputError
-from workbench.report.page import script_source, viewer_script
+from workbench.report.html import script_source, viewer_script
 from workbench.view import ResultServer, address_of
 from workbench.view.server import HEADERS
 

@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, TextIO
+from typing import Any, TextIO, TypedDict, Unpack
 
 from workbench.artefacts.showing import shown
 from workbench.batch.part import RECORDING, Job
-from workbench.batch.processes import Workers, here
 from workbench.batch.record import OUTCOMES, Record
 from workbench.batch.store import is_remote, joined, listed, local_path, refuse_credentials, write_file
+from workbench.batch.workers import Workers, here
 from workbench.errors import InputError, OutputError, PipelineError, nearest
 from workbench.geometry.blocks import cores
 from workbench.pipeline.document import PipelineDocument, read_document
@@ -134,6 +134,15 @@ class Batch:
         return f"{named} ({count} of {len(self.records)} parts have no results)"
 
 
+class Alike(TypedDict, total=False):
+    """What is the same for all parts of a batch."""
+
+    inputs: Mapping[str, Any] | None  # as `Pipeline.run` takes them
+    settings: Mapping[str, Any] | None  # likewise
+    cache: str | None  # folder that keeps copies of recordings behind URLs; None: they are dropped after their part
+    report: bool  # whether each part gets its report.html
+
+
 def run_batch(
     pipeline: str | Path,
     recordings: Iterable[str],
@@ -142,11 +151,8 @@ def run_batch(
     workers: int | None = None,
     scheduler: str | None = None,
     time_limit_s: float = TIME_LIMIT_S,
-    inputs: Mapping[str, Any] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    cache: str | None = None,
-    report: bool = True,
     progress: TextIO | None = None,
+    **alike: Unpack[Alike],
 ) -> Batch:
     """Run a pipeline once for each recording: results in `out`/PART/, the fleet in `out`/fleet.html and fleet.parquet.
 
@@ -160,18 +166,16 @@ def run_batch(
         workers: processes on this machine, as many as cores by default; 0: in this process, without time limit.
         scheduler: address of a dask.distributed scheduler, `tcp://HOST:PORT`, to use instead.
         time_limit_s: for each part.
-        inputs, settings: as `Pipeline.run` takes them, the same for all parts.
-        report: whether each part gets its report.html.
-        cache: folder that keeps copies of recordings behind URLs; None: they are dropped after their part.
         progress: stream that is told how far the batch is.
+        alike: what is the same for all parts: `inputs`, `settings`, `cache`, `report`.
 
     Raises:
         WorkbenchError: the arguments, the pipeline or `out` cannot be used, before anything runs.
     """
     document = read_document(Path(pipeline))
-    check(document, inputs or {}, settings or {})
+    check(document, alike.get("inputs") or {}, alike.get("settings") or {})
     found = parts(recordings)
-    jobs = [_job(part, document, inputs or {}, settings or {}, out, cache, report) for part in found]
+    jobs = [_job(part, document, out, alike) for part in found]
     with _reserved(out):
         with executor(workers, scheduler, time_limit_s, len(jobs)) as execute:
             done = {one.part: one for one in Progress(len(jobs), progress).watched(execute(jobs))}
@@ -193,7 +197,7 @@ def check(document: PipelineDocument, inputs: Mapping[str, Any], settings: Mappi
 def executor(workers: int | None, scheduler: str | None, time_limit_s: float, jobs: int) -> Iterator[Any]:
     """A function from jobs to records as they are done."""
     if scheduler is not None:
-        from workbench.batch.cluster import Cluster  # needs the extra `cluster`
+        from workbench.batch.workers import Cluster  # needs the extra `cluster`
 
         with Cluster(scheduler, time_limit_s=time_limit_s) as cluster:
             yield cluster.run
@@ -214,17 +218,18 @@ def write_fleet(records: tuple[Record, ...], title: str, out: str) -> tuple[str,
     return tuple(joined(out, name) for name in files)
 
 
-def _job(
-    part: Part,
-    document: PipelineDocument,
-    inputs: Mapping[str, Any],
-    settings: Mapping[str, Any],
-    out: str,
-    cache: str | None,
-    report: bool,
-) -> Job:
-    place = joined(out, part.name)
-    return Job(part.name, part.recording, document, inputs, settings, place, os.getcwd(), cache, report)
+def _job(part: Part, document: PipelineDocument, out: str, alike: Alike) -> Job:
+    return Job(
+        part.name,
+        part.recording,
+        document,
+        alike.get("inputs") or {},
+        alike.get("settings") or {},
+        joined(out, part.name),
+        os.getcwd(),
+        alike.get("cache"),
+        alike.get("report", True),
+    )
 
 
 @contextmanager

@@ -14,10 +14,9 @@ from pydantic import Field
 from workbench.artefacts import Chapter, Document, Edge
 from workbench.artefacts.evidence import UNSEEN
 from workbench.compare.deviation_chapter import deviation_chapter
-from workbench.compare.heights import heights
+from workbench.compare.local_planes import Surfels, heights, on_mesh, surfels
 from workbench.compare.statistics import Summary, median, path_error_u, summarise
-from workbench.compare.surface_values import Deviations, Registration, Surface
-from workbench.compare.surfels import Surfels, on_mesh, surfels
+from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.errors import InputError
 from workbench.stage import stage
 from workbench.strict_json import strict_json

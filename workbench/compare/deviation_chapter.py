@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from workbench import pieces
 from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
-from workbench.compare.surface_values import Deviations, Registration, Surface
+from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.pieces import BLUE, GREY, ORANGE, PALE, styled, svg
 
 MOST_REGIONS = 10

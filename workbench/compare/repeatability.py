@@ -3,18 +3,44 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from pydantic import Field
 
+from workbench import pieces
 from workbench.artefacts import Chapter, Document
-from workbench.compare.gauge import Characteristic, Gauge, SectionGauge, agreement, analyse, gauge, seen_everywhere
-from workbench.compare.gauge_chapter import gauge_chapter
+from workbench.compare.gauge import (
+    COVERAGE,
+    Characteristic,
+    Component,
+    Gauge,
+    SectionGauge,
+    agreement,
+    analyse,
+    gauge,
+    seen_everywhere,
+)
 from workbench.compare.measurements import Study
+from workbench.pieces import GREY, ORANGE, PALE, SERIES, styled, svg
 from workbench.stage import stage
 from workbench.strict_json import strict_json
+
+GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
+LEAST_CATEGORIES = 5  # AIAG
+MOST_ROWS = 60  # of the table of biases
+NAMES = {
+    "EV": "Repeatability (EV)",
+    "AV": "Reproducibility (AV)",
+    "GRR": "Gauge R&R (GRR)",
+    "PV": "Part variation (PV)",
+    "TV": "Total (TV)",
+}
+HEAD = ("Source", "Standard deviation", "95 % interval", "% contribution", "% study variation", "% tolerance")
+NORMAL = "A ratio below 1 is expected: the stated uncertainty also covers errors common to all recordings."
 
 
 def gauge_document(study: Study, results: Sequence[Characteristic]) -> Document:
@@ -131,3 +157,280 @@ def _characteristic(study: Study, name: str, interaction_alpha: float) -> Charac
     )
     overall = gauge(anova, width)
     return Characteristic(name, limits, anova, overall, sections, agreement(study, name, overall), warnings)
+
+
+def gauge_chapter(study: Study, results: Sequence[Characteristic]) -> Chapter:
+    """Tables and pictures of all characteristics."""
+    parts = [pieces.facts_html(_facts(study))]
+    for one in results:
+        parts += _characteristic_html(study, one)
+    parts.append(
+        pieces.note(
+            "Sections of one recording share errors, so each section is analysed by itself and sums of squares are "
+            "averaged. Intervals are 95 % generalised confidence intervals. %GRR follows AIAG: six standard deviations "
+            f"over the tolerance, standard deviation over the total; below {GOOD_PERCENT:g} % acceptable, above "
+            f"{BAD_PERCENT:g} % not."
+        )
+    )
+    return Chapter(
+        "Repeatability and reproducibility",
+        "\n".join(parts),
+        summary="; ".join(_summary(one) for one in results),
+        part=study.part,
+        about="instruments",
+        warnings=(*study.warnings, *(words for one in results for words in one.warnings)),
+    )
+
+
+def verdict_in_words(one: Characteristic) -> str:
+    """AIAG's judgement by the share of the tolerance, or else of the study variation, and by the distinct categories.
+
+    A gauge is acceptable by both criteria or not at all.
+    """
+    grr, categories = one.gauge.of("GRR"), one.gauge.categories
+    share, of = grr.tolerance_percent, "the tolerance"
+    if share is None:
+        share, of = grr.study_percent, "the study variation"
+    if share is None:
+        return "neither a tolerance nor part variation: not judged"
+    words = "acceptable" if share < GOOD_PERCENT else "may be acceptable, depending on use"
+    if share > BAD_PERCENT:
+        words = "not acceptable"
+    elif categories is not None and categories < LEAST_CATEGORIES:
+        words = f"not acceptable: ndc {categories}, at least {LEAST_CATEGORIES} required"
+    return f"GRR {share:.1f} % of {of}: {words}"
+
+
+def _summary(one: Characteristic) -> str:
+    return f"{one.title}: {verdict_in_words(one)}"
+
+
+def _facts(study: Study) -> list[tuple[str, str]]:
+    return [
+        ("Parts", f"{len(study.parts)}"),
+        ("Operators", f"{len(study.operators)}"),
+        ("Trials of each", f"{study.trials}"),
+        ("Sections", f"{len(study.section)}"),
+    ]
+
+
+def _characteristic_html(study: Study, one: Characteristic) -> Iterator[str]:
+    unit = study.unit_of(one.name)
+    yield pieces.heading(one.title)
+    yield pieces.paragraph(f"{verdict_in_words(one)}. {_categories(one)}")
+    yield pieces.table_html(HEAD, [_component(part) for part in one.gauge.components], f"Components, {unit}")
+    yield pieces.figure_html(
+        gauge_picture(study, one),
+        f"Gauge study of the {one.title.lower()}",
+        f"Colours: operators{', in the chart of biases parts' if len(study.parts) > 1 else ''}. Grey bars: "
+        "reference. Dashed: limits.",
+    )
+    yield pieces.table_html(
+        ("Analysis of variance", "Sum of squares", "Degrees of freedom", "Mean square", "F", "p"),
+        [
+            (
+                row.name + (" (with the interaction)" if row.name == "repeatability" and one.anova.pooled else ""),
+                f"{row.sum_of_squares:.4g}",
+                f"{row.freedom}",
+                f"{row.mean_square:.4g}",
+                _number(row.f, ".3g"),
+                _number(row.p, ".3g"),
+            )
+            for row in one.anova.sources
+        ],
+    )
+    yield from _sections(study, one)
+    yield from _agreement(study, one)
+
+
+def _categories(one: Characteristic) -> str:
+    found = one.gauge.categories
+    if found is None:
+        return "The number of distinct categories (ndc) needs more than one part."
+    enough = "" if found >= LEAST_CATEGORIES else f" (AIAG: at least {LEAST_CATEGORIES})"
+    return f"Number of distinct categories (ndc): {found}{enough}."
+
+
+def _component(part: Component) -> tuple[str, ...]:
+    interval = "–" if part.interval is None else f"{part.interval[0]:.4f} to {part.interval[1]:.4f}"
+    percents = (part.contribution_percent, part.study_percent, part.tolerance_percent)
+    return NAMES[part.name], _number(part.sd, ".4f"), interval, *(_number(value, ".1f") for value in percents)
+
+
+def _sections(study: Study, one: Characteristic) -> Iterator[str]:
+    rows = []
+    for section in one.sections:
+        ev, av, grr = (section.gauge.of(name) for name in ("EV", "AV", "GRR"))
+        rows.append(
+            (
+                f"{section.index}",
+                _number(section.arc_length_mm, ".1f"),
+                f"{section.mean:.3f}",
+                _number(ev.sd, ".4f"),
+                _number(av.sd, ".4f"),
+                _number(grr.sd, ".4f"),
+                _number(grr.tolerance_percent, ".1f"),
+            )
+        )
+    head = ("Section", "Arc length, mm", "Mean", "EV", "AV", "GRR", "GRR, % tolerance")
+    yield pieces.table_html(head, rows, f"By section, {study.unit_of(one.name)}")
+
+
+def _agreement(study: Study, one: Characteristic) -> Iterator[str]:
+    found, unit = one.agreement, study.unit_of(one.name)
+    if np.isfinite(found.observed_over_stated):
+        yield pieces.paragraph(
+            f"Observed repeatability over stated uncertainty: {found.observed_over_stated:.2f}. {NORMAL}"
+        )
+    if not found.has_reference:
+        return
+    largest = np.abs(found.e_n[np.isfinite(found.e_n)])
+    words = (
+        f"{found.significant} of {int(np.isfinite(found.bias).sum())} biases exceed their expanded uncertainty (k = 2)."
+    )
+    if largest.size:
+        above = int((largest > 1).sum())
+        words += f" |E_n| is above 1 in {above} of {largest.size} measurements, at most {largest.max():.2f}."
+    yield pieces.paragraph(words)
+    rows = [
+        (
+            f"{part}, section {index}",
+            f"{found.bias[i, k]:+.4f}",
+            f"{COVERAGE * found.bias_u[i, k]:.4f}",
+            _number(np.abs(found.e_n[i, ..., k]).max(), ".2f"),
+        )
+        for i, part in enumerate(study.parts)
+        for k, index in enumerate(study.section)
+        if np.isfinite(found.bias[i, k])
+    ]
+    yield pieces.table_html(
+        ("Place", f"Bias, {unit}", f"Expanded uncertainty (k = 2), {unit}", "Largest |E_n|"), rows[:MOST_ROWS]
+    )
+
+
+def _number(value: float | None, form: str) -> str:
+    return "–" if value is None or not np.isfinite(value) else format(value, form)
+
+
+# Pictures of a gauge study: components of variation, values by section and operator, ranges, bias.
+
+MOST_OPERATORS = len(SERIES)  # beyond, colours would repeat: operators share one
+
+
+def gauge_picture(study: Study, one: Characteristic) -> bytes:
+    """Four charts about one characteristic, as SVG."""
+    with styled():
+        figure = Figure(figsize=(10, 6.6), layout="constrained")
+        (components, values), (ranges, bias) = figure.subplots(2, 2)
+        _components(components, study, one)
+        _values(values, study, one)
+        _ranges(ranges, study, one)
+        _bias(bias, study, one)
+        return svg(figure)
+
+
+def _components(axes: Axes, study: Study, one: Characteristic) -> None:
+    """Standard deviations with their intervals."""
+    shown = [part for part in one.gauge.components if part.sd is not None and part.interval is not None]
+    for row, part in enumerate(shown):
+        low, high = part.interval or (0.0, 0.0)
+        axes.barh(row, part.sd or 0.0, color=SERIES[0] if part.name != "GRR" else ORANGE, height=0.55)
+        axes.plot([low, high], [row, row], color=GREY, linewidth=1.4, marker="|", markersize=7)
+    axes.set_yticks(range(len(shown)), [part.name for part in shown])
+    axes.invert_yaxis()
+    limit = 3.0 * max(part.sd or 0.0 for part in shown)
+    axes.set_xlim(0.0, max(min(limit, 1.05 * max((part.interval or (0, 0))[1] for part in shown)), 1e-9))
+    end = axes.get_xlim()[1]
+    for row, part in enumerate(shown):
+        high = (part.interval or (0.0, 0.0))[1]
+        if high > end:  # said, not cut off without a word
+            axes.annotate(
+                f"to {high:.3g} \u25b6",
+                (end, row),
+                (-2, 7),
+                textcoords="offset points",
+                ha="right",
+                va="bottom",
+                fontsize=7.5,
+                color=GREY,
+            )
+    axes.set(title="Components of variation, standard deviation with 95 % interval", xlabel=study.unit_of(one.name))
+
+
+def _values(axes: Axes, study: Study, one: Characteristic) -> None:
+    """Every measurement by section; operators side by side."""
+    values, count = study.measured[one.name], len(study.operators)
+    for j in range(count):
+        at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
+        spread = np.broadcast_to(at, values[:, j].shape)
+        axes.plot(
+            spread.ravel(),
+            values[:, j].ravel(),
+            ".",
+            color=SERIES[j % MOST_OPERATORS],
+            markersize=3.5,
+            label=study.operators[j] if count <= MOST_OPERATORS else None,
+        )
+    reference = study.reference[one.name]
+    for row in reference[np.isfinite(reference).any(axis=1)]:
+        axes.plot(np.arange(len(row)), row, "_", color=GREY, markersize=16, zorder=0.5)
+    low, high = axes.get_ylim()
+    for limit in one.limits or ():
+        if low - 0.5 * (high - low) < limit < high + 0.5 * (high - low):
+            axes.axhline(limit, color="#00664b", linewidth=0.9, linestyle="--")
+    _by_section(axes, study)
+    axes.set(title="Measurements by section and operator", ylabel=study.unit_of(one.name))
+    if 1 < count <= MOST_OPERATORS:
+        axes.legend(ncols=count, fontsize=8, loc="best", handletextpad=0.1, columnspacing=0.8)
+
+
+def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:
+    """Range of the trials of each part, operator and section (R chart)."""
+    values, count = study.measured[one.name], len(study.operators)
+    spread = np.ptp(values, axis=2)
+    for j in range(count):
+        at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
+        axes.plot(
+            np.broadcast_to(at, spread[:, j].shape).ravel(),
+            spread[:, j].ravel(),
+            ".",
+            color=SERIES[j % MOST_OPERATORS],
+            markersize=5,
+        )
+    axes.axhline(float(np.nanmean(spread)), color=GREY, linewidth=0.9)
+    axes.set_ylim(bottom=0.0)
+    _by_section(axes, study)
+    axes.set(title="Range of the trials; line: its mean", ylabel=study.unit_of(one.name))
+
+
+def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
+    """Mean less reference, with its expanded uncertainty."""
+    found = one.agreement
+    axes.set_title("Bias against the reference, with expanded uncertainty (k = 2)")
+    if not found.has_reference:
+        axes.text(0.5, 0.5, "no reference measurements in the study", transform=axes.transAxes, ha="center", color=GREY)
+        axes.set_axis_off()
+        return
+    count = len(study.parts)
+    axes.axhline(0.0, color=PALE, linewidth=0.8)
+    for i in range(count):
+        at = np.arange(len(study.section)) + 0.5 * ((i + 0.5) / count - 0.5)
+        axes.errorbar(
+            at,
+            found.bias[i],
+            COVERAGE * found.bias_u[i],
+            fmt=".",
+            color=SERIES[i % MOST_OPERATORS],
+            linewidth=1.0,
+            markersize=5,
+            label=study.parts[i],
+        )
+    _by_section(axes, study)
+    axes.set(ylabel=study.unit_of(one.name))
+    if 1 < count <= MOST_OPERATORS:
+        axes.legend(ncols=min(count, 3), fontsize=8, loc="best", title="part", title_fontsize=8)
+
+
+def _by_section(axes: Axes, study: Study) -> None:
+    axes.set_xticks(range(len(study.section)), [str(index) for index in study.section])
+    axes.set_xlabel("section")

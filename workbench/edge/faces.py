@@ -261,9 +261,9 @@ def _follow_pass(
         sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
         seen, whole = np.zeros(n, bool), n == x.shape[0]
         named = labels if whole else np.empty((n, x.shape[1]), np.uint8)
-        grid = (x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])
-        at = keys if whole else np.arange(n)
-        tracking.follow(*grid, float(side), at, states, sigma, LABELS, rim_mm, sums, end, seen, named)
+        grid = tracking.Profiles(*((x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])))
+        known = tracking.KeyFrames(keys if whole else np.arange(n), states, sigma)
+        tracking.follow(grid, float(side), known, LABELS, rim_mm, tracking.Followed(sums, end, seen, named))
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)
     return sums, end, seen, np.tile(sigma, (n, 1)), np.full(n, common[1])

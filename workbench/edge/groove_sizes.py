@@ -16,7 +16,7 @@ from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.sizes import end_loose_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
-from workbench.geometry.gaps import covered
+from workbench.geometry.curves import covered
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
 from workbench.units import DEG, Bool, Float, Int, Shaped
 

@@ -19,9 +19,8 @@ from workbench.edge.root_end import RootEnds, root_ends
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
-from workbench.geometry.frame_noise import settled
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
-from workbench.geometry.silhouette import EndCourse, Ends, find_end
+from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Shaped
 
 UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"

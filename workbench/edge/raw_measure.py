@@ -24,10 +24,9 @@ from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.frame_noise import settled
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, section_lines
-from workbench.geometry.silhouette import Ends, find_end, reached_mm
+from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline
 from workbench.units import Bool, Float, Int, Shaped
 

@@ -7,8 +7,7 @@ import numpy as np
 from workbench.artefacts import Cloud, PointSet
 from workbench.geometry.chains import noise_sigma
 from workbench.geometry.outliers import reject_outliers
-from workbench.geometry.scan_grid import scan_grid
-from workbench.geometry.scan_lines import lines_of_rows, scan_lines
+from workbench.geometry.scan_grid import lines_of_rows, scan_grid, scan_lines
 from workbench.units import Float, Float32, Int
 
 SAMPLE_FRAMES, LEAST_POINTS = 60, 12  # what the noise is judged from; of a frame

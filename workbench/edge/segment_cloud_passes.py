@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.scan_traces import Traces, traces
+from workbench.geometry.patches import Traces, traces
 from workbench.geometry.slices import Laid, seen_from
 from workbench.units import Float, Int
 

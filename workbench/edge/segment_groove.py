@@ -19,8 +19,7 @@ from workbench.edge.groove_sizes import GrooveSizes, View, typical
 from workbench.edge.parameters import Limits, RobotNoise
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
-from workbench.geometry.curves import Curve, doubtful_slope
-from workbench.geometry.gaps import covered
+from workbench.geometry.curves import Curve, covered, doubtful_slope
 from workbench.stage import stage
 from workbench.units import Float, Int
 

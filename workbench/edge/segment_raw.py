@@ -26,8 +26,7 @@ from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
-from workbench.geometry.curves import POSE_MM, doubtful_slope
-from workbench.geometry.gaps import covered
+from workbench.geometry.curves import POSE_MM, covered, doubtful_slope
 from workbench.stage import stage
 from workbench.units import Bool, Float, Int
 

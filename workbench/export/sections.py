@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, FACE_NAMES, Cloud, Document, Edge, Inspection, Section
-from workbench.export.points import PointTable, point_table
+from workbench.export.cloud import PointTable, point_table
 from workbench.stage import stage
 from workbench.units import DEG, Float, Shaped
 

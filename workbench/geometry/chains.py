@@ -68,7 +68,7 @@ def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
 
 
 @kernel(error_model="numpy")
-def _partition(x: Float, z: Float, sums: Float, sigma: float) -> Int:
+def _partition(x: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
     breaks = (x.size + step - 1) // step
@@ -141,7 +141,7 @@ def straight_faces(x: Shaped[Float, " n"], z: Shaped[Float, " n"]) -> Float:
     sigma = noise_sigma(z)
     sums = as_input(_prefix_sums(x - shift_x, z - shift_z))
     chain: list[Float] = []
-    for i, j in _partition(as_input(x), as_input(z), sums, sigma):
+    for i, j in _partition(as_input(x), sums, sigma):
         slope, offset, _ = _line(sums, i, j)
         line = np.array([x[i], x[j - 1], slope, offset + shift_z - slope * shift_x, j - i, i, j - 1])
         if chain and _collinear(chain[-1], line, 0.05 + 4.0 * sigma):

@@ -399,12 +399,6 @@ def _as_values(s: Float, y: Float, variance: Float | None, group: Int | None, bi
     )
 
 
-def binned(s: Float, y: Float, variance: Float | None = None, group: Int | None = None, bin_mm: float = BIN_MM) -> Bins:
-    """Means of y (n,) or (n, d) over bins along s (n,), pass by pass, without outliers."""
-    values = _as_values(s, y, variance, group, bin_mm)
-    return _means(values, _inliers(values))
-
-
 def _near(course: Course, values: Values, kept: Bool) -> Bool:
     """Values (m,) within OUTLIER_SIGMAS of the course: of their pass's own scatter about it, and of its uncertainty.
 
@@ -558,11 +552,7 @@ def _fit_parabolas(
                     rows[i, 3 + d] += weight[k] * powers[i] * middle[k, d]
         for i in range(terms):
             rows[i, i] += 1e-12
-        for i in range(terms):  # Gauss: the matrix is positive definite
-            for j in range(i + 1, terms):
-                share = rows[j, i] / rows[i, i]
-                for m in range(i, 3 + components):
-                    rows[j, m] -= share * rows[i, m]
+        _eliminate(rows, terms)
         square = 0.0
         for d in range(components):
             for i in range(terms - 1, -1, -1):
@@ -572,6 +562,16 @@ def _fit_parabolas(
                 found[b, i, d] = value / rows[i, i]
             square += (middle[b, d] - found[b, 0, d]) ** 2
         off[b] = math.sqrt(square)
+
+
+@kernel
+def _eliminate(rows: Float, terms: int) -> None:
+    """Gauss' steps on the equations of the first `terms` rows (3, 3 + d), whose matrix is positive definite."""
+    for i in range(terms):
+        for j in range(i + 1, terms):
+            share = rows[j, i] / rows[i, i]
+            for m in range(i, rows.shape[1]):
+                rows[j, m] -= share * rows[i, m]
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""A smooth space curve through measured points: position, tangent, curvature and a frame that does not twist."""
+"""A smooth space curve through measured points: position, tangent, curvature, a frame that does not twist, gaps."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
-from workbench.units import Float, Int, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 STEP_MM = 0.05  # a pass that moves less than this between frames stands still
 POSE_MM = 4.0  # longer than the errors of a robot's pose hang together, so that they average like noise
 BLOCK_MM = 4.0  # of motion, averaged for the rough course
 ACROSS = math.sqrt(1.5)  # points scatter about a curve in two of three components: none of it lies along the curve
-NEWTON, LEAST_SLOPE = (
-    3,
-    0.2,
-)  # steps to a point's foot; a curve that bends towards the point as a circle about it has none
+# Steps to a point's foot; a curve that bends towards the point as a circle about it has none.
+NEWTON, LEAST_SLOPE = 3, 0.2
 DOUBTFUL = 2.0  # times the robot's noise: waves of less rms may as well be the robot's path as the part's
+LEAST_GAP_MM = 1.5  # frames this near to each other leave no gap between them
+GAP_PITCHES = 4.0  # nor do frames within this many of their usual distances
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,3 +263,18 @@ def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:
         return 0.0
     slope = np.gradient(wave, s, axis=0)
     return float(np.sqrt(0.5 * (slope**2).sum(axis=1).mean()))
+
+
+def covered(s_frames: Float, pass_index: Int, at: Float) -> Bool:
+    """Was the edge measured at the places `at` (m,), by any pass? s_frames (N,) mm, NaN where not seen."""
+    out = np.zeros(at.shape, bool)
+    for p in np.unique(pass_index):
+        s = np.sort(s_frames[(pass_index == p) & np.isfinite(s_frames)])
+        if s.size < 2:
+            continue
+        steps = np.diff(s)
+        widest = max(LEAST_GAP_MM, GAP_PITCHES * float(np.median(steps)))
+        after = np.clip(np.searchsorted(s, at), 1, s.size - 1)
+        inside = (at >= s[0] - 1e-6) & (at <= s[-1] + 1e-6)
+        out |= inside & (steps[after - 1] <= widest)
+    return out

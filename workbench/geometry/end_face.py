@@ -394,14 +394,12 @@ def _read_frame(
     if last < 0 or abs(p[last] - p[first]) < LEAST_WIDTH_MM:
         return False, False
     inward = sense * np.sign(gx)
-    for k in range(n):
-        depth[k] = inward * (q[k] - a - b * p[k])
     low_end, high_end = (first, last) if rising > 0 else (last, first)
     low, high = p[low_end], p[high_end]
     for k in range(n):
+        depth[k] = inward * (q[k] - a - b * p[k])
         chosen[k] = first <= k <= last and abs(depth[k]) <= gate
-        if chosen[k]:
-            labels[at[k]] = names[FACE]
+    _label_chosen(chosen, at, n, names[FACE], labels)
     _spread_out(p, chosen, n, work[3])
     _sum_up(x, z, at, chosen, n, work[3], sums[WHOLE])
     for k in range(n):
@@ -416,8 +414,7 @@ def _read_frame(
         way = 1 if end == last else -1
         climb = 1.0 if upper else -1.0
         start, stop = (end, n) if way > 0 else (0, end + 1)
-        for k in range(n):
-            chosen[k] = False
+        chosen[:n] = False
         sa, sb, around = _surface(p, depth, start, stop, p[end], way, chosen)
         if upper and around > 0.0:
             lean = sb
@@ -428,9 +425,7 @@ def _read_frame(
                 ends[0, KIND], ends[0, PROUD] = CORNER, 0.0
                 ends[0, GAP] = max(_gap(p, depth, n, (first + last) // 2, way, ta, table, gate) - 0.5 * pitch, 0.0)
                 _sum_up(x, z, at, chosen, n, work[3], sums[LOWER])
-                for k in range(n):
-                    if chosen[k]:
-                        labels[at[k]] = names[LOWER]
+                _label_chosen(chosen, at, n, names[LOWER], labels)
                 continue
         edge = sa if around > 0.0 else p[end]
         ends[upper, PROUD] = _proud(p, depth, n, climb, edge, sb, around, gate)
@@ -472,6 +467,13 @@ def _slope_at(x: Float32, z: Float32, at: Int, depth: Float, end: int, way: int,
             m, sx, sz, sxx, sxz = m + 1.0, sx + u, sz + w, sxx + u * u, sxz + u * w
         k += way
     return float((sxz - sx * sz / m) / max(sxx - sx * sx / m, 1e-9))
+
+
+@kernel
+def _label_chosen(chosen: Bool, at: Int, n: int, name: int, labels: AnyArray) -> None:
+    for k in range(n):
+        if chosen[k]:
+            labels[at[k]] = name
 
 
 @kernel

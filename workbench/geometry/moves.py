@@ -4,11 +4,14 @@ A controller moves the position along a line, or along the circle through start,
 orientation by slerp from start to target, in step with the length of path. Poses may be left out where it passes all
 of them, in their order, within tolerances, and an arc stays as near to the chords between them. Positions in mm,
 quaternions w x y z, angles in rad.
+
+And corners of a path of such moves: how far rounding one off leaves the path.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,17 +25,24 @@ BACKWARDS = 1e-9  # rounding of the place along a move that still counts as the 
 CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle as one row of numbers
 
 
+class Tolerances(NamedTuple):
+    """What a controller's move may leave out or turn."""
+
+    chord_mm: float  # greatest distance of a pose that is left out from the line or circle
+    angle: float  # greatest angle of its orientation to the one that the controller has there
+    least_sweep: float  # of an arc; what turns less stays straight. Infinite: no arcs
+    # From the poses' origin to another point of the tool, which a controller may move straight instead: over a straight
+    # move that turns by t, the origin then leaves its line by lever t^2 / 8 at most.
+    lever_mm: float = 0.0
+
+
 def merge_poses(
     position_mm: Shaped[Float, "n 3"],
     quaternion_wxyz: Shaped[Float, "n 4"],
     feed: Shaped[Float, " n"],
-    label: Shaped[Int, " n"],
-    *,
-    chord_mm: float,
-    angle: float,
     feed_share: Shaped[Float, " n"],
-    least_sweep: float,
-    lever_mm: float = 0.0,
+    label: Shaped[Int, " n"],
+    allowed: Tolerances,
 ) -> tuple[Int, Bool, Float, Float]:
     """The moves through n >= 2 poses: each reaches as far as it fits from where the one before it ended.
 
@@ -40,13 +50,9 @@ def merge_poses(
         position_mm: (n, 3), no two in a row alike in position and orientation.
         quaternion_wxyz: (n, 4), unit length.
         feed: (n,) towards each pose.
-        label: (n,) of the way towards each pose; it does not change within a move.
-        chord_mm: greatest distance of a pose that is left out from the line or circle.
-        angle: greatest angle of its orientation to the one that the controller has there.
         feed_share: (n,) share by which the fastest feed within a move that ends there may exceed the slowest.
-        least_sweep: of an arc; what turns less stays straight. Infinite: no arcs.
-        lever_mm: from the poses' origin to another point of the tool, which a controller may move straight instead:
-            over a straight move that turns by t, the origin then leaves its line by lever t^2 / 8 at most.
+        label: (n,) of the way towards each pose; it does not change within a move.
+        allowed: what a move may leave out or turn.
 
     Returns:
         Indices of the targets (k,), the first is 0; whether each move is circular (k,); the middle of each arc, its
@@ -56,11 +62,11 @@ def merge_poses(
     last = np.append(np.flatnonzero(np.diff(label)), len(label) - 1)  # of each stretch of one label
     stop = last[np.searchsorted(last, np.arange(len(label)))]
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))
-    chord = 2.0 * math.sin(min(angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
+    chord = 2.0 * math.sin(min(allowed.angle, math.pi) / 4.0)  # of two unit quaternions that differ by `angle`
     feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
-    most_turn = math.sqrt(8.0 * chord_mm / lever_mm) if lever_mm > 0 else math.inf
-    tolerances = np.array([chord_mm, chord, most_turn / 2.0])  # the last: between quaternions
-    targets, circular, via = _merge(p, q, feeds, stop, length, tolerances, least_sweep)
+    most_turn = math.sqrt(8.0 * allowed.chord_mm / allowed.lever_mm) if allowed.lever_mm > 0 else math.inf
+    tolerances = np.array([allowed.chord_mm, chord, most_turn / 2.0])  # the last: between quaternions
+    targets, circular, via = _merge(p, q, feeds, stop, length, tolerances, allowed.least_sweep)
     via_turn = np.full((len(targets), 4), np.nan)
     start, end = targets[:-1][circular[1:]], targets[circular]
     via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
@@ -123,23 +129,11 @@ def _fits(
     sweep = _circle(p, i, _middle(length, i, j), j, circle) if arc else 0.0
     if sweep > MOST_SWEEP:
         return False
-    dot = 0.0
-    for c in range(4):
-        dot += q[i, c] * q[j, c]
-    sign = 1.0 if dot >= 0.0 else -1.0
-    apart = 0.0
-    for c in range(4):
-        apart += (sign * q[j, c] - q[i, c]) ** 2
-    turn = 2.0 * math.asin(min(1.0, math.sqrt(apart) / 2.0))  # between the quaternions: half the rotation's angle
+    sign, turn = _turn(q, i, j)
     if not arc and turn > tolerances[2]:
         return False
-    if sweep > 0.0:  # between two poses the path is their chord: the arc may not bulge from it farther
-        for k in range(i, j):
-            step = 0.0
-            for c in range(3):
-                step += (p[k + 1, c] - p[k, c]) ** 2
-            if step > 8.0 * circle[RADIUS] * tolerances[0]:
-                return False
+    if sweep > 0.0 and _bulges(p, i, j, 8.0 * circle[RADIUS] * tolerances[0]):
+        return False
     before = 0.0
     for k in range(i + 1, j):
         if sweep > 0.0:
@@ -152,6 +146,30 @@ def _fits(
             return False
         before = max(before, fraction)
     return True
+
+
+@kernel
+def _turn(q: Float, i: int, j: int) -> tuple[float, float]:
+    """The sign under which quaternion j is the nearer to i, and the angle between them: half the rotation's."""
+    dot, apart = 0.0, 0.0
+    for c in range(4):
+        dot += q[i, c] * q[j, c]
+    sign = 1.0 if dot >= 0.0 else -1.0
+    for c in range(4):
+        apart += (sign * q[j, c] - q[i, c]) ** 2
+    return sign, 2.0 * math.asin(min(1.0, math.sqrt(apart) / 2.0))
+
+
+@kernel
+def _bulges(p: Float, i: int, j: int, most: float) -> bool:
+    """Whether an arc bulges too far from the chords between poses i to j: the square of one is more than `most`."""
+    for k in range(i, j):
+        step = 0.0
+        for c in range(3):
+            step += (p[k + 1, c] - p[k, c]) ** 2
+        if step > most:
+            return True
+    return False
 
 
 @kernel
@@ -246,3 +264,33 @@ def _off_slerp(q: Float, i: int, j: int, k: int, sign: float, turn: float, fract
         there = from_i * q[i, c] + from_j * q[j, c]
         plus, minus = plus + (there - q[k, c]) ** 2, minus + (there + q[k, c]) ** 2
     return math.sqrt(min(plus, minus))
+
+
+def rounding_mm(position_mm: Float, via_mm: Float, circular: Shaped[Bool, " k"], zone_mm: float) -> Float:
+    """How far from each target (k,) the path passes that is rounded off from `zone_mm` before to `zone_mm` after it.
+
+    Controllers round corners by parabolas, which pass the corner at half the distance of their chord's middle, and
+    begin no earlier than half-way. Infinite where a move has no length, since nothing tells its direction; 0 at both
+    ends of the path.
+
+    Args:
+        position_mm: targets (k, 3).
+        via_mm: middles of circular moves (k, 3).
+        circular: (k,) over `via_mm`, else straight.
+        zone_mm: where the rounding may begin.
+    """
+    start, end = position_mm[:-1], position_mm[1:]
+    length = np.linalg.norm(end - start, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        chord = (end - start) / length[:, None]
+        leave = np.where(circular[1:, None], _mirrored(chord, via_mm[1:] - start), chord)
+        arrive = np.where(circular[1:, None], _mirrored(chord, end - via_mm[1:]), chord)
+        sine = np.linalg.norm(leave[1:] - arrive[:-1], axis=1) / 2.0  # of half the angle that the path turns
+        off = np.minimum(zone_mm, np.minimum(length[1:], length[:-1]) / 2.0) * sine / 2.0
+    return np.concatenate([[0.0], np.where(np.isfinite(off), off, np.inf), [0.0]])
+
+
+def _mirrored(chord: Float, way: Float) -> Float:
+    """The chord's direction mirrored at that of the way to or from the arc's middle: the tangent at that end."""
+    along = way / np.linalg.norm(way, axis=1, keepdims=True)
+    return np.asarray(2.0 * (along * chord).sum(axis=1, keepdims=True) * along - chord)

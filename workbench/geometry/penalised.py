@@ -313,22 +313,37 @@ def _average(
                 mean[i, d] += share[j] * found[j, i, d]
         _inverse(low, inverse)
         for r in range(first.size):
-            total = 0.0
-            for p in range(min(width, size - first[r])):
-                part = 0.5 * rows[r, p] * inverse[first[r] + p, 0]
-                for q in range(p):
-                    part += rows[r, q] * inverse[first[r] + q, p - q]
-                total += 2.0 * rows[r, p] * part
+            total = _form(rows, r, first[r], inverse)
             if is_free:
                 off = 0.0
                 for p in range(min(width, size - first[r])):
                     off += rows[r, p] * bent[first[r] + p]
                 total += off * off / inner
             variance[r] += share[j] * total
-    for j in range(strengths.shape[0]):
+    _add_spread(found, mean, share, first, rows, variance)
+
+
+@kernel(error_model="numpy")
+def _form(rows: Float, r: int, start: int, inverse: Float) -> float:
+    """Row r, from coefficient `start` on, times the inverse (`_inverse`) times itself."""
+    size, width = inverse.shape
+    total = 0.0
+    for p in range(min(width, size - start)):
+        part = 0.5 * rows[r, p] * inverse[start + p, 0]
+        for q in range(p):
+            part += rows[r, q] * inverse[start + q, p - q]
+        total += 2.0 * rows[r, p] * part
+    return total
+
+
+@kernel(error_model="numpy")
+def _add_spread(found: Float, mean: Float, share: Float, first: Int, rows: Float, variance: Float) -> None:
+    """Add to the variance (m,) how far each answer (K, d) of `found` lies off their mean, by its share."""
+    size, components = mean.shape
+    for j in range(share.size):
         for r in range(first.size):
             for d in range(components):
                 off = 0.0
-                for p in range(min(width, size - first[r])):
+                for p in range(min(rows.shape[1], size - first[r])):
                     off += rows[r, p] * (found[j, first[r] + p, d] - mean[first[r] + p, d])
                 variance[r] += share[j] * off * off / components

@@ -5,6 +5,8 @@ frame's own noise. Frames that cut the face at other phases of the column step s
 it at the same phase know no more than one. Both follow from the likelihood of the frames in each short stretch of edge
 (docs/method.md, eq. (8)), and from how much of it the stretches around say again (eq. (9)): what is left is given to
 the one estimator, `geometry.course`, as a value with a variance (expectation propagation, eq. (10)).
+
+Before that, the ends in neighbouring frames are freed of noise that these do not share.
 """
 
 from __future__ import annotations
@@ -21,6 +23,11 @@ from workbench.geometry.medians import medians
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
+LEAST_FRAMES = 30  # of a pass: fewer do not tell noise from vibration
+LIMIT_SIGMAS = 1.5  # room for noise at a column's limits where frames share it
+ALIKE = 15.0  # frames at most that count as one: returns are lost in each by itself
+BLOCKS = 60  # of a pass, by whose middle columns it is told whether the end passes from column to column
+PASSED = 5.0  # odds, for each column passed, that the columns moved against a smooth end: noise to a column's step
 STRAY = 0.01  # probability that a frame's last return tells nothing about the end
 MISSES = 6  # columns of the face that may have gone without return at its end
 CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
@@ -35,6 +42,61 @@ FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4
 SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledEnds:
+    """The last return in each of n frames, freed of noise that neighbouring frames do not share."""
+
+    low: Shaped[Float, " n"]  # mm
+    step: Shaped[Float, " n"]  # mm
+    sigma: Shaped[Float, " n"]  # what remains of the noise, mm
+    weight: Shaped[Float, " n"]  # what the frame counts
+    doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, and the columns stand still against it
+
+
+def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group: Int) -> SettledEnds:
+    """Ends freed of noise that neighbouring frames do not share.
+
+    Noise of the corner that `low` is counted from blurs the steps of the columns, and blurred steps feign knowledge of
+    where between two columns the end lies. Frames at arc lengths s (n,), column (n,) of the last return counted
+    outwards: low - column * step runs smoothly, but for noise and vibration; what the noise explains of its scatter
+    about its course is taken off. What remains is shared by neighbours: while the end passes one limit of a column
+    slowly, they say one thing, and it may lie on the limit in all of them; `low` and `step` then leave room for it.
+
+    A `low` that waves while its column stays the same has two readings: the columns move against an even end, or the
+    end waves and the columns stand still against it. Every column that is passed speaks for the first.
+    """
+    low, step, sigma, weight = low.copy(), step.copy(), sigma.copy(), np.ones(low.size)
+    doubt = np.zeros(low.size)
+    for g in np.unique(group):
+        mine = np.flatnonzero((group == g) & np.isfinite(low) & np.isfinite(s) & np.isfinite(sigma) & (step > 0))
+        if mine.size < LEAST_FRAMES:
+            continue
+        moved = low[mine] - (column[mine] - np.median(column[mine])) * np.median(step[mine])
+        course = fit_course(s[mine], moved, sigma[mine] ** 2)
+        rough = moved - course.value(s[mine])
+        spread = float(np.median(np.abs(rough)) / 0.6745) ** 2
+        noise = float(np.median(sigma[mine]) ** 2)
+        share = min(1.0, noise / max(spread, 1e-12))
+        low[mine] -= share * np.clip(rough, -3.0 * sigma[mine], 3.0 * sigma[mine])
+        shared = course.u(s[mine])
+        sigma[mine] = np.minimum(np.hypot(math.sqrt(1.0 - share) * sigma[mine], shared), sigma[mine])
+        drift = np.abs(course.slope(s[mine])) * max(float(np.ptp(s[mine])) / mine.size, 1e-9)  # from frame to frame
+        alike = np.clip(2.0 * shared / np.maximum(drift, 1e-9), 1.0, ALIKE)
+        weight[mine] = 1.0 / (1.0 + share**2 * (alike - 1.0))
+        room = LIMIT_SIGMAS * sigma[mine] * (1.0 - weight[mine])
+        low[mine] -= room
+        step[mine] += 2.0 * room
+        doubt[mine] = 1.0 / (1.0 + PASSED ** _passed(column[mine]))
+    return SettledEnds(low, step, sigma, weight, doubt)
+
+
+def _passed(column: Int) -> int:
+    """How many columns the end passes along a pass; single lost returns are none."""
+    block = np.arange(column.size) * BLOCKS // column.size
+    middle = [np.median(column[block == b]).round() for b in np.unique(block)]
+    return np.unique(middle).size - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,34 +289,14 @@ def _add_up(
     normal: the standard normal distribution function at even steps from -FAR_SIGMAS to FAR_SIGMAS.
     """
     chance = np.empty(grid.size)
-    apart = grid[1] - grid[0]
     for i in range(cell.size):
         s, known = sigma[i], fill[i] == fill[i]
-        per_s = 1.0 / (s * FAR_SIGMAS)
         if step[i] <= 0.0:
             for g in range(grid.size):
                 z = (low[i] - grid[g]) / s
                 chance[g] = math.exp(-0.5 * z * z)
         else:
-            # The last return is the one before the end, or one of MISSES - 1 before that: from column to column the
-            # share of frames is taken off that the end has not passed, but for noise, and the share beyond it added.
-            for g in range(grid.size):
-                chance[g] = 0.0
-            share = 0.0
-            for k in range(MISSES + 1):
-                before, share = share, (1.0 - missing[i]) * missing[i] ** k if k < MISSES else 0.0
-                column = low[i] + k * step[i]
-                first = min(max(math.ceil((column - FAR_SIGMAS * s - grid[0]) / apart), 0), grid.size)
-                last = min(max(math.ceil((column + FAR_SIGMAS * s - grid[0]) / apart), first), grid.size)
-                change = before - share if first < grid.size else before  # columns beyond the grid take all the rest
-                for g in range(first):
-                    chance[g] += change
-                for g in range(first, last):
-                    at = ((column - grid[g]) * per_s + 1.0) * 0.5 * (normal.size - 1)
-                    m = min(max(int(at), 0), normal.size - 2)
-                    chance[g] += change * (normal[m] + (at - m) * (normal[m + 1] - normal[m]))
-                if first == grid.size:
-                    break
+            _pass_columns(low[i], step[i], s, missing[i], normal, grid, chance)
             if known:
                 for g in range(grid.size):
                     full = min(max((grid[g] - low[i]) / step[i] + 0.5, 0.0), 1.0)
@@ -266,6 +308,32 @@ def _add_up(
                 at_last = chance[g]
                 log_at_last = weight[i] * math.log(max(at_last, 0.0) + STRAY)
             out[cell[i], g] += log_at_last
+
+
+@kernel(error_model="numpy")
+def _pass_columns(low: float, step: float, s: float, missing: float, normal: Float, grid: Float, chance: Float) -> None:
+    """Fill in the chance, for an end at each place of the grid, of a last return at `low`, by the columns passed.
+
+    The last return is the one before the end, or one of MISSES - 1 before that: from column to column the share of
+    frames is taken off that the end has not passed, but for noise, and the share beyond it added.
+    """
+    apart, per_s, share = grid[1] - grid[0], 1.0 / (s * FAR_SIGMAS), 0.0
+    for g in range(grid.size):
+        chance[g] = 0.0
+    for k in range(MISSES + 1):
+        before, share = share, (1.0 - missing) * missing**k if k < MISSES else 0.0
+        column = low + k * step
+        first = min(max(math.ceil((column - FAR_SIGMAS * s - grid[0]) / apart), 0), grid.size)
+        last = min(max(math.ceil((column + FAR_SIGMAS * s - grid[0]) / apart), first), grid.size)
+        change = before - share if first < grid.size else before  # columns beyond the grid take all the rest
+        for g in range(first):
+            chance[g] += change
+        for g in range(first, last):
+            at = ((column - grid[g]) * per_s + 1.0) * 0.5 * (normal.size - 1)
+            m = min(max(int(at), 0), normal.size - 2)
+            chance[g] += change * (normal[m] + (at - m) * (normal[m + 1] - normal[m]))
+        if first == grid.size:
+            break
 
 
 @functools.cache

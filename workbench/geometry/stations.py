@@ -134,6 +134,19 @@ def _support(marked: Bool, out: Bool, first: int, last: int) -> None:
             out[i, j] = frames >= SUPPORT_FRAMES and points >= SUPPORT_POINTS
 
 
+class Cuts(NamedTuple):
+    """What the layers of a path take away, at n stations: faces parallel to the bevel's."""
+
+    cosine: float  # of the bevel's angle
+    sine: float
+    finished_mm: float  # place of the finished face along its normal
+    ball_mm: float  # radius of the cutter's ball end; 0: it is flat
+    # height above the finished face to which each layer cuts, linear between stations; infinite where it does not cut
+    face_mm: Shaped[Float, "n layers"]
+    reach_mm: Shaped[Float, " n"]  # how far down the bevel's slope the tip reaches, from the lower edge
+    beyond_mm: float = 0.0  # how far beyond the ends of the edge the cuts at its ends go on
+
+
 def standing_layers(
     x_mm: Shaped[Float32, "N M"],
     z_mm: Shaped[Float32, "N M"],
@@ -141,10 +154,7 @@ def standing_layers(
     base_from_profiler: Shaped[Float, "N 4 4"],
     sections: SectionTable,
     start: Shaped[Int, " N"],
-    bevel: tuple[float, float, float, float],
-    face_mm: Shaped[Float, "n layers"],
-    reach_mm: Shaped[Float, " n"],
-    beyond_mm: float = 0.0,
+    cuts: Cuts,
 ) -> AnyArray:
     """For how many layers each point of the grid (N, M) still stands (uint16): 0 no point.
 
@@ -157,18 +167,13 @@ def standing_layers(
         base_from_profiler: (N, 4, 4).
         sections: at n stations.
         start: (N,) station near each frame.
-        bevel: cosine and sine of the bevel's angle, the place of the finished face along its normal, mm, and the
-            radius of the cutter's ball end, mm; 0: it is flat.
-        face_mm: (n, layers) height above the finished face to which each layer cuts, linear between the stations;
-            infinite where it does not cut.
-        reach_mm: (n,) how far down the bevel's slope the tip reaches, from the lower edge.
-        beyond_mm: how far beyond the ends of the edge the cuts at its ends go on.
+        cuts: what the layers take away.
     """
     out = np.zeros(x_mm.shape, np.uint16)
     grid = (as_input(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
-    cosine, sine, finished, ball = map(float, bevel)
-    slope = (cosine, sine, finished, ball, 0.5 * sections.step + float(beyond_mm) + 1e-6)
-    cut = (as_input(face_mm), as_input(np.min(face_mm, axis=1)), as_input(reach_mm))
+    cosine, sine, finished, ball = map(float, (cuts.cosine, cuts.sine, cuts.finished_mm, cuts.ball_mm))
+    slope = (cosine, sine, finished, ball, 0.5 * sections.step + float(cuts.beyond_mm) + 1e-6)
+    cut = (as_input(cuts.face_mm), as_input(np.min(cuts.face_mm, axis=1)), as_input(cuts.reach_mm))
     stock = (sections.axes, sections.step, as_input(start))
     over_blocks(partial(_standing, *grid, *stock, slope, *cut, out), out.shape)
     return out

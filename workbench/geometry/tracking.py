@@ -7,6 +7,8 @@ A frame's edge is a chain of faces in the order upper surface, bevel face, root 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workbench.geometry.blocks import as_input, in_order
@@ -435,35 +437,44 @@ def _follow_stretch(
             lost += 1
 
 
-def follow(
-    x: Shaped[Float32, "n M"],
-    z: Shaped[Float32, "n M"],
-    keep: Shaped[Bool, "n M"],
-    side: float,
-    keys: Int,
-    states: Float,
-    sigma: Float,
-    names: Int,
-    rim_mm: float,
-    sums: Float,
-    end: Float,
-    seen: Bool,
-    labels: AnyArray,
-) -> None:
-    """Follow the faces through the frames between the key frames, on all cores.
+class Profiles(NamedTuple):
+    """The grid of one pass."""
 
-    x, z, keep: (n, M) grid of one pass; keys (k,) rising frame numbers with their `states` (k, 4, 4), which all see the
-    same faces; sigma (4,) range noise of each face, mm; names (4,) label of each face; rim_mm: rounded end of the root
-    face that its line leaves out. Filled in: sums (n, 4, 8), end
-    (n, 5) as `root_end`, seen (n,), labels (n, M).
+    x: Shaped[Float32, "n M"]
+    z: Shaped[Float32, "n M"]
+    keep: Shaped[Bool, "n M"]
+
+
+class KeyFrames(NamedTuple):
+    """Frames in which the faces are known: in all of them the same."""
+
+    frames: Shaped[Int, " k"]  # rising
+    states: Shaped[Float, "k 4 4"]
+    sigma: Shaped[Float, " 4"]  # range noise of each face, mm
+
+
+class Followed(NamedTuple):
+    """What is found in each frame."""
+
+    sums: Shaped[Float, "n 4 8"]
+    end: Shaped[Float, "n 5"]  # as `root_end`
+    seen: Shaped[Bool, " n"]
+    labels: Shaped[AnyArray, "n M"]
+
+
+def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: float, found: Followed) -> None:
+    """Follow the faces through the frames between the key frames, on all cores; fill in what is `found`.
+
+    names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
     """
-    grid = as_input(x), as_input(z), as_input(keep)
-    known = as_input(keys), as_input(states), as_input(sigma), as_input(names)
+    profiles = as_input(grid.x), as_input(grid.z), as_input(grid.keep)
+    known = as_input(keys.frames), as_input(keys.states), as_input(keys.sigma), as_input(names)
 
     def stretch(c: int, _: int) -> None:
-        _follow_stretch(c, *grid, side, *known, rim_mm, sums, end, seen, labels)
+        sums, end, seen, labels = found
+        _follow_stretch(c, *profiles, side, *known, rim_mm, sums, end, seen, labels)
 
-    for _ in in_order(stretch, keys.size + 1, 1):
+    for _ in in_order(stretch, keys.frames.size + 1, 1):
         pass
 
 

@@ -13,12 +13,11 @@ import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
 from workbench.importing import arrays, images, organised
-from workbench.importing.assemble import assemble
+from workbench.importing.assemble import assemble, joined
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S
 from workbench.importing.neutral import Imported
-from workbench.importing.passes import joined
 from workbench.importing.roles import ANGLES, LENGTHS, TIMES, TURN_DEG, TURN_RAD, Columns, Named, columns_of
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of

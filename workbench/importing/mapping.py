@@ -14,8 +14,14 @@ import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from workbench.errors import InputError, nearest
-from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
-from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.geometry.poses import (
+    USUAL_ANGLE_UNIT,
+    components,
+    is_rigid,
+    pose_from,
+    quaternions,
+    rotation_from_quaternion,
+)
 from workbench.importing.mapping_parts import (
     LENGTH_MM,
     ArraysPart,

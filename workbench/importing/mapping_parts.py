@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from workbench.errors import nearest
-from workbench.geometry.orientations import CONVENTIONS, USUAL_ANGLE_UNIT, components
-from workbench.geometry.poses import is_rigid
+from workbench.geometry.poses import CONVENTIONS, USUAL_ANGLE_UNIT, components, is_rigid
 
 
 class Part(BaseModel):

@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.geometry.orientations import USUAL_ANGLE_UNIT, components, quaternions
-from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.geometry.poses import (
+    USUAL_ANGLE_UNIT,
+    components,
+    inverse,
+    pose_from,
+    quaternion_from_rotation,
+    quaternions,
+    rotation_from_quaternion,
+)
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, BagPart, PosesPart
 from workbench.importing.neutral import Imported, PoseStream

@@ -26,8 +26,7 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.grooves import Joint, JointInspection
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.inspect.budget import NO_HAND_EYE, NOT_INCLUDED
-from workbench.inspect.verdict import worst
+from workbench.inspect.verdict import NO_HAND_EYE, NOT_INCLUDED, worst
 from workbench.stage import stage
 from workbench.units import Float
 

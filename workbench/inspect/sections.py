@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import EdgeProfile, Inspection, MilledEdge, Requirements, Section, Verdict
-from workbench.inspect.budget import budget, u_at
-from workbench.inspect.verdict import judge, worst
+from workbench.inspect.verdict import budget, judge, u_at, worst
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
 

@@ -9,7 +9,7 @@ from workbench.artefacts import Scene, Shading
 from workbench.look.command import summary
 from workbench.look.seen import MOST_POINTS, Seen, Shade, limit_text
 from workbench.look.single import Profile
-from workbench.report.page import packed, policy
+from workbench.report.html import packed, policy
 from workbench.report.text import environment, source
 from workbench.units import Float
 

@@ -9,15 +9,34 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Cloud, Edge, Layer, PathCorrection, PathDeflection, PathGate, Toolpath
-from workbench.geometry.times import step_lengths_mm
-from workbench.path.path_checks import collisions, frame_faults, layer_faults
-from workbench.path.poses import greatest_mm, loaded
+from workbench.artefacts import (
+    UNLABELLED,
+    Cloud,
+    Edge,
+    Layer,
+    PathCorrection,
+    PathDeflection,
+    PathGate,
+    RawEdge,
+    Toolpath,
+    Travel,
+)
+from workbench.geometry.feeds import step_lengths_mm
+from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
+from workbench.path.course import LEAST_DEPTH_MM, edge_course, finished, lower_course, stocked_course
+from workbench.path.feed import from_edge, moves_in_order, standing
+from workbench.path.obstacles import find_foreign, sections_of
+from workbench.path.plan import KEY_POINT_MM
+from workbench.path.poses import Poses, bevel_normal, cutter_axis, greatest_mm, loaded, poses_of
 from workbench.stage import stage
+from workbench.units import DEG, Bool, Float
 
 MOST_TOLD = 3  # faults that the reason names
 MOST_DEFLECTION_MM = 1.0  # what a path may allow for: unloaded, the cutter is that much deeper
 PENETRATION_MM = 0.05  # the rule: more than this loosens the check
+ANGLE_DEG = 0.02  # between a frame's axis and where it must point
+TURN_DEG_PER_MM = 3.0  # a radius of 20 mm
+UNIT = 1e-6
 
 
 @stage("path.check")
@@ -166,3 +185,237 @@ def feed_faults(toolpath: Toolpath, v_fast_mm_s: float | None, acceleration_mm_s
         if isinstance(layer, Layer) and (layer.feed_mm_s[layer.cutting] > slow * (1.0 + SHARE)).any():
             at = layer.arc_length_mm[layer.cutting & (layer.feed_mm_s > slow * (1.0 + SHARE))][0]
             yield f"layer {layer.index} cuts faster than {slow:g} mm/s at arc length {at:.1f} mm"
+
+
+def frame_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
+    """What is wrong with the frames, in words."""
+    told = list(insane(toolpath))
+    yield from told
+    if told:
+        return
+    for layer in toolpath.layers:
+        yield from _directions(toolpath, layer, edge)
+        yield from _advance(toolpath, layer)
+
+
+def insane(toolpath: Toolpath) -> Iterator[str]:
+    """What no controller could take, in words."""
+    for points in toolpath.in_order:
+        norm = np.abs(np.linalg.norm(points.quaternion_wxyz, axis=1) - 1.0)
+        sane = np.isfinite(points.position_mm).all() and (norm < UNIT).all()
+        if not sane or (np.sum(points.quaternion_wxyz[1:] * points.quaternion_wxyz[:-1], axis=1) < 0).any():
+            yield "a position is not finite, or a quaternion not of unit length or not continuous in sign"
+            return
+
+
+def _directions(toolpath: Toolpath, layer: Layer, edge: Edge) -> Iterator[str]:
+    """y along the edge, z down the bevel face, x into the material: each by itself, so that the words say which."""
+    course, bevel = lower_course(edge, layer.arc_length_mm), finished(toolpath)
+    poses = poses_of(toolpath, layer)
+    rules = (
+        (poses.y, course.tangent, "does not move along the edge"),
+        (poses.z, cutter_axis(course.normal, course.across, bevel.angle), "has its axis out of the bevel face"),
+        (poses.x, -bevel_normal(course.normal, course.across, bevel.angle), "does not face the material"),
+    )
+    for axis, target, words in rules:
+        angle = _angle(axis, target)
+        if angle.max() > ANGLE_DEG * DEG:
+            worst = int(np.argmax(angle))
+            yield (
+                f"layer {layer.index} {words} at arc length {layer.arc_length_mm[worst]:.1f} mm "
+                f"(off by {angle[worst] / DEG:.2f} deg)"
+            )
+
+
+def _advance(toolpath: Toolpath, layer: Layer) -> Iterator[str]:
+    """Origin and cutter's axis go forward at every step, and the frame turns no faster than a cutter can follow."""
+    poses, radius = poses_of(toolpath, layer), toolpath.cutter.radius_mm
+    step = np.diff(layer.arc_length_mm)
+    turn = np.maximum.reduce([_angle(a[1:], a[:-1]) for a in (poses.x, poses.y, poses.z)])
+    forward = np.minimum(_forward(poses, poses.origin_mm), _forward(poses, poses.origin_mm - radius * poses.x))
+    for wrong, words in (
+        (forward <= 0.0, "crosses itself"),
+        (turn > TURN_DEG_PER_MM * DEG * np.maximum(step, 0.1), "turns abruptly"),
+    ):
+        if wrong.any():
+            at = layer.arc_length_mm[np.flatnonzero(wrong)[0]]
+            yield f"layer {layer.index} {words} at arc length {at:.1f} mm"
+
+
+def _forward(poses: Poses, points: Float) -> Float:
+    return np.asarray((np.diff(points, axis=0) * (poses.y[1:] + poses.y[:-1])).sum(axis=1))
+
+
+def _angle(a: Float, b: Float) -> Float:
+    """Angles (k,) between unit vectors (k, 3), exact for small ones."""
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1)))
+
+
+HEIGHT_MM = 0.002  # a layer's place along the bevel's normal
+ALONG_MM = 0.01  # a point's place along the edge
+SPACING_SHARE = 0.05
+
+
+def layer_faults(toolpath: Toolpath, edge: Edge) -> Iterator[str]:
+    """What is wrong with the layers, in words."""
+    if not toolpath.layers:
+        yield "no layer"
+        return
+    yield from cutter_faults(toolpath)
+    bevel, cutter, above = finished(toolpath), toolpath.cutter, None
+    for layer in toolpath.layers:
+        course = lower_course(edge, layer.arc_length_mm)
+        section = from_edge(toolpath, layer, course)
+        height = bevel.height_mm(section)
+        along = ((poses_of(toolpath, layer).origin_mm - course.position_mm) * course.tangent).sum(axis=1)
+        yield from _fault(layer, height < -HEIGHT_MM, "lies below the finished bevel")
+        yield from _fault(layer, layer.cutting & (np.abs(height - layer.height_mm) > HEIGHT_MM), "is not at its height")
+        yield from _fault(layer, np.abs(along) > ALONG_MM, "is not in the section of its arc length")
+        yield from _fault(layer, layer.cutting & ~course.seen, "cuts where nothing was measured")
+        yield from _fault(layer, layer.cutting & ~layer.measured, "cuts where nothing was measured")
+        flute = cutter.flute_length_mm - (cutter.radius_mm if cutter.ball_end else 0.0)
+        yield from _fault(layer, layer.cutting & (layer.width_mm > flute), "is wider than the flute")
+        if bevel.fillet_mm:
+            off = np.abs((section - bevel.middle(course, layer.height_mm)) @ bevel.up)
+            yield from _fault(layer, off > HEIGHT_MM, "does not stand where its ball end makes the fillet")
+        yield from _spacing(layer, toolpath.edge_length_mm)
+        if not layer.cutting.any():
+            yield f"layer {layer.index} cuts nothing but air"
+        if above is not None and above - layer.height_mm > toolpath.depth_of_cut_mm + HEIGHT_MM:
+            yield f"layer {layer.index} is deeper than the depth of cut"
+        above = layer.height_mm
+    if [layer.index for layer in toolpath.layers] != list(range(1, len(toolpath.layers) + 1)):
+        yield "layers are not counted from 1 in cutting order"
+    first = toolpath.layers[0]
+    if isinstance(edge, RawEdge):
+        top = bevel.height_mm(edge_course(edge, first.arc_length_mm, 0.0).upper_mm)
+        if (top - first.height_mm)[first.cutting].max(initial=0.0) < LEAST_DEPTH_MM / 2.0:
+            yield "layer 1 cuts nothing but air"
+    if abs(toolpath.layers[-1].height_mm) > HEIGHT_MM:
+        yield "the last layer is not the final one"
+    if (np.diff([layer.height_mm for layer in toolpath.layers]) >= 0).any():
+        yield "layers do not go down"
+
+
+def cutter_faults(toolpath: Toolpath) -> Iterator[str]:
+    """What is wrong with the cutter's end, in words: the fillet of a J preparation is the ball's."""
+    radius, cutter = toolpath.root_radius_mm, toolpath.cutter
+    if radius and not (cutter.ball_end and abs(cutter.radius_mm - radius) <= HEIGHT_MM):
+        yield f"the cutter has no ball end of the fillet's radius, {radius:g} mm"
+
+
+def _fault(layer: Layer, wrong: Bool, words: str) -> Iterator[str]:
+    """One line for the points that are wrong, with the place of the first."""
+    if wrong.any():
+        at = layer.arc_length_mm[np.flatnonzero(wrong)[0]]
+        yield f"layer {layer.index} {words} at arc length {at:.1f} mm"
+
+
+def _spacing(layer: Layer, length_mm: float) -> Iterator[str]:
+    """Key points every mm from 0 to the end of the edge; the last interval may be shorter."""
+    s = layer.arc_length_mm
+    inside = s[(s >= -1e-6) & (s <= length_mm + 1e-6)]
+    if inside.size < 2 or abs(inside[0]) > 1e-6 or abs(inside[-1] - length_mm) > 1e-6:
+        yield f"layer {layer.index} does not reach from one end of the edge to the other"
+        return
+    step = np.diff(inside)
+    wrong = np.abs(step / KEY_POINT_MM - 1.0) > SPACING_SHARE
+    wrong[-1] = step[-1] > KEY_POINT_MM * (1.0 + SPACING_SHARE) or step[-1] <= 0.0
+    if wrong.any():
+        yield f"layer {layer.index} has no point every mm at arc length {inside[np.flatnonzero(wrong)[0]]:.1f} mm"
+
+
+SHANK_MM = 300.0  # the cutter and its shank, as long as may matter
+STOCK_SHARE = 1.5  # of the depth of cut: beside where it cuts, the cutter may meet a layer and what is rough on it
+CORE_SHARE = 0.95  # of the radius: what comes so near the axis was run into, whatever the depth of cut
+STEP_MM = 1.0  # between looks at a travel move
+
+
+def collisions(
+    toolpath: Toolpath, edge: Edge, cloud: Cloud, penetration_mm: float, as_it_comes: bool = True
+) -> Iterator[str]:
+    """Where the cutter enters what it must not, in words.
+
+    The finished part and all that is foreign by more than `penetration_mm` + 3 u; where it is not meant to cut, the
+    stock that earlier layers left by more than a ramp takes at its foot. A layer that takes nothing away; not of a path
+    that the tool will not follow `as_it_comes`, whose layers need not lie where they cut.
+    """
+    stands = standing(toolpath, cloud, edge, swept=True)
+    taken = np.unique(stands[(stands > 0) & (stands < ALWAYS)])
+    above = [layer.height_mm for layer in (*toolpath.before, *toolpath.layers)]
+    for order, layer in enumerate(toolpath.layers, start=len(toolpath.before) + 1):
+        # The first layer of all may be too thin to hold a point, and so may one that only evens out what is left.
+        lower = order > 1 and above[order - 2] - layer.height_mm > LEAST_DEPTH_MM
+        if as_it_comes and lower and order not in taken:
+            yield f"layer {layer.index} takes nothing away that was measured"
+    foreign = find_foreign(cloud, edge, sections_of(stocked_course(edge, edge.arc_length_mm, toolpath)))
+    stands[edge.labels == UNLABELLED] = 0  # stray returns, but for those that neighbours support
+    stands[foreign.frame, foreign.column] = ALWAYS
+    stock = build_stock(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, stands)
+    allowed, radius = penetration_mm + 3.0 * _edge_u_mm(toolpath, edge), toolpath.cutter.radius_mm
+    if allowed >= radius:
+        yield f"the cutter's radius is no more than the {allowed:.2f} mm that it may enter: it cannot be checked"
+        return
+    in_stock = min(STOCK_SHARE * toolpath.depth_of_cut_mm + allowed, CORE_SHARE * radius)
+    for points, done in moves_in_order(toolpath):
+        yield from _entered(toolpath, points, ALWAYS - 1, stock, allowed, "what must remain")
+        yield from _entered(toolpath, points, done, stock, in_stock, "the stock")
+
+
+def _edge_u_mm(toolpath: Toolpath, edge: Edge) -> float:
+    """Standard uncertainty of the finished bevel's place, along its normal: the worst of where it is cut."""
+    if not isinstance(edge, RawEdge):
+        return 0.0
+    final = toolpath.layers[-1]
+    cut = np.interp(edge.arc_length_mm, final.arc_length_mm, final.cutting.astype(float)) > 0.0
+    bevel, places = finished(toolpath), edge.position_u_mm[cut]
+    u = np.hypot(*(places * bevel.normal).T)
+    u = np.maximum(u, places[:, 1]) if bevel.fillet_mm else u  # where the fillet ends it lies along m
+    return float(np.nanmax(u)) if np.isfinite(u).any() else 0.0
+
+
+def _entered(
+    toolpath: Toolpath, points: Layer | Travel, after: int, stock: Stock, allowed: float, what: str
+) -> Iterator[str]:
+    """The deepest place of a move at which the cutter is inside what stands after `after` layers."""
+    radius, (centre, axis) = toolpath.cutter.radius_mm, axes_of(toolpath, points)
+    at = np.arange(len(centre))
+    if isinstance(points, Layer) and after < ALWAYS - 1:
+        at = np.flatnonzero(~points.cutting)
+        centre, axis = centre[at], axis[at]
+    if not len(at):
+        return
+    start, end = shank_lines(toolpath, centre, axis, allowed)
+    bound, flat = np.full(len(start), radius - allowed), not toolpath.cutter.ball_end
+    depth = radius - axis_distances(stock, start, end, np.full(len(start), after), bound, flat)
+    worst = int(np.argmax(depth))
+    if depth[worst] > allowed + 1e-9:
+        where = f"at {np.round(centre[worst], 1).tolist()} mm in a travel move"
+        if isinstance(points, Layer):
+            where = f"in layer {points.index} at arc length {points.arc_length_mm[at[worst]]:.1f} mm"
+        yield f"the cutter enters {what} by {depth[worst]:.2f} mm {where}"
+
+
+def shank_lines(toolpath: Toolpath, centre: Float, axis: Float, allowed_mm: float) -> tuple[Float, Float]:
+    """Ends (k, 3) of the cutter's axis: from its ball's centre, or where it may enter by `allowed_mm`, up the shank."""
+    cutter = toolpath.cutter
+    reach = cutter.cylinder_end_mm - (0.0 if cutter.ball_end else allowed_mm)
+    return np.asarray(centre + reach * axis), np.asarray(centre - SHANK_MM * axis)
+
+
+def axes_of(toolpath: Toolpath, points: Layer | Travel) -> tuple[Float, Float]:
+    """Points on the cutter's axis beside the path's own, and its directions; every mm on the lines of a travel."""
+    poses = poses_of(toolpath, points)
+    centre = poses.origin_mm - toolpath.cutter.radius_mm * poses.x
+    return _dense(centre, poses.z) if isinstance(points, Travel) and len(centre) else (centre, poses.z)
+
+
+def _dense(centre: Float, axis: Float) -> tuple[Float, Float]:
+    """Points every mm on the straight lines of a travel move."""
+    length = np.linalg.norm(np.diff(centre, axis=0), axis=1)
+    counts = np.maximum(np.ceil(length / STEP_MM).astype(int), 1)
+    at = np.concatenate([np.repeat(np.arange(len(counts)), counts), [len(centre) - 1]]).astype(np.int64)
+    share = np.concatenate([*(np.arange(n) / n for n in counts), [0.0]])[:, None]
+    after = np.minimum(at + 1, len(centre) - 1)
+    middle = axis[at] + share * (axis[after] - axis[at])
+    return centre[at] + share * (centre[after] - centre[at]), middle / np.linalg.norm(middle, axis=1, keepdims=True)

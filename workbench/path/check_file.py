@@ -11,9 +11,17 @@ from pydantic import Field
 
 from workbench.artefacts import Layer, PathGate, Toolpath
 from workbench.geometry.segments import LineIndex, line_distances
-from workbench.path.check import PENETRATION_MM, decision, weakened
+from workbench.path.check import (
+    HEIGHT_MM,
+    PENETRATION_MM,
+    axes_of,
+    cutter_faults,
+    decision,
+    insane,
+    shank_lines,
+    weakened,
+)
 from workbench.path.feed import face_lines, moves_in_order
-from workbench.path.path_checks import HEIGHT_MM, axes_of, cutter_faults, insane, shank_lines
 from workbench.stage import stage
 
 ALONE = "the workpiece. Its file tells of no check against a scan; the path was held against its own final layer"

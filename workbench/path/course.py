@@ -15,8 +15,7 @@ import scipy
 from workbench.artefacts import Edge, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
-from workbench.geometry.tool_frames import unit
-from workbench.path.poses import poses_of
+from workbench.path.poses import poses_of, unit
 from workbench.units import DEG, Bool, Float, Shaped
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side

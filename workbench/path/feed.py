@@ -13,11 +13,10 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.feeds import limit_acceleration
+from workbench.geometry.feeds import limit_acceleration, step_lengths_mm
 from workbench.geometry.segments import LineIndex, index_lines, line_distances
-from workbench.geometry.stations import frame_stations, standing_layers
+from workbench.geometry.stations import Cuts, frame_stations, standing_layers
 from workbench.geometry.stock import Stock, axis_distances, build_stock
-from workbench.geometry.times import step_lengths_mm
 from workbench.path.course import Bevel, Course, finished, lower_course
 from workbench.path.obstacles import sections_of
 from workbench.path.poses import Poses, cutter_ends, poses_of
@@ -78,10 +77,15 @@ def standing(toolpath: Toolpath, cloud: Cloud, edge: Edge, swept: bool = False) 
         cloud.base_from_profiler,
         sections,
         start,
-        (cosine, sine, bevel.plane_mm * sine, bevel.fillet_mm),
-        np.stack(faces, axis=1),
-        reach,
-        radius if swept else 0.0,
+        Cuts(
+            cosine,
+            sine,
+            bevel.plane_mm * sine,
+            bevel.fillet_mm,
+            np.stack(faces, axis=1),
+            reach,
+            radius if swept else 0.0,
+        ),
     )
 
 

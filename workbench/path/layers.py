@@ -14,8 +14,15 @@ from pydantic import Field
 from workbench.artefacts import ChainU, Cloud, Cutter, Layer, RawEdge, Toolpath
 from workbench.errors import InputError
 from workbench.path.course import Bevel, Course, bevel_of, edge_course, layer_heights, raised, under, upper_bevel
-from workbench.path.make_plan import (
+from workbench.path.obstacles import Lift
+from workbench.path.plan import (
+    Air,
+    Plan,
+    Scanned,
+    cut_stretches,
+    key_points,
     known_well,
+    make_layer,
     make_plan,
     refuse_allowance,
     refuse_compound,
@@ -26,8 +33,6 @@ from workbench.path.make_plan import (
     refuse_small_root,
     travels_of,
 )
-from workbench.path.obstacles import Lift
-from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
@@ -163,7 +168,7 @@ def layers(
         known, course, cutter = of
         table = edge_course(known, known.arc_length_mm, 0.0)
         to = replace(to, to_ball_mm=cutter.cylinder_end_mm)
-        return make_plan(known, cloud, course, table, to, cutter, air, v_slow_mm_s, leave)
+        return make_plan(Scanned(known, cloud, table), course, to, cutter, air, v_slow_mm_s, leave)
 
     beneath = upper if bevel is lower else None
     of = setting(bevel, beneath)

@@ -19,8 +19,8 @@ from workbench.geometry.stations import (
     place,
     section_table,
 )
-from workbench.geometry.tool_frames import smoothstep
 from workbench.path.course import Course
+from workbench.path.poses import smoothstep
 from workbench.units import Bool, Float, Int, Shaped
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate

@@ -15,9 +15,18 @@ from workbench.geometry.stations import nearest_stations
 from workbench.path.check import check
 from workbench.path.course import Bevel, Course, bevel_of, layer_heights, lower_course, with_thickness
 from workbench.path.feed import feed
-from workbench.path.make_plan import make_plan, refuse_cutter, travels_of
 from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
-from workbench.path.plan import Air, Plan, cut_stretches, key_points, make_layer
+from workbench.path.plan import (
+    Air,
+    Plan,
+    Scanned,
+    cut_stretches,
+    key_points,
+    make_layer,
+    make_plan,
+    refuse_cutter,
+    travels_of,
+)
 from workbench.path.poses import poses_of
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -183,7 +192,7 @@ def _path(
     refuse_cutter(course, at, bevel, before.cutter, before.depth_of_cut_mm)
     clear = float(bevel.height_mm(course.upper_mm).max()) + air.over_mm
     leave = _between(wanted, clear, air.ramp_mm)
-    plan = make_plan(edge, cloud, course, table, bevel, before.cutter, air, before.v_slow_mm_s, leave)
+    plan = make_plan(Scanned(edge, cloud, table), course, bevel, before.cutter, air, before.v_slow_mm_s, leave)
     good = np.isfinite(excess.height_mm)
     stock = np.interp(s, edge.arc_length_mm[good], excess.height_mm[good])
     plan = Plan(

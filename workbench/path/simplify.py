@@ -10,7 +10,7 @@ from pydantic import Field
 
 from workbench.artefacts import Layer, Moves, Postures, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.moves import merge_poses
+from workbench.geometry.moves import Tolerances, merge_poses
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -87,12 +87,14 @@ def simplify(
             points.position_mm,
             points.quaternion_wxyz,
             points.feed_mm_s,
+            np.where(points.cutting, feed_tolerance, air_feed_tolerance),
             _labels(points),
-            chord_mm=chord_tolerance_mm,
-            angle=angle_tolerance_deg * DEG,
-            feed_share=np.where(points.cutting, feed_tolerance, air_feed_tolerance),
-            least_sweep=least_sweep_deg * DEG if arcs else math.inf,
-            lever_mm=math.hypot(toolpath.cutter.diameter_mm, toolpath.cutter.flute_length_mm) / 2,
+            Tolerances(
+                chord_tolerance_mm,
+                angle_tolerance_deg * DEG,
+                least_sweep_deg * DEG if arcs else math.inf,
+                math.hypot(toolpath.cutter.diameter_mm, toolpath.cutter.flute_length_mm) / 2,
+            ),
         )
     slowest = np.minimum.reduceat(points.feed_mm_s, np.append(0, targets[:-1] + 1))
     return Moves(

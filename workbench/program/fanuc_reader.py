@@ -19,7 +19,7 @@ import numpy as np
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell_file import ProcessPart
-from workbench.robot.chain import Chain
+from workbench.robot.kinematics import Chain
 from workbench.robot.sides import free_joint_3
 from workbench.units import DEG, Float
 
@@ -148,7 +148,6 @@ class _Program:
         self.moves: list[ProgramMove] = []
         self.remarks: list[str] = []
         self.home = (process.home.controller_name if process else None) or ""
-        self.labels: set[str] = set()
         self.events = Events(lines, self.moves, process)
 
     def read(self, statements: list[tuple[int, str]]) -> ProgramMoves:
@@ -161,7 +160,7 @@ class _Program:
             elif text.startswith(("PR[", "UFRAME[", "UTOOL[")):
                 self.declare(text)
             elif event := re.fullmatch(EVENT, text):
-                self.event(event)
+                self.events.tell(event)
             else:
                 self.moves.append(self.move(text))
         tools = {move.tool: ProgramTool(self.declared.get(move.tool)) for move in self.moves}
@@ -169,25 +168,6 @@ class _Program:
         return ProgramMoves(
             "fanuc", self.lines.name, tuple(self.moves), tools, objects, tuple(self.events.found), tuple(self.remarks)
         )
-
-    def event(self, found: re.Match[str]) -> None:
-        """What happens between moves."""
-        output, value, awaited, seconds, pause, label, routine = found.groups()
-        if output:
-            self.events.use("1" if value == "ON" else "0", output)
-        elif awaited:
-            self.events.use("wait", awaited)
-        elif seconds:
-            self.events.add("wait_time", seconds)
-        elif pause:
-            self.events.add("stop", "")
-        elif label:
-            if label in self.labels:
-                self.lines.refuse("a label that is not taken", label)
-            self.labels.add(label)
-            self.events.add("restart", label)
-        else:
-            self.events.use("call", routine)
 
     def declare(self, text: str) -> None:
         """A frame by way of a position register: LPOS, its six elements in their order, then the frame."""

@@ -25,8 +25,8 @@ from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.geometry.poses import inverse
 from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell_file import ProcessPart
-from workbench.robot.chain import Chain
 from workbench.robot.inverse import inverse_kinematics
+from workbench.robot.kinematics import Chain
 from workbench.robot.sides import arm_sides
 from workbench.units import DEG, Float, Shaped
 
@@ -160,7 +160,6 @@ class _Job:
     turntable: float | None = None  # rad: where a message asks for it
     at: int | None = None  # the position that the last move went to, where it was not by the controller's home
     in_arc: bool = False  # an arc has just ended: the next one begins there
-    labels: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.events = Events(self.lines, self.moves, self.process)
@@ -196,23 +195,8 @@ class _Job:
     def event(self) -> None:
         """What happens between moves."""
         found = self.lines.take(EVENT, "a move, an event or END (see workbench.program.inform_reader)")
-        output, value, awaited, seconds, pause, label, routine = found.groups()
         self.in_arc = False
-        if output:
-            self.events.use("1" if value == "ON" else "0", output)
-        elif awaited:
-            self.events.use("wait", awaited)
-        elif seconds:
-            self.events.add("wait_time", seconds)
-        elif pause:
-            self.events.add("stop", "")
-        elif label:
-            if label in self.labels:
-                self.lines.refuse("a label that is not taken", label)
-            self.labels.add(label)
-            self.events.add("restart", label)
-        else:
-            self.events.use("call", routine)
+        self.events.tell(found)
 
     def by_joints(self) -> ProgramMove:
         """MOVJ to a posture."""

@@ -19,8 +19,8 @@ import numpy as np
 from workbench.artefacts import EventKind, Moves, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
+from workbench.program.names import free_name
 from workbench.program.rapid_reader import read_rapid
-from workbench.program.rapid_words import free_name
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, skeleton_of
 from workbench.robot.cell import Cell
 from workbench.robot.sides import arm_sides

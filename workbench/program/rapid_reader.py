@@ -11,10 +11,21 @@ import numpy as np
 from workbench.artefacts import EventKind, ProgramEvent, ProgramMove, ProgramMoves, ProgramTool
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
-from workbench.program.rapid_program import Event, JointTarget, Move, OnController, Pose, RapidProgram, RobTarget
-from workbench.program.rapid_tokens import Tokens
-from workbench.program.rapid_values import SHAPES, TOOL0, WOBJ0, read_value
-from workbench.program.rapid_words import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES
+from workbench.program.names import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES
+from workbench.program.rapid_language import (
+    SHAPES,
+    TOOL0,
+    WOBJ0,
+    Event,
+    JointTarget,
+    Move,
+    OnController,
+    Pose,
+    RapidProgram,
+    RobTarget,
+    Tokens,
+    read_value,
+)
 from workbench.program.skeleton import known_events
 from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float

@@ -74,6 +74,7 @@ class Events:
         """`moves` grows as the program is read; names are those of the cell's `process`."""
         self.lines, self.moves, self.known = lines, moves, known_events(process)
         self.found: list[ProgramEvent] = []
+        self.labels: set[str] = set()
 
     def add(self, kind: EventKind, value: str) -> None:
         """One that says itself what it is. Controllers run ahead of a move that blends: there it comes too early."""
@@ -87,6 +88,25 @@ class Events:
         if kind is None:
             self.lines.refuse("a name and a use of the cell file's process section", name)
         self.add(kind, name)
+
+    def tell(self, found: re.Match[str]) -> None:
+        """One of a dialect's statements: seven groups in this order, one of them found."""
+        output, value, awaited, seconds, pause, label, routine = found.groups()
+        if output:
+            self.use("1" if value == "ON" else "0", output)
+        elif awaited:
+            self.use("wait", awaited)
+        elif seconds:
+            self.add("wait_time", seconds)
+        elif pause:
+            self.add("stop", "")
+        elif label:
+            if label in self.labels:
+                self.lines.refuse("a label that is not taken", label)
+            self.labels.add(label)
+            self.add("restart", label)
+        else:
+            self.use("call", routine)
 
 
 def one_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:

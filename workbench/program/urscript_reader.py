@@ -26,7 +26,6 @@ from workbench.units import DEG, Float, Shaped
 POSE = rf"p\[{', '.join([NUMBER] * 6)}\]"
 END = rf"a={NUMBER}, v={NUMBER}, r={NUMBER}"
 POPUP = rf'popup\("Turntable at {NUMBER} deg\?", title="Turntable", blocking=True\)'
-JOINT_SPEED_AT_MOST = 3.2  # rad/s, of any joint: what is more, no robot of the maker does
 TOOL, BASE = "tcp", "base"
 
 

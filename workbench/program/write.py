@@ -18,9 +18,8 @@ from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotatio
 from workbench.program.fanuc import Fanuc
 from workbench.program.inform import Inform
 from workbench.program.krl import Krl
-from workbench.program.names import program_name
+from workbench.program.names import free_name, program_name
 from workbench.program.rapid import Rapid
-from workbench.program.rapid_words import free_name
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
 from workbench.robot.cell import Cell

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection, Section
 from workbench.report.chart_parts import hatch_hidden, mark_sections, svg
 from workbench.report.colours import FACES, INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
-from workbench.report.plot import Axes, Figure
+from workbench.report.plot import Axes, Figure, Lettering
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import COVERAGE, alike
 from workbench.units import Bool, Float, Int, Shaped
@@ -204,7 +204,7 @@ def _label_level(axes: Axes, level: float, text: str) -> None:
         xycoords=("axes fraction", "data"),
         va="center",
         fontsize=8,
-        color=INK if text.startswith("nominal") else LIMIT,
+        look=Lettering(INK if text.startswith("nominal") else LIMIT),
     )
 
 
@@ -242,9 +242,9 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
     mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
     hatch_hidden(axes, hidden_stretches(edge))
     few = out[shown][:: max(1, int(shown.sum()) // REJECTS)]
-    axes.plot(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
+    axes.points(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
     if len(edge.burr_stations):
-        axes.plot(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
+        axes.points(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
     axes.set_xlabel("arc length along the lower edge, mm")
     axes.set_ylabel("v across the edge, mm")
     return PlanView(svg(figure), step, int((~shown).sum()))

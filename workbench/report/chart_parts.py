@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from workbench.report.colours import GREY, INK, PALE
-from workbench.report.plot import Axes, Figure
+from workbench.report.plot import Axes, Figure, Lettering
 from workbench.units import DEG, Float
 
 
@@ -21,7 +21,14 @@ def mark_sections(axes: Axes, arc_length_mm: list[float], names: list[str]) -> N
     for s, name in zip(arc_length_mm, names, strict=True):
         axes.axvline(s, color=PALE, linewidth=0.7, zorder=0.5)
         axes.annotate(
-            name, (s, 1.0), (0, 2), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontsize=8, color=GREY
+            name,
+            (s, 1.0),
+            (0, 2),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="bottom",
+            fontsize=8,
+            look=Lettering(GREY),
         )
 
 
@@ -37,10 +44,8 @@ def hatch_hidden(axes: Axes, stretches_mm: list[tuple[float, float]]) -> None:
                 xycoords=("data", "axes fraction"),
                 ha="center",
                 va="center",
-                rotation=90,
                 fontsize=8,
-                color=GREY,
-                box=True,
+                look=Lettering(GREY, rotation=90, box=True),
             )
 
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.plan_tables import Compared, duration
+from workbench.report.plan_tables import Compared, compared, duration, loop_chart
 from workbench.report.planned import whole_run
+from workbench.report.scenes import loop_scene
 from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage
 
@@ -168,11 +169,6 @@ def closed_loop(
         >>> chapter.title, chapter.verdict
         ('Closed loop', 'pass')
     """
-    # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.closed_loop import closed_loop_html, closed_loop_summary, contradictions
-    from workbench.report.plan_tables import compared, loop_chart
-    from workbench.report.scenes import loop_scene
-
     if not inspection.sections:
         raise InputError("inspection", "expected at least one section to report")
     if not toolpath.layers:

@@ -129,7 +129,7 @@ def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
     for one in finished.values():
         for section in one.sections:
             if section.root_mm is not None:
-                top.plot(
+                top.points(
                     section.arc_length_mm,
                     section.root_mm - one.requirements.root_nominal_mm,
                     "o",
@@ -176,9 +176,6 @@ def correction(
         >>> report.correction(correction, found).title
         'Measured correction'
     """
-    # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.correction import correction_html, correction_summary
-
     finished = {
         name: one
         for name, one in (("blind", blind if blind is not corrected else None), ("corrected", corrected))

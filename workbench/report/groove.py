@@ -179,7 +179,7 @@ def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes
     figure = Figure(figsize=(10, 5.0))
     axes = figure.add_axes((0.06, 0.12, 0.92, 0.86))
     axes.set(xlim=(left - 0.5 * size, right + 0.5 * size), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
-    axes.plot(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
+    axes.points(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
     straight = "root_radius_mm" not in section.values
     if isinstance(groove, Groove):
         _outline(axes, corner, straight, ends=(left, right))
@@ -215,7 +215,7 @@ def _outline(axes: Axes, corner: dict[str, Float], straight: bool, ends: tuple[f
         chain = np.array(seen if straight else seen[1:])
         if len(chain):
             axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
-        axes.plot([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
+        axes.points([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
 
 
 def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
@@ -269,7 +269,9 @@ def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: f
     for name in ("upper", "lower"):
         if name in corner:
             axes.plot([left, corner[name][0]], [corner[name][1]] * 2, color=INK, linewidth=0.7)
-    axes.plot([corner[name][0] for name in names], [corner[name][1] for name in names], "o", color=INK, markersize=2.4)
+    axes.points(
+        [corner[name][0] for name in names], [corner[name][1] for name in names], "o", color=INK, markersize=2.4
+    )
 
 
 def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
@@ -407,8 +409,6 @@ def preparation(cloud: Cloud, preparation: Preparation, inspection: PreparationI
 
 
 def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: JointInspection) -> Chapter:
-    from workbench.report.groove import NOT_JUDGED, groove_certificate, groove_html  # only where a report is made
-
     judged = bool(inspection.requirements)
     return Chapter(
         title=title,

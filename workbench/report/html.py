@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from html.parser import HTMLParser
+from typing import Any
 
-from workbench.artefacts import Chapter, Document, Provenance
-from workbench.errors import InputError
+import numpy as np
+from markupsafe import Markup
+
+from workbench.artefacts import Chapter, Document, Mark, Part, PartNames, Provenance, Scene, Shading, Strokes, Verdict
+from workbench.artefacts.evidence import iso_date
+from workbench.errors import InputError, one_line
+from workbench.report.tables import one_line_a_stage, shown_path
+from workbench.report.text import render, source
 from workbench.stage import stage
+from workbench.units import AnyArray, Float, Int
 
 FORBIDDEN = {"script", "style", "link", "iframe", "object", "embed", "base", "meta", "form"}
 ADDRESSES = {"src", "srcset", "href", "xlink:href", "data", "poster", "background", "action", "formaction", "ping"}
 WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
 CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
+BLOCK_POINTS = 8192
+HALF_STEPS = 32_767  # of int16
+SAMPLE, BESIDE = 500, 32  # points whose nearest neighbour is looked for, and in how many first
 
 
 class _Outside(HTMLParser):
@@ -66,13 +83,277 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
         >>> page.name, page.content[:15]
         ('report.html', b'<!doctype html>')
     """
-    # jinja2 costs time to import: only where a page is made.
-    from workbench.report.html import outside
-    from workbench.report.page import page
-
     if not chapters:
         raise InputError("report", "expected at least one chapter, such as report.inspection makes")
     for chapter in chapters:
         if found := outside(chapter.html):
             raise InputError(f"chapter '{chapter.title}'", f"expected HTML that is complete in itself, got {found}")
     return Document("report.html", page(chapters, provenance).encode())
+
+
+def packed(scene: Scene, most: int) -> str:
+    """JSON of a scene with its first `most` points at most; nothing in it ends a script or starts a tag."""
+    origin = np.round(everything_mm(scene).mean(axis=0), 3)
+    local = scene.points_mm[:most] - origin
+    order = np.argsort(local @ scene.axes[0], kind="stable")
+    content = {
+        "origin": origin.tolist(),
+        "axes": scene.axes.tolist(),
+        "axes_names": scene.axes_names,
+        "marks_are": scene.marks_are,
+        **_points(local[order]),
+        "pitch_mm": round(pitch_mm(local), 4),
+        "shadings": [_shading(each, order) for each in scene.shadings],
+        "strokes": [_strokes(each, origin) for each in scene.strokes if each.lines_mm],
+        "marks": [_mark(each, origin) for each in scene.marks],
+    }
+    text = json.dumps(content, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def everything_mm(scene: Scene) -> Float:
+    """(q, 3) all that the scene shows, in the base."""
+    lines = [line for strokes in scene.strokes for line in strokes.lines_mm]
+    return np.vstack([scene.points_mm, *lines, *(mark.outline_mm for mark in scene.marks)])
+
+
+def pitch_mm(points_mm: Float) -> float:
+    """How far a point is from its nearest neighbour, where they are sparse: nine in ten are nearer."""
+    if len(points_mm) < 2:
+        return 1.0
+    longest = int(np.argmax(np.ptp(points_mm, axis=0)))
+    points = points_mm[np.argsort(points_mm[:, longest])]  # what is nearest lies near in this order too
+    found = []
+    for i in range(0, len(points), max(1, len(points) // SAMPLE)):
+        at, reach = points[i, longest], _second(points[max(0, i - BESIDE) : i + BESIDE + 1], points[i]) * (1.0 + 1e-9)
+        low = np.searchsorted(points[:, longest], at - reach)
+        high = np.searchsorted(points[:, longest], at + reach, side="right")
+        found.append(_second(points[low:high], points[i]) if high - low > 1 else reach)
+    return float(np.percentile(found, 90.0))
+
+
+def _second(points_mm: Float, place_mm: Float) -> float:
+    """Distance of the second nearest of the points, the nearest being the place itself."""
+    off = points_mm - place_mm
+    return math.sqrt(float(np.partition(np.einsum("ij,ij->i", off, off), 1)[1]))
+
+
+def _points(local_mm: Float) -> dict[str, Any]:
+    """Blocks (middle x, y, z, step, number of points) and the coordinates in steps from the middle."""
+    blocks, steps = [], []
+    for block in np.array_split(local_mm, max(1, -(-len(local_mm) // BLOCK_POINTS))) if len(local_mm) else ():
+        low, high = block.min(axis=0), block.max(axis=0)
+        middle = np.round((low + high) / 2, 3)
+        step = max(1e-6, float((np.abs(block - middle)).max()) / HALF_STEPS)
+        blocks.append([*middle.tolist(), step, len(block)])
+        steps.append(np.round((block - middle) / step).astype("<i2"))
+    return {"blocks": blocks, "points": _text(np.vstack(steps) if steps else np.zeros(0, "<i2"))}
+
+
+def _shading(shading: Shading, order: Int) -> dict[str, Any]:
+    palette = np.zeros((256, 3), np.uint8)
+    palette[: len(shading.palette)] = shading.palette
+    return {
+        "name": shading.name,
+        "palette": _text(palette),
+        "index": _text(shading.index[order]),
+        "legend": shading.legend,
+    }
+
+
+def _strokes(strokes: Strokes, origin: Float) -> dict[str, Any]:
+    """Points of all lines, and red, green, blue and whether a line leads to the point (0 at a line's first one)."""
+    rgba = [np.column_stack([colour, np.full(len(colour), 255)]) for colour in strokes.colours]
+    for colour in rgba:
+        colour[0, 3] = 0
+    return {
+        "name": strokes.name,
+        "shown": strokes.shown,
+        "points": _text((np.vstack(strokes.lines_mm) - origin).astype("<f4")),
+        "colours": _text(np.vstack(rgba).astype(np.uint8)),
+    }
+
+
+def _mark(mark: Mark, origin: Float) -> dict[str, Any]:
+    return {
+        "key": mark.key,
+        "place": np.round(mark.place_mm - origin, 3).tolist(),
+        "outline": np.round(mark.outline_mm - origin, 3).tolist(),
+        "colour": mark.colour,
+        "facts": mark.facts,
+    }
+
+
+def _text(array: AnyArray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
+
+
+WORST_FIRST: tuple[Verdict, ...] = ("fail", "undecided", "pass")
+SCENE_POINTS = 300_000  # on the page, all scenes together
+DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
+MOST_OPEN = 6  # of what was not checked, beside a certificate
+
+
+def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
+    """The whole page."""
+    parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
+    about = "part" if any(chapter.part and chapter.about == "part" for chapter in chapters) else "instruments"
+    viewer = viewer_script() if any(chapter.scene for chapter in chapters) else Markup("")
+    return render(
+        "page.html.j2",
+        style=source("page.css"),
+        viewer=viewer,
+        policy=policy(viewer),
+        scenes=_scenes(chapters),
+        heading=_heading(parts if about == "part" else (), provenance),
+        identity=Markup(identity_html(parts[0], about, provenance)) if parts else "",
+        simulated=any(part.simulated for part in parts),
+        certificate=next((Markup(chapter.certificate) for chapter in chapters if chapter.certificate), ""),
+        title=provenance.title if provenance else "",
+        verdict=overall(chapters),
+        chapters=chapters,
+        warnings=_warnings(chapters),
+        not_checked=_not_checked(chapters),
+        provenance=provenance,
+        inputs=[(name, shown_path(path), digest) for name, path, digest in provenance.inputs] if provenance else [],
+        data=_data(provenance) if provenance else [],
+        versions=sorted(provenance.versions.items()) if provenance else [],
+        pipeline=one_line_a_stage(provenance.pipeline) if provenance else "",
+    )
+
+
+def _data(provenance: Provenance) -> list[str]:
+    """What binds the first page to its data and to what evaluated them."""
+    files = [f"{shown_path(path)}, SHA-256 {digest[:DIGITS]}…" for _, path, digest in provenance.inputs]
+    more = [f"{len(files) - MOST_FILES} further files (annex)"] if len(files) > MOST_FILES else []
+    return [*files[:MOST_FILES], *more, f"evaluated by workbench {provenance.versions.get('workbench', '')}".rstrip()]
+
+
+def _parts(chapters: Sequence[Chapter]) -> list[Part]:
+    """The parts that the chapters are about; that of the certificate first."""
+    ranked = sorted(chapters, key=lambda chapter: not chapter.certificate)
+    named = (chapter.part for chapter in ranked if chapter.part)
+    return list(dict.fromkeys(Part(part_id=part) if isinstance(part, str) else part for part in named))
+
+
+def _heading(parts: Sequence[Part], provenance: Provenance | None) -> str:
+    """The parts by name; where none has one, what was done."""
+    names = list(dict.fromkeys(shortened(part.part_id) for part in parts if part.part_id))
+    if names or parts:
+        return one_line(", ".join(names)) or "Part without identification"
+    return provenance.title if provenance else "Report"
+
+
+def policy(script: str) -> str:
+    """What a browser lets the page do (Content-Security-Policy): its own pictures and styles, this one script."""
+    scripts = script_source(script)
+    return f"default-src 'none'; base-uri 'none'; img-src data:; style-src 'unsafe-inline'; script-src {scripts}"
+
+
+def script_source(script: str) -> str:
+    """This script and no other, as a policy names it."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return f"'sha256-{digest}'" if script else "'none'"
+
+
+def viewer_script() -> Markup:
+    """What turns a scene in the browser: the only script of a page."""
+    return source("painter.js") + source("viewer.js")
+
+
+def _scenes(chapters: Sequence[Chapter]) -> list[Markup]:
+    """The scene of each chapter as JSON, '' where it has none; the points are shared out alike."""
+    share = SCENE_POINTS // max(1, sum(chapter.scene is not None for chapter in chapters))
+    return [Markup(packed(chapter.scene, share) if chapter.scene else "") for chapter in chapters]
+
+
+def overall(chapters: Sequence[Chapter]) -> str:
+    """The worst verdict of the chapters that decide something; '' where none does."""
+    given = {chapter.verdict for chapter in chapters}
+    return next((verdict for verdict in WORST_FIRST if verdict in given), "")
+
+
+def _not_checked(chapters: Sequence[Chapter]) -> list[str]:
+    """What was not checked, each once; beside a certificate, what its page has room for."""
+    told = list(dict.fromkeys(one_line(text) for chapter in chapters for text in chapter.not_checked))
+    if len(told) <= MOST_OPEN or not any(chapter.certificate for chapter in chapters):
+        return told
+    return [*told[:MOST_OPEN], f"and {len(told) - MOST_OPEN} more: toolpath.json and the program's head"]
+
+
+def _warnings(chapters: Sequence[Chapter]) -> list[str]:
+    """Each once; named by chapter where there are several, since two edges may have the same to say."""
+    several = len(chapters) > 1
+    return list(dict.fromkeys(f"{c.title}: {text}" if several else text for c in chapters for text in c.warnings))
+
+
+# Whose measurement it is, as the first page says it: part, people, instruments, calibrations.
+
+ALWAYS = ("Recorded", "Operator", "Robot")  # told of instruments, known or not
+OF_INSTRUMENTS = ("operator", "recorded_at", "robot", "robot_serial")  # what a calibration from a table may be given
+SHOWN = 60  # characters of a name
+DAYS_A_YEAR = 365.25
+
+
+def identity_html(part: Part, about: str = "part", provenance: Provenance | None = None) -> str:
+    """What is known of the part, or of the instruments alone, what is not, and how to set it."""
+    unknown = [field.name for field in fields(PartNames) if getattr(part, field.name) is None]
+    missing = [name for name in unknown if about == "part" or name in OF_INSTRUMENTS]
+    inputs = provenance.pipeline.get("inputs", {}) if provenance else missing
+    settable = [name for name in missing if name in inputs]
+    rows = [
+        (name, value, known) for name, value, known in identity_rows(part) if about == "part" or known or name in ALWAYS
+    ]
+    recorded = bool(missing) and (about == "part" or not settable)  # a calibration from a table has no recording
+    return render("identity.html.j2", rows=rows, settable=settable, recorded=recorded)
+
+
+def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
+    """Name, value and whether it is known."""
+    for name, value in (
+        ("Part", part.part_id),
+        ("Drawing", part.drawing),
+        ("Recorded", part.recorded_at and part.recorded_at.replace("T", " ")),
+        ("Operator", part.operator),
+    ):
+        yield name, shortened(value) if value else "unknown", bool(value)
+    yield "Sensor", instrument(part.sensor, part.sensor_serial), part.sensor is not None
+    calibrated = dated(part.sensor_calibrated_at, part.recorded_at)
+    yield "Sensor calibrated", f"{calibrated}; interval unknown" if calibrated else "unknown", bool(calibrated)
+    yield "Robot", instrument(part.robot, part.robot_serial), part.robot is not None
+    yield "Hand-eye calibration", hand_eye(part), part.hand_eye is not None
+    if part.simulated is not None:
+        yield "Kind of part", "simulated: no real part was measured" if part.simulated else "real", True
+
+
+def instrument(name: str | None, serial: str | None) -> str:
+    """An instrument and its serial number."""
+    number = f"serial number {shortened(serial)}" if serial else "serial number unknown"
+    return f"{shortened(name)}, {number}" if name else f"unknown, {number}" if serial else "unknown"
+
+
+def hand_eye(part: Part) -> str:
+    """The hand-eye calibration in use: from where, of when, how good."""
+    if part.hand_eye is None:
+        return "unknown"
+    when = dated(part.hand_eye_calibrated_at, part.recorded_at) or "date unknown"
+    good = f"{part.hand_eye_u_mm:.3f} mm over the field of view" if part.hand_eye_u_mm is not None else "unknown"
+    return f"{shortened(part.hand_eye)}, {when}; u {good}"
+
+
+def dated(day: str | None, of: str | None) -> str:
+    """A date, and how long before the recording it was; '' where there is none."""
+    if day is None:
+        return ""
+    then, now = iso_date(day), iso_date(of) if of else None
+    if then is None or now is None:
+        return day.partition("T")[0]
+    days = (now - then).days
+    age = f"{days} days" if abs(days) < DAYS_A_YEAR else f"{days / DAYS_A_YEAR:.1f} years"
+    return f"{then}, {age} before" if days >= 0 else f"{then}, after the recording"
+
+
+def shortened(text: str | None) -> str:
+    """A name out of a file on one line, cut where it is long."""
+    text = one_line(text or "")
+    return text if len(text) <= SHOWN else text[: SHOWN - 1] + "…"

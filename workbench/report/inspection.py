@@ -9,6 +9,11 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
+from workbench.report.along import angle_chart, plan_view, root_chart
+from workbench.report.inspection_text import certificate_html, inspection_html
+from workbench.report.scene import pictures
+from workbench.report.scenes import inspection_scene
+from workbench.report.section_drawing import section_drawings, section_views
 from workbench.stage import stage
 
 
@@ -45,13 +50,6 @@ def inspection(
         >>> chapter.title, chapter.verdict
         ('Inspection', 'pass')
     """
-    # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.along import angle_chart, plan_view, root_chart
-    from workbench.report.inspection_text import certificate_html, inspection_html
-    from workbench.report.scene import pictures
-    from workbench.report.scenes import inspection_scene
-    from workbench.report.section_drawing import section_drawings, section_views
-
     if not inspection.sections:
         raise InputError(cloud.source or "inspection", "expected at least one section to report")
     if not np.isfinite(edge.position_mm).all(axis=1).any():

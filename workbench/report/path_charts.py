@@ -12,7 +12,7 @@ from workbench.report.along import hidden_stretches
 from workbench.report.chart_parts import hatch_hidden, svg
 from workbench.report.colours import FACES, GREY, INK, LIMIT, LOWER_EDGE, MEASURED, PALE, TOOL_AXES, UPPER_EDGE, rgb
 from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm
-from workbench.report.plot import Axes, Figure
+from workbench.report.plot import Axes, Figure, Lettering
 from workbench.report.scene import Points, View, around, face_ends, joined, overview, towards
 from workbench.units import AnyArray, Bool, Float, Int
 
@@ -174,7 +174,7 @@ def edges_in_plane(cloud: Cloud, edge: RawEdge) -> bytes:
     ):
         along, across, out = axes @ (curve - origin).T
         dots = axes @ (points.position_mm - origin).T
-        in_plane.plot(dots[0], dots[1], ".", color=colour, markersize=1.6)
+        in_plane.points(dots[0], dots[1], ".", color=colour, markersize=1.6)
         in_plane.plot(along, across, color=INK, linewidth=0.7)
         if np.isfinite(along).any():
             middle = float(np.nanmedian(across))
@@ -185,7 +185,7 @@ def edges_in_plane(cloud: Cloud, edge: RawEdge) -> bytes:
                 xycoords=("axes fraction", "data"),
                 ha="center",
                 va="center",
-                color=colour,
+                look=Lettering(colour),
                 fontsize=8,
             )
         off.plot(along, out, color=colour, linewidth=1.1)
@@ -218,7 +218,7 @@ def feed_chart(edge: Edge, toolpath: Toolpath) -> bytes:
         xycoords=("axes fraction", "data"),
         va="center",
         fontsize=8,
-        color=LIMIT,
+        look=Lettering(LIMIT),
     )
     axes.set_xlabel(ALONG)
     axes.set_ylabel("feed, mm/s")
@@ -245,7 +245,7 @@ def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> 
         va="center",
         xycoords=("axes fraction", "data"),
         fontsize=8,
-        color=LIMIT,
+        look=Lettering(LIMIT),
     )
     for axes in rows:
         hatch_hidden(axes, hidden_stretches(edge))

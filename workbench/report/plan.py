@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Moves, RawEdge, Toolpath
+from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Layer, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
+from workbench.report.along import axes_at, developed
+from workbench.report.chart_parts import dimension_angle, dimension_gap, dimension_height, dimension_radius, svg
+from workbench.report.colours import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
 from workbench.report.inspection_text import faces_seen
-from workbench.report.layer_section import Stepped
-from workbench.report.path_charts import AXIS_MM, TOOL_AXIS_MM, shown_stretch
+from workbench.report.path_charts import (
+    AXIS_MM,
+    TOOL_AXIS_MM,
+    edges_in_plane,
+    engagement_chart,
+    feed_chart,
+    path_views,
+    procedure_views,
+    shown_stretch,
+)
 from workbench.report.plan_tables import (
     duration,
     layer_rows,
@@ -22,10 +34,32 @@ from workbench.report.plan_tables import (
     required,
     thickness,
 )
-from workbench.report.planned import LOCAL_MM, Run, local_turn_deg
+from workbench.report.planned import (
+    LOCAL_MM,
+    Run,
+    feed_scale,
+    frames_in_base,
+    layer_colours,
+    layer_scale,
+    local_turn_deg,
+    middle_of_cut_mm,
+    planned_bevel,
+    planned_u,
+    thickness_mm,
+    whole_run,
+)
+from workbench.report.plot import Axes, Figure, Lettering
+from workbench.report.scene import around, frame_arc_length_mm, pictures
+from workbench.report.scenes import plan_scene
 from workbench.report.tables import facts
-from workbench.report.text import data_address, render
+from workbench.report.text import data_address, decimals, measured, render
 from workbench.stage import stage
+from workbench.units import Float, Shaped
+
+ARC_POINTS = 40  # of a fillet
+POINTS, REACH_MM = 6_000, 0.5  # scanned points drawn; from so far along the edge
+EXTENDED = 0.11  # of the drawing's size: layers are drawn on beyond the stock, for their numbers
+SIZE_IN, LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 3.6, 3.8, 3.2, 0.35, 0.95  # of the drawing on paper
 
 
 def plan_html(
@@ -114,14 +148,6 @@ def plan(
         >>> report.plan(points, raw, plan).title
         'Plan'
     """
-    # jinja2 and pillow cost time to import: only where a report is made.
-    from workbench.report.layer_section import stepped_section, stepping_drawing
-    from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart, path_views, procedure_views
-    from workbench.report.plan import plan_html, plan_summary
-    from workbench.report.planned import feed_scale, layer_scale, whole_run
-    from workbench.report.scene import pictures
-    from workbench.report.scenes import plan_scene
-
     if not toolpath.layers:
         raise InputError(toolpath.source or "path", "expected at least one layer")
     run = whole_run(toolpath)
@@ -148,3 +174,192 @@ def plan(
         scene=scene,
         not_checked=gate.left_open if gate is not None and gate.passed else (),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """A layer in a section: where its bevel face starts (at the upper side) and ends, (2,) each, in mm."""
+
+    layer: Layer
+    upper: Float
+    lower: Float
+    fillet: Shaped[Float, "f 2"]  # below it, made by a ball end; a flat end's has no extent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepped:
+    """The section at an arc length: stock and layers."""
+
+    arc_length_mm: float
+    thickness_mm: float
+    upper_edge: Shaped[Float, " 2"]
+    inward: Shaped[Float, " 2"]  # unit, along the upper surface into the plate
+    cuts: list[Cut]  # layers that cut here, first to last
+    root_mm: float
+    bevel_deg: float
+
+
+def stepped_section(edge: RawEdge, toolpath: Toolpath) -> Stepped | None:
+    """The section at the middle of the longest stretch that is cut; None without one, or where the stock is unknown."""
+    middle, high = middle_of_cut_mm(toolpath), thickness_mm(edge)
+    bevel = planned_bevel(toolpath, edge)
+    s = bevel.arc_length_mm
+    known = np.isfinite(np.interp(s, edge.arc_length_mm, high))
+    if middle is None or not known.any():
+        return None
+    k = int(np.argmin(np.where(known, np.abs(s - middle), np.inf)))
+    station = int(np.nanargmin(np.where(np.isfinite(high), np.abs(edge.arc_length_mm - s[k]), np.nan)))
+    axes = np.array([edge.normal[station], edge.across[station]])
+    inward = edge.upper_inward[station]
+    return Stepped(
+        arc_length_mm=float(s[k]),
+        thickness_mm=float(high[station]),
+        inward=axes @ inward,
+        upper_edge=axes @ (edge.upper_position_mm[station] - edge.position_mm[station]),
+        cuts=[cut for layer in toolpath.layers if (cut := _cut(edge, toolpath, layer, float(s[k])))],
+        root_mm=float(bevel.root_mm[k]),
+        bevel_deg=float(bevel.bevel_deg[k]),
+    )
+
+
+def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Stepped) -> bytes:
+    """SVG of the section."""
+    top, left = stepped.thickness_mm, -float(stepped.cuts[-1].upper[0])
+    inch = max(left / 1.8, top / 3.2)  # mm of the part in an inch of the drawing: dimensions and texts have their room
+    size, width, height = SIZE_IN * inch, LEFT_IN + RIGHT_IN, top / inch + BELOW_IN + ABOVE_IN
+    figure = Figure(figsize=(width + 0.65, height + 0.5))
+    axes = figure.add_axes(
+        (0.6 / (width + 0.65), 0.45 / (height + 0.5), width / (width + 0.65), height / (height + 0.5))
+    )
+    axes.set(xlim=(-LEFT_IN * inch, RIGHT_IN * inch), ylim=(-BELOW_IN * inch, top + ABOVE_IN * inch))
+    axes.integer = True
+    _draw_stock(axes, stepped, LEFT_IN * inch)
+    _draw_points(axes, cloud, edge, stepped)
+    _draw_layers(axes, toolpath, stepped, size)
+    _draw_dimensions(axes, edge, toolpath, stepped, size)
+    axes.set_xlabel("u along the end face's outward normal, mm")
+    axes.set_ylabel("v from the lower to the upper side, mm")
+    return svg(figure)
+
+
+def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | None:
+    """The layer's face at its point nearest to an arc length; None where it does not cut there."""
+    k = int(np.argmin(np.abs(layer.arc_length_mm - at_mm)))
+    if not layer.cutting[k]:
+        return None
+    middle = toolpath.in_base(toolpath.face_middle_mm(layer)[k : k + 1])
+    s, u, v = developed(middle, layer.arc_length_mm[k : k + 1], edge)[0]
+    axis = frames_in_base(toolpath, layer)[k][:, 2]  # from shank to tip: down to the lower side
+    here = np.array([s])
+    along = np.array([axis @ axes_at(here, edge, each)[0] for each in (edge.normal, edge.across)])
+    half = along * layer.width_mm[k] / 2.0
+    upper, lower = np.array([u, v]) - half, np.array([u, v]) + half
+    return Cut(layer, upper, lower, _fillet(toolpath.root_radius_mm, lower, along))
+
+
+def _fillet(radius: float, lower: Float, along: Float) -> Float:
+    """The part (f, 2) of a ball end's outline that cuts below the bevel face, from the face to the end face."""
+    off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
+    beyond = np.clip((off * radius + lower)[0] / max(radius, 1e-9), -1.0, 1.0)  # the centre's place before the end face
+    end = np.arctan2(off[0], off[1]) - np.arcsin(beyond)  # from the bevel face to where it meets the end face
+    angle = np.linspace(0.0, max(float(end), 0.0), ARC_POINTS)[:, None]
+    return np.asarray(lower + radius * (off - np.cos(angle) * off + np.sin(angle) * along))
+
+
+def _draw_stock(axes: Axes, stepped: Stepped, width: float) -> None:
+    """The plate, and on it what is to be milled away."""
+    corner, final = stepped.upper_edge, stepped.cuts[-1]
+    reach = 1.2 * width
+    plate = np.array([[0.0, 0.0], corner, corner + reach * stepped.inward, reach * stepped.inward])
+    axes.fill(*plate.T, facecolor="#eef0f2", zorder=0.2)
+    waste = np.array([*final.fillet, corner, final.upper])
+    axes.fill(*waste.T, facecolor="white", zorder=0.3)
+    axes.fill(*waste.T, hatch="////", zorder=0.3)
+    axes.plot(*np.array([[0.0, 0.0], corner, corner + reach * stepped.inward]).T, color=GREY, linewidth=0.9, zorder=1.5)
+    lower = np.array([[0.0, 0.0], reach * stepped.inward])
+    axes.plot(*lower.T, color=GREY, linewidth=0.7, dashes=(6, 3), zorder=1.5)  # not scanned: parallel to the upper one
+
+
+def _draw_points(axes: Axes, cloud: Cloud, edge: Edge, stepped: Stepped) -> None:
+    points = around(cloud, edge, stepped.arc_length_mm, REACH_MM, POINTS)
+    start = frame_arc_length_mm(cloud, edge)[points.frame]
+    laid_out = developed(points.position_mm, start, edge)
+    for face in np.unique(points.label):
+        u, v = laid_out[points.label == face, 1:].T
+        axes.points(
+            u,
+            v,
+            ".",
+            color=FACES[int(face)],
+            markersize=2.6,
+            alpha=0.6,
+            zorder=2,
+        )
+
+
+def _draw_layers(axes: Axes, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
+    """Each layer's face, drawn on beyond the upper surface, where its number stands."""
+    count = len(toolpath.layers)
+    named = _named(stepped, size)
+    for cut in stepped.cuts:
+        colour = layer_colours(np.array([cut.layer.index]), count)[0] / 255.0
+        final = cut is stepped.cuts[-1]
+        face = np.array([*cut.fillet[::-1], cut.lower, cut.upper])
+        axes.plot(*face.T, color=colour, linewidth=2.2 if final else 1.4, zorder=3)
+        beyond = _beyond(cut, size)
+        end = _beyond(cut, 1.75 * size) if cut in stepped.cuts[-2:] else beyond  # for the depth of cut
+        axes.plot(*np.array([cut.upper, end]).T, color=colour, linewidth=0.6, zorder=1)
+        if cut.layer.index in named:
+            axes.annotate(
+                f"{cut.layer.index}",
+                tuple(beyond),
+                (-5, -1),
+                ha="right",
+                va="center",
+                fontsize=8,
+                look=Lettering(INK, weight="bold" if final else "normal"),
+            )
+
+
+def _named(stepped: Stepped, size: float) -> set[int]:
+    """Layers whose numbers have room beside each other, the final one first."""
+    named, last = set(), -np.inf
+    for cut in reversed(stepped.cuts):
+        if cut.upper[0] - last > 0.08 * size:
+            named.add(cut.layer.index)
+            last = cut.upper[0]
+    return named
+
+
+def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
+    root_u, bevel_u = planned_u(edge, toolpath)
+    root = measured(stepped.root_mm, root_u, decimals([root_u]))
+    dimension_height(axes, stepped.root_mm, 0.05 * size, f"root face {root} mm", size)
+    dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
+    angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
+    fillet, corner = toolpath.root_radius_mm, (0.0, stepped.root_mm)
+    if fillet:
+        face = stepped.cuts[-1]
+        off = (face.upper - face.lower)[::-1] * [1.0, -1.0] / np.linalg.norm(face.upper - face.lower)
+        centre, middle = face.lower + fillet * off, face.fillet[len(face.fillet) // 2]
+        dimension_radius(axes, tuple(centre), tuple(middle), f"root radius {fillet:g} mm")
+        corner = tuple(face.lower)
+    radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - corner[1]))
+    axes.plot([corner[0]] * 2, [corner[1], corner[1] + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
+    dimension_angle(axes, corner, stepped.bevel_deg, f"({angle})°", radius)
+    if len(stepped.cuts) > 1:
+        one, final = stepped.cuts[-2:]
+        low, along = (
+            _beyond(final, 1.6 * size),
+            (final.lower - final.upper) / np.linalg.norm(final.lower - final.upper),
+        )
+        off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
+        depth = abs(float((one.upper - final.upper) @ off))
+        dimension_gap(axes, low, low + depth * off, f"depth of cut {depth:.3g} mm", size)
+
+
+def _beyond(cut: Cut, size: float) -> Float:
+    """A point on a layer's line beyond the upper surface."""
+    along = cut.upper - cut.lower
+    on: Float = cut.upper + EXTENDED * size * along / np.linalg.norm(along)
+    return on

@@ -195,7 +195,7 @@ def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name
                 zorder=4,
             )
         if planned is not None:
-            axes.plot(at, planned - asked, "x", color=INK, markersize=6, zorder=5)
+            axes.points(at, planned - asked, "x", color=INK, markersize=6, zorder=5)
     hatch_hidden(axes, gaps(s, np.isfinite(off)))
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
+from workbench.geometry.feeds import step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.geometry.times import step_lengths_mm, step_times_s
 from workbench.report.along import axes_at, developed
 from workbench.report.chart_parts import svg
 from workbench.report.colours import AIR, rgb

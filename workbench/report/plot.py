@@ -21,7 +21,7 @@ from workbench.report.colours import GREY, INK, PALE, rgb
 from workbench.units import AnyArray, Float
 
 FONT = "DejaVu Sans, Verdana, Arial, sans-serif"
-SIZE, SMALL = 9.0, 8.0  # of text
+SIZE = 9.0  # of text
 TICK, PAD = 3.5, 3.5  # length of ticks, distance of their labels
 MARGIN = 0.05  # of the data's span, free on both sides of it
 DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
@@ -54,7 +54,7 @@ class Text:
 class Lettering(NamedTuple):
     """How a text looks."""
 
-    ink: str = INK
+    ink: Colour = INK
     weight: str = "normal"
     rotation: float = 0.0  # deg
     box: bool = False  # on white
@@ -274,9 +274,8 @@ class Axes:
             (0, 1),
             (0, pad),
             xycoords="axes fraction",
-            textcoords="offset points",
             fontsize=fontsize,
-            color=color,
+            look=Lettering(color),
             va="bottom",
         )
 
@@ -286,34 +285,53 @@ class Axes:
         self,
         x: Any,
         y: Any,
-        marker: str = "",
         *,
         color: Colour = INK,
         linewidth: float = 1.5,
         dashes: Sequence[float] = (),
-        zorder: float = 2.0,
-        markersize: float = 6.0,
         alpha: float = 1.0,
         label: str | None = None,
-        clip_on: bool = True,
+        zorder: float = 2.0,
     ) -> None:
-        """A line, broken where a point is not finite; or a marker at each: '.' (one picture of all), o, ^, x."""
-        xy = np.column_stack([np.asarray(x, float).ravel(), np.asarray(y, float).ravel()])
-        self.lines.append(Line(xy, marker))
-        self._take(xy[:, 0], xy[:, 1])
-        ink = _colour(color)
+        """A line, broken where a point is not finite."""
+        xy, ink = self._taken(x, y, ""), _colour(color)
         if label is not None:
             self._legend.append((label, ink))
+
+        def drawn() -> str:
+            return f'<path d="{_path(self._place(xy))}" fill="none" {_stroke(ink, linewidth, dashes, alpha)}/>'
+
+        self._later.append((zorder, True, drawn))
+
+    def points(
+        self,
+        x: Any,
+        y: Any,
+        marker: str,
+        *,
+        color: Colour = INK,
+        markersize: float = 6.0,
+        alpha: float = 1.0,
+        zorder: float = 2.0,
+        clip_on: bool = True,
+    ) -> None:
+        """A marker at each point that is finite: '.' (one picture of all), o, ^, x."""
+        xy, ink = self._taken(x, y, marker), _colour(color)
 
         def drawn() -> str:
             at = self._place(xy)
             if marker == ".":
                 return _dots(at, self.box, ink, markersize / 4.0, alpha)  # matplotlib's "." is half as wide as its "o"
-            if marker:
-                return _markers(at[np.isfinite(at).all(axis=1)], marker, ink, markersize)
-            return f'<path d="{_path(at)}" fill="none" {_stroke(ink, linewidth, dashes, alpha)}/>'
+            return _markers(at[np.isfinite(at).all(axis=1)], marker, ink, markersize)
 
         self._later.append((zorder, clip_on, drawn))
+
+    def _taken(self, x: Any, y: Any, marker: str) -> Float:
+        """Points (n, 2) that the axes' limits hold from now on."""
+        xy = np.column_stack([np.asarray(x, float).ravel(), np.asarray(y, float).ravel()])
+        self.lines.append(Line(xy, marker))
+        self._take(xy[:, 0], xy[:, 1])
+        return xy
 
     def step(self, x: Float, y: Float, *, color: Colour = INK, linewidth: float = 1.5) -> None:
         """A staircase: each value holds from the place before it to its own."""
@@ -441,19 +459,12 @@ class Axes:
         offset: tuple[float, float] = (0.0, 0.0),
         *,
         xycoords: str | tuple[str, str] = "data",
-        textcoords: str = "offset points",
         ha: str = "left",
         va: str = "baseline",
         fontsize: float = SIZE,
-        color: Colour = INK,
-        fontweight: str = "normal",
-        rotation: float = 0.0,
-        box: bool = False,
-        zorder: float = 3.0,
+        look: Lettering = PLAIN,
     ) -> None:
-        """A text beside a place: in the axes' units, or in "axes fraction"; `box`: on white."""
-        if textcoords != "offset points":
-            raise ValueError(f"texts stand at 'offset points', not at '{textcoords}'")
+        """A text beside a place, `offset` points away: in the axes' units, or in "axes fraction"."""
 
         def place() -> tuple[float, float, float, float]:
             x, y = self._anchor(at, xycoords)
@@ -473,10 +484,10 @@ class Axes:
                 fontsize,
                 ha,
                 va,
-                Lettering(_colour(color), fontweight, rotation, box),
+                look,
             )
 
-        self._later.append((zorder, False, drawn))
+        self._later.append((3.0, False, drawn))
 
     def arrow(
         self,
@@ -710,7 +721,7 @@ def _text(
     turned = f" rotate({_n(-look.rotation)})" if look.rotation else ""
     return (
         f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
-        f'fill="{look.ink}"{bold}{halo}>{lines}</text>'
+        f'fill="{_colour(look.ink)}"{bold}{halo}>{lines}</text>'
     )
 
 

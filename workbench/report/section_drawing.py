@@ -17,7 +17,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, 
 from workbench.report.along import in_section
 from workbench.report.chart_parts import dimension_angle, dimension_height, svg
 from workbench.report.colours import FACES, GREY, INK, SIGNS, VERDICTS, face_shades, rgb
-from workbench.report.plot import Axes, Figure
+from workbench.report.plot import Axes, Figure, Lettering
 from workbench.report.scene import Points, View, around, frame_arc_length_mm, of_section, overview, towards
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Bool, Float, Shaped
@@ -94,7 +94,7 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
     strip.spine_hidden = True
     for face in (ROOT_FACE, BEVEL_FACE):
         of_face = label == face
-        strip.plot(
+        strip.points(
             along[of_face],
             off[of_face],
             ".",
@@ -158,14 +158,14 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
         (0, 3),
         xycoords="axes fraction",
         fontsize=11,
-        fontweight="bold",
+        look=Lettering(weight="bold"),
     )
     axes.annotate(
         f"at {section.arc_length_mm:.1f} mm",
         (0, 1),
         (16, 3),
         xycoords="axes fraction",
-        color=GREY,
+        look=Lettering(GREY),
     )
     axes.annotate(
         f"{SIGNS[section.verdict]} {section.verdict}",
@@ -173,16 +173,15 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
         (0, 3),
         xycoords="axes fraction",
         ha="right",
-        color=VERDICTS[section.verdict],
-        fontweight="bold",
+        look=Lettering(VERDICTS[section.verdict], weight="bold"),
     )
     if section.root_mm is None or section.bevel_deg is None:
         text = textwrap.fill(section.reason or "not measured", 24)
-        axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", color=GREY)
+        axes.annotate(text, (0.97, 0.5), xycoords="axes fraction", ha="right", va="center", look=Lettering(GREY))
         return
     for label in np.unique(drawn.label):
         uv = drawn.uv_mm[drawn.label == label]
-        axes.plot(uv[:, 0], uv[:, 1], ".", color=FACES[int(label)], markersize=3.2, alpha=0.6)
+        axes.points(uv[:, 0], uv[:, 1], ".", color=FACES[int(label)], markersize=3.2, alpha=0.6)
     size = float(high[1] - low[1])
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)
@@ -200,7 +199,7 @@ def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: floa
     axes.plot([0, 0], [0, root], color=INK, linewidth=0.7)
     axes.plot([0, end[0]], [root, end[1]], color=INK, linewidth=0.7)
     axes.plot([0, 0], [root, root + 1.15 * radius], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
-    axes.plot([0, 0], [0, root], "o", color=INK, markersize=2.2)
+    axes.points([0, 0], [0, root], "o", color=INK, markersize=2.2)
 
 
 CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up

@@ -5,25 +5,27 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
-from workbench.robot.bounds import BoundingVolumes, bounding_volumes, clearance_bound_mm
+from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
-from workbench.robot.chain import AngleConvention, Chain, abb_angles, within_limits
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
+    AngleConvention,
+    Chain,
+    abb_angles,
     forward_kinematics,
     jacobian,
     jacobian_at,
     jacobian_derivative,
     joint_axes,
     motions,
+    within_limits,
 )
 from workbench.robot.margins import Margins, dexterity
+from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.read import cell, read_cell
-from workbench.robot.screening import CollisionScreen
 from workbench.robot.sides import arm_sides
-from workbench.robot.triangles import cell_triangles
 from workbench.robot.ways_home import refusal, turntable_at_home
 from workbench.robot.wrist import SphericalWrist, spherical_wrist
 

@@ -1,23 +1,42 @@
-"""A lower bound of the clearance for very many postures: what it calls free is free, the rest is for fcl to decide.
+"""Collision of very many postures: a lower bound of the clearance; what it calls free is free, fcl decides the rest.
 
 Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres,
 boxes, and cylinders beside capsules; wider for meshes, and for one of two cylinders. Bounding volumes that keep apart
 prove that the shapes do.
+
+The bodies of a cell may move against each other while its joints stay within a reach of where they are: a point of a
+body moves by at most its distance from each axis times that joint's reach; the distances themselves change by no more
+than the point moves, hence the division (Schwarzer, Saha, Latombe, IEEE Trans. Robotics 21 (2005) 338).
 """
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.robot.bound_kernels import BOX, CYLINDER, FAR_MM, NONE, Scene, bound_kernel, near_kernel, pairs_kernel
+from workbench.geometry.blocks import in_order
+from workbench.robot.bound_kernels import (
+    BOX,
+    CYLINDER,
+    FAR_MM,
+    NONE,
+    Scene,
+    bound_kernel,
+    near_kernel,
+    pairs_kernel,
+    swept_kernel,
+)
 from workbench.robot.cell import Cell
-from workbench.robot.collision import checked_pairs, turntable_pose
+from workbench.robot.collision import CollisionModel, checked_pairs, turntable_pose
+from workbench.robot.kinematics import joint_axes, motions
 from workbench.robot.shapes import ON_TURNTABLE, Shape
 from workbench.units import Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
+WAYS_A_BLOCK = 8  # some 20 ms
+FREE = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,3 +160,122 @@ def _centred(shape: Shape) -> Float:
 
 
 assert ON_TURNTABLE == 7  # the kernel's eighth motion
+
+
+class Pairs:
+    """Which joints move the bodies of each pair against each other, and how far they must keep apart."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build once, ask often."""
+        self.cell, self.model, self.volumes = cell, CollisionModel(cell), bounding_volumes(cell)
+        pairs = np.array(self.model.pairs, int).reshape(-1, 2)
+        link = np.array([max(shape.link, 0) for shape in cell.shapes] or [0])[pairs]
+        on_table = link == ON_TURNTABLE
+        arm = np.where(on_table, 0, link)
+        low, high = arm.min(axis=1), arm.max(axis=1)
+        self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
+        self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
+        # Many pairs come nearer by the same motion: that of one volume by the same joints.
+        motions, self.by = np.unique(np.column_stack([self.outer, self.joints]), axis=0, return_inverse=True)
+        self.carried, self.moves = motions[:, 0].astype(np.int64), motions[:, 1:].astype(bool)
+        self.table = on_table.any(axis=1)
+        self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
+        self.least_mm = self.model.least_mm
+
+    def moved_mm(self, joints: Float, reach: Float, middles: Float) -> Float:
+        """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
+        axes, points = joint_axes(self.cell.chain, joints)
+        arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
+        radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
+        way = np.einsum("nip,pi,ni->np", radius[:, :, self.outer], self.joints.astype(float), reach[:, :6])
+        if self.table.any():
+            pose = turntable_pose(self.cell, 0.0)
+            from_axis = np.linalg.norm(np.cross(middles - pose[:3, 3], pose[:3, 2]), axis=-1) + self.volumes.around_mm
+            way += np.where(self.table, from_axis[:, self.standing] * reach[:, 6:], 0.0)
+        slack = 1 - reach.sum(axis=1, keepdims=True)
+        return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
+
+    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, " c"]) -> Bool:
+        """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
+
+        A stretch of a way is proven when every pair of bodies is farther apart in its middle than it must be, and what
+        the joints may move it by on the whole stretch; else it is halved, down to half a step either side of a place.
+
+        Args:
+            joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
+            table: (c,) rad, standing.
+        """
+        ways, turned = np.ascontiguousarray(joints, float), np.ascontiguousarray(table, float)
+        bodies, least = scene(self.cell, self.volumes), self.least_mm
+
+        def some(first: int, last: int) -> Bool:
+            chosen = slice(first, last)
+            return np.asarray(
+                swept_kernel(bodies, ways[chosen], turned[chosen], self.carried, self.moves, self.by, least)
+            )
+
+        return np.concatenate([np.zeros((0, ways.shape[1]), bool), *in_order(some, len(ways), WAYS_A_BLOCK)])
+
+
+class CollisionScreen:
+    """A cell's bodies, ready to be asked about many postures; the answers are `CollisionModel`'s."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build once, ask often."""
+        self.model = CollisionModel(cell)
+        self.cell, self._volumes = cell, bounding_volumes(cell)
+
+    def __repr__(self) -> str:
+        """What it asks."""
+        return f"CollisionScreen({self.model!r})"
+
+    def hits(self, joints: Float, turntable: Float) -> Int:
+        """Index into `pairs` of a pair that is too near, or FREE (n,), at (n, 6) and (n,), rad."""
+        found = np.full(len(joints), FREE)
+        need = float(self.model.least_mm.max(initial=0.0)) + SAFE_MM
+        open_ = np.flatnonzero(
+            ~(clearance_bound_mm(self.cell, self._volumes, joints, turntable, need + SAFE_MM) > need)
+        )
+        if not len(open_):
+            return found
+        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_], self.model.least_mm)
+        moved = motions(self.cell.chain, joints[open_])
+        angles, which = np.unique(turntable[open_], return_inverse=True)
+        tables = [turntable_pose(self.cell, angle) for angle in angles.tolist()]
+        for i, n in enumerate(open_.tolist()):
+            found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
+        return found
+
+    def clearances_mm(self, joints: Float, turntable: Float) -> Float:
+        """The smallest distance (n,) of bodies that must not touch, 0 where they do, at (n, 6) and (n,), rad.
+
+        fcl is asked about the pairs in the order of their bounds, until no other can be nearer. NaN: nothing can touch.
+        """
+        if not self.model.pairs:
+            return np.full(len(joints), np.nan)
+        bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
+        moved, out = motions(self.cell.chain, joints), np.full(len(joints), np.inf)
+        for n, angle in enumerate(turntable.tolist()):
+            turned = turntable_pose(self.cell, angle)
+            for pair in np.argsort(bounds[n]).tolist():
+                if bounds[n, pair] > out[n] + SAFE_MM:
+                    break
+                out[n] = min(out[n], *self.model.distances(moved[n], turned, [pair]))
+        return out
+
+    @functools.cached_property
+    def _pairs(self) -> Pairs:
+        return Pairs(self.cell)
+
+    def swept(self, joints: Float, turntable: Float) -> Bool:
+        """Which places (c, s) of ways (c, s, 6), (c,) are not proven free; see `Pairs.swept`."""
+        return self._pairs.swept(joints, turntable)
+
+    def pair(self, hit: int) -> tuple[str, str]:
+        """Names of the bodies of a hit."""
+        return self.model.names(*self.model.pairs[hit])
+
+    def which(self, pair: tuple[str, str] | None) -> int:
+        """A hit of two bodies by their names; FREE: there is none."""
+        names = (self.model.names(*two) for two in self.model.pairs)
+        return next((i for i, one in enumerate(names) if one == pair), FREE)

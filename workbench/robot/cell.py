@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import Judgement, Moves, ProgramMoves, RobotCell
 from workbench.errors import InputError
 from workbench.robot.cell_file import ProcessPart
-from workbench.robot.chain import Chain
+from workbench.robot.kinematics import Chain
 from workbench.robot.margins import OFF_MM, WRITTEN_JOINT, Margins
 from workbench.robot.shapes import Shape
 from workbench.units import Float, Shaped

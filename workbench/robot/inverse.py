@@ -9,10 +9,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.kernels import kernel
-from workbench.robot.chain import Chain
 from workbench.robot.inverse_offset import MOST, offset_inverse
-from workbench.robot.position import parallel_position
-from workbench.robot.position_general import general_position
+from workbench.robot.kinematics import Chain
+from workbench.robot.position import angle_about, general_position, parallel_position, rotation_about, wrapped
 from workbench.robot.wrist import SphericalWrist, offset_wrist, spherical_wrist
 from workbench.units import AnyArray, Float
 
@@ -27,8 +26,8 @@ def inverse_kinematics(chain: Chain, base_from_flange: Float) -> Float:
     inverse_offset`), numerically, in no particular order. What follows holds for spherical ones.
 
     Rows are 4 * shoulder + 2 * elbow + wrist where axes 2 and 3 are parallel; else 2 * place + wrist, places in no
-    particular order. Joint limits are not looked at (`workbench.robot.chain.within_limits`). In a singular posture the
-    free angle is 0: joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
+    particular order. Joint limits are not looked at (`workbench.robot.kinematics.within_limits`). In a singular posture
+    the free angle is 0: joint 4 of a stretched wrist, joint 1 of a wrist above axis 1. Branches may then coincide.
 
     Raises:
         InputError: the robot has neither wrist, or one that the first three joints cannot move everywhere.
@@ -62,22 +61,22 @@ def _first_three(chain: Chain, wrist: SphericalWrist, centre_mm: Float) -> Float
 def _with_wrist(h: AnyArray, zero_from_flange: AnyArray, first: AnyArray, poses: AnyArray) -> AnyArray:
     """All six angles (n, 8, 6) from the first three (n, 4, 3) and the poses."""
     out = np.full((len(poses), 8, 6), np.nan)
-    sides = _between(h[3], h[4]), _between(h[4], h[5]), _angle(h[4], h[3], h[5])
+    sides = _between(h[3], h[4]), _between(h[4], h[5]), angle_about(h[4], h[3], h[5])
     for n in range(len(poses)):
         turn = np.ascontiguousarray(poses[n, :3, :3]) @ zero_from_flange
         for place in range(4):
             q1, q2, q3 = first[n, place]
             if np.isnan(q1):
                 continue
-            left = (_rotation(h[0], q1) @ _rotation(h[1], q2) @ _rotation(h[2], q3)).T @ turn
+            left = (rotation_about(h[0], q1) @ rotation_about(h[1], q2) @ rotation_about(h[2], q3)).T @ turn
             for flipped in range(2):
                 q4, q5, q6 = _wrist(h, sides, left, 1.0 - 2.0 * flipped)
                 row = out[n, 2 * place + flipped]
                 if not np.isnan(q5):
                     row[0], row[1], row[2], row[3], row[4], row[5] = (
-                        _wrapped(q1),
-                        _wrapped(q2),
-                        _wrapped(q3),
+                        wrapped(q1),
+                        wrapped(q2),
+                        wrapped(q3),
                         q4,
                         q5,
                         q6,
@@ -98,42 +97,16 @@ def _wrist(h: AnyArray, sides: tuple[float, float, float], left: AnyArray, sense
     if min(near, far) < -SINGULAR:
         return np.nan, np.nan, np.nan
     bend = 2 * np.arctan2(np.sqrt(max(near, 0.0)), np.sqrt(max(far, 0.0)))
-    q5 = _wrapped(sense * bend - start)
-    r5 = _rotation(h[4], q5)
+    q5 = wrapped(sense * bend - start)
+    r5 = rotation_about(h[4], q5)
     bent = r5 @ h[5]
     across = bent - (h[3] @ bent) * h[3]  # first, so that little is lost where it is short
-    q4 = 0.0 if np.sin(c) < SINGULAR else _angle(h[3], across, k)
-    r6 = (_rotation(h[3], q4) @ r5).T @ left
-    return q4, q5, _angle(h[5], h[4], r6 @ h[4])
+    q4 = 0.0 if np.sin(c) < SINGULAR else angle_about(h[3], across, k)
+    r6 = (rotation_about(h[3], q4) @ r5).T @ left
+    return q4, q5, angle_about(h[5], h[4], r6 @ h[4])
 
 
 @kernel
 def _between(u: AnyArray, v: AnyArray) -> float:
     """Angle of two unit vectors, 0 to pi."""
     return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
-
-
-@kernel
-def _angle(axis: AnyArray, start: AnyArray, end: AnyArray) -> float:
-    """The angle about `axis` that turns `start` to `end`, as seen along it; 0 where either lies on it."""
-    across, along = axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)
-    return float(np.arctan2(across, along)) if across != 0.0 or along != 0.0 else 0.0
-
-
-@kernel
-def _wrapped(angle: float) -> float:
-    return float(np.pi - (np.pi - angle) % (2 * np.pi))
-
-
-@kernel
-def _rotation(axis: AnyArray, angle: float) -> AnyArray:
-    """Rodrigues."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = axis
-    return np.array(
-        [
-            [c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s],
-            [y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s],
-            [z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)],
-        ]
-    )

@@ -15,8 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.robot.chain import Chain
-from workbench.robot.kinematics import forward_kinematics, jacobian
+from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
 from workbench.robot.position import parallel_position
 from workbench.robot.wrist import OffsetWrist
 from workbench.units import AnyArray, Bool, Float, Int

@@ -14,16 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import Judgement, ProgramMoves, Violation
-from workbench.robot.bounds import SAFE_MM, pair_bounds_mm
+from workbench.robot.bounds import SAFE_MM, Pairs, pair_bounds_mm
 from workbench.robot.cell import Cell, turntable_margin
 from workbench.robot.collision import CollisionModel, turntable_pose
-from workbench.robot.drive import Places, between, first_look, joined
+from workbench.robot.drive import Places, axis_name, between, first_look, joined, rated, timed_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.margins import dexterity
-from workbench.robot.pairs import Pairs
 from workbench.robot.process import disorders, placed
 from workbench.robot.surface import Driven, Planned, deviations
-from workbench.robot.timed import axis_name, rated, timed_faults
 from workbench.robot.way import JOINTS, Way, WayError, way_of
 from workbench.units import Bool, Float, Int
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.robot.chain import Chain
-from workbench.robot.kinematics import jacobian_at, joint_axes
+from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.units import DEG, AnyArray, Float, Shaped
 
 COVERAGE = 2.0  # times the stated standard uncertainties
@@ -101,10 +100,7 @@ def _inverses(matrices: AnyArray) -> AnyArray:
                 work[r, c] = matrices[n, r, c]
                 work[r, 6 + c] = 1.0 if r == c else 0.0
         for c in range(6):
-            best = c
-            for r in range(c + 1, 6):
-                if abs(work[r, c]) > abs(work[best, c]):
-                    best = r
+            best = _pivot(work, c)
             size = work[best, c]
             if not abs(size) > 0.0:
                 size = np.nan
@@ -121,3 +117,13 @@ def _inverses(matrices: AnyArray) -> AnyArray:
             for c in range(6):
                 found[n, r, c] = work[r, 6 + c]
     return found
+
+
+@kernel
+def _pivot(work: AnyArray, c: int) -> int:
+    """The row from c on that is the largest in column c."""
+    best = c
+    for r in range(c + 1, 6):
+        if abs(work[r, c]) > abs(work[best, c]):
+            best = r
+    return best

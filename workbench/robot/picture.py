@@ -1,28 +1,197 @@
-"""A picture of the cell in a posture: four views by VTK, in a process of its own."""
+"""`workbench view-cell`: a picture of a robot cell in a posture, and what there is to say of both.
+
+The picture is drawn by VTK, in a process of its own.
+"""
 
 from __future__ import annotations
 
+import os
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from workbench.errors import InputError, OutputError
+from workbench.errors import InputError, OutputError, PipelineError
 from workbench.offscreen import cause_of, problem_of, start_drawing
 from workbench.robot.cell import Cell
-from workbench.robot.collision import CollisionModel, turntable_pose
-from workbench.robot.description import nearest_gaps, posture_text
-from workbench.robot.kinematics import forward_kinematics
-from workbench.robot.shapes import ON_BASE
-from workbench.robot.triangles import cell_triangles
-from workbench.units import AnyArray, Float, Shaped
+from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
+from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
+from workbench.robot.position import arm_size_mm
+from workbench.robot.read import read_cell
+from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot.wrist import spherical_wrist
+from workbench.units import DEG, AnyArray, Float, Shaped
 
+STEP = np.radians(2.0)  # of the joints that the reach is looked for with
+OFF_LIMIT = 1e-9  # rad
+SINGULAR = 0.01  # least of the singular values, that of a good posture being about 0.5
+ROUND = 16  # sides of a round body
 SIDES = 64  # of a round body
 ROBOT, HIT = ("#e8a33d", "#d9922b"), "#d11f1f"  # one link and the next
 COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
 RED = "; red: in collision"
 AROUND = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
+
+
+def described(cell: Cell, joints: Float, turntable: float) -> list[str]:
+    """Lines on the cell and on the posture at joint angles (6,) and a turntable angle, rad."""
+    return [*_cell(cell), *_posture(cell, joints, turntable)]
+
+
+def reach_mm(chain: Chain) -> tuple[float, str]:
+    """The largest distance from axis 1 within the limits of joints 2 and 3, and of what: wrist centre or flange.
+
+    The data sheets' reach is that of the wrist's centre. To within the step: 2 deg, or 0.02 % of the distance.
+    """
+    try:
+        point, what = spherical_wrist(chain).centre_mm, "wrist centre"
+    except InputError:
+        point, what = chain.base_from_flange_at_zero[:3, 3], "flange, joints 4 to 6 at 0"
+    second, third = (np.arange(low, high + STEP, STEP).clip(max=high) for low, high in chain.limits[1:3])
+    q = np.zeros((len(second), len(third), 6))
+    q[..., 1], q[..., 2] = second[:, None], third
+    moved = motions(chain, q)[..., 3 if what == "wrist centre" else 6, :, :]
+    arm = moved[..., :3, :3] @ point + moved[..., :3, 3] - chain.points_mm[0]
+    return float(np.linalg.norm(np.cross(arm, chain.axes[0]), axis=-1).max()), what
+
+
+def singularities(chain: Chain, joints: Float) -> list[str]:
+    """Directions in which a robot with a spherical wrist cannot move, or hardly, at joint angles (6,); in words."""
+    try:
+        centre = spherical_wrist(chain).centre_mm
+    except InputError:
+        return []
+    axes, points = joint_axes(chain, joints)
+    moved = motions(chain, joints)[3]
+    arm = np.cross(axes[:3], moved[:3, :3] @ centre + moved[:3, 3] - points[:3]) / arm_size_mm(chain, centre)
+    found = []
+    if np.linalg.svd(axes[3:], compute_uv=False)[2] < SINGULAR:
+        found.append("axes 4, 5 and 6 lie in a plane, the wrist cannot turn in every direction")
+    if np.linalg.svd(arm, compute_uv=False)[2] < SINGULAR:
+        found.append("joints 1 to 3 cannot move the wrist's centre in every direction")
+    return found
+
+
+def check_posture(cell: Cell, joints: Float, turntable: float) -> None:
+    """Refuse a posture (6,), rad, beyond the limits of a joint or of the turntable.
+
+    Raises:
+        InputError: naming the joint, its angle and its limits.
+    """
+    for name, angle, (low, high) in zip(cell.chain.joint_names, joints, cell.chain.limits, strict=True):
+        if not low - OFF_LIMIT <= angle <= high + OFF_LIMIT:
+            raise InputError(f"{cell.source}: {name}", f"expected {_span(low, high)}, got {angle / DEG:.6g} deg")
+    if cell.turntable is None:
+        if turntable:
+            raise InputError(cell.source, "expected no turntable angle: the cell has no turntable")
+        return
+    low, high = cell.turntable.limits
+    if not low - OFF_LIMIT <= turntable <= high + OFF_LIMIT:
+        raise InputError(f"{cell.source}: turntable", f"expected {_span(low, high)}, got {turntable / DEG:.6g} deg")
+
+
+def _cell(cell: Cell) -> Iterator[str]:
+    chain = cell.chain
+    yield f"cell: {cell.title}"
+    limits = ", ".join(
+        f"{name} {low / DEG:.6g} to {high / DEG:.6g}"
+        for name, (low, high) in zip(chain.joint_names, chain.limits, strict=True)
+    )
+    yield f"robot: {chain.name}; limits, deg: {limits}"
+    distance, what = reach_mm(chain)
+    yield f"reach: {distance:.0f} mm from axis 1 ({what})"
+    at, axis = cell.flange_from_cutter[:3, 3], cell.flange_from_cutter[:3, 2]
+    angle = np.degrees(np.arctan2(np.hypot(axis[0], axis[1]), axis[2]))
+    tip = ", ".join(f"{value:.6g}" for value in at)
+    yield f"tool: tip at ({tip}) mm in the flange, cutter's axis {angle:.4g} deg to the flange's z"
+    if cell.turntable is not None:
+        yield f"turntable: {_span(*cell.turntable.limits)}, at most {cell.turntable.speed / DEG:.6g} deg/s"
+    else:
+        yield "turntable: none"
+    yield from (f"warning: {warning}" for warning in cell.warnings)
+
+
+def _posture(cell: Cell, joints: Float, turntable: float) -> Iterator[str]:
+    """Where the bodies are, and how near to each other."""
+    yield posture_text(joints, turntable)
+    yield from (f"singular: {what}" for what in singularities(cell.chain, joints))
+    gaps = CollisionModel(cell).gaps(joints, turntable)
+    hits = [gap for gap in gaps if gap.near]
+    for gap in hits:
+        yield f"collision: {' with '.join(gap.pair)}"
+    for gap in [] if hits else nearest_gaps(cell, gaps):
+        yield f"clearance: {gap.distance_mm:.1f} mm, {' to '.join(gap.pair)}"
+    if not gaps:
+        yield "clearance: no two bodies are to be kept apart"
+
+
+def posture_text(joints: Float, turntable: float) -> str:
+    """A posture in words, from angles in rad."""
+    angles = ", ".join(f"{angle / DEG:.6g}" for angle in joints)
+    return f"posture, deg: {angles}; turntable {turntable / DEG:.6g}"
+
+
+def nearest_gaps(cell: Cell, gaps: list[Clearance]) -> list[Clearance]:
+    """The least of all gaps (nearest first), and the least of arm and tool to what stands around where another."""
+    around = {shape.body for shape in cell.shapes if shape.link in (ON_BASE, ON_TURNTABLE)}
+    moves = {shape.body for shape in cell.shapes if 3 <= shape.link <= 6}  # links 1 and 2 stand where they turn
+    outer = next((gap for gap in gaps if around.intersection(gap.pair) and moves.intersection(gap.pair)), None)
+    return gaps[:1] + ([outer] if outer is not None and outer is not gaps[0] else [])
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low / DEG:.6g} to {high / DEG:.6g} deg"
+
+
+def cell_triangles(cell: Cell, joints: Float, turntable: float, sides: int = ROUND) -> list[tuple[str, Float]]:
+    """Body and triangles (t, 3, 3) of every shape, in the base, at joint angles (6,) and a turntable angle, rad."""
+    moved, turned = motions(cell.chain, joints), turntable_pose(cell, turntable)
+    found = []
+    for shape in cell.shapes:
+        pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
+        corners = _triangles(shape, sides)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        found.append((shape.body, corners[area > 0] @ pose[:3, :3].T + pose[:3, 3]))
+    return found
+
+
+def _triangles(shape: Shape, sides: int) -> Float:
+    """Triangles (t, 3, 3) of a shape in its own frame."""
+    if shape.vertices_mm is not None:
+        return np.asarray(shape.vertices_mm[shape.triangles])
+    if shape.kind == "box":
+        half = np.array(shape.size_mm) / 2
+        ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
+        return _skin(
+            np.array(
+                [
+                    np.column_stack([ring * s, np.full(4, z)])
+                    for s, z in ((0, -half[2]), (1, -half[2]), (1, half[2]), (0, half[2]))
+                ]
+            )
+        )
+    radius = shape.size_mm[0]
+    length = shape.size_mm[1] if len(shape.size_mm) > 1 else 0.0
+    if shape.kind == "cylinder":
+        outline = np.array([[0, -length / 2], [radius, -length / 2], [radius, length / 2], [0, length / 2]])
+    else:
+        bow = np.linspace(0, np.pi / 2, sides // 4 + 2)
+        cap = np.column_stack([radius * np.sin(bow), length / 2 + radius * np.cos(bow)])
+        outline = np.vstack([cap * (1, -1), cap[::-1]])
+    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    return _skin(np.array([np.column_stack([r * circle, np.full(sides, z)]) for r, z in outline]))
+
+
+def _skin(rings: Float) -> Float:
+    """Triangles between rings (r, k, 3) one above the other."""
+    a, b = rings[:-1], rings[1:]
+    a_next, b_next = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
+    return np.concatenate(
+        [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, a_next, b_next), (a, b_next, b))]
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,3 +271,50 @@ def _frames(cell: Cell, joints: Float, turntable: float) -> dict[str, Float]:
     if cell.turntable is not None:
         found["turntable"] = turntable_pose(cell, turntable)
     return found
+
+
+def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str) -> list[str]:
+    """Draws the cell of a file to `out` (PNG); the lines to print.
+
+    Args:
+        cell_file: JSON or YAML.
+        posture: six joint angles in deg, the controller's, separated by commas.
+        turntable_deg: angle of the turntable.
+        out: the picture's name.
+
+    Raises:
+        WorkbenchError: an unusable file or posture, a picture that cannot be drawn or written; then none is written.
+    """
+    picture = Path(out)
+    if picture.suffix.lower() != ".png" or picture.is_dir():
+        raise PipelineError(f"--out '{out}'", "expected the name of a picture that ends in .png")
+    joints = _angles(posture) * DEG
+    cell = read_cell(Path(cell_file))
+    check_posture(cell, joints, turntable_deg * DEG)
+    lines = described(cell, joints, turntable_deg * DEG)
+    _write(picture, cell_picture(cell, joints, turntable_deg * DEG))
+    return [*lines, f"picture: {out}"]
+
+
+def _angles(text: str) -> Float:
+    """Six numbers, separated by commas."""
+    try:
+        angles = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        angles = np.array([])
+    if len(angles) != 6 or not np.isfinite(angles).all():
+        raise PipelineError(f"--posture '{text}'", "expected six joint angles in deg, separated by commas")
+    return angles
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Whole or not at all."""
+    beside = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    try:
+        try:
+            beside.write_bytes(content)
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(str(path), f"cannot be written: {error.strerror}") from None

@@ -25,13 +25,13 @@ from workbench.robot.cell_file import (
     WorkpiecePart,
     matrix_of,
 )
-from workbench.robot.chain import Chain
+from workbench.robot.kinematics import Chain
 from workbench.robot.margins import Margins
+from workbench.robot.plate import check_size, read_workpiece, scanned
 from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
-from workbench.robot.workpiece import check_size, read_workpiece, scanned
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document

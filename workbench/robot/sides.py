@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.robot.chain import Chain
-from workbench.robot.kinematics import motions
+from workbench.robot.kinematics import Chain, motions
 from workbench.robot.wrist import PARALLEL, meeting_point, offset_wrist
 from workbench.units import Bool, Float
 

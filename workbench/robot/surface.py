@@ -115,9 +115,9 @@ def _parts(path: Toolpath) -> Iterator[tuple[str, Float, Float, Float]]:
         row = [part]
         if not isinstance(part, Layer):
             row = [*parts[max(i - 1, 0) : i], part, *parts[i + 1 : i + 2]]
-        position = np.concatenate([_ends(one, j, row, part)[0] for j, one in enumerate(row)])
-        quaternion = np.concatenate([_ends(one, j, row, part)[1] for j, one in enumerate(row)])
-        feed = np.concatenate([_ends(one, j, row, part)[2] for j, one in enumerate(row)])
+        position = np.concatenate([_ends(one, j, part)[0] for j, one in enumerate(row)])
+        quaternion = np.concatenate([_ends(one, j, part)[1] for j, one in enumerate(row)])
+        feed = np.concatenate([_ends(one, j, part)[2] for j, one in enumerate(row)])
         if np.linalg.norm(np.diff(position, axis=0), axis=1).sum() <= NO_LENGTH_MM:
             continue
         name = f"layer {part.index}" if isinstance(part, Layer) else f"the travel {_beside(parts, i)}"
@@ -130,9 +130,7 @@ def _beside(parts: list[Layer | Travel], i: int) -> str:
     return f"behind layer {before[-1]}" if before else "before the first layer"
 
 
-def _ends(
-    one: Layer | Travel, place: int, row: list[Layer | Travel], part: Layer | Travel
-) -> tuple[Float, Float, Float]:
+def _ends(one: Layer | Travel, place: int, part: Layer | Travel) -> tuple[Float, Float, Float]:
     """All points of the part itself, the last one of the part before it, the first one of the part behind it."""
     which = slice(None) if one is part else slice(-1, None) if place == 0 else slice(0, 1)
     return one.position_mm[which], one.quaternion_wxyz[which], one.feed_mm_s[which]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.robot.chain import Chain
-from workbench.robot.position_general import moves_everywhere
+from workbench.robot.kinematics import Chain
+from workbench.robot.position import moves_everywhere
 from workbench.units import Float, Shaped
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero

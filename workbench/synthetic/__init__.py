@@ -6,7 +6,7 @@ from workbench.artefacts.showing import shown_all
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.recipe import Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import (
     parse_groove_recipe,
     parse_prism_recipe,
@@ -19,7 +19,6 @@ from workbench.synthetic.recipe_file import (
 from workbench.synthetic.simulate import simulate_file, simulate_recording, truth_path, write_simulation
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.sphere_conditions import random_sphere_recipe
-from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.swept import (
     GrooveRecipe,
     GrooveTruth,

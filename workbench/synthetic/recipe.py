@@ -3,6 +3,10 @@
 Every key is documented in `docs/simulation.md`. Lengths in mm, angles in degrees (`_deg`), times in s. The part's
 frame: the lower surface lies in z = 0, the plate above it; the lower edge starts at the origin and runs along +x,
 the plate to its left (+y), so that t = x, n = -y, m = z there.
+
+A calibration recording has a sphere instead of the part, and where the scanner sees it. The *view* of a scanner has its
+origin on the laser's axis at the stand-off: x lateral as in the profiler frame, y normal to the laser plane, range away
+from the sensor, whatever the sense of z.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 _MOST = 1e5  # no length, angle or rate of a recipe is greater
 _MOST_FRAMES, _MOST_POSES = 1_000_000, 5_000_000
+_MOST_SPHERE_FRAMES = 20_000
 
 Number = Annotated[float, Field(ge=-_MOST, le=_MOST)]
 Positive = Annotated[float, Field(ge=1e-6, le=_MOST)]
@@ -250,4 +255,73 @@ class Recipe(Strict):
         frames = sum(abs(scan.to_mm - scan.from_mm) / self.robot.frame_pitch_mm for scan in self.passes)
         if frames > _MOST_FRAMES or frames / self.robot.frame_rate_hz * self.robot.pose_rate_hz > _MOST_POSES:
             raise ValueError(f"at most {_MOST_FRAMES} frames and {_MOST_POSES} poses in all")
+        return self
+
+
+class Sphere(Strict):
+    """The sphere on its stem above a table, whose normal points at the sensor in the nominal posture, less a tilt."""
+
+    diameter_mm: Annotated[float, Field(ge=2, le=200)] = 10.0
+    stated_diameter_mm: Positive | None = None  # in the recording; None: the true one
+    center_mm: Triple = (1890.33, 241.48, 1079.72)
+    table_gap_mm: Positive | None = None  # below the sphere; None: no table
+    table_tilt_deg: tuple[Number, Number] = (0.0, 0.0)
+    stem_diameter_mm: NonNegative = 0.0
+
+
+class SpherePass(Strict):
+    """A posture held still, or (`to_mm`) a scan over the sphere, straight in the view or weaved."""
+
+    sphere_mm: Triple  # the sphere's centre in the view: x, y, range
+    turn_deg: Triple = (0.0, 0.0, 0.0)  # of the flange from its nominal orientation: rotation vector, flange frame
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1  # frames held still
+    to_mm: Triple | None = None  # a scan: where the centre lies at its end
+    seconds: Annotated[float, Field(gt=0, le=100)] = 1.0
+    weave_mm: NonNegative = 0.0  # amplitude in x, with 1.5 waves a scan, and in range, with 2.5
+    weave_deg: NonNegative = 0.0  # amplitude of a swing about an oblique axis, with two waves
+    center_mm: Triple | None = None  # of the sphere now: another sphere, or on a table that turned; None: the sphere's
+    gross_mm: Triple = (0.0, 0.0, 0.0)  # what the recorded pose is off, beyond the noise
+
+
+class SphereRobot(Strict):
+    """The robot: what it does, what it records, and what its hand-eye pose is by design."""
+
+    flange_from_profiler: Placement = Placement(position_mm=(126.92, 9.44, 41.48), rpy_deg=(60.489, -3.813, -2.024))
+    design_error_mm: NonNegative = 0.0  # size of a shift in a random direction
+    design_error_deg: NonNegative = 0.0  # size of a turn about a random axis
+    nominal_rpy_deg: Triple = (20.0, 65.0, 10.0)
+    frame_rate_hz: Positive = 50.0
+    pose_rate_hz: Positive = 100.0
+    pose_margin_s: NonNegative = 0.3  # of recorded poses, before and after a scan
+    pose_noise_mm: NonNegative = 0.07
+    pose_noise_deg: NonNegative = 0.01
+    pose_noise_common: Annotated[float, Field(ge=0, le=1)] = 0.0  # share of its variance that a scan's poses share
+    systematic_mm: NonNegative = 0.0  # of each axis, RMS: an error that is smooth in the posture
+    systematic_reach_deg: Annotated[float, Field(ge=5, le=720)] = 90.0  # its wavelength; a metre counts as a radian
+    clock: Literal["robot", "own"] = "robot"
+    clock_offset_s: Annotated[float, Field(ge=-10, le=10)] = 0.0  # profile time - robot time
+
+
+class SphereRecipe(Strict):
+    """A synthetic calibration recording in full. The same recipe gives the same bytes."""
+
+    format: Literal["sphere-recipe"]
+    version: Literal[1] = 1
+    title: str = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    sphere: Sphere = Sphere()
+    scanner: Scanner = Scanner(noise=Noise(sd_mm=0.015, grazing_power=0.0))
+    robot: SphereRobot = SphereRobot()
+    disturbances: Disturbances = Disturbances()
+    passes: Annotated[tuple[SpherePass, ...], Field(min_length=1, max_length=1000)]
+
+    @model_validator(mode="after")
+    def _bounded(self) -> SphereRecipe:
+        frames = sum(p.repeats if p.to_mm is None else p.seconds * self.robot.frame_rate_hz for p in self.passes)
+        if frames > _MOST_SPHERE_FRAMES:
+            raise ValueError(f"at most {_MOST_SPHERE_FRAMES} frames in all")
+        if self.scanner.intensity:
+            raise ValueError("scanner.intensity is not simulated for a sphere")
+        if self.robot.clock == "robot" and self.robot.clock_offset_s != 0:
+            raise ValueError("clock_offset_s needs clock 'own'")
         return self

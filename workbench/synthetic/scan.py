@@ -12,8 +12,7 @@ import scipy
 from workbench.geometry.poses import inverse, pose_from
 from workbench.kernels import kernel
 from workbench.synthetic import raycast
-from workbench.synthetic.recipe import Disturbances, Noise, Pass, Recipe, Scanner
-from workbench.synthetic.sphere_recipe import SphereRecipe
+from workbench.synthetic.recipe import Disturbances, Noise, Pass, Recipe, Scanner, SphereRecipe
 from workbench.synthetic.workpiece import Cut, build_surface, clamp_boxes, edge_frames, pose
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Shaped
 

@@ -14,11 +14,10 @@ from workbench.errors import OutputError
 from workbench.storage import beside, require_space
 from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.recipe import Recipe
+from workbench.synthetic.recipe import Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
 from workbench.synthetic.sphere import SphereTruth, write_sphere
-from workbench.synthetic.sphere_recipe import SphereRecipe
 from workbench.synthetic.swept import (
     GrooveRecipe,
     GrooveTruth,

@@ -18,9 +18,8 @@ from workbench.geometry.poses import (
 )
 from workbench.storage import require_space
 from workbench.synthetic import raycast
-from workbench.synthetic.recipe import Scanner
+from workbench.synthetic.recipe import Scanner, SpherePass, SphereRecipe
 from workbench.synthetic.scan import column_offsets, disturb, sensor_of
-from workbench.synthetic.sphere_recipe import SpherePass, SphereRecipe
 from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, Bool, Float, Int, Shaped
 

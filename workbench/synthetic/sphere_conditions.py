@@ -14,8 +14,8 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.synthetic.draws import Document, Generator
+from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
-from workbench.synthetic.sphere_recipe import SphereRecipe
 
 Condition: TypeAlias = Callable[[Generator, Document], None]
 

@@ -24,7 +24,7 @@ from typing import Any, BinaryIO
 from urllib.parse import quote, unquote, urlsplit
 
 from workbench.errors import InputError, OutputError
-from workbench.report.page import script_source, viewer_script
+from workbench.report.html import script_source, viewer_script
 
 # What of a directory may be served, and as what: regular files inside it, by plain names.
 

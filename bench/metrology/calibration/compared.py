@@ -9,10 +9,18 @@ from bench.metrology.calibration.truth import Cell, bound, cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
 from workbench.errors import WorkbenchError
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector
-from workbench.plugins.calibration import bundle, methods, planning
+from workbench.plugins.calibration import bundle, methods
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import from_arrays
-from workbench.plugins.calibration.planning import Limits, Optics
+from workbench.plugins.calibration.plan import (
+    Limits,
+    Optics,
+    candidate_postures,
+    chosen_postures,
+    information_before,
+    information_gains,
+    random_postures,
+)
 from workbench.plugins.calibration.solve import Answer, solve
 from workbench.synthetic import SphereRecipe
 from workbench.synthetic.sphere import in_profiler
@@ -59,10 +67,10 @@ def measure_plan(result: CalibrationResult, recipe: SphereRecipe) -> None:
     x, _, z = in_profiler(scanner, np.zeros(3))
     limits = Limits(nominal, 25 * DEG, 25 * DEG, (float(x), float(z)), (10.0, 15.0))
     noise = Noise(radius_mm=cell.radius_mm)
-    flange, centre = planning.candidates(limits, rough, CANDIDATES, rng)
-    gain = planning.gains(flange, centre, rough, noise, Optics(cell.noise_mm, cell.pitch_mm))
-    planned = _cell_at(cell, truth, flange[planning.choose(gain, planning.before(rough, noise), POSTURES)])
-    sets = [planning.random_postures(limits, truth, POSTURES, rng)[0] for _ in range(RANDOM_SETS)]
+    flange, centre = candidate_postures(limits, rough, CANDIDATES, rng)
+    gain = information_gains(flange, centre, rough, noise, Optics(cell.noise_mm, cell.pitch_mm))
+    planned = _cell_at(cell, truth, flange[chosen_postures(gain, information_before(noise), POSTURES)])
+    sets = [random_postures(limits, truth, POSTURES, rng)[0] for _ in range(RANDOM_SETS)]
     result.bound_mm = _bound(planned)
     result.random_mm = float(np.median([_bound(_cell_at(cell, truth, one)) for one in sets]))
     circle, covariance = circles(planned, rng)

@@ -13,10 +13,10 @@ from bench.metrology.part import Clock
 from workbench.errors import WorkbenchError
 from workbench.plugins.calibration import circles as find_circles
 from workbench.plugins.calibration import hand_eye
-from workbench.plugins.calibration.correlated import correlated
 from workbench.plugins.calibration.hand_eye import pose_from
 from workbench.plugins.calibration.model import Estimate, Noise, information, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
+from workbench.plugins.calibration.shared_errors import correlated
 from workbench.plugins.calibration.solve import Answer, solve
 from workbench.synthetic import SphereRecipe, random_sphere_recipe, simulate_sphere
 from workbench.synthetic.sphere import design_hand_eye, sphere_motion

@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from workbench.api import Recording, pose_from
 
 RADIUS = 5.0
+COLUMNS, PITCH_MM = 1200, 0.05  # of a profile
+MARGIN_S, POSE_MM, POSE_DEG = 0.3, 0.07, 0.01  # of a scan: poses before and after it, their noise
 TRUE = pose_from(
     Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
 )  # the paper's
@@ -66,27 +68,25 @@ def profile(
     center: Any,
     radius: float = RADIUS,
     *,
-    columns: int = 1200,
-    pitch_mm: float = 0.05,
     noise_mm: float = 0.015,
     sense: int = -1,
     background: bool = False,
     outliers: float = 0.0,
 ) -> Any:
-    """x, z (columns,) of one profile: the sphere about `center` in the profiler frame, from the side of the sense.
+    """x, z (COLUMNS,) of one profile: the sphere about `center` in the profiler frame, from the side of the sense.
 
     `background`: a tilted table below; `outliers`: share of points that lie anywhere.
     """
-    x = (np.arange(columns) - columns / 2) * pitch_mm
+    x = (np.arange(COLUMNS) - COLUMNS / 2) * PITCH_MM
     q2 = radius**2 - center[1] ** 2 - (x - center[0]) ** 2
     steep = q2 > 0.03 * (radius**2 - center[1] ** 2)
-    z = np.full(columns, np.nan)
+    z = np.full(COLUMNS, np.nan)
     z[steep] = center[2] + sense * np.sqrt(q2[steep])
     if background:
         table = ~(q2 > 0)
         z[table] = center[2] - sense * (radius + 12.0) + 0.08 * x[table]
-    z += rng.normal(0, noise_mm, columns)
-    stray = rng.random(columns) < outliers
+    z += rng.normal(0, noise_mm, COLUMNS)
+    stray = rng.random(COLUMNS) < outliers
     z[stray] = center[2] + rng.uniform(-25, 25, stray.sum())
     return x, z
 
@@ -154,10 +154,7 @@ def scan_recording(
     own: bool = True,
     frames: int = 50,
     rate_hz: float = 25.0,
-    margin_s: float = 0.3,
     design: Any = TRUE,
-    pose_mm: float = 0.07,
-    pose_deg: float = 0.01,
 ) -> Recording:
     """A calibration recording of scans over the sphere, poses at `rate_hz`, profiles on a clock ahead by `offset_s`."""
     data: dict[str, list[Any]] = {key: [] for key in ("time", "x", "z", "pass", "rt", "rp", "rq", "rn")}
@@ -168,16 +165,16 @@ def scan_recording(
         centre = np.einsum("kji,kj->ki", turn, CENTER - position)
         centre = (centre - TRUE[:3, 3]) @ TRUE[:3, :3]
         for c in centre:
-            x, z = profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else (np.zeros(1200), np.full(1200, np.nan))
+            x, z = profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else (np.zeros(COLUMNS), np.full(COLUMNS, np.nan))
             data["x"].append(x)
             data["z"].append(z)
-        poses = np.arange(-margin_s, scan.seconds + margin_s + 1e-9, 1 / rate_hz)
+        poses = np.arange(-MARGIN_S, scan.seconds + MARGIN_S + 1e-9, 1 / rate_hz)
         turn, position = scan_motion(scan, poses)
-        noisy = Rotation.from_matrix(turn) * Rotation.from_rotvec(rng.normal(0, np.radians(pose_deg), (len(poses), 3)))
+        noisy = Rotation.from_matrix(turn) * Rotation.from_rotvec(rng.normal(0, np.radians(POSE_DEG), (len(poses), 3)))
         data["time"].append(begin + time + offset_s)
         data["pass"].append(np.full(frames, number))
         data["rt"].append(begin + poses)
-        data["rp"].append(position + rng.normal(0, pose_mm, position.shape))
+        data["rp"].append(position + rng.normal(0, POSE_MM, position.shape))
         data["rq"].append(noisy.as_quat(scalar_first=True))
         data["rn"].append(np.full(len(poses), number))
     joined = {key: np.concatenate(parts) for key, parts in data.items() if key not in ("x", "z")}

@@ -9,9 +9,9 @@ import pytest
 
 from tests.plugins.calibration.conftest import CENTER, TRUE, scan_recording, scans_over
 from workbench.plugins.calibration import bundle, circles
-from workbench.plugins.calibration.common import WHOLE, _Likelihood, _prior, settled
 from workbench.plugins.calibration.model import Estimate, Noise, linearise, normal_equations
 from workbench.plugins.calibration.observations import Passes, by_pass
+from workbench.plugins.calibration.shared_errors import WHOLE, _Likelihood, _prior_of_scans, settled
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_own_errors_lie_about_the_likeliest(scanned: tuple[bundle.Fit, Passes, N
     owns = likely.owns()
     assert 0.8 < owns[2] < 1.25
     assert 0.02 < np.log(owns[3] / owns[2]) < 0.2
-    log = [float(np.logaddexp.reduce(likely.along(WHOLE, b).log + _prior(WHOLE, b))) for b in owns]
+    log = [float(np.logaddexp.reduce(likely.along(WHOLE, b).log + _prior_of_scans(WHOLE, b))) for b in owns]
     assert log[2] == max(log)
     assert log[2] - np.array(log)[[1, 3]] == pytest.approx([0.5, 0.5], abs=0.2)
 

@@ -10,8 +10,19 @@ import numpy as np
 import pytest
 
 from workbench.api import DEG, InputError, inverse, vector_from_rotation
-from workbench.plugins.calibration import circles, hand_eye, plan, planning
+from workbench.plugins.calibration import circles, hand_eye, plan
 from workbench.plugins.calibration.model import Estimate, Noise, View, volume_weight
+from workbench.plugins.calibration.plan import (
+    Limits,
+    Optics,
+    candidate_postures,
+    chosen_postures,
+    circle_covariance,
+    information_before,
+    information_gains,
+    random_postures,
+    volume_after,
+)
 from workbench.synthetic import parse_sphere_recipe, simulate_sphere
 
 CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
@@ -71,20 +82,18 @@ def test_going_there_makes_the_calibration_as_good_as_predicted(made):
 def test_nine_planned_are_better_than_random_nines():
     rng = np.random.default_rng(0)
     estimate = Estimate(np.eye(3), np.array([100.0, 20.0, 50.0]), np.array([1500.0, 0.0, 800.0]), 5.0)
-    limits = planning.Limits(np.diag([1.0, -1.0, -1.0]), 25 * DEG, 25 * DEG, (0.0, 150.0), (10.0, 15.0))
-    noise, optics = Noise(), planning.Optics(0.015, 0.05)
+    limits = Limits(np.diag([1.0, -1.0, -1.0]), 25 * DEG, 25 * DEG, (0.0, 150.0), (10.0, 15.0))
+    noise, optics = Noise(), Optics(0.015, 0.05)
     weight = volume_weight(estimate.rotation, View((0.0, 150.0), (16.0, 20.0)))
-    start = planning.before(estimate, noise)
+    start = information_before(noise)
 
     def volume(flange, centre):
-        return planning.volume_after(
-            start + planning.gains(flange, centre, estimate, noise, optics).sum(axis=0), weight
-        )
+        return volume_after(start + information_gains(flange, centre, estimate, noise, optics).sum(axis=0), weight)
 
-    flange, centre = planning.candidates(limits, estimate, 400, rng)
-    chosen = planning.choose(planning.gains(flange, centre, estimate, noise, optics), start, 9)
+    flange, centre = candidate_postures(limits, estimate, 400, rng)
+    chosen = chosen_postures(information_gains(flange, centre, estimate, noise, optics), start, 9)
     assert len(set(chosen.tolist())) == 9
-    random = [volume(*planning.random_postures(limits, estimate, 9, rng)) for _ in range(60)]
+    random = [volume(*random_postures(limits, estimate, 9, rng)) for _ in range(60)]
     assert volume(flange[chosen], centre[chosen]) < 0.67 * np.median(random)
 
 
@@ -98,7 +107,7 @@ def test_circles_are_as_uncertain_as_their_scatter():
         }
     )
     found = circles(simulate_sphere(recipe)[0]).circle
-    predicted = planning.circle_covariance(np.array([16.0]), planning.Optics(0.015, 0.05))[0]
+    predicted = circle_covariance(np.array([16.0]), Optics(0.015, 0.05))[0]
     assert found.std(axis=0) == pytest.approx(
         np.sqrt(np.diagonal(predicted)), rel=0.2
     )  # the fit is robust: it costs a little

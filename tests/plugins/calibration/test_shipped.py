@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from workbench.cli import main
-from workbench.synthetic.sphere_recipe import SpherePass, SphereRecipe, SphereRobot
+from workbench.synthetic.recipe import SpherePass, SphereRecipe, SphereRobot
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "calibration.md"

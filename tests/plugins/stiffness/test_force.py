@@ -9,14 +9,17 @@ from workbench.api import Cutter, Engagement, Layer, LayerEngagement, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.force import PUBLISHED, CuttingCoefficients, milling_force
+from workbench.plugins.stiffness.force import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
 
 C = PUBLISHED["al7075_t6"]
 CUTTER = Cutter()
 
 
-def one(radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, **more: Any) -> Any:
-    return milling_force(c, CUTTER, np.array([feed]), np.array([radial]), np.array([axial]), **more)[0]
+def one(
+    radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, steps: int = STEPS, **teeth: float
+) -> Any:
+    met = np.array([feed]), np.array([radial]), np.array([axial])
+    return milling_force(c, CUTTER, *met, Teeth(**teeth), steps)[0]
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

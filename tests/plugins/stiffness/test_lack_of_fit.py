@@ -11,8 +11,7 @@ import pytest
 from workbench.errors import InputError
 from workbench.plugins import stiffness
 from workbench.plugins.stiffness.beyond_springs import lack_of_fit
-from workbench.plugins.stiffness.equations import equations
-from workbench.plugins.stiffness.estimate import robust
+from workbench.plugins.stiffness.equations import equations, robust
 from workbench.plugins.stiffness.identify import identify_from
 from workbench.plugins.stiffness.load_checks import rounded, step_of
 from workbench.plugins.stiffness.values import LoadingTests

@@ -10,13 +10,12 @@ import pytest
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import displacements, fast_arm, joint_angles
-from workbench.plugins.stiffness.feasible import Configuration, Examiner
 from workbench.plugins.stiffness.law import STEP_COST_MM, Law, Limits, constant_law, improved_law, nodes, shift_of
 from workbench.plugins.stiffness.law_bound import Grid, relaxed_law
 from workbench.plugins.stiffness.law_kernel import best_law, stepped
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.search import search
-from workbench.plugins.stiffness.traversal import traversal
+from workbench.plugins.stiffness.traversal import Configuration, Examiner, traversal
 from workbench.robot import Cell, CollisionModel, Margins, forward_kinematics, inverse_kinematics
 from workbench.units import Float
 

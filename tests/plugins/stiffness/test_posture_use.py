@@ -17,7 +17,7 @@ from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.posture import _table_band
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
-from workbench.program.rapid_program import RapidProgram, RobTarget
+from workbench.program.rapid_language import RapidProgram, RobTarget
 from workbench.program.rapid_reader import parse_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
 from workbench.robot.shapes import ON_BASE, Shape

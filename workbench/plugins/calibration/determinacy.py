@@ -7,10 +7,12 @@ sphere was seen, and of the rotation as a displacement at the field's edge.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
-from workbench.plugins.calibration.model import Estimate, View, cross_matrix, volume_u
+from workbench.plugins.calibration.model import Estimate, Noise, View, cross_matrix, linearise, volume_u
 from workbench.plugins.calibration.observations import Observations, distinct_postures
 
 MIN_POSTURES = 4
@@ -52,14 +54,20 @@ def check_postures(seen: Observations, where: str) -> None:
         )
 
 
+class Demand(NamedTuple):
+    """What the answer must be good for."""
+
+    view: View
+    limit_mm: float  # largest uncertainty of a point, RMS over the field
+    where: str  # the recording
+
+
 def check_determined(
     covariance: Float,
     estimate: Estimate,
     seen: Observations,
-    centre: Float,
-    view: View,
-    limit_mm: float,
-    where: str,
+    noise: Noise,
+    demand: Demand,
     *,
     with_offset: bool = False,
     raised: str = "",
@@ -70,13 +78,12 @@ def check_determined(
         covariance: of the hand-eye pose, (6, 6).
         estimate: the answer.
         seen: the observations that it rests on.
-        centre: of the sphere, in the profiler frame, (k, 3).
-        view: the field of view.
-        limit_mm: largest uncertainty of a point, RMS over the field.
-        where: the recording.
+        noise: of these.
+        demand: what the answer must be good for.
         with_offset: whether the clock's offset is unknown too.
         raised: that the noise is larger than stated, in words.
     """
+    view, limit_mm, where = demand
     total = volume_u(covariance, estimate.rotation, view)
     if total <= limit_mm:
         return
@@ -88,7 +95,7 @@ def check_determined(
         where,
         f"the postures do not determine {found[0][0]}{more} well enough: predicted uncertainty {size} over the field "
         f"of view of {2 * view.half_mm[0]:.0f} by {2 * view.half_mm[1]:.0f} mm, allowed {limit_mm:g} mm (max_u_mm); "
-        f"{raised or _cause(estimate, seen, centre, with_offset)}",
+        f"{raised or _cause(seen, linearise(estimate, seen, noise).centre, with_offset)}",
     )
 
 
@@ -117,8 +124,8 @@ def _words(v: Float) -> str:
     return f"the rotation about {along}" if turns else f"the translation along {along}"
 
 
-def _cause(estimate: Estimate, seen: Observations, centre: Float, with_offset: bool) -> str:
-    """Why a set is weak, and what would mend it."""
+def _cause(seen: Observations, centre: Float, with_offset: bool) -> str:
+    """Why a set is weak, and what would mend it; the sphere's centre (k, 3) in the profiler frame."""
     between = inverse(seen.base_from_flange[:1]) @ seen.base_from_flange
     turns = vector_from_rotation(between[:, :3, :3])
     turning = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))

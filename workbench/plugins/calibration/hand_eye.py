@@ -25,8 +25,7 @@ from workbench.api import (
 )
 from workbench.plugins.calibration import bundle, methods
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.correlated import correlated
-from workbench.plugins.calibration.determinacy import check_determined, directions
+from workbench.plugins.calibration.determinacy import Demand, directions
 from workbench.plugins.calibration.model import (
     Estimate,
     Linear,
@@ -37,10 +36,12 @@ from workbench.plugins.calibration.model import (
     volume_u,
 )
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
-from workbench.plugins.calibration.solve import Answer, asked, check_scans, solve, solve_with_offset
+from workbench.plugins.calibration.shared_errors import correlated
+from workbench.plugins.calibration.solve import Answer, asked, check_fit, check_scans, solve, solve_with_offset
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,
+    ScaledCircles,
     Scales,
     Sensor,
     rejections,
@@ -123,20 +124,10 @@ def hand_eye(
     by_scale = sized.scales.by_scale @ sized.scales.covariance @ sized.scales.by_scale.T
     size = len(result.covariance)
     result = dataclasses.replace(result, covariance=result.covariance + by_scale[:size, :size])
-    centre = linearise(result.estimate, answer.seen, answer.noise).centre[result.used]
-    check_determined(
-        result.covariance[:6, :6],
-        result.estimate,
-        answer.seen.subset(result.used),
-        centre,
-        view,
-        max_u_mm,
-        where,
-        with_offset=answer.with_offset,
-        raised=asked(noise, answer.noise),
-    )
+    demand, raised = Demand(view, max_u_mm, where), asked(noise, answer.noise)
+    check_fit(result, answer.seen, answer.noise, demand, with_offset=answer.with_offset, raised=raised)
     if answer.with_offset:
-        check_scans(result, passes, answer.noise, max_u_mm, view, where, raised=asked(noise, answer.noise))
+        check_scans(result, passes, answer.noise, demand, raised)
     pose_covariance, rotation = result.covariance[:6, :6], result.estimate.rotation
     verdict = serves(
         pose_covariance,
@@ -170,12 +161,12 @@ def _with_scales(
         passes, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
         answer = _solve(passes, recording, noise, where, limit_mm, view)
         fit, seen = answer.fit, answer.seen
-        told = (passes, profiles, recording, answer.noise, sensor, free, stated_u, answer.with_offset)
-        scales = scales_of(fit, seen, *told)
+        circles = ScaledCircles(passes, profiles, recording, sensor)
+        scales = scales_of(fit, seen, circles, answer.noise, free, stated_u, answer.with_offset)
         worst = scales.contradicted
         if worst is not None:
             free = (free[0] or worst == 0, free[1] or worst == 1)
-            scales = scales_of(fit, seen, *told[:5], free, *told[6:])
+            scales = scales_of(fit, seen, circles, answer.noise, free, stated_u, answer.with_offset)
         elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * _u(scales)[list(free)]).all():
             break
         sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))

@@ -30,17 +30,17 @@ from workbench.api import (
     stage,
     vector_from_rotation,
 )
-from workbench.plugins.calibration.arm_document import arm_document, arm_html
 from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
     Priors,
+    arm_document,
     arm_errors,
+    arm_html,
     corrected,
     pose_derivatives,
 )
-from workbench.plugins.calibration.blunders import enough, noisy, studentised, without_gross
-from workbench.plugins.calibration.determinacy import check_determined
+from workbench.plugins.calibration.determinacy import Demand, check_determined
 from workbench.plugins.calibration.model import (
     SIZE,
     Estimate,
@@ -53,8 +53,8 @@ from workbench.plugins.calibration.model import (
     volume_weight,
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.rows import JOINTS, Table
 from workbench.plugins.calibration.solve import solve
+from workbench.plugins.calibration.tables import JOINTS, Table, enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.tracker import chain_of, flange_poses, inverse_information
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import serves
@@ -174,8 +174,7 @@ def robot(
     built = fit(kept, NO_ERRORS)
     used = seen.subset(np.isin(np.arange(len(seen)), kept))
     covariance = found.covariance[:6, :6]
-    centre = linearise(found.estimate, used, noise).centre
-    check_determined(covariance, found.estimate, used, centre, view, max_u_mm, where)
+    check_determined(covariance, found.estimate, used, noise, Demand(view, max_u_mm, where))
     u = volume_u(covariance, found.estimate.rotation, view)
     seen_u = math.hypot(found.place_u_mm, _rms(found) / math.sqrt(2.0))
     good, verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")

@@ -10,10 +10,10 @@ import numpy as np
 from workbench.api import DEG, Float, InputError, vector_from_rotation
 from workbench.plugins.calibration import bundle, signs
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.common import settled
-from workbench.plugins.calibration.determinacy import check_determined, check_offset, check_postures
+from workbench.plugins.calibration.determinacy import Demand, check_determined, check_offset, check_postures
 from workbench.plugins.calibration.model import Estimate, Noise, View, linearise, view_of
 from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.plugins.calibration.shared_errors import settled
 
 COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
 COARSE_STEPS = 12  # of the fits from the grid of clock offsets
@@ -69,7 +69,8 @@ def solve(
     refined = _refine(_search(seen, noise, design), seen, noise)
     best = refined[0]
     _check_explains(best, seen, noise, where)
-    _check_determined(best, seen, noise, limit_mm, view, where)  # before rivals: with nothing determined there are many
+    demand = Demand(view, limit_mm, where)
+    check_fit(best, seen, noise, demand)  # before rivals: with nothing determined there are many
     best, alone = only_answer(refined, design, seen, noise, where)
     stated, misfit, raised = best, bundle.misfits(best), noise
     if seen.scans:
@@ -84,7 +85,7 @@ def solve(
             found = settled(best, seen, dataclasses.replace(noise, radius_u_mm=final.radius_u_mm))
             best, final = found.fit, found.noise
     if judged:
-        _check_determined(best, seen, final, limit_mm, view, where, raised=asked(noise, final))
+        check_fit(best, seen, final, demand, raised=asked(noise, final))
     return Answer(best, seen, final, stated, alone, misfit, radius_free=final.radius_u_mm > noise.radius_u_mm)
 
 
@@ -123,7 +124,7 @@ def solve_with_offset(
         coarse = bundle.fit(start, passes, blurred, with_offset=True, steps=COARSE_STEPS)
         if not fits:  # what is not determined here is not determined anywhere near
             first = bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1)
-            check_scans(first, passes, noise, limit_mm, view, where)
+            check_scans(first, passes, noise, Demand(view, limit_mm, where))
         if not any(signs.same(coarse.estimate, other.estimate) for other in fits):
             fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
@@ -140,13 +141,11 @@ def solve_with_offset(
     return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
 
 
-def check_scans(
-    best: Fit, passes: Passes, noise: Noise, limit_mm: float, view: View, where: str, raised: str = ""
-) -> None:
+def check_scans(best: Fit, passes: Passes, noise: Noise, demand: Demand, raised: str = "") -> None:
     """Refuse scans that tell neither the pose nor the clock's offset well enough."""
     seen = passes.place(best.estimate.offset_s)
-    _check_determined(best, seen, noise, limit_mm, view, where, with_offset=True, raised=raised)
-    check_offset(float(np.sqrt(best.covariance[10, 10])), _speed(seen), where)
+    check_fit(best, seen, noise, demand, with_offset=True, raised=raised)
+    check_offset(float(np.sqrt(best.covariance[10, 10])), _speed(seen), demand.where)
 
 
 def _speed(seen: Observations) -> float:
@@ -191,29 +190,12 @@ def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit,
     return (other, free) if fits else (best, noise)
 
 
-def _check_determined(
-    best: Fit,
-    seen: Observations,
-    noise: Noise,
-    limit_mm: float,
-    view: View,
-    where: str,
-    *,
-    with_offset: bool = False,
-    raised: str = "",
+def check_fit(
+    best: Fit, seen: Observations, noise: Noise, demand: Demand, *, with_offset: bool = False, raised: str = ""
 ) -> None:
-    centre = linearise(best.estimate, seen, noise).centre[best.used]
-    check_determined(
-        best.covariance[:6, :6],
-        best.estimate,
-        seen.subset(best.used),
-        centre,
-        view,
-        limit_mm,
-        where,
-        with_offset=with_offset,
-        raised=raised,
-    )
+    """Refuse a fit that leaves a point of the field more uncertain than is demanded."""
+    covariance, used = best.covariance[:6, :6], seen.subset(best.used)
+    check_determined(covariance, best.estimate, used, noise, demand, with_offset=with_offset, raised=raised)
 
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:

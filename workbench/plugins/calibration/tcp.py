@@ -30,11 +30,20 @@ from workbench.api import (
     pieces,
     stage,
 )
-from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, shared, studentised, without_gross
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import Observations
-from workbench.plugins.calibration.rows import POSE, Table, poses
 from workbench.plugins.calibration.scanned import BELIEVED, LEAST_POSTURES, Place, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.tables import (
+    POSE,
+    Table,
+    check_misfit,
+    enough,
+    noisy,
+    poses,
+    shared,
+    studentised,
+    without_gross,
+)
 from workbench.plugins.calibration.values import SphereProfiles
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")

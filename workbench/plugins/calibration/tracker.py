@@ -28,18 +28,28 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration.arm_document import arm_document, arm_html
 from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
     Priors,
+    arm_document,
     arm_errors,
+    arm_html,
     corrected,
     pose_derivatives,
 )
-from workbench.plugins.calibration.blunders import check_misfit, enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.model import cross_matrix
-from workbench.plugins.calibration.rows import JOINTS, POSE, Table, poses
+from workbench.plugins.calibration.tables import (
+    JOINTS,
+    POSE,
+    Table,
+    check_misfit,
+    enough,
+    noisy,
+    poses,
+    studentised,
+    without_gross,
+)
 
 if TYPE_CHECKING:
     from workbench.api import Chain

@@ -29,8 +29,11 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration.blunders import (
+from workbench.plugins.calibration.model import Noise
+from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.tables import (
     LEAST_FREEDOM,
+    Table,
     check_misfit,
     enough,
     noisy,
@@ -38,9 +41,6 @@ from workbench.plugins.calibration.blunders import (
     studentised,
     without_gross,
 )
-from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.rows import Table
-from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
 from workbench.plugins.calibration.values import SphereProfiles
 
 POINT = ("x_mm", "y_mm", "z_mm")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from workbench.api import DEG, Float, Recording, Shaped
-from workbench.plugins.calibration import arcs
-from workbench.plugins.calibration.blunders import enough
 from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration.circles import fit_arc
 from workbench.plugins.calibration.model import Linear, Noise, View, linearise, normal_equations, place_u
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.solve import Answer
+from workbench.plugins.calibration.tables import enough
 from workbench.plugins.calibration.values import Calibration, Method, Rejected, SphereProfiles
 
 # The profiler's own scales: x and z may count a millimetre as a little more or less than it is.
@@ -98,25 +99,31 @@ def rescaled(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> 
 
 
 def _fit(x: Float, z: Float, start: Float, profiles: SphereProfiles) -> tuple[Float, Float, float, bool]:
-    return arcs.fit(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
+    return fit_arc(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
+
+
+class ScaledCircles(NamedTuple):
+    """Circles of a recording, joined by pass, the error of the profiler's scales taken out."""
+
+    passes: Passes
+    profiles: SphereProfiles  # as recorded
+    recording: Recording
+    sensor: Sensor  # taken out
 
 
 def scales_of(
     result: Fit,
     seen: Observations,
-    passes: Passes,
-    profiles: SphereProfiles,
-    recording: Recording,
+    circles: ScaledCircles,
     noise: Noise,
-    sensor: Sensor,
     free: tuple[bool, bool],
     stated_u: float,
     with_offset: bool,
 ) -> Scales:
-    """Both errors as the residuals about a fit tell them, which was made with `sensor` taken out."""
+    """Both errors as the residuals about a fit tell them, which was made with the circles' sensor taken out."""
     count = result.covariance.shape[0]
     linear = linearise(result.estimate, seen, noise, with_offset)
-    columns = -_by_scale(passes, profiles, recording, sensor)
+    columns = -_by_scale(circles)
     linear = replace(linear, jacobian=np.concatenate([linear.jacobian, columns], axis=-1)).subset(result.used)
     now = normal_equations(linear, seen.subset(result.used), noise, result.estimate.radius_mm)
     matrix, side = now.matrix[:count, :count], now.side[:count]
@@ -126,7 +133,8 @@ def scales_of(
     left = now.chi2 - side @ np.linalg.solve(matrix, side)
     prior = np.where(free, FREE, stated_u) ** -2.0
     covariance = np.linalg.inv(power + np.diag(prior))
-    found = sensor.error + covariance @ (pull - prior * sensor.error)
+    error = circles.sensor.error
+    found = error + covariance @ (pull - prior * error)
     alone = pull**2 / np.diag(power)
     freedom = max(result.freedom - 1, 1)
     student = np.sign(pull) * np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
@@ -136,8 +144,9 @@ def scales_of(
     )
 
 
-def _by_scale(passes: Passes, profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> Float:
+def _by_scale(circles: ScaledCircles) -> Float:
     """Derivatives (k, 3, 2) of the circles of all passes by both errors, repeats of a posture averaged as they are."""
+    passes, profiles, recording, sensor = circles
     here = rescaled(profiles, recording, sensor)
     more = [rescaled(profiles, recording, sensor.more(axis)) for axis in range(2)]
     change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=-1)

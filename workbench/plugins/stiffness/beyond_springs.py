@@ -15,8 +15,7 @@ import numpy as np
 import scipy
 
 from workbench.api import DEG, Chain, Float, Int, LoadingSetup, Shaped, forward_kinematics, rotation_from_vector
-from workbench.plugins.stiffness.equations import Equations, curvature, equations
-from workbench.plugins.stiffness.estimate import Estimate, whiten
+from workbench.plugins.stiffness.equations import Equations, Estimate, curvature, equations, whiten
 from workbench.plugins.stiffness.values import LoadingTests
 
 SURE_SIGMAS = 5.0  # of a cause: of 40 causes one in 40,000 sound sets of loads has one

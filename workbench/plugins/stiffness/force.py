@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -100,9 +100,7 @@ def force(
             per_tooth,
             radial,
             axial,
-            helix=helix_deg * DEG,
-            runout_mm=runout_mm,
-            runout_angle=runout_angle_deg * DEG,
+            Teeth(helix_deg * DEG, runout_mm, runout_angle_deg * DEG),
         )
         layers.append(_layer_force(layer, through))
     found = MillingForce(tuple(layers), of.source, assumed)
@@ -184,16 +182,21 @@ STEPS = 360  # of a revolution
 SLICES = 40  # of the axial depth
 
 
+class Teeth(NamedTuple):
+    """How the teeth of a cutter stand."""
+
+    helix: float = 0.0  # rad
+    runout_mm: float = 0.0  # distance of the cutter's axis from the spindle's
+    runout_angle: float = 0.0  # of tooth 1 against the runout, rad
+
+
 def milling_force(
     coefficients: CuttingCoefficients,
     cutter: Cutter,
     feed_per_tooth_mm: Shaped[Float, " k"],
     radial_mm: Shaped[Float, " k"],
     axial_mm: Shaped[Float, " k"],
-    *,
-    helix: float = 0.0,
-    runout_mm: float = 0.0,
-    runout_angle: float = 0.0,
+    teeth: Teeth,
     steps: int = STEPS,
 ) -> Float:
     """Force on the cutter (k, steps, 3) in N through one revolution, for k engagements.
@@ -208,19 +211,17 @@ def milling_force(
         feed_per_tooth_mm: (k,)
         radial_mm: (k,) radial depth of cut, 0 to the diameter.
         axial_mm: (k,) axial depth of cut, from the tip.
-        helix: angle, rad.
-        runout_mm: distance of the cutter's axis from the spindle's.
-        runout_angle: of tooth 1 against the runout, rad.
+        teeth: how they stand.
         steps: angles of a revolution.
     """
     pitch = 2 * np.pi / cutter.flutes
     radius = cutter.diameter_mm / 2
-    offset = runout_mm * np.cos(runout_angle - pitch * np.arange(cutter.flutes))
+    offset = teeth.runout_mm * np.cos(teeth.runout_angle - pitch * np.arange(cutter.flutes))
     c = coefficients
     table = np.array([[c.ktc_n_mm2, c.kte_n_mm], [c.krc_n_mm2, c.kre_n_mm], [c.kac_n_mm2, c.kae_n_mm]])
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
     feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
-    return np.asarray(_revolutions(table, offset, radius, float(np.tan(helix)), feed, radial, axial, steps))
+    return np.asarray(_revolutions(table, offset, radius, float(np.tan(teeth.helix)), feed, radial, axial, steps))
 
 
 @kernel

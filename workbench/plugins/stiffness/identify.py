@@ -29,8 +29,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit, lack_of_fit
-from workbench.plugins.stiffness.equations import equations
-from workbench.plugins.stiffness.estimate import Estimate, robust, solve
+from workbench.plugins.stiffness.equations import Estimate, equations, robust, solve
 from workbench.plugins.stiffness.load_checks import (
     check_agreement,
     check_clipped,
@@ -42,9 +41,9 @@ from workbench.plugins.stiffness.load_checks import (
     check_springs,
     check_stated,
     counted_once,
+    explain,
     rounded,
 )
-from workbench.plugins.stiffness.load_mistakes import explain
 from workbench.plugins.stiffness.loads import read_loads
 from workbench.plugins.stiffness.read import stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests

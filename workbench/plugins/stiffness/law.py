@@ -9,11 +9,10 @@ import numpy as np
 
 from workbench.api import AnyArray, Bool, Float, Int, Shaped, within_limits
 from workbench.plugins.stiffness.arm import BRANCHES, displacements
-from workbench.plugins.stiffness.feasible import FREE, MOST_STEP, Configuration, Examiner
 from workbench.plugins.stiffness.law_bound import Grid, Relaxed, relaxed_law
 from workbench.plugins.stiffness.law_kernel import best_law
 from workbench.plugins.stiffness.search import Choice
-from workbench.plugins.stiffness.traversal import flange_poses
+from workbench.plugins.stiffness.traversal import FREE, MOST_STEP, Configuration, Examiner, flange_poses
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
 STEP_COST_MM = 1e-4  # what a step of the grid costs, times its size squared: the law rests where little is to be gained

@@ -9,9 +9,8 @@ import numpy as np
 
 from workbench.api import AnyArray, Bool, Float, Int, Shaped
 from workbench.plugins.stiffness.arm import BRANCHES, traverse
-from workbench.plugins.stiffness.feasible import Examiner
 from workbench.plugins.stiffness.law_kernel import stepped
-from workbench.plugins.stiffness.traversal import placed
+from workbench.plugins.stiffness.traversal import Examiner, placed
 
 BLOCK = 32  # points between which the values are kept; those inside are computed anew on the way back
 

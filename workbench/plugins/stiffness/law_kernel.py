@@ -25,18 +25,7 @@ def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, lea
     rows, columns = value.shape
     width = 2 * bands[1] + 1
     along, turn = np.empty_like(value), np.empty(value.shape, np.int8)
-    for i in range(rows):
-        along[i], turn[i] = value[i], 0
-        for d in range(-bands[1], bands[1] + 1):
-            for j in range(columns):
-                source = j - d
-                if source < 0 or source >= columns:
-                    if not closed:
-                        continue
-                    source %= columns
-                cost = value[i, source] + restless * d * d
-                if cost < along[i, j]:
-                    along[i, j], turn[i, j] = cost, d
+    _turned(value, bands[1], restless, closed, along, turn)
     for i in range(rows):
         for j in range(columns):
             least[i, j], came[i, j] = along[i, j], bands[0] * width + turn[i, j] + bands[1]
@@ -48,6 +37,24 @@ def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, lea
                 if cost < least[i, j]:
                     least[i, j] = cost
                     came[i, j] = (e + bands[0]) * width + turn[i - e, j] + bands[1]
+
+
+@kernel
+def _turned(value: AnyArray, band: int, restless: float, closed: bool, along: AnyArray, turn: AnyArray) -> None:
+    """Fill in the least cost (a, t) of reaching each node along t alone, and the step that was best."""
+    rows, columns = value.shape
+    for i in range(rows):
+        along[i], turn[i] = value[i], 0
+        for d in range(-band, band + 1):
+            for j in range(columns):
+                source = j - d
+                if source < 0 or source >= columns:
+                    if not closed:
+                        continue
+                    source %= columns
+                cost = value[i, source] + restless * d * d
+                if cost < along[i, j]:
+                    along[i, j], turn[i, j] = cost, d
 
 
 @kernel
@@ -86,10 +93,7 @@ def best_law(
     value, fresh = np.full((rows, columns, e_most, d_most), np.inf), np.full((rows, columns, e_most, d_most), np.inf)
     came = np.full((n, rows, columns, e_most, d_most), -1, np.int16)
     before, now = np.zeros((rows, columns, e_most, d_most, m)), np.zeros((rows, columns, e_most, d_most, m))
-    for a in range(rows):
-        for t in range(columns):
-            if free[0, a, t]:
-                value[a, t, bands[0], bands[1]] = cost[0, a, t]
+    _enter(value[:, :, bands[0], bands[1]], cost[0], free[0])
     for i in range(1, n):
         fresh[:] = np.inf
         for a in range(rows):
@@ -113,23 +117,32 @@ def best_law(
                             total = value[a, t, le, ld] + added
                             if total >= fresh[to_a, to_t, e, d]:
                                 continue
-                            if i > 1 and not (rests and le == bands[0] and ld == bands[1]):
-                                from_a, from_t = (
-                                    a - le + bands[0] + shift[i - 1, 0],
-                                    t - ld + bands[1] + shift[i - 1, 1],
-                                )
-                                if not allowed or not _gentle(
+                            straight = i == 1 or (rests and le == bands[0] and ld == bands[1])
+                            from_a, from_t = a - le + bands[0] + shift[i - 1, 0], t - ld + bands[1] + shift[i - 1, 1]
+                            if not straight and not (
+                                allowed
+                                and _gentle(
                                     before[from_a, from_t, le, ld],
                                     now[a, t, e, d],
                                     (dt[i - 1] + dt[i]) / 2,
                                     acceleration,
-                                ):
-                                    continue
+                                )
+                            ):
+                                continue
                             fresh[to_a, to_t, e, d] = total
                             came[i, to_a, to_t, e, d] = last
         value, fresh = fresh, value
         before, now = now, before
     return _traced(value, came, shift, bands)
+
+
+@kernel
+def _enter(value: AnyArray, cost: AnyArray, free: AnyArray) -> None:
+    """The way may begin in every free node (a, t) of the first window."""
+    for a in range(value.shape[0]):
+        for t in range(value.shape[1]):
+            if free[a, t]:
+                value[a, t] = cost[a, t]
 
 
 @kernel

@@ -26,14 +26,13 @@ from workbench.api import (
     within_margins,
 )
 from workbench.plugins.stiffness.arm import arm_of
-from workbench.plugins.stiffness.feasible import CAUSES, JUDGED, Examiner
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.law_bound import Grid
 from workbench.plugins.stiffness.law_postures import Case, Found, case_at, postures
 from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.search import Choice, PostureMap, search
-from workbench.plugins.stiffness.traversal import lowest, sample, traversal
+from workbench.plugins.stiffness.traversal import CAUSES, JUDGED, Examiner, lowest, sample, traversal
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
 OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points

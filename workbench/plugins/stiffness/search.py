@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import Float, InputError, Int, Shaped
-from workbench.plugins.stiffness.feasible import (
+from workbench.plugins.stiffness.traversal import (
     CAUSES,
     COLLISION,
     EVERY_POINT,
@@ -16,8 +16,8 @@ from workbench.plugins.stiffness.feasible import (
     UNREACHABLE,
     Configuration,
     Examiner,
+    Traversal,
 )
-from workbench.plugins.stiffness.traversal import Traversal
 
 FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
 

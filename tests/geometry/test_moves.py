@@ -1,12 +1,16 @@
-"""Runs of poses as lines and circles, on courses whose answer is known."""
+"""Runs of poses as lines and circles, on courses whose answer is known.
+
+How far a rounded corner leaves its path: against the parabola itself.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.moves import Tolerances, merge_poses
+from workbench.geometry.moves import Tolerances, merge_poses, rounding_mm
 
 DEG = np.pi / 180
+NONE = np.full((3, 3), np.nan)
 
 
 def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, feed_share=0.1, **tolerances):
@@ -117,3 +121,34 @@ def test_a_turn_on_the_spot_is_kept() -> None:
     turned = [np.cos(20 * DEG), np.sin(20 * DEG), 0, 0]
     quaternion = np.array([[1.0, 0, 0, 0], [1, 0, 0, 0], turned, turned])
     assert merge(position, quaternion)[0].tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 10.0, 90.0, 180.0])
+def test_straight_corners(turn_deg: float) -> None:
+    turn = np.radians(turn_deg)
+    position = np.array([[-10.0, 0, 0], [0, 0, 0], [10 * np.cos(turn), 10 * np.sin(turn), 0]])
+    off = rounding_mm(position, NONE, np.zeros(3, bool), 2.0)
+    middle = (2.0 * position[0] / 10 + 2.0 * position[2] / 10) / 4  # of the parabola over 2 mm on either side
+    assert off[0] == off[2] == 0
+    assert off[1] == pytest.approx(np.linalg.norm(middle), abs=1e-12)
+
+
+def test_no_rounding_begins_more_than_half_way() -> None:
+    position = np.array([[-1.0, 0, 0], [0, 0, 0], [0, 30, 0]])
+    assert rounding_mm(position, NONE, np.zeros(3, bool), 50.0)[1] == pytest.approx(0.5 * np.sin(np.pi / 4) / 2)
+
+
+def test_an_arc_that_goes_on_as_a_line_has_no_corner() -> None:
+    """A quarter of a circle whose tangent at the end is x, and a line along x or along y."""
+    position = np.array([[0.0, 0, 0], [10, 10, 0], [20, 10, 0]])
+    via = NONE.copy()
+    via[1] = [10 - 10 * np.cos(np.pi / 4), 10 * np.sin(np.pi / 4), 0]
+    circular = np.array([False, True, False])
+    assert rounding_mm(position, via, circular, 1.0)[1] == pytest.approx(0, abs=1e-9)
+    position[2] = [10, 20, 0]
+    assert rounding_mm(position, via, circular, 1.0)[1] == pytest.approx(np.sin(np.pi / 4) / 2)
+
+
+def test_a_turn_on_the_spot_is_never_rounded() -> None:
+    position = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]])
+    assert rounding_mm(position, NONE, np.zeros(3, bool), 0.3)[1] == np.inf

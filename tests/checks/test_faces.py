@@ -379,3 +379,11 @@ def test_an_undercut_that_shows_two_returns_a_frame_is_told() -> None:
     """0.08 mm of it stand out of the shadow: the end face's lower edge was taken for the plate's (1.3 mm off)."""
     with pytest.raises(InputError, match="end_face_step_share"):
         judged_plan(odd_plate("step of 0.15 to 0.9 mm", 3216, is_raw=True))
+
+
+@pytest.mark.parametrize(("lies_on", "seed"), [(True, 8), (False, 8)])
+def test_the_rounded_edge_of_a_root_face_is_no_corner_within_it(lies_on: bool, seed: int) -> None:
+    section = Section(2.0, 0.0, 35.0 * DEG, 7.0, 0.42, 0.0 if lies_on else None)
+    part = simulate(seed, False, section)
+    error, u = judged_inspection(part)["root, mm"]
+    assert (np.abs(error) < 3.0 * u).all()

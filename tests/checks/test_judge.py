@@ -28,7 +28,7 @@ from workbench.checks import (
 )
 from workbench.checks.judge import refuse_failed
 from workbench.checks.motion import Consistency, consistency
-from workbench.checks.sensor import quaternion_step
+from workbench.checks.sensor import quaternion_step, sensor_traces
 from workbench.checks.table import limits_table
 from workbench.checks.window import as_delivered
 from workbench.errors import InputError, PipelineError
@@ -221,6 +221,18 @@ def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(step_mm:
         robot_position_mm=r.robot_position_mm[0] + np.linspace(0, 1, len(r.robot_time_s))[:, None] * way,
     )
     assert ("view_width_mm" in failed(narrow)) == (step_mm == 0.3)
+
+
+def test_chatter_of_four_frames_a_period_is_no_filter() -> None:
+    rng, x = np.random.default_rng(3), np.linspace(-12.0, 12.0, 480)
+    noise = rng.normal(0.0, 0.01, (240, x.size))
+    waves = 0.3 * np.sin(0.5 * np.pi * np.arange(240))[:, None]
+    chatter, smoothed = (
+        sensor_traces(*(np.float32(v) for v in np.broadcast_arrays(x, 0.3 * x + waves + one)), np.zeros(240, np.int64))
+        for one in (noise, gaussian_filter1d(noise, 1.5, axis=0))
+    )
+    assert LIMITS["frame_smoothing"].bound[0] < chatter.fading_frames
+    assert LIMITS["frame_smoothing"].bound[0] > smoothed.fading_frames
 
 
 def test_a_rough_surface_is_no_filter() -> None:

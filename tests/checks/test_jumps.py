@@ -38,6 +38,9 @@ def test_what_robots_do_is_no_jump() -> None:
         assert of(place) < 0.5
     assert of(STEADY, waits) < 0.5  # stop and go
     assert of(STEADY[:2], TIME[:2]) == 0.0
+    last = np.append(TIME, TIME[-1] + 1e-4)  # a pose right before the end: what it moved is noise
+    steady = np.vstack([STEADY, STEADY[-1]]) + np.random.default_rng(6).normal(0.0, 0.02, (301, 3))
+    assert all(of(np.roll(steady, k, axis=1) * [1, -1, 1], last) < 0.5 for k in range(3))
 
 
 def test_a_window_that_follows_the_part_in_steps_is_told() -> None:

@@ -25,6 +25,7 @@ from workbench.edge.form import (
     _known_depths,
     _nothing_known,
     _odd_columns,
+    levels_mm,
     scattered,
 )
 from workbench.scan import fuse
@@ -190,3 +191,15 @@ def test_a_face_of_few_columns_may_be_rounded() -> None:
 def test_frames_that_share_their_errors_count_as_one(together: int) -> None:
     depths = np.repeat(np.random.default_rng(8).normal(0.0, 0.01, (480 // together, 12)), together, axis=0)
     assert _alike(depths) == pytest.approx(together, rel=0.3)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_two_levels_are_told_by_the_differences_of_neighbours(share: float) -> None:
+    rng = np.random.default_rng(11)
+    off = rng.normal(0.0, 0.01, (120, 150)) + 0.05 * np.sin(np.linspace(0.0, 4.0, 150))  # a form is no level
+    off[rng.random(off.shape) < 0.02] += 0.4  # strays
+    off[rng.random(off.shape) < 0.05] = np.nan
+    assert levels_mm(off) == 0.0
+    assert levels_mm(rng.standard_t(4, off.shape)) == 0.0
+    apart = 0.06
+    assert levels_mm(off + apart * (rng.random(off.shape) < share)) == pytest.approx(apart, rel=0.3)

@@ -197,6 +197,19 @@ def test_passes_over_other_stretches_keep_the_course() -> None:
     assert np.abs((course.value(inside) - drift(inside)) / course.u(inside)).max() < 4.0
 
 
+def test_passes_that_only_meet_are_uncertain_by_half_of_a_step_between_them() -> None:
+    rng, step = np.random.default_rng(9), np.array([0.0, 0.2, -0.1])
+    s = np.arange(0.0, LENGTH_MM, PITCH_MM)
+    group = (s > 0.5 * LENGTH_MM).astype(np.int64)
+    bend = np.stack([s, 2e-4 * s**2, 0.0 * s], axis=1)
+    y = bend + rng.normal(0.0, 0.01, (s.size, 3))
+    courses = [fit_course(s, one, None, group, (2, 3)) for one in (y, y + group[:, None] * step)]
+    off = courses[1].value(AT) - np.stack([AT, 2e-4 * AT**2, 0.0 * AT], axis=1)
+    assert np.abs(off - 0.5 * step).max() < 0.02
+    assert courses[1].u(AT) == pytest.approx(0.5 * np.sqrt((step**2).mean()) * np.ones(AT.size), rel=0.1)
+    assert courses[0].u(AT).max() < 0.01  # none is certain: nothing is put on
+
+
 def test_outliers_are_left_out() -> None:
     rng = np.random.default_rng(9107)
     s, y = seen(long_wave, 7, 0.02)

@@ -51,6 +51,7 @@ class Shown(NamedTuple):
     bevel_nominal_deg: float
     readings_apart: float  # in score (edge.identify), by which root face and bevel face read the other way fit worse
     lies_on: bool  # what the plate lies on joins the root face's lower end
+    rim_mm: float = 0.0  # of the root face at that end, that is its rounded or chamfered edge
 
 
 def require_bevel(
@@ -90,7 +91,7 @@ def require_bevel(
     told += "nominal root face, and neither upper nor lower surface is in view to tell; widen or shift the view"
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     apart = check("readings_apart", shown.readings_apart if alone else None, told, given=limits)
-    judged = judge_faces(cloud, labels, limits, shown.lies_on)
+    judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)
     stepped = beside_check(cloud, labels, limits)
     checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judged, stepped, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
@@ -126,13 +127,18 @@ def plates_check(two_plates_share: float, limits: Mapping[str, Bound] | None = N
 
 
 def judge_faces(
-    cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None, lies_on: bool = False
+    cloud: Cloud,
+    labels: AnyArray,
+    limits: Mapping[str, Bound] | None = None,
+    lies_on: bool = False,
+    rim_mm: float = 0.0,
 ) -> tuple[Check, ...]:
     """Checks of the faces (labels of `workbench.artefacts`, (N, M)) that were found in a cloud; none raises.
 
     The faces of a bevel are straight in the section and are there along the whole edge. On anything round, two chords
     that differ by 20 deg and more bow by a tenth of their width; on a bevel by less than a hundredth.
-    lies_on: what joins the root face's other end is what the plate lies on, and turns up.
+    lies_on: what joins the root face's other end is what the plate lies on, and turns up. rim_mm: of the root face at
+    that end, that is rounded or chamfered: it is not asked whether it is straight.
     """
     given = limits or {}
     shows, found = np.zeros(len(labels), bool), np.zeros(len(labels), bool)
@@ -141,7 +147,8 @@ def judge_faces(
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = np.flatnonzero(found)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
-    bows = {face: bow_of(cloud, labels, rows, face) for face in NAMES}
+    clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
+    bows = {face: bow_of(cloud, clear, rows, face) for face in NAMES}
     bow, name = max((one.share, NAMES[face]) for face, one in bows.items())
     round_ = (
         f"what would be its {name} bows by {100 * bow:.0f} % of its width: a dome, a bar, a cable or a rounded groove?"
@@ -167,7 +174,7 @@ def judge_faces(
     return (
         check("edge_share", share, told, given=given),
         check("face_bow", bow, round_, given=given),
-        _bend_check(cloud, labels, NAMES, given),
+        _bend_check(cloud, clear, NAMES, given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
         check("goes_on_share", on, goes_on, given=given),
@@ -252,6 +259,18 @@ def _sample(labels: AnyArray, faces: Sequence[int]) -> AnyArray:
     """Frames, evenly, that show all of some faces."""
     found = np.flatnonzero(np.all([(labels == face).any(axis=1) for face in faces], axis=0))
     return found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
+
+
+def _without_rim(cloud: Cloud, labels: AnyArray, rim_mm: float) -> AnyArray:
+    """The labels (N, M) without so much of the root face's end away from the bevel face."""
+    labels, columns = labels.copy(), np.arange(labels.shape[1])
+    root = (labels == ROOT_FACE) & cloud.keep
+    for i in np.flatnonzero(root.any(axis=1) & (labels == BEVEL_FACE).any(axis=1)):
+        on = columns[root[i]]
+        end = on[-1] if np.median(on) > np.median(columns[labels[i] == BEVEL_FACE]) else on[0]
+        x, z = cloud.x_mm[i], cloud.z_mm[i]
+        labels[i, on[np.hypot(x[on] - x[end], z[on] - z[end]) < rim_mm]] = 0
+    return labels
 
 
 class _Corner(NamedTuple):

@@ -8,6 +8,7 @@ from workbench.units import Float, Int
 
 LEAST_POSES = 12  # of a pass
 ALIKE = 0.5  # of the faster velocity, by which those before and after a jump may differ: they are one motion
+SHORT = 0.5  # of the usual time between two poses
 SINGLE = 8.0  # times what nine in ten of a pass's poses are off: a jump is single, noise and sway are everywhere
 
 
@@ -30,6 +31,7 @@ def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
         off = np.minimum(np.linalg.norm(by_time, axis=1), np.linalg.norm(by_count, axis=1))
         before, after = np.linalg.norm(velocity[:-4], axis=1), np.linalg.norm(velocity[4:], axis=1)
         alike = np.linalg.norm(velocity[:-4] - velocity[4:], axis=1) <= ALIKE * np.maximum(before, after)
-        single = alike & (off > SINGLE * np.quantile(off, 0.9))
+        whole = took > SHORT * np.median(took)  # over less, velocities are the positions' noise
+        single = alike & whole[:-4] & whole[4:] & (off > SINGLE * np.quantile(off, 0.9))
         found = max(found, float(off[single].max(initial=0.0)))
     return found

@@ -182,6 +182,12 @@ LIMITS: dict[str, Limit] = {
         "share of the frames with faces in which the root face ends by itself, not at the end of the view",
         "without its end a bevel face under the upper surface looks like a root face under a bevel face",
     ),
+    "late_turn_deg": Limit(
+        0.03,
+        "turn of a raw edge's face that goes with how fast the scanner turns, root mean square, where that is certain",
+        "poses that come 5 ms late at 3 deg of sway make as much; 60 good raw edges show none for certain; a smaller "
+        "one is in the uncertainty",
+    ),
     "edge_break_mm": Limit(
         1.6,
         "radius of the rounded, or height of the chamfered lower edge that the returns show; of a raw edge of both",

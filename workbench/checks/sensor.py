@@ -77,7 +77,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     digit = _digit(many, step_z)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    fading_frames, held = fading(_unbent(series), digit), _held_ends(z, digit)
+    unbent = _unbent(series)
+    fading_frames, held = fading(unbent, digit), _held_ends(z, digit)
     mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
@@ -123,6 +124,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if mean and not (_blind(whole, mean) or _blind(level, mean)):
         mean = 0.0
     left = min(fading(whole, digit), fading(level, digit))
+    if fading_frames < 1.0:  # chatter of a few frames adds to longer periods, and to none from column to column
+        fading_frames = max(fading_frames, _power(unbent, TOP) / (_white(noise) * len(TOP)))
     return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, equal, held, step_z, step_x, pitch)
 
 
@@ -286,7 +289,7 @@ def fading(rows: Float, digit_mm: float) -> float:
     if len(rows) < LEAST_ROWS:
         return float("nan")
     top, below, half = (_power(rows, band) for band in (TOP, BELOW, HALF))
-    rounding = digit_mm**2 / 12.0 * float((np.hanning(PIECE) ** 2).sum()) * len(TOP)
+    rounding = _white(digit_mm) / 12.0 * len(TOP)
     return top / max(below if top < DIGITS * rounding else min(below, half), 1e-300)
 
 
@@ -333,6 +336,11 @@ def _power(rows: Float, frequency: Float) -> float:
     """Median over rows (n, PIECE) of their power at frequencies (k,) per column, all together."""
     wave = np.exp(-2j * np.pi * np.arange(PIECE)[:, None] * np.minimum(frequency, 1.0 - frequency))
     return float(np.median((np.abs((rows * np.hanning(PIECE)) @ wave) ** 2).sum(axis=1)))
+
+
+def _white(sigma: float) -> float:
+    """Power of white noise of this standard deviation at each frequency, as `_power` has it."""
+    return sigma**2 * float((np.hanning(PIECE) ** 2).sum())
 
 
 def _pieces(grid: Float) -> Float:

@@ -18,12 +18,15 @@ from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.medians import row_medians
+from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 SAMPLE_FRAMES = 480  # evenly over the recording
 ASIDE_FRAMES = 120
+# Differences of neighbouring returns on a face that tell two levels: how many at least; strays, times their median and
+# their standard deviation; by how much less peaked than noise, and by how many of its standard deviations.
+LEAST_PAIRS, STRAY_PAIRS, SIGMA_PAIRS, SETTLE_PAIRS, LEAST_EXCESS, SURE_EXCESS = 1000, 9.0, 5.0, 3, 0.05, 4.0
 STRETCH_MM = 40.0  # of edge, whose frames are pooled
 PLACES = 9  # on a face, from its upper to its lower end
 LEAST_FRAMES, FEW_FRAMES = 20, 3  # in a stretch, which is as long as it takes; with fewer in all nothing is known
@@ -94,7 +97,8 @@ def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, a
 def aside_mm(cloud: Cloud, labels: AnyArray, face: FaceLines, label: int) -> float:
     """How far most returns of a face lie beside its line, mm, for certain: second returns of some columns draw it off.
 
-    The median over frames of that of their residuals; as many lie on both sides where nothing but noise scatters them.
+    The median over frames of that of their residuals; as many lie on both sides where nothing but noise scatters them,
+    or where half of the columns have them (`levels_mm`).
     """
     frames = np.flatnonzero(face.count > LEAST_FRAMES)
     frames = (
@@ -105,10 +109,31 @@ def aside_mm(cloud: Cloud, labels: AnyArray, face: FaceLines, label: int) -> flo
     slope = (face.sxz[frames] / face.sxx[frames])[:, None]
     off = cloud.z_mm[frames] - face.z_mean[frames, None] - slope * (cloud.x_mm[frames] - face.x_mean[frames, None])
     on = (labels[frames] == label) & cloud.keep[frames]
-    middles = row_medians(np.where(on, off / np.hypot(1.0, slope), np.nan))
+    off = np.where(on, off / np.hypot(1.0, slope), np.nan)
+    middles = row_medians(off)
     middle = float(np.median(middles))
     u = 1.2533 * float(np.median(np.abs(middles - middle))) / 0.6745 / math.sqrt(frames.size)
-    return abs(middle) if abs(middle) > PROOF * u else 0.0
+    return max(abs(middle) if abs(middle) > PROOF * u else 0.0, 0.5 * levels_mm(off))
+
+
+def levels_mm(off: Float) -> float:
+    """How far apart two levels lie between which the residuals (f, M) of a face alternate at random, mm; 0: on one.
+
+    Neighbours then differ by nothing or by all of that: their differences have fewer small and fewer large values than
+    noise, which no form of the face changes. Of levels d apart, as many on each, the fourth cumulant is -d^4 / 4.
+    """
+    apart = np.diff(off, axis=1)
+    apart = apart[np.isfinite(apart)]
+    if apart.size < LEAST_PAIRS:
+        return 0.0
+    apart = apart[np.abs(apart) < STRAY_PAIRS * median(np.abs(apart))]
+    for _ in range(SETTLE_PAIRS):
+        apart = apart[np.abs(apart) < SIGMA_PAIRS * float(apart.std())]
+    square = float((apart**2).mean())
+    excess = float((apart**4).mean()) / max(square**2, 1e-30) - 3.0
+    if excess > -LEAST_EXCESS - SURE_EXCESS * math.sqrt(48.0 / apart.size):  # neighbours share a value
+        return 0.0
+    return float((-4.0 * excess * square**2) ** 0.25)
 
 
 def scattered(misfit: Misfit, rms: float) -> Misfit:

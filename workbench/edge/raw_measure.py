@@ -77,6 +77,7 @@ class RawMeasured:
     upper: EndAlong
     lean: float  # turn from the end face to the direction of the upper surface into the plate; NaN: not seen; rad
     s_face: Shaped[Float, " N"]  # where each frame shows the end face, mm
+    angle: Shaped[Float, " N"]  # its direction there, as `tilt` counts it, rad
     run: Shaped[Float, " N"]  # by how much the section advances along the edge per mm along the face
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
@@ -181,7 +182,8 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
     pose_u = math.sqrt(out.frame_factor * max(pitch / LOCAL_MM, POSE_MM / LOCAL_MM)) if not rough else 0.0
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
-    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, face.s, face.run, lever, rough, pose_u, turn_u)
+    shown = face.s, angle, face.run
+    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, *shown, lever, rough, pose_u, turn_u)
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:

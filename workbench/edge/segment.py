@@ -98,8 +98,9 @@ def segment(
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
-    checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
+    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.radius_mm))
+    checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     if rounding.radius_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
         rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
@@ -122,6 +123,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         bool((tracked.faces[one].count[tracked.seen] > 2).mean() > 0.5) for one in (UPPER_SURFACE, LOWER_SURFACE)
     )
     root, bevel = (np.arctan(tracked.faces[one].sxz / tracked.faces[one].sxx) for one in (ROOT_FACE, BEVEL_FACE))
+    lies_on = bool(tracked.lies_on[tracked.seen].mean() > 0.5)
     return Shown(
         two_plates_share(cloud),
         1.0 - float(tracked.end_is_cut[tracked.seen].mean()),
@@ -131,7 +133,8 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         float(np.nanmedian(np.abs(root - bevel))) / DEG,
         bevel_nominal_deg,
         tracked.readings_apart,
-        bool(tracked.lies_on[tracked.seen].mean() > 0.5),
+        lies_on,
+        HIDDEN_RADIUS_MM if lies_on else 0.0,  # what lies below shows all of its rounding
     )
 
 

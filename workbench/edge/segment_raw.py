@@ -14,6 +14,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Check, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
+from workbench.checks.late import Late, late_check, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of
@@ -22,7 +23,7 @@ from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
 from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
 from workbench.edge.raw_direction import face_directions
-from workbench.edge.raw_faces import RawFaces, find_end_face
+from workbench.edge.raw_faces import RawFaces, find_end_face, middle_of
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
@@ -89,17 +90,28 @@ def segment_raw(
     broken = max(measured.lower.rounding.radius_mm, measured.upper.rounding.radius_mm)
     ends = [end.column[np.isfinite(end.column) & ~end.corner].astype(np.int64) for end in (found.lower, found.upper)]
     steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
-    checks = *checks, edge_break_check(broken, set_limits), steps
+    late = _late(cloud, found, measured)
+    checks = *checks, edge_break_check(broken, set_limits), steps, late_check(late, set_limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     checks += tuple(_lies_on(found))
-    edge = _edge(cloud, found, measured, robot_noise_mm, end_u_mm, robot_drift_u_mm)
+    edge = _edge(cloud, found, measured, late, robot_noise_mm, end_u_mm, robot_drift_u_mm)
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
+
+
+def _late(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> Late:
+    """What an offset between the clocks makes of the frames."""
+    s = measured.s_face
+    tangent = measured.curve.tangent(np.nan_to_num(s))
+    middle = middle_of(cloud, found.faces[ROOT_FACE])
+    pose = cloud.base_from_profiler
+    return late_of(s, measured.angle, tangent, middle, pose, cloud.time_s, cloud.pass_index)
 
 
 def _edge(
     cloud: Cloud,
     found: RawFaces,
     measured: RawMeasured,
+    late: Late,
     robot_noise_mm: float,
     end_u_mm: float,
     robot_drift_u_mm: float,
@@ -131,6 +143,7 @@ def _edge(
     if not measured.rough:  # a face that turns suddenly holds a second return or a part of something else
         turns = sudden(at, measured.tilt.value(at), tilt_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
         tilt_u = np.hypot(np.hypot(tilt_u, measured.local_turn_u), turns)
+    tilt_u = np.hypot(tilt_u, _between(measured.s_face, late.turn, at))
     form = misfit_of(
         cloud,
         found.labels,
@@ -156,11 +169,14 @@ def _edge(
         hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
         stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), pose_u))
-    low_u = np.hypot(low_u, below.offset_u_mm)
+    steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
+    low_u = np.hypot(low_u, np.hypot(below.offset_u_mm, steep * form.offset_u_mm))  # along the rays onto the face
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
     low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
+    late_mm = np.stack([_between(measured.s_face, of, at) for of in late.place_mm.T], axis=1)
+    stand_u, low_u = (np.hypot(u, (late_mm * axis).sum(axis=1)) for u, axis in ((stand_u, n), (low_u, m)))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     told += tuple(check.finding for check in _lies_on(found))

@@ -27,6 +27,9 @@ LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
 OUTLIER_SIGMAS = 5.0  # of the frames' own scatter; one in two million by chance
 NEIGHBOURS, RESETTLED = 7, 6  # bins that say roughly where the course runs; times that their weights settle
 LEAST_SHARED = 3  # bins in which passes tell how far they lie beside each other
+# Of passes that share none: bins on each side that tell a step where they meet, and its own uncertainties that make it
+# certain, of a bend's four freedoms.
+MEETING, SURE_STEP = 6, 4.0
 AGREED = 2.0  # times the usual difference of neighbours: values that leave the course by it together are no strays
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 SWING = 4  # pieces of the spline beside what it leaves out, over which it swings
@@ -194,7 +197,7 @@ def _lasting(off: Float, size: Float, step: Float) -> None:
 
 def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
     """The course, its u raised by the whole misfit only at the stations `beside` (k,) what it leaves out."""
-    bins, _ = _aligned(bins)
+    bins, _ = _aligned(bins, bool((course.stiffness[:, 0] > 1).all()))
     away = np.interp(bins.s, course.at_mm, beside.astype(float)) == 0.0
     if not away.any():
         return course
@@ -221,7 +224,7 @@ def _fit(
     unseen: tuple[float, float],
     bin_mm: float,
 ) -> Course:
-    bins, between = _aligned(bins)
+    bins, between = _aligned(bins, orders[0] > 1)
     noise_factor = _noise_factor(bins, stated, min(orders))
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
@@ -423,10 +426,11 @@ def _digits(values: Values) -> float:
     return DIGITS * float(np.abs(values.y).max()) / math.sqrt(float(values.variance.min()))
 
 
-def _aligned(bins: Bins) -> tuple[Bins, float]:
+def _aligned(bins: Bins, bends: bool) -> tuple[Bins, float]:
     """The bins with each pass's own offset taken off (they still average to 0), and the variance that this leaves.
 
-    Passes differ by what the robot repeats within a pass and not between passes: that is no wave of the course.
+    Passes differ by what the robot repeats within a pass and not between passes: that is no wave of the course. Where
+    they share no part of it, a course that only `bends` tells where they meet.
     """
     passes = np.unique(bins.group)
     if passes.size < 2:
@@ -450,7 +454,7 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
         if count >= LEAST_SHARED:
             off[k], weight[k] = total, count
     if not (weight > 0).any():
-        return bins, 0.0
+        return _meeting(bins, of_pass) if bends else (bins, 0.0)
     # Each difference is against the others' mean: of g passes, g / (g - 1) times the pass's own offset.
     off = off / np.maximum(weight, 1.0)[:, None] * (passes.size - 1) / passes.size
     off[weight > 0] -= np.average(off, axis=0, weights=weight)
@@ -458,6 +462,34 @@ def _aligned(bins: Bins) -> tuple[Bins, float]:
     seen = weight > 0
     between = float((off[seen] ** 2).mean(axis=1).sum()) / max(seen.sum() * (seen.sum() - 1), 1)
     return replace(bins, y=bins.y - off[number]), between
+
+
+def _meeting(bins: Bins, of_pass: list[Int]) -> tuple[Bins, float]:
+    """As `_aligned`, of passes (indices of their bins) one after the other, by the steps that are certain between them.
+
+    A step of the course itself looks alike: nothing tells which, so half of it is uncertain on both sides.
+    """
+    order = sorted(of_pass, key=lambda mine: float(bins.s[mine[0]]))
+    off = np.zeros((len(order), bins.y.shape[1]))
+    for k, (before, after) in enumerate(pairwise(order), 1):
+        near = np.concatenate([before[-MEETING:], after[:MEETING]])
+        beyond = np.isin(near, after).astype(float)
+        place = bins.s[near] - 0.5 * (bins.s[before[-1]] + bins.s[after[0]])
+        shape = np.stack([beyond, np.ones(near.size), place, place**2], axis=1)
+        free = near.size - shape.shape[1]
+        if free < LEAST_SHARED:
+            continue
+        inverse = np.linalg.pinv(shape.T @ shape)
+        step = inverse @ (shape.T @ bins.y[near])
+        left = float(((bins.y[near] - shape @ step) ** 2).mean(axis=1).sum()) / free
+        if (step[0] ** 2).mean() > SURE_STEP**2 * left * inverse[0, 0]:
+            off[k:] += step[0]
+    off -= off.mean(axis=0)
+    between = float((off**2).mean(axis=1).sum()) / max(len(order) * (len(order) - 1), 1)
+    y = bins.y.copy()
+    for mine, shift in zip(order, off, strict=True):
+        y[mine] -= shift
+    return replace(bins, y=y), between
 
 
 def stretches(s: Float, width_mm: float) -> Int:

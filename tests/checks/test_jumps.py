@@ -33,8 +33,10 @@ def test_what_robots_do_is_no_jump() -> None:
     held[150] = held[149]  # one pose late
     hung = STEADY.copy()
     hung[100:160] = hung[99]
+    slows = STEADY.copy()  # at the end, as one that is about to stop
+    slows[-1] = slows[-2] + 0.5 * (slows[-2] - slows[-3])
     waits = np.sort(np.random.default_rng(4).choice(3000, 300, replace=False)) / 100.0
-    for place in (STEADY, STEADY + noise, back, held, hung):
+    for place in (STEADY, STEADY + noise, back, held, hung, 10.0 * slows):
         assert of(place) < 0.5
     assert of(STEADY, waits) < 0.5  # stop and go
     assert of(STEADY[:2], TIME[:2]) == 0.0

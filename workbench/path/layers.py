@@ -106,7 +106,7 @@ def layers(
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
         root_radius_mm: of a J preparation, milled by a ball end of this radius (`cutter_diameter_mm` is twice that); 0:
-            a bevel. The fillet meets the end face square, where the root face ends, and is tangent to the bevel face.
+            a bevel.
         smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
         tool: a tcp.json of `calibrate.tcp`: its u counts as the edge's own.
         turntable: a turntable.json of `calibrate.turntable`, likewise.
@@ -117,12 +117,9 @@ def layers(
         root_tolerance_mm: of the root: the edge is not cut where the guard band of its place (1.645 u) is larger.
         bevel_tolerance_deg: of the bevel: likewise by the end face's direction, from which the bevel angle counts.
         upper_bevel_deg: of a compound bevel (two paths from one scan; root face and bevel angle are those of the lower
-            bevel): its flatter upper bevel; null: none. A steeper one, a land or a fillet is hollow: a cylindrical
-            cutter would cut into the face below.
+            bevel): its flatter upper bevel; null: none.
         lower_bevel_mm: of a compound bevel: height of the lower bevel, at which the upper one begins.
-        mill: the upper bevel, or the lower one after it, which passes above what the upper one's path leaves. Programs
-            of the lower one say NOT CHECKED, with exit status 1, until `path.check` is told that the upper one is
-            milled.
+        mill: the upper bevel, or the lower one after it, until `path.check` is told (`rests_milled`) NOT CHECKED.
 
     Raises:
         InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a

@@ -85,8 +85,6 @@ def posture(
         gate: of this path's own checks, passed on; without them there is no decision and no program.
         mode: one pair of angles for all points, or a law along the path.
         turntable_moves: along_path: the law turns the turntable too; else it stands at one angle, chosen for the law.
-            From point to point it takes the tool off by half the path's tolerance at most (r theta^2 / 8): far from its
-            axis that may take a smaller `step_deg`.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
         step_deg: of the grid, both ways.

@@ -30,9 +30,9 @@ def sections(
     """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
 
     Coordinates in a section are mm from the lower edge: `normal` outwards from the root face, `across` from the lower
-    to the upper side. The DXF declares millimetres and holds a block a section: points, fitted lines of root face and
-    bevel, corners, root face and bevel angle as dimensions, and their values with standard uncertainties as text. The
-    CSV has a row a point (with face, frame and column) or corner, in the base too; lines end in CR LF (RFC 4180).
+    to the upper side. The DXF (in mm) holds a block a section: points, fitted lines, corners, root face and bevel angle
+    as dimensions, their values with standard uncertainties as text. The CSV has a row a point (with face, frame and
+    column) or corner, in the base too; CR LF (RFC 4180).
 
     Args:
         inspection: the sections.

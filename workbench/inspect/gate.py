@@ -28,8 +28,8 @@ def gate(
 ) -> Gate:
     """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
 
-    A part of which too little was measured does not pass either. A pipeline that accepts `undecided` parts, or asks
-    for less of the edge than two thirds, says so in the decision's reason and in the run's warnings.
+    A part of which too little was measured does not pass either. A pipeline that accepts `undecided` parts, or asks for
+    less of the edge than two thirds, says so in the decision's reason and in the run's warnings.
 
     Args:
         inspection: the judged part.

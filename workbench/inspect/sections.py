@@ -35,9 +35,8 @@ def sections(
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
     Section i lies at (i - 1/2)/n of the measured stretch of the lower edge. Sizes and angles hold in the section plane,
-    normal to the edge's tangent, with the root face's direction there. Verdicts by ISO 14253-1: pass inside the
-    limits by at least guard_factor * u, fail outside by at least that, else undecided; a section where the edge is
-    hidden stays, undecided.
+    with the root face's direction there. Verdicts by ISO 14253-1: pass inside the limits by at least guard_factor * u,
+    fail outside by at least that, else undecided, as a section where the edge is hidden.
 
     Args:
         edge: the measured edge.

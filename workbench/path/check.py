@@ -57,16 +57,15 @@ def check(
     Layers: the last one lies on the finished bevel, none below it; each takes no more than the depth of cut, and some
     point of the cloud away; key points every 1 mm; nothing is cut where nothing was measured. Frames: y along the edge,
     the cutter's axis in the bevel face, shank on the upper side, x into the material, no jump. The cutter, a cylinder
-    without end on the shank's side, meets no clamp and enters nothing that remains after its layer, by more than
-    `penetration_mm` + 3 u. Feeds within v_slow and v_fast and the acceleration.
+    without end on the shank's side, meets no clamp and enters nothing that remains after its layer by more than
+    `penetration_mm` + 3 u. Feeds within v_slow, v_fast and the acceleration.
 
-    Where a deflection is predicted (a path that `stiffness.compensate` moved against it), or a cut was measured
-    (`path.correct`; then a prediction does not count besides), the tool as it comes must come where the plan asks; the
-    path as commanded is held against clamps and part too, with the deflection allowed for. A refused correction
-    refuses the path.
+    Where a deflection is predicted, or a cut was measured (`path.correct`; then a prediction does not count besides),
+    the tool as it comes must come where the plan asks; the path as commanded is held against clamps and part too, with
+    the deflection allowed for. A refused correction refuses the path.
 
-    A `penetration_mm` above 0.05 loosens the check, and so does a path that rests on another one (the lower bevel of a
-    compound one), until `rests_milled` says that it is milled: programs then say so, and the exit status is 1.
+    A `penetration_mm` above 0.05 loosens the check, and so does a path that rests on another one until `rests_milled`:
+    programs then say so, and the exit status is 1.
 
     Args:
         toolpath: the path.

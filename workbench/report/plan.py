@@ -122,11 +122,10 @@ def plan(
 ) -> Chapter:
     """The plan as a chapter of the report: from the scan to the path, all layers, feed, times, what was refused.
 
-    The steps of the paper's Fig. 8 (a to f); a section with the layers stepped from the stock to the finished bevel,
-    dimensioned; all layers on the part (Fig. 13); the feed on the path (Fig. 14: the darker the slower) and along the
-    final layer; the cutter's engagement, if it was milled in simulation. Root face and bevel angle are those that the
-    path's own points make with the scanned edge, not the required ones drawn again. Uncertainties are expanded,
-    U = 2 u. The verdict is the gate's.
+    The steps of the paper's Fig. 8 (a to f); a dimensioned section with the layers; all layers on the part (Fig. 13);
+    the feed on the path (Fig. 14: the darker the slower) and along the final layer; the cutter's engagement, if it was
+    milled in simulation. Root face and bevel angle are those that the path's own points make with the scanned edge. U =
+    2 u. The verdict is the gate's.
 
     Args:
         cloud: the cloud of the raw edge.

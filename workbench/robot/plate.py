@@ -126,13 +126,12 @@ def plate(
 ) -> Cell | None:
     """Make the scan a collision body of the cell: plate, clamps and fixtures as they stand, as boxes of a grid.
 
-    The body is called `workpiece` and stands on the turntable, or on the base where there is none. Every scanned point
-    lies in a box, so the body is larger than what was seen by up to a cube of the grid, which is made coarser where the
-    part is large; what the scan has not seen is not there.
-    The cutter (the tool's shapes with `"body": "cutter"`) may touch it, since it mills: how deep is what `path.check`
-    asks; the spindle may not. It takes the place of a workpiece that the cell file names. What the hand-eye's
-    covariance leaves open of where the points lie counts with the cell's own uncertainty of the part; without a scan
-    upstream, the path's own figure of it.
+    The body `workpiece` stands on the turntable, or on the base where there is none, in the place of a workpiece that
+    the cell file names. Every scanned point lies in a box, so the body is larger than what was seen by up to a cube of
+    the grid, which is made coarser where the part is large; what the scan has not seen is not there. The cutter (the
+    tool's shapes with `"body": "cutter"`) may touch it, the spindle may not. What the hand-eye's covariance leaves open
+    of where the points lie counts with the cell's own uncertainty of the part; without a scan upstream, the path's own
+    figure of it.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.

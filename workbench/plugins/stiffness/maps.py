@@ -35,7 +35,7 @@ def maps(
 
     f_p: how far apart the cutter's tip comes to rest under a force with K_c and without, over the larger displacement;
     f_r: the largest component of the difference in its rotation under force and torque together. Both are the worst
-    over directions spread evenly over the sphere. (The paper compares lengths of displacements: its f_p is smaller.)
+    over directions spread evenly over the sphere. (The paper compares lengths: its f_p is smaller.)
 
     Args:
         cell: the robot and its tool.

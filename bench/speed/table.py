@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Iterable
-from importlib.metadata import version
 from pathlib import Path
 
 from bench.speed.timing import REPEATS, Row
 from workbench.geometry.blocks import cores
+from workbench.pipeline.run import versions
 
 HEAD = """<!-- Written by `make bench`: measure again rather than edit. -->
 
@@ -82,7 +82,8 @@ def line(row: Row) -> str:
 def document(found: Iterable[Row], arguments: list[str]) -> str:
     """The whole page."""
     command = " ".join(["make bench"] if not arguments else ["python -m bench.speed", *arguments])
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "h5py", "open3d"))
+    known = versions()
+    packages = ", ".join(f"{name} {known[name]}" for name in ("numpy", "numba", "h5py", "open3d"))
     head = HEAD.format(command=command, repeats=REPEATS, machine=machine(), packages=packages)
     return head + "".join(f"{line(row)}\n" for row in found) + FOOT
 

@@ -27,6 +27,7 @@ def locked(name):
 USER, DEV = locked("requirements.lock"), locked("requirements-dev.lock")
 MODULE_OF = {
     "scikit-image": "skimage",
+    "open3d-cpu": "open3d",
     "pillow": "PIL",
     "pin": "pinocchio",
     "python-fcl": "fcl",

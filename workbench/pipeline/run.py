@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import json
@@ -249,10 +250,9 @@ def versions() -> dict[str, str]:
 def _versions() -> dict[str, str]:
     found = {"workbench": __version__, "python": platform.python_version()}
     for name in VERSIONED:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
+        for distribution in (name, f"{name}-cpu"):  # as which Open3D comes too
+            with contextlib.suppress(PackageNotFoundError):
+                found[name] = version(distribution)
     return found
 
 

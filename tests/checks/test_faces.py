@@ -15,6 +15,7 @@ from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
     SURROUNDED,
+    Sizes,
     compound,
     drawn_above,
     j_shape,
@@ -22,6 +23,7 @@ from bench.odd_plates import (
     ledge,
     odd_plate,
     plain,
+    plate,
 )
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
@@ -387,3 +389,10 @@ def test_the_rounded_edge_of_a_root_face_is_no_corner_within_it(lies_on: bool, s
     part = simulate(seed, False, section)
     error, u = judged_inspection(part)["root, mm"]
     assert (np.abs(error) < 3.0 * u).all()
+
+
+def test_the_end_face_of_a_strip_below_a_plate_is_not_the_plates() -> None:
+    strip = ((7.0, -6.0), (7.0, 0.0), (-60.0, 0.0))
+    section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((plate(5.9 - 1e-3, ((-1e-3, 1e-3),)), strip))
+    with pytest.raises(InputError, match="face_behind_share"):
+        judged_plan(simulate(3, True, section))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from workbench.artefacts import ROOT_FACE
 from workbench.edge.directions import LOCAL_MM, go_together
-from workbench.edge.raw_measure import local_mean, running_median
+from workbench.edge.raw_measure import _in_patches, local_mean, running_median, unevenness
 from workbench.edge.sizes import changes, off_commonest
+from workbench.geometry.faces import FaceLines
 
 RNG = np.random.default_rng(8)
 S = np.sort(RNG.uniform(0.0, 120.0, 400))
@@ -83,3 +87,30 @@ def test_a_running_median_leaves_strays_out_and_bridges_gaps() -> None:
 def test_frames_too_far_apart_for_a_median_stand_for_themselves() -> None:
     s, value = np.array([0.0, 10.0, 20.0, 30.0]), np.array([1.0, 2.0, 3.0, 4.0])
     assert running_median(s, value, np.array([5.0, 15.0, 25.0]), 1.0) == pytest.approx([1.5, 2.5, 3.5])
+
+
+@pytest.mark.parametrize("drops", [True, False])
+def test_drops_here_and_there_are_no_roughness(drops: bool) -> None:
+    rng, frames, columns = np.random.default_rng(4), 300, 200
+    waves = np.exp(-((np.arange(-15.0, 16.0) / 6.0) ** 2))
+    height = np.apply_along_axis(np.convolve, 1, rng.normal(0.0, 0.01, (frames, columns)), waves, "same")
+    if drops:  # two in five stretches are clear of them
+        height[np.arange(frames) // 20 % 5 < 2] = 0.0
+    z = height + rng.normal(0.0, 0.01, height.shape)
+    x = np.linspace(0.0, 10.0, columns) - 5.0
+    one = np.ones(frames)
+    szz, sxz = ((z - z.mean(axis=1, keepdims=True)) ** 2).sum(axis=1), (z * x).sum(axis=1)
+    count, span = columns * one.astype(np.int64), np.zeros((frames, 2), np.int64)
+    face = FaceLines(count, 0.0 * one, z.mean(axis=1), (x**2).sum() * one, sxz, szz, span)
+    assert _in_patches(SimpleNamespace(faces={ROOT_FACE: face}), 0.01) == drops
+
+
+def test_a_part_that_begins_to_vibrate_is_known_less_there() -> None:
+    off, at = np.random.default_rng(2).normal(0.0, 0.01, S.size), np.array([10.0, 60.0, 110.0])
+    even, later = (
+        SimpleNamespace(s_face=S, stands_out_mm=one, stand_out=SimpleNamespace(value=np.zeros_like), rough=False)
+        for one in (off, np.where(S > 100.0, 5.0 * off, off))
+    )
+    assert (unevenness(even, at) == 1.0).all()
+    assert (unevenness(later, at)[:2] == 1.0).all()
+    assert unevenness(later, at)[2] == pytest.approx(5.0, rel=0.3)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.artefacts import ROOT_FACE, Check, Cloud
+from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
 from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
@@ -17,6 +17,8 @@ LEAST_FRAMES = 4
 # it, leaning by how much to it, and among how many columns.
 STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
 STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
+# A second face behind the first: how much of it is looked at, and by how much it may lean to the first.
+WALL_MM, WALL_LEAN = 1.5, 20.0 * DEG
 # Single returns of many frames on one level: within how much, of each frame's next ones, times as many as right beside
 # it, how far from the face across it and along it.
 LEVEL_MM, NEXT, ALONE, LEVEL_FROM_MM, LEVEL_AWAY_MM = 0.1, 2, 2.0, 0.3, 0.15
@@ -57,6 +59,9 @@ def require_end_face(
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
     further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
+    behind = float(np.mean([_behind(cloud, labels[i], int(i)) for i in rows])) if len(rows) >= LEAST_FRAMES else None
+    told = f"in {100 * (behind or 0.0):.0f} % of the frames a second face rises behind what would be the end face, "
+    told += "where the surface above it ends: a plate that lies on a strip, whose own end face stands in front?"
     checks = (
         check(
             "end_face_lean_deg",
@@ -84,6 +89,7 @@ def require_end_face(
             given=limits,
         ),
         check("end_face_goes_on_share", goes_on_share, further, given=limits),
+        check("face_behind_share", behind, told, given=limits),
     )
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     return checks
@@ -108,6 +114,27 @@ def _steps(cloud: Cloud, labels: AnyArray, rows: Int) -> tuple[float, float]:
         seen = float(np.isfinite(runs).sum()) / len(rows)
         found = max(found, (seen, float(np.nanmedian(np.abs(runs))) if seen else 0.0), _one_level(ends, len(rows)))
     return found
+
+
+def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:
+    """Does a second face rise where the surface above frame i's end face ends, along the first?"""
+    x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
+    kept = np.flatnonzero(cloud.keep[i])
+    on, upper = (np.flatnonzero((labels == label) & cloud.keep[i]) for label in (ROOT_FACE, UPPER_SURFACE))
+    if min(len(on), len(upper)) < LEAST_POINTS:
+        return False
+    sign = rising(x[kept])
+    at, along = direction(x[on], z[on], sign), direction(x[upper], z[upper], sign)
+    turn = np.array([-np.sin(along) * sign, np.cos(along)])  # square to the upper surface
+    height = (x - np.median(x[upper])) * turn[0] + (z - np.median(z[upper])) * turn[1]
+    height *= -np.sign(np.median(height[on]))
+    beyond = kept[kept > upper[-1]] if upper[0] > on[0] else kept[kept < upper[0]][::-1]
+    wall = beyond[height[beyond] > STEP_FROM_MM]
+    wall = wall[np.hypot(x[wall] - x[wall[:1]], z[wall] - z[wall[:1]]) < WALL_MM]
+    if len(wall) < LEAST_POINTS:
+        return False
+    wall = np.sort(wall)
+    return bool(abs(direction(x[wall], z[wall], sign) - at) < WALL_LEAN)
 
 
 Beyond = tuple[Float, Float]  # of returns beyond an end of a frame's face: distance from it along the face, and across

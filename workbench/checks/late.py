@@ -63,7 +63,8 @@ def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
     told = "the face turns to and fro by nothing that goes with the rate of the poses"
     if turn > 0.0:
         told = f"the face turns by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: a "
-        told += "delay left out, frames that are lost and not stamped, clocks that run at different rates?"
+        told += "delay left out, frames that are lost and not stamped, clocks that run at different rates; or does "
+        told += "the part vibrate, or something cover its face here and there?"
     return check("late_turn_deg", turn, told, given=limits)
 
 

@@ -312,6 +312,13 @@ LIMITS: dict[str, Limit] = {
         "plates show none; the lower bevel of a double one is seen in 0.55 to all of the frames, and where some of its "
         "returns are lost the face seems to end beyond its corner",
     ),
+    "face_behind_share": Limit(
+        0.3,
+        "share of some frames in which a second face rises behind the end face of a raw edge, along it, where the "
+        "surface that joins its upper end ends",
+        "plates show none, clamps on them some; the end face of a strip below a plate was taken for the plate's, 7 mm "
+        "off",
+    ),
     "two_plates_share": Limit(
         0.4,
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",

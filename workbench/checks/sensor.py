@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +18,7 @@ LAGS = 24
 SAMPLE, FEW, MANY = 40, 12, 120  # frames
 LEAST_PIECES = 40
 MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
+ENOUGH = 8000  # values whose median is known to 1.5 %
 BLIND = 0.015  # times the columns' square: of the power beside, what the ends of a piece leave (0.2 to 0.6 of it)
 MOST_BLIND = 9.0  # columns of a mean that a piece's spectrum resolves
 LEAST_PAIRS = 500
@@ -125,7 +127,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         mean = 0.0
     left = min(fading(whole, digit), fading(level, digit))
     if fading_frames < 1.0:  # chatter of a few frames adds to longer periods, and to none from column to column
-        fading_frames = max(fading_frames, _power(unbent, TOP) / (_white(noise) * len(TOP)))
+        fading_frames = max(fading_frames, min(_powers(unbent, TOP)[0] / (_white(noise) * len(TOP)), 1.0))
     return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, equal, held, step_z, step_x, pitch)
 
 
@@ -219,14 +221,15 @@ def _counts_off(z: Float, k: int, edge_mm: float) -> Int:
 
     By less than `edge_mm`, from there to less than three times it, and from there to less than five times it.
     """
-    count = np.zeros(3, np.int64)
+    below_one, below_three, below_five, share = 0, 0, 0, 1.0 / k
     for i in range(z.shape[0]):
-        for j in range(k + 1, z.shape[1]):
+        for j in range(k + 1, z.shape[1]):  # no branch: many at a time
             near = z[i, j - 1]
-            off = abs(z[i, j] - near - (near - z[i, j - 1 - k]) / k) / edge_mm
-            if off < 5.0:
-                count[0 if off < 1.0 else 1 if off < 3.0 else 2] += 1
-    return count
+            off = abs(z[i, j] - near - (near - z[i, j - 1 - k]) * share)
+            below_one += off < edge_mm
+            below_three += off < 3.0 * edge_mm
+            below_five += off < 5.0 * edge_mm
+    return np.array([below_one, below_three - below_one, below_five - below_three])
 
 
 def _digit(z: Float, step_mm: float) -> float:
@@ -240,7 +243,7 @@ def _digit(z: Float, step_mm: float) -> float:
     off = off[np.isfinite(off)]
     if len(off) < LEAST_PAIRS:
         return max(step_mm, digit)
-    core = CORE * median(off)
+    core = CORE * median(off[:: 1 + off.size // ENOUGH])
     for scale in SCALES:
         bins = min(VALLEYS, int(core / scale))
         found = _first_peak(off[off < bins * scale] / scale, bins) if bins >= LEAST_BINS else 0.0
@@ -274,7 +277,7 @@ def _bends(z: Float) -> float:
     """Median size of the second differences along rows of ranges; infinite: there are none."""
     bend = np.abs(np.diff(z, n=2, axis=1))
     bend = bend[np.isfinite(bend)]
-    return median(bend) if bend.size else float("inf")
+    return median(bend[:: 1 + bend.size // ENOUGH]) if bend.size else float("inf")
 
 
 def fading(rows: Float, digit_mm: float) -> float:
@@ -288,7 +291,7 @@ def fading(rows: Float, digit_mm: float) -> float:
     """
     if len(rows) < LEAST_ROWS:
         return float("nan")
-    top, below, half = (_power(rows, band) for band in (TOP, BELOW, HALF))
+    top, below, half = _powers(rows, TOP, BELOW, HALF)
     rounding = _white(digit_mm) / 12.0 * len(TOP)
     return top / max(below if top < DIGITS * rounding else min(below, half), 1e-300)
 
@@ -322,7 +325,7 @@ def _blind(off: Float, columns: float) -> bool:
     if len(off) < LEAST_PIECES or columns > MOST_BLIND:
         return True
     null = np.arange(1.0, columns / 2.0 + 0.1) / columns
-    power = _power(off, null), _power(off, null + 0.5 / columns if columns > 2 else null - 0.125)
+    power = _powers(off, null, null + 0.5 / columns if columns > 2 else null - 0.125)
     return bool(power[0] < BLIND * columns**2 * power[1])
 
 
@@ -332,14 +335,19 @@ def _off_trend(rows: Float) -> Float:
     return np.asarray(rows - (rows @ t) @ t.T)
 
 
-def _power(rows: Float, frequency: Float) -> float:
-    """Median over rows (n, PIECE) of their power at frequencies (k,) per column, all together."""
-    wave = np.exp(-2j * np.pi * np.arange(PIECE)[:, None] * np.minimum(frequency, 1.0 - frequency))
-    return float(np.median((np.abs((rows * np.hanning(PIECE)) @ wave) ** 2).sum(axis=1)))
+def _powers(rows: Float, *bands: Float) -> tuple[float, ...]:
+    """Median over rows (n, PIECE) of their power at the frequencies (k,) per column of each band, all together."""
+    frequency = np.concatenate(bands)
+    phase = 2.0 * np.pi * np.arange(PIECE)[:, None] * np.minimum(frequency, 1.0 - frequency)
+    wave = np.hanning(PIECE)[:, None] * np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    square = (rows @ wave) ** 2
+    square = square[:, : frequency.size] + square[:, frequency.size :]
+    ends = np.cumsum([0, *map(len, bands)])
+    return tuple(float(np.median(square[:, i:j].sum(axis=1))) for i, j in pairwise(ends))
 
 
 def _white(sigma: float) -> float:
-    """Power of white noise of this standard deviation at each frequency, as `_power` has it."""
+    """Power of white noise of this standard deviation at each frequency, as `_powers` have it."""
     return sigma**2 * float((np.hanning(PIECE) ** 2).sum())
 
 

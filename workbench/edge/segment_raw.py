@@ -24,7 +24,7 @@ from workbench.edge.on_table import raw_under_u_mm
 from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face, middle_of
-from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge
+from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge, unevenness
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
 from workbench.geometry.curves import POSE_MM, covered, doubtful_slope
@@ -162,13 +162,15 @@ def _edge(
     reach_mm = float(np.linalg.norm((origin.mean(axis=0) - cloud.base_from_profiler[:, :3, 3]).mean(axis=0)))
     pose_u = math.hypot(measured.pose_u_mm, math.hypot(sparse_mm, sparse_turn * reach_mm))
     pose_u = math.hypot(pose_u, robot_noise_mm if cloud.only_end_poses else 0.0)
-    stand_u = np.hypot(np.hypot(ALONG_NORMAL * measured.curve.u(at), pose_u), measured.lever_mm * tilt_u)
+    uneven = unevenness(measured, at)
+    curve_u, frames_u = uneven * measured.curve.u(at), uneven * pose_u
+    stand_u = np.hypot(np.hypot(ALONG_NORMAL * curve_u, frames_u), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
     stand_u = np.hypot(stand_u, aside_mm(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE))
     if measured.rough:  # its scatter hides the robot's
         hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
         stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))
-    low_u = np.hypot(measured.lower.course.u(at), np.hypot(measured.curve.u(at), pose_u))
+    low_u = np.hypot(measured.lower.course.u(at), np.hypot(curve_u, frames_u))
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
     low_u = np.hypot(low_u, np.hypot(below.offset_u_mm, steep * form.offset_u_mm))  # along the rays onto the face
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))

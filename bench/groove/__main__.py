@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from collections import defaultdict
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 
@@ -33,33 +36,47 @@ def main() -> None:
     arguments.add_argument("--seed", type=int, default=0, help="of the first part")
     arguments.add_argument("--types", default=",".join(GROOVES))
     arguments.add_argument("--simulators", default="swept,prism")
+    arguments.add_argument("--minutes", type=float, default=math.inf, help="no part is begun later")
+    arguments.add_argument("--values", type=Path, help="a table of every error and its u: simulator, type, seed, size")
     given = arguments.parse_args()
+    chosen = list(
+        product(range(given.seed, given.seed + given.parts), given.simulators.split(","), given.types.split(","))
+    )
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    refused: dict[str, int] = defaultdict(int)
-    excluded, parts, places = 0, 0, 0
-    for simulator in given.simulators.split(","):
-        for kind in given.types.split(","):
-            for seed in range(given.seed, given.seed + given.parts):
-                parts += 1
-                try:
-                    inspection, truth = measured(simulator, kind, seed)
-                except WorkbenchError as error:
-                    refused[kind] += 1
-                    print(f"{simulator} {kind} {seed}: refused: {error}")
-                    continue
-                if kind not in (inspection.type, *inspection.alternatives):
-                    excluded += 1
-                    print(f"{simulator} {kind} {seed}: taken for {inspection.type}")
-                    continue
-                places += len(inspection.sections)
-                rows = errors(inspection, truth)
-                for size, error, u in rows:
-                    found[size].append((error, u))
-                for size in sorted({size for size, error, u in rows if abs(error) > FAR * u}):
-                    z, error = max((abs(error) / u, error) for name, error, u in rows if name == size)
-                    print(f"{simulator} {kind} {seed}: {size} off by {error:.3f}, {z:.1f} u")
-    print(f"\n{parts} parts; {sum(refused.values())} refused; {excluded} taken for a type that they are not\n")
+    rows: list[str] = []
+    parts, refused, excluded, start = 0, 0, 0, time.monotonic()
+    for seed, simulator, kind in chosen:
+        if time.monotonic() - start > 60.0 * given.minutes:
+            break
+        parts += 1
+        name = f"{simulator} {kind} {seed}"
+        try:
+            inspection, truth = measured(simulator, kind, seed)
+        except WorkbenchError as error:
+            refused += 1
+            print(f"{name}: refused: {error}", flush=True)
+            continue
+        if kind not in (inspection.type, *inspection.alternatives):
+            excluded += 1
+            print(f"{name}: taken for {inspection.type}", flush=True)
+            continue
+        for size, pairs in _by_size(errors(inspection, truth)).items():
+            found[size] += pairs
+            rows += [f"{simulator},{kind},{seed},{size},{error:.6f},{u:.6f}" for error, u in pairs]
+            z, error = max((abs(error) / u, error) for error, u in pairs)
+            if z > FAR:
+                print(f"{name}: {size} off by {error:.3f}, {z:.1f} u", flush=True)
+        if given.values:
+            given.values.write_text("\n".join(["simulator,type,seed,size,error,u", *rows]) + "\n")
+    print(f"\n{parts} of {len(chosen)} parts; {refused} refused; {excluded} taken for a type that they are not\n")
     print_table(tuple(SIZES), found)
+
+
+def _by_size(rows: list[tuple[str, float, float]]) -> dict[str, list[tuple[float, float]]]:
+    out: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for size, error, u in rows:
+        out[size].append((error, u))
+    return out
 
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[GrooveInspection, GrooveTruth]:

@@ -10,11 +10,12 @@ import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.limits import most
+from workbench.edge.groove_fillet import Fillets, fit_circle, fit_fillet
+from workbench.edge.groove_form import Form, Repeated
 from workbench.edge.groove_profile import (
     DROP_MM,
     DROP_POINTS,
     SHARED,
-    TRIM_MM,
     Kind,
     Side,
     is_read,
@@ -35,19 +36,13 @@ LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had se
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
-WALK_PLACES = 9  # stretches of a plate's columns
-PLACE_MM, LEAST_PLACES = 0.25, 8  # of an upper surface, from its end on, that show whether it is straight
-STRIP_MM, STRIP_POINTS, STRIP_LEAN = 0.2, 4, 0.06  # from the corner on, what is level beside the end of that surface
-FORM_MM = 0.008  # what is left there in all profiles alike; of sensors that err by what walks over the columns 0.005
 ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 STRAY_SIGMAS = 3.5
-MIN_ARC, LEAST_SHARE = 8, 0.2  # returns of a fillet alone; of the noise that counts across it, at least
+LEAST_ACROSS = 0.5  # of an error along the rays, that counts across a face: steeper ones show other errors
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
 THIRD = 3  # return beyond an upper surface's end
-NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is normally distributed lie
-GOOD_COST = 4.0  # of a fillet's fit, times what noise costs: no other start is tried
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,19 +86,18 @@ class Lines:
     grazing: Shaped[Float, " n"]  # how many times as far apart as on the plate the returns stand on the face
     rounded: float  # mm by which a rounded edge is seen beyond the upper surface, where nothing is seen below it
     sigma: float  # noise of a return across the face, mm
-    radius: Shaped[Float, " n"]  # of the fillet; NaN where there is none
-    radius_variance: Float
     radius_lever: Shaped[Float, " n"]  # of the fillet's radius, a mm of its form: large where a short arc is seen
-    bottom: Shaped[Float, " n"]  # level of the fillet's lowest place
-    bottom_variance: Float
+    fillets: Fillets
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN: none, or something covers its end
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
-    misfit: float  # of the fillet's returns, times their noise; NaN: there is none
     pattern: float  # share of the noise's variance that every profile repeats in the same column
-    walk: float  # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk
+    # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk, as the upper
+    # surface shows it and as the face does; NaN: too few columns
+    walk: float
+    face_walk: float
     form_mm: float  # u of the upper surface's height at the corner: it is not straight, or carries a tape
     form_turn: float  # and of its direction, rad
     plate_mm: float  # width of the upper surface that is measured
@@ -362,10 +356,6 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "face",
         "face_v",
         "step",
-        "radius",
-        "radius_v",
-        "bottom",
-        "bottom_v",
         "root_a",
         "face_s",
         "spacing",
@@ -381,14 +371,13 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         "face_way",
         "width_p",
         "width_f",
-        "misfit",
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     last, lowest, ends, beneath = (np.full((n, 2), np.nan) for _ in range(4))
     held = []
-    form = _Form()
-    added, count, squares = np.zeros(cloud.keep.shape[1]), np.zeros(cloud.keep.shape[1]), 0.0
+    fillets = Fillets(n)
+    form, of_plate, of_face = Form(), Repeated(cloud.keep.shape[1]), Repeated(cloud.keep.shape[1])
     value["next_up"] = _next_up(cloud, read, which)
     beyond_end, beyond_last = (_columns_on(cloud, read, which, name) for name in ("end", "last"))
     for k, side in enumerate(read.sides[which]):
@@ -420,13 +409,13 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         off = (upper - place) @ np.array([-math.sin(level), math.cos(level)])
         on = np.abs(off) < STRAY_SIGMAS * value["rms_p"][k]
         form.add(upper[on], off[on])
-        column = read.columns[k][side.upper[on]]
-        added += np.bincount(column, off[on], added.size)
-        squares += float((off[on] ** 2).sum())
-        count += np.bincount(column, minlength=added.size)
+        of_plate.add(read.columns[k][side.upper[on]], off[on])
         if face.size:
             value["width_f"][k] = math.dist(face[0], face[-1])
-            _, value["rms_f"][k], *_, value["share"][k] = _line(face, ray)
+            place, value["rms_f"][k], level, *_, value["share"][k] = _line(face, ray)
+            off = (face - place) @ np.array([-math.sin(level), math.cos(level)]) / value["share"][k]
+            on = np.abs(off) < STRAY_SIGMAS * value["rms_f"][k]
+            of_face.add(read.columns[k][side.face[on]], off[on])
     noise_p, noise_f = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
     )
@@ -441,40 +430,30 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         if kind == "edge":
             continue
         if kind == "hidden":
-            circle = _circle(arc, ray, noise_p)
+            circle = fit_circle(arc, ray, noise_p)
             if circle is not None:
-                for name, found_ in zip(("radius", "radius_v", "bottom", "bottom_v", "misfit"), circle, strict=True):
-                    value[name][k] = found_
+                fillets.add(k, circle)
                 chord = float(np.linalg.norm(arc[-1] - arc[0]))
-                half = math.asin(min(1.0, 0.5 * chord / circle[0]))
+                half = math.asin(min(1.0, 0.5 * chord / circle.radius_mm))
                 value["lever"][k] = 1.0 / (1.0 - math.cos(half))
             continue
         middle, _, way, way_v, face_off_v, share = _line(face, ray)
         way = _downwards(way)
         way_v, face_off_v = way_v * noise_f**2, face_off_v * noise_f**2
         if kind == "round":
-            found = _fillet(np.concatenate([face, arc]), middle, way, noise_f * share, guess)
+            found = fit_fillet(np.concatenate([face, arc]), middle, way, noise_f * share, guess)
             if found is None:
                 continue
-            guess = float(found[4])
-            (
-                way,
-                way_v,
-                middle,
-                face_off_v,
-                value["radius"][k],
-                value["radius_v"][k],
-                value["bottom"][k],
-                value["bottom_v"][k],
-                value["misfit"][k],
-            ) = found  # type: ignore[assignment]
+            (way, way_v, middle, face_off_v), fillet = found
+            guess = fillet.radius_mm
+            fillets.add(k, fillet)
         value["face"][k], value["face_v"][k] = way, way_v
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
         form.add_strip(beside, plate, corner[k])
-    width_p, width_f, misfit = (
+    width_p, width_f = (
         float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else math.nan
-        for name in ("width_p", "width_f", "misfit")
+        for name in ("width_p", "width_f")
     )
     is_covered = bool(np.mean([side.covered for side in read.sides[which]]) > COVERED)
     if is_covered:
@@ -499,19 +478,16 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["grazing"],
         float(np.median([side.rounded_mm for side in read.sides[which]])),
         max(noise_f * across, LEAST_SIGMA_MM),
-        value["radius"],
-        value["radius_v"],
         value["lever"],
-        value["bottom"],
-        value["bottom_v"],
+        fillets,
         lowest,
         value["root_a"],
         value["spacing"],
         beneath,
         is_covered,
-        misfit,
-        _pattern(added, count, squares),
-        _walk(added, count, width_p),
+        of_plate.pattern(),
+        of_plate.walk(width_p),
+        of_face.walk(width_f * across) if kind == "bevel" and across > LEAST_ACROSS else math.nan,
         *form.found(),
         width_p,
         width_f,
@@ -524,51 +500,6 @@ def _strip(side: Side, which: int) -> Int:
         return np.empty(0, np.int64)
     ends = (side.upper[-1] + 1, side.face[0]) if which == 0 else (side.face[-1] + 1, side.upper[0])
     return np.arange(*ends)
-
-
-class _Form:
-    """What the lines of an upper surface leave, mean of all profiles by the distance from its innermost return."""
-
-    def __init__(self) -> None:
-        self.total, self.count = np.zeros(0), np.zeros(0)
-        self.strips: list[float] = []  # how far off the line what lies between it and the corner is, of each profile
-
-    def add_strip(self, points: Float, plate: Line, corner: Float) -> None:
-        """The returns (m, 2) between an upper surface and its corner: as they are where a tape or primer ends there."""
-        centre, angle, *_ = plate
-        way = np.array([math.cos(angle), math.sin(angle)])
-        beside = points[(corner - points) @ way > STRIP_MM]
-        if len(beside) < STRIP_POINTS:
-            return
-        along, off = (beside - centre) @ way, (beside - centre) @ np.array([-way[1], way[0]])
-        level = abs(float(np.polyfit(along, off, 1)[0])) < STRIP_LEAN
-        self.strips.append(float(np.median(off)) if level else 0.0)
-
-    def add(self, points: Float, off: Float) -> None:
-        """The returns (m, 2) of one profile and what its line leaves of them (m,)."""
-        inner = points[np.argmax(points[:, 0])]
-        place = (np.hypot(*(points - inner).T) / PLACE_MM).astype(np.int64)
-        size = max(int(place.max()) + 1, self.count.size)
-        self.total = np.pad(self.total, (0, size - self.total.size)) + np.bincount(place, off, size)
-        self.count = np.pad(self.count, (0, size - self.count.size)) + np.bincount(place, minlength=size)
-
-    def found(self) -> tuple[float, float]:
-        """u of the line's height at the end, mm, and of its direction, rad.
-
-        By how much lines through the nearest quarter, half and three quarters of the surface differ from it there.
-        """
-        seen = np.flatnonzero(self.count > 0.5 * np.median(self.count)) if self.count.size else self.count
-        if seen.size < LEAST_PLACES:
-            return 0.0, 0.0
-        strip = abs(float(np.median(self.strips))) if self.strips else 0.0
-        strip = strip / math.sqrt(3.0) if strip > FORM_MM else 0.0
-        place, mean = (seen + 0.5) * PLACE_MM, self.total[seen] / self.count[seen]
-        if np.abs(mean).max() < FORM_MM:
-            return strip, 2.0 * strip / float(place[-1])
-        parts = [max(seen.size * k // 4, LEAST_PLACES // 2) for k in (1, 2, 3)]
-        lines = [np.polyfit(place[:part], mean[:part], 1) for part in parts]
-        turn, height = np.abs(lines).max(axis=0) / math.sqrt(3.0)
-        return math.hypot(height, strip), math.hypot(turn, 2.0 * strip / float(place[-1]))
 
 
 def _columns_on(cloud: Cloud, read: ReadFrames, which: int, name: str) -> Int:
@@ -612,65 +543,8 @@ def _way_along(points: Float, at: Float, angle: float) -> float:
     return float(np.polyfit(along - along.mean(), at, 1)[0])
 
 
-def _pattern(added: Float, count: Float, squares: float) -> float:
-    """Share of the variance that is the same in every profile: of the columns' means, less what chance leaves them."""
-    many = count >= 8
-    if not many.any():
-        return 0.0
-    variance = squares / count.sum()
-    mean = added[many] / count[many]
-    return float(np.clip(np.mean(mean**2 - variance / count[many]) / max(variance, 1e-12), 0.0, 1.0))
-
-
-def _walk(added: Float, count: Float, width_mm: float) -> float:
-    """By how much (mm^2 a mm) an error that every profile repeats grows across, by what a plate's line leaves of it.
-
-    Of sums `added` (M,) of `count` (M,) returns by columns: the means of WALK_PLACES stretches of columns beyond what
-    their own columns' scatter makes of them. A line leaves a fifteenth of what a random walk gathers over its width.
-    """
-    column = np.flatnonzero(count >= 8)
-    if column.size < 4 * WALK_PLACES:
-        return 0.0
-    means = [added[part] / count[part] for part in np.array_split(column, WALK_PLACES)]
-    square = float(np.mean([one.mean() ** 2 - one.var(ddof=1) / one.size for one in means]))
-    return 15.0 * max(square, 0.0) * WALK_PLACES / (WALK_PLACES - 2.0) / width_mm
-
-
 def _downwards(way: float) -> float:
     return way if math.sin(way) < 0 else way + (math.pi if way < 0 else -math.pi)
-
-
-def _circle(points: Float, ray: Float, sigma: float) -> tuple[float, float, float, float, float] | None:
-    """Circle through a fillet's returns: radius, its variance, lowest level, its variance, and the returns' distances
-    from it over their noise; None: not fixed by them.
-    """
-    ends = np.minimum(*(np.hypot(*(points - points[k]).T) for k in (0, -1)))
-    points = points[ends > TRIM_MM]  # beside a shadow and a corner
-    if len(points) < MIN_ARC:
-        return None
-    middle = points.mean(axis=0)
-    off = points - middle
-    unknown = np.linalg.lstsq(np.column_stack([2 * off, np.ones(len(off))]), (off**2).sum(axis=1), rcond=None)[0]
-    start = np.array([unknown[0], unknown[1], math.sqrt(max(float(unknown[2] + unknown[:2] @ unknown[:2]), 1e-6))])
-
-    outward = (off - start[:2]) / np.hypot(*(off - start[:2]).T)[:, None]
-    share = np.maximum(np.abs(outward @ ray), LEAST_SHARE)  # of the range axis' noise, across the circle
-
-    def away(at: Float) -> Float:
-        return np.asarray((np.hypot(*(off - at[:2]).T) - at[2]) / share)
-
-    found = scipy.optimize.least_squares(away, start, loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60)
-    if not 0.3 < found.x[2] < 40.0:
-        return None
-    rms = 1.4826 * float(np.median(np.abs(found.fun))) + 1e-4
-    misfit = float(np.quantile(np.abs(found.fun), 0.9)) / (NINE_TENTHS * sigma)
-    try:
-        covariance = np.linalg.inv(found.jac.T @ found.jac) * max(rms, sigma) ** 2
-    except np.linalg.LinAlgError:
-        return None
-    lowest = covariance[1, 1] + covariance[2, 2] - 2.0 * covariance[1, 2]
-    bottom = float(middle[1] + found.x[1] - found.x[2])
-    return float(found.x[2]), float(covariance[2, 2]), bottom, float(lowest), misfit
 
 
 Line = tuple[Float, float, float, float]  # a place on it, its direction, variances of direction and of place across
@@ -694,63 +568,3 @@ def _end_corner(plate: Line, last: Float, step: float) -> tuple[Float, Float]:
     along = np.array([math.cos(angle), math.sin(angle)])
     away = float((last - centre) @ along) + 0.5 * step
     return centre + away * along, np.array([step**2 / 12.0, off_v + angle_v * away**2])
-
-
-def _fillet(points: Float, middle: Float, way: float, sigma: float, guess: float) -> tuple[float, ...] | None:
-    """Flank and fillet at once: a line that goes over into a circle which it touches; both 4 unknowns together.
-
-    Returns direction of the flank and its variance, a place on it and the variance across, radius and its variance,
-    lowest level of the circle and its variance, and the returns' distances over their noise; None where the points do
-    not fix them.
-    """
-
-    def away(unknown: Float) -> Float:
-        turn, off, radius, tangent = unknown
-        d = np.array([math.cos(way + turn), math.sin(way + turn)])
-        inside = np.array([-d[1], d[0]])
-        along, across = (points - middle) @ d, (points - middle) @ inside
-        centre = np.array([tangent, off + radius])
-        round_ = radius - np.hypot(along - centre[0], across - centre[1])
-        return np.asarray(np.where(along < tangent, across - off, round_))
-
-    reach = (points - middle) @ np.array([math.cos(way), math.sin(way)])
-    best = None
-    for radius in (guess, 0.5 * guess, 2.0 * guess):
-        start = np.array([0.0, 0.0, radius, float(np.max(reach)) - radius])
-        try:
-            found = scipy.optimize.least_squares(
-                away, start, method="trf", loss="soft_l1", f_scale=3.0 * sigma, max_nfev=60
-            )
-        except (ValueError, np.linalg.LinAlgError):
-            continue
-        if best is None or found.cost < best.cost:
-            best = found
-        if best.cost < GOOD_COST * sigma**2 * len(points):
-            break
-    if best is None or not 0.3 < best.x[2] < 40.0:
-        return None
-    rms = 1.4826 * float(np.median(np.abs(best.fun))) + 1e-4
-    on_arc = reach > best.x[3]
-    off = float(np.quantile(np.abs(best.fun[on_arc]), 0.9)) if on_arc.sum() >= MIN_ARC else 0.0
-    misfit = off / (NINE_TENTHS * sigma)
-    try:
-        covariance = np.linalg.inv(best.jac.T @ best.jac) * max(rms, sigma) ** 2
-    except np.linalg.LinAlgError:
-        return None
-    turn, off, radius, tangent = (float(v) for v in best.x)
-    d = np.array([math.cos(way + turn), math.sin(way + turn)])
-    inside = np.array([-d[1], d[0]])
-    bottom = float((middle + tangent * d + (off + radius) * inside)[1]) - radius
-    lever = tangent * math.cos(way + turn) - (off + radius) * math.sin(way + turn)
-    gradient = np.array([lever, inside[1], inside[1] - 1.0, d[1]])
-    return (
-        way + turn,
-        float(covariance[0, 0]),
-        middle + off * inside,
-        float(covariance[1, 1]),
-        radius,  # type: ignore[return-value]
-        float(covariance[2, 2]),
-        bottom,
-        float(gradient @ covariance @ gradient),
-        misfit,
-    )

@@ -47,6 +47,7 @@ STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two 
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
+OFF_FACE_MM = 0.05  # aside of the line of a root face: rough faces and their rounded ends lie nearer to it
 FARTHER = 4.0  # times as far from the one before as usual: a return of another surface, under a root face
 FLOOR_STEPS, FLOOR_MM, FLOOR_RISE = 3.0, 0.15, 60.0 * DEG  # what so nearly joins a face's last return covers its end
 
@@ -381,12 +382,14 @@ def _step(x: Float, y: Float, on: Int) -> float:
 
 
 def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
-    """Returns straight below the root: next to it in the profile, each lower than the one before.
+    """Returns straight below the root: next to it in the profile, each lower than the one before, on one line.
 
-    Returns on a level are what lies under the face, and so is one much lower than those before.
+    Returns on a level are what lies under the face, and so is one much lower than those before. One off their line is
+    a stray, a mixed pixel of the face's end, or what lies under it.
     """
     across, up = np.array([math.cos(level), math.sin(level)]), np.array([-math.sin(level), math.cos(level)])
     found: list[int] = []
+    place: list[tuple[float, float]] = []
     fallen: list[float] = []
     low = 0.0
     for k in range(last + 1, min(x.size, last + 60)):
@@ -398,11 +401,22 @@ def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
             break
         if b < -BELOW_MM and _is_level(x[k:] - x[last], y[k:] - y[last], across, up):
             break
+        if len(place) >= DROP_POINTS and _off_face(place, a, b) > OFF_FACE_MM:
+            continue
         if b < -BELOW_MM:
             found.append(k)
+            place.append((a, b))
             fallen.append(low - b)
         low = min(low, b)
     return np.array(found, np.int64)
+
+
+def _off_face(place: list[tuple[float, float]], a: float, b: float) -> float:
+    """How far aside a return lies from the line of those on a steep face, mm."""
+    aside, down = np.array(place).T
+    mean_a, mean_b = float(aside.mean()), float(down.mean())
+    lean = float((aside - mean_a) @ (down - mean_b)) / max(float((down - mean_b) @ (down - mean_b)), 1e-9)
+    return abs(a - mean_a - lean * (b - mean_b))
 
 
 def _is_level(x: Float, y: Float, across: Float, up: Float) -> bool:

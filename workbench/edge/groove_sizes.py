@@ -46,6 +46,7 @@ STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
+WALK_FREEDOM, SURE = 3.2, 0.99865  # degrees of freedom of a walk by what a line leaves of it; probability below 3 u
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
 
@@ -126,7 +127,8 @@ class GrooveSizes:
         step = self._course(
             right.corner[:, 1] - left.corner[:, 1], left.corner_variance[:, 1] + right.corner_variance[:, 1]
         )
-        lever = np.abs(width.value) * np.hypot(self.tilt_u, 0.5 * math.hypot(left.form_turn, right.form_turn))
+        turned = [math.hypot(one.form_turn, self._turned_by_walk(one.plate_mm)) for one in self.lines]
+        lever = np.abs(width.value) * np.hypot(self.tilt_u, 0.5 * math.hypot(*turned))
         plates = [math.hypot(self._walked(one.plate_mm), one.form_mm) for one in self.lines]
         between = math.sqrt(self.walk * max(typical(np.abs(width.value)), 0.0))
         high = math.hypot(self._shared(*(one.corner_variance[:, 1] for one in self.lines)), *plates, between)
@@ -199,15 +201,16 @@ class GrooveSizes:
                 self._hidden("depth_mm", apart / sum(1.0 / math.tan(typical(angle)) for angle, _ in both))
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
-            radius = [self._course(one.radius, one.radius_variance) for one in round_]
+            radius = [self._course(one.fillets.radius, one.fillets.variances()[0]) for one in round_]
             n = len(radius)
+            arc_lever = max(typical(one.radius_lever) if one.kind == "hidden" else 0.0 for one in round_)
             self._mm(
                 "root_radius_mm",
                 np.asarray(sum(r.value for r in radius)) / n,
                 np.sqrt(sum(r.u**2 for r in radius)) / n,
                 0.0,
-                self._shared(*(one.radius_variance for one in round_)) / n,
-                FORM_U_MM * max(typical(one.radius_lever) if one.kind == "hidden" else 0.0 for one in round_),
+                self._shared(*(one.fillets.variances()[0] for one in round_)) / n,
+                math.hypot(FORM_U_MM * arc_lever, *(one.fillets.form_u()[0] / n for one in round_)),
             )
         self._corners(roots)
         self._root_faces(roots)
@@ -290,8 +293,17 @@ class GrooveSizes:
 
     @property
     def walk(self) -> float:
-        """mm^2 a mm across, by which an error that every profile repeats grows; as the worse plate shows it."""
-        return max(one.walk for one in self.lines)
+        """mm^2 a mm across, by which an error that every profile repeats grows.
+
+        As the worse plate shows it by itself, or all faces do together: each tells it from WALK_FREEDOM values only.
+        """
+        told = np.array([one for line in self.lines for one in (line.walk, line.face_walk)])
+        told = told[np.isfinite(told)]
+        if not told.size:
+            return 0.0
+        worst = max((one.walk for one in self.lines if math.isfinite(one.walk)), default=0.0)
+        student = float(scipy.stats.t.ppf(SURE, WALK_FREEDOM * told.size)) / float(scipy.stats.norm.ppf(SURE))
+        return max(worst, student**2 * float(told.mean()))
 
     def _walked(self, width_mm: float) -> float:
         """How far a line of this width lies off at its ends by such an error, mm: as (11) has it."""
@@ -361,11 +373,12 @@ class GrooveSizes:
             return _Root(zero, zero, 0.0, zero, zero, 0.0, zero)
         off, joined = one.last - one.corner, self._joined(one)
         if one.kind != "bevel":
-            low = one.corner[:, 1] - one.bottom
-            depth = self._course(low, one.corner_variance[:, 1] + one.bottom_variance)
+            low = one.corner[:, 1] - one.fillets.bottom
+            depth = self._course(low, one.corner_variance[:, 1] + one.fillets.variances()[1])
             run, run_u, step = self._end(off[:, 0], one)
             end = STEP_SHARE * step if joined is None else math.hypot(JOINED_SHARE * step, joined)
-            return _Root(depth.value, depth.u, 0.0, run, run_u, end, depth.value)
+            depth_u = np.hypot(depth.u, one.fillets.form_u()[1])
+            return _Root(depth.value, depth_u, 0.0, run, run_u, end, depth.value)
         if fall is None:
             raise AssertionError("a bevel has an angle")
         way = np.stack([np.cos(one.face), np.sin(one.face)], axis=1)
@@ -554,7 +567,8 @@ class GrooveSizes:
                 self.root_face_excluded = True
             if shown.sum() < 3 or shown.mean() < SHOWS:
                 continue
-            drop = one.corner[:, 1] - one.lowest[:, 1]
+            # Square to the plate's own upper surface, as the depth is: plates need not stand level.
+            drop = ((one.corner - one.lowest) * np.stack([-np.sin(one.plate), np.cos(one.plate)], axis=1)).sum(axis=1)
             if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < abs(self.high) + 2.0 * BELOW_MM:
                 continue  # without a gap, what is seen below the upper root is the other plate
             self.root_face_seen = True

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from workbench.edge.groove_form import repeated_mm
 from workbench.units import DEG, Float, Shaped
 
 LAND_TILT = 2.0 * DEG  # standard deviation of delta before anything is seen of it
@@ -93,10 +94,7 @@ def fit_fillet(points: Float, fall: float, sigma_mm: float, start: Fillet | None
 
 def misfit_mm(fillets: Sequence[Fillet]) -> float:
     """How far flanks and fillets stand off their lines and circles in the same way in all profiles, rms."""
-    left = np.array([one.left_mm for one in fillets])
-    middle = np.median(left, axis=0)
-    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) / 0.6745 / math.sqrt(len(left))
-    return math.sqrt(max(float(np.mean(middle**2 - noise**2)), 0.0))
+    return repeated_mm(np.array([one.left_mm for one in fillets]))
 
 
 def _centre(level: float, radius: float, tilt: float, fall: float) -> Float:

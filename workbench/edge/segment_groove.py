@@ -139,7 +139,7 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
     lean = max((one.lean_deg for one in measured.lines), default=math.nan)
     leans = f"what would be a root face leans by {lean:.0f} deg from the square to its plate: the lower face of a "
     leans += "compound bevel, or the bevel below a dressed upper edge; or what lies under the root, a backing strip?"
-    misfit = max((one.misfit for one in measured.lines if math.isfinite(one.misfit)), default=math.nan)
+    misfit = max((off for one in measured.lines if math.isfinite(off := one.fillets.misfit())), default=math.nan)
     bent = f"what would be a fillet lies {misfit:.0f} times its noise off any circle: two faces that meet, a weld or a "
     bent += "backing strip at the root?"
     uneven = f"one root begins {100 * measured.uneven:.0f} % of the preparation's depth above the other: a bevel of "

@@ -34,7 +34,7 @@ NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
 # Sources whose names begin so are evaluated from scatter (GUM 4.2).
 TYPE_A = ("faces", "fixed pattern", "corners", END, DIRECTIONS, FORM)
 LEFT_OUT = (
-    *NOT_INCLUDED[:3],
+    *NOT_INCLUDED,
     "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
 )
 LEFT_OUT_OF_PLATES = (*NOT_INCLUDED, "What the side that was scanned does not show: bevels below the root face.")

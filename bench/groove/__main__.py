@@ -25,7 +25,7 @@ from workbench.scan import fuse
 from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
+from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
 from workbench.synthetic.swept.recipe import GrooveRecipe
 from workbench.units import DEG, Float
 

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from bench.speed.batch_parts import simulated_parts
 from bench.speed.timing import Row, seconds
-from workbench.batch.part import Job
-from workbench.batch.record import Record
+from workbench.batch.part import Job, Record
 from workbench.batch.workers import Workers
 from workbench.pipeline.document import read_document
 

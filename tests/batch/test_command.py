@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from workbench.batch.record import Record
+from workbench.batch.part import Record
 from workbench.batch.run import Progress, duration
 from workbench.cli import main
 

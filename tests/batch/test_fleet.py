@@ -11,7 +11,7 @@ import pytest
 
 from workbench.batch.fleet import MOST_PARTS, cover, fleet_files, page, without_folders, worst_counts, worst_text
 from workbench.batch.fleet_table import characteristics, least_margin, worst_first
-from workbench.batch.record import Record
+from workbench.batch.part import Record
 
 NEEDS = {
     "root_nominal_mm": 1.5,

@@ -43,7 +43,7 @@ from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, 
 from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe
-from workbench.synthetic.swept.groove_conditions import GROOVES, random_groove_recipe
+from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
 from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"

@@ -17,7 +17,7 @@ from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.groove_conditions import random_groove_recipe
+from workbench.synthetic.swept.groove import random_groove_recipe
 from workbench.synthetic.swept.recipe import GrooveRecipe
 
 SEED = 4711

@@ -11,7 +11,7 @@ import pytest
 from workbench.artefacts import Part, Uncertainty, UncertaintySource
 from workbench.batch.fleet import MOST_PARTS
 from workbench.batch.fleet import page as fleet_page
-from workbench.batch.record import Record
+from workbench.batch.part import Record
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.inspect import groove as inspect_groove

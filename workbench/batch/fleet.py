@@ -20,7 +20,7 @@ from workbench.batch.fleet_table import (
     parquet,
     worst_first,
 )
-from workbench.batch.record import OUTCOMES, Record
+from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.units import Int
 

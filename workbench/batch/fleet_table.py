@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.batch.record import OUTCOMES, Record
+from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.units import Float, Int, Shaped
 

@@ -14,8 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TextIO, TypedDict, Unpack
 
 from workbench.artefacts.showing import shown
-from workbench.batch.part import RECORDING, Job
-from workbench.batch.record import OUTCOMES, Record
+from workbench.batch.part import OUTCOMES, RECORDING, Job, Record
 from workbench.batch.store import is_remote, joined, listed, local_path, refuse_credentials, write_file
 from workbench.batch.workers import Workers, here
 from workbench.errors import InputError, OutputError, PipelineError, nearest

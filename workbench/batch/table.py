@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from workbench.batch.fleet_table import worst_first
-from workbench.batch.record import Record
+from workbench.batch.part import Record
 from workbench.batch.run import Batch
 from workbench.errors import one_line
 

@@ -22,8 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from workbench.batch.part import Job, fail, run_part
-from workbench.batch.record import Record
+from workbench.batch.part import Job, Record, fail, run_part
 from workbench.batch.worker import READY
 from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.geometry.blocks import cores

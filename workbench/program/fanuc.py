@@ -28,7 +28,7 @@ from workbench.program.krl import euler_deg
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.robot.cell import Cell
 from workbench.robot.margins import DIGITS
-from workbench.robot.sides import arm_sides, level_joint_3
+from workbench.robot.wrist import arm_sides, level_joint_3
 from workbench.units import DEG, Float
 
 DECLARED, REGISTER = 9, 99  # numbers of tool and frame, and of the position register, where a program declares them

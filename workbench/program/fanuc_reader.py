@@ -20,7 +20,7 @@ from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.kinematics import Chain
-from workbench.robot.sides import free_joint_3
+from workbench.robot.wrist import free_joint_3
 from workbench.units import DEG, Float
 
 CONFIGURATION = r"CONFIG : '([NF]) ([UD]) ([TB]), (-?\d), (-?\d), (-?\d)',"

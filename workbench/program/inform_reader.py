@@ -27,7 +27,7 @@ from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, n
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain
-from workbench.robot.sides import arm_sides
+from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Shaped
 
 Configuration = tuple[int, ...]  # no flip, lower arm, rear; R, T, S beyond +-180 deg

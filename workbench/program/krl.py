@@ -24,7 +24,7 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.krl_reader import read_krl
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.robot.cell import Cell
-from workbench.robot.sides import arm_sides
+from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 
 PTP_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture

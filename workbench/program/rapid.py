@@ -23,7 +23,7 @@ from workbench.program.names import free_name
 from workbench.program.rapid_reader import read_rapid
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, skeleton_of
 from workbench.robot.cell import Cell
-from workbench.robot.sides import arm_sides
+from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 
 TURN_DEG_S = 50  # where the orientation alone moves

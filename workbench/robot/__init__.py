@@ -25,9 +25,8 @@ from workbench.robot.margins import Margins, dexterity
 from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.read import cell, read_cell
-from workbench.robot.sides import arm_sides
 from workbench.robot.ways_home import refusal, turntable_at_home
-from workbench.robot.wrist import SphericalWrist, spherical_wrist
+from workbench.robot.wrist import SphericalWrist, arm_sides, spherical_wrist
 
 __all__ = [
     "AngleConvention",

@@ -95,12 +95,12 @@ def _inverses(matrices: AnyArray) -> AnyArray:
     found = np.empty_like(matrices)
     work = np.empty((6, 12))
     for n in range(len(matrices)):
-        for r in range(6):
-            for c in range(6):
-                work[r, c] = matrices[n, r, c]
-                work[r, 6 + c] = 1.0 if r == c else 0.0
+        _put_beside_one(matrices[n], work)
         for c in range(6):
-            best = _pivot(work, c)
+            best = c
+            for r in range(c + 1, 6):
+                if abs(work[r, c]) > abs(work[best, c]):
+                    best = r
             size = work[best, c]
             if not abs(size) > 0.0:
                 size = np.nan
@@ -119,11 +119,10 @@ def _inverses(matrices: AnyArray) -> AnyArray:
     return found
 
 
-@kernel
-def _pivot(work: AnyArray, c: int) -> int:
-    """The row from c on that is the largest in column c."""
-    best = c
-    for r in range(c + 1, 6):
-        if abs(work[r, c]) > abs(work[best, c]):
-            best = r
-    return best
+@kernel(inline="always")
+def _put_beside_one(matrix: AnyArray, work: AnyArray) -> None:
+    """Fill `work` (6, 12) with the matrix and, beside it, the identity."""
+    for r in range(6):
+        for c in range(6):
+            work[r, c] = matrix[r, c]
+            work[r, 6 + c] = 1.0 if r == c else 0.0

@@ -7,7 +7,7 @@ import pytest
 
 from workbench.robot import Cell, Chain, forward_kinematics, inverse_kinematics, within_margins
 from workbench.robot.margins import DIGITS
-from workbench.robot.sides import arm_sides, free_joint_3, level_joint_3
+from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 
 
 @pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "gp25", "puma", "ur10e"])

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from workbench.batch.record import Record
+from workbench.batch.part import Record
 
 RECORD = Record(
     "a",

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.pieces import BLUE, GREEN, INK, ORANGE, PURPLE, SKY
 from workbench.report.colours import LIMIT
-from workbench.report.plot import PAD, SIZE, TICK, TICKS_EACH_PT, Axes, Figure, nice_ticks
+from workbench.report.plot import PAD, SIZE, TICK, TICKS_EACH_PT, Axes, Figure, Lettering, nice_ticks
 
 WIDTH_IN, HIGH_IN, LOW_IN = 6.6, 3.2, 1.45  # of the picture; of a chart alone, and of one of several
 LEFT_IN, RIGHT_IN, TOP_IN, TIGHT_IN = 0.95, 0.15, 0.32, 0.14  # beside the charts; above one with and without a key
@@ -103,7 +103,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
         _curve(axes, curve, next_one if curve.colour is None else curve.colour, bool(panel.names), dots)
     for name, level in panel.levels:
         axes.axhline(level, color=LIMIT, linewidth=0.9, dashes=(4, 2.5), zorder=1)
-        at = {"xycoords": ("axes fraction", "data"), "ha": "right", "fontsize": 8, "color": LIMIT, "box": True}
+        at = {"xycoords": ("axes fraction", "data"), "ha": "right", "fontsize": 8, "look": Lettering(LIMIT, box=True)}
         axes.annotate(name, (1.0, level), (-2, 3), **at)
     if any(curve.name for curve in panel.curves):
         axes.legend()
@@ -126,7 +126,7 @@ def _curve(axes: Axes, curve: Curve, colour: Any, lying: bool, dots: tuple[int, 
         axes.plot(x[:1], y[:1], color=colour, label=curve.name)
     if curve.how == "dots":
         some = np.linspace(0, len(x) - 1, min(len(x), dots[0])).astype(int)
-        axes.plot(x[some], y[some], ".", color=colour, markersize=dots[1], alpha=0.7)
+        axes.points(x[some], y[some], ".", color=colour, markersize=dots[1], alpha=0.7)
     elif curve.how == "line":
         axes.plot(x, y, color=colour, linewidth=1.3)
         if curve.u is not None:
@@ -140,4 +140,4 @@ def _curve(axes: Axes, curve: Curve, colour: Any, lying: bool, dots: tuple[int, 
             elif half:
                 axes.errorbar(x[k], y[k], half, color=colour)
         if curve.how == "marks":
-            axes.plot(x, y, "o", color=colour, markersize=4.5, zorder=3)
+            axes.points(x, y, "o", color=colour, markersize=4.5, zorder=3)

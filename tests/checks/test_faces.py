@@ -30,6 +30,7 @@ from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
+from workbench.checks.bends import Bend, _corner
 from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.faces import Shown, judge_faces, require_bevel
 from workbench.cloud import denoise
@@ -396,3 +397,13 @@ def test_the_end_face_of_a_strip_below_a_plate_is_not_the_plates() -> None:
     section = Sizes(5.9 - 1e-3, np.pi / 4.0, 5.9, 6.0).drawn((plate(5.9 - 1e-3, ((-1e-3, 1e-3),)), strip))
     with pytest.raises(InputError, match="face_behind_share"):
         judged_plan(simulate(3, True, section))
+
+
+def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
+    rng, place = np.random.default_rng(1), (np.arange(12) + 0.5) / 12.0
+    smooth = np.exp(-np.abs(np.subtract.outer(np.arange(12.0), np.arange(12.0))) / 3.0)
+    for _ in range(200):
+        noise = rng.normal(0.0, 0.012, (120, 12)) @ np.linalg.cholesky(smooth).T
+        assert _corner(place, noise, 1.2) == Bend()
+    bent = noise + np.maximum(place - 0.6, 0.0) * 1.2 * np.tan(6.0 * DEG)
+    assert _corner(place, bent, 1.2).turn == pytest.approx(6.0 * DEG, rel=0.2)

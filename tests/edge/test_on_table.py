@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.odd_plates import SURROUNDED, Drawn, Sizes, judged, plate
+from bench.odd_plates import SURROUNDED, Drawn, Sizes, judged, odd_plate, plate
 from bench.outside import FAR_MM, Part, inspected, planned, simulate
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
@@ -102,3 +102,10 @@ def test_an_end_that_three_frames_in_four_lose_is_in_u() -> None:
             z[i, on[-6:] if on[0] > bevel[0] else on[:6]] = np.nan
     for error, u in inspected(part._replace(recording=replace(part.recording, z_mm=z))).values():
         assert (np.abs(error) <= 3.0 * u).all()
+
+
+def test_rays_that_go_down_between_the_face_and_a_rail_below_it_are_in_the_uncertainty() -> None:
+    """The rail joins the face's line 0.64 mm below its end, half a millimetre in front of it."""
+    error, u = inspected(odd_plate("a rail in front", 3503, False))["root, mm"]
+    assert error.min() > 0.5
+    assert (error < 2.0 * u).all()

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
 from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
 from workbench.checks.judge import refuse_failed
+from workbench.checks.levels import Beyond, one_level
 from workbench.checks.limits import Bound, check
 from workbench.units import DEG, AnyArray, Float, Int
 
@@ -19,9 +20,6 @@ STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
 STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
 # A second face behind the first: how much of it is looked at, and by how much it may lean to the first.
 WALL_MM, WALL_LEAN = 1.5, 20.0 * DEG
-# Single returns of many frames on one level: within how much, of each frame's next ones, times as many as right beside
-# it, how far from the face across it and along it.
-LEVEL_MM, NEXT, ALONE, LEVEL_FROM_MM, LEVEL_AWAY_MM = 0.1, 2, 2.0, 0.3, 0.15
 
 
 def require_end_face(
@@ -112,7 +110,7 @@ def _steps(cloud: Cloud, labels: AnyArray, rows: Int) -> tuple[float, float]:
         ends = [one[k] for one in beyond if one is not None]
         runs = np.array([_parallel_mm(*end) for end in ends])
         seen = float(np.isfinite(runs).sum()) / len(rows)
-        found = max(found, (seen, float(np.nanmedian(np.abs(runs))) if seen else 0.0), _one_level(ends, len(rows)))
+        found = max(found, (seen, float(np.nanmedian(np.abs(runs))) if seen else 0.0), one_level(ends, len(rows)))
     return found
 
 
@@ -135,9 +133,6 @@ def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:
         return False
     wall = np.sort(wall)
     return bool(abs(direction(x[wall], z[wall], sign) - at) < WALL_LEAN)
-
-
-Beyond = tuple[Float, Float]  # of returns beyond an end of a frame's face: distance from it along the face, and across
 
 
 def _beyond(cloud: Cloud, labels: AnyArray, i: int) -> tuple[Beyond, Beyond] | None:
@@ -166,29 +161,6 @@ def _parallel_mm(away: Float, across: Float) -> float:
         if STEP_FROM_MM < abs(level) < STEP_TO_MM and lean < STEP_LEAN and away[run[0]] < STEP_TO_MM:
             return level
     return np.nan
-
-
-def _one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
-    """Share of some frames whose next returns beyond one end stand on the level on which most of them do; that, mm.
-
-    What falls off from the face step by step is its rounded or chamfered edge; what begins at its end, a surface of the
-    plate; nearly as many right beside the level, or a level that leans, are those of some other surface.
-    """
-    frame = np.repeat(np.arange(len(ends)), [len(away[:NEXT]) for away, _ in ends])
-    away, across = (np.concatenate([end[k][:NEXT] for end in ends]) if ends else np.zeros(0) for k in (0, 1))
-    falls = np.unique(frame[np.abs(across) <= LEVEL_FROM_MM])
-    near = (away > LEVEL_AWAY_MM) & (away < STEP_TO_MM) & (np.abs(across) < STEP_TO_MM) & ~np.isin(frame, falls)
-    frame, away, across = frame[near], away[near], across[near]
-    best = (0.0, 0.0)
-    for low in np.unique(np.round(across / (0.5 * LEVEL_MM))) * 0.5 * LEVEL_MM:
-        on = (across >= low) & (across < low + LEVEL_MM)
-        beside = (across >= low - LEVEL_MM) & (across < low + 2.0 * LEVEL_MM) & ~on
-        share = len(np.unique(frame[on])) / frames
-        if share > best[0] and on.sum() > max(STEP_POINTS, ALONE * beside.sum()):
-            spread = float(np.ptp(away[on]))
-            lean = abs(float(np.polyfit(away[on], across[on], 1)[0])) if spread > 0.0 else 0.0
-            best = (share, abs(low + 0.5 * LEVEL_MM)) if lean < STEP_LEAN else best
-    return best
 
 
 def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.corners import face_columns, fitted_line, off_line
+from workbench.checks.levels import NEXT, one_level
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
@@ -24,12 +25,15 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
     found = np.flatnonzero((labels == ROOT_FACE).any(axis=1) & (labels == BEVEL_FACE).any(axis=1))
     rows = found[np.unique(np.linspace(0, len(found) - 1, FRAMES).astype(np.int64))] if len(found) else found
-    level = np.full(len(rows), np.nan)
+    level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
     x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    _levels(x, z, keep, as_input(labels), rows, level)
+    _levels(x, z, keep, as_input(labels), rows, level, first)
     beside = np.isfinite(level)
     share = float(beside.mean()) if len(rows) >= LEAST_FRAMES else None
     at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
+    if share is not None:  # a step of which a frame shows two or three returns
+        ends = [(of[np.isfinite(of[:, 0]), 0], of[np.isfinite(of[:, 0]), 1]) for of in first]
+        share, at_mm = max((share, at_mm), one_level(ends, len(rows)))
     told = (
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
     )
@@ -38,8 +42,11 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
 
 
 @kernel
-def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, level: Float) -> None:
-    """Fill in for some frames how far beside the root face's line the first such run lies (n,), mm; NaN: none."""
+def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, level: Float, first: Float) -> None:
+    """Fill in for some frames how far beside the root face's line the first such run lies (n,), mm; NaN: none.
+
+    And first (n, k, 2): how far the next returns beyond its end lie along the face from there, and beside it.
+    """
     columns = x.shape[1]
     on, off, line = np.empty(columns, np.int64), np.empty(columns), np.empty(5)
     for n in range(len(rows)):
@@ -53,6 +60,14 @@ def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, lev
         way = 1 if on[size // 2] > bevel else -1
         end = on[size - 1] if way > 0 else on[0]
         level[n] = _first_run(x[i], z[i], keep[i], end, way, line)
+        count, j = 0, end + way
+        while count < first.shape[1] and 0 <= j < columns and abs(j - end) <= COLUMNS:
+            if keep[i, j]:
+                a, b = float(x[i, j]), float(z[i, j])
+                first[n, count, 0] = abs((a - x[i, end]) * line[2] + (b - z[i, end]) * line[3])
+                first[n, count, 1] = off_line(line, a, b)
+                count += 1
+            j += way
 
 
 @kernel

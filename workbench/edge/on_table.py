@@ -37,7 +37,7 @@ def under_u_mm(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, at: Float) 
     bevel = tracked.faces[BEVEL_FACE]
     away = np.sign(tracked.side[on] * (slope - bevel.sxz[on] / bevel.sxx[on]))  # +1: z counts away from the sensor
     gate = GATE_SIGMAS * tracked.range_sigma_mm[on, 2] + GATE_MM
-    known = np.stack([root.x_mean[on], crossing, slope, offset, away, gate], axis=1)
+    known = np.stack([root.x_mean[on], crossing, slope, offset, away, gate, tracked.root_end[on, 2]], axis=1)
     gap = np.empty(on.size)
     x, z, keep = (as_input(v[on]) for v in (cloud.x_mm, cloud.z_mm, cloud.keep))
     _gaps(x, z, keep, as_input(known), gap)
@@ -74,7 +74,9 @@ def gap_u_mm(gap_mm: Float, s_frames: Float, at: Float, hidden_mm: float) -> Flo
 def _gaps(x: Float32, z: Float32, keep: Bool, known: Float, gap: Float) -> None:
     """Fill in for f frames how far before the crossing most returns lie behind the root face, along it (f,), mm.
 
-    known (f, 6): x of the root face's middle and of the crossing, the face's slope and offset, sense of z, gate.
+    Or how far, by more than a column, none lies on it: rays may go down between the face and what joins its line.
+    known (f, 7): x of the root face's middle and of the crossing, the face's slope and offset, sense of z, gate, and a
+    column's step along the face.
     """
     columns = x.shape[1]
     before, behind = np.empty(columns), np.empty(columns, np.bool_)
@@ -91,9 +93,11 @@ def _gaps(x: Float32, z: Float32, keep: Bool, known: Float, gap: Float) -> None:
         # From the crossing on: columns come in order of x, either way.
         rising = size > 1 and before[0] < before[size - 1]
         deep = 0
-        gap[i] = 0.0
+        gap[i], on_face = 0.0, False
         for k in range(size):
             m = k if rising else size - 1 - k
+            if not (behind[m] or on_face):
+                gap[i], on_face = max(gap[i], before[m] - known[i, 6]), True
             deep += behind[m]
             if behind[m] and deep >= BEHIND * (k + 1):
-                gap[i] = before[m]
+                gap[i] = max(gap[i], before[m])

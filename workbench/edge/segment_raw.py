@@ -166,13 +166,14 @@ def _edge(
     curve_u, frames_u = uneven * measured.curve.u(at), uneven * pose_u
     stand_u = np.hypot(np.hypot(ALONG_NORMAL * curve_u, frames_u), measured.lever_mm * tilt_u)
     stand_u = np.hypot(stand_u, form.offset_u_mm)
-    stand_u = np.hypot(stand_u, aside_mm(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE))
+    aside = aside_mm(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE)
+    stand_u = np.hypot(stand_u, aside)
     if measured.rough:  # its scatter hides the robot's
         hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
         stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))
     low_u = np.hypot(measured.lower.course.u(at), np.hypot(curve_u, frames_u))
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
-    low_u = np.hypot(low_u, np.hypot(below.offset_u_mm, steep * form.offset_u_mm))  # along the rays onto the face
+    low_u = np.hypot(low_u, np.hypot(below.offset_u_mm, steep * np.hypot(form.offset_u_mm, aside)))  # along the rays
     low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
     low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.odd_plates import Drawn
 from bench.outside import Part, Section, Usual, planned, simulate
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Edge, RawEdge
 from workbench.edge import segment_raw
@@ -279,3 +280,21 @@ def test_what_only_the_lower_end_tells_is_said(scanned: Scans, sampling: str) ->
     edge = segment_raw(scan.cloud, upper_side=UP)
     told = [words for words in edge.warnings if "told only by what joins the lower end" in words]
     assert len(told) == (sampling == "lateral")
+
+
+def test_returns_that_stand_out_all_along_the_lower_end_are_in_its_uncertainty() -> None:
+    """A film that hangs at the edge, 0.15 mm thick where it ends, from 0.4 mm above it on."""
+    film = (
+        (-60.0, 6.0),
+        (-1e-3, 6.0),
+        (0.0, 6.0 - 1e-3),
+        (0.0, 0.4),
+        (0.04, 0.2),
+        (0.15, 0.0),
+        (0.0, 0.0),
+        (-60.0, 0.0),
+    )
+    sizes = 6.0 - 1e-3, 0.0, np.pi / 4.0, 6.0, 0.0, None
+    bare, hanging = (planned(simulate(5, True, of))["along m, mm"] for of in (Section(*sizes), Drawn(*sizes, (film,))))
+    assert (np.abs(hanging[0]) < 3.0 * hanging[1]).all()
+    assert np.median(hanging[1]) > 2.0 * np.median(bare[1])

@@ -178,6 +178,7 @@ def _edge(
     low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
+    low_u = np.hypot(low_u, burred_u_mm(cloud, found))
     late_mm = np.stack([_between(measured.s_face, of, at) for of in late.place_mm.T], axis=1)
     stand_u, low_u = (np.hypot(u, (late_mm * axis).sum(axis=1)) for u, axis in ((stand_u, n), (low_u, m)))
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
@@ -260,9 +261,28 @@ def _propagated(cloud: Cloud, rows: Float) -> Float:
     return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, cloud.hand_eye_covariance, rows)))
 
 
+def burred_u_mm(cloud: Cloud, found: RawFaces) -> float:
+    """Standard uncertainty of the lower edge along the face, mm, where returns stand out of it in most of the frames.
+
+    A burr here and there is told by the frames beside it. One all along, or coolant that hangs there, hides whether the
+    edge is where the face's line is left or where the last of them stands.
+    """
+    ends = found.lower
+    on = np.flatnonzero(found.seen & np.isfinite(ends.point[:, 0]) & ~ends.corner)
+    if not on.size or ends.burred[on].mean() < LEAST_SHARE:
+        return 0.0
+    on = on[np.unique(np.linspace(0, on.size - 1, BURR_SAMPLE).astype(np.int64))]
+    far = []
+    for i in on:
+        x, z = (of[i, (found.labels[i] == ROOT_FACE) & cloud.keep[i]].astype(float) for of in (cloud.x_mm, cloud.z_mm))
+        far.append(float(np.hypot(x - ends.point[i, 0], z - ends.point[i, 1]).min()))
+    return float(np.median(far)) / math.sqrt(3.0)
+
+
 # Burrs on a raw edge: where most frames show points standing out beside an edge. They move nothing.
 
 NEAR_MM = 1.2  # of a station, whose frames have a say
+BURR_SAMPLE = 60  # frames
 LEAST_FRAMES, LEAST_SHARE = 2, 0.5  # of them: streaks of outliers do not last that long
 
 

@@ -1,7 +1,8 @@
 """`python -m bench.groove.plates`: errors of every size of prepared plates, of two simulators, as a table in Markdown.
 
 Swept: the second simulator of the package, with everything that it can spoil. Outside: the third one, for judging only
-(`bench.outside`), with the shapes of `bench.odd_plates`. Odd: the second one with shapes that nothing is made for:
+(`bench.outside`), with the shapes of `bench.odd_plates`. X: the same one, bevels above and below the root face (give
+`--kinds bevel`), each turned to the sensor in turn. Odd: the second one with shapes that nothing is made for:
 fillets of every radius, hollow corners that are rounded, narrow and bowed faces, coarse columns.
 """
 
@@ -14,8 +15,8 @@ from collections import defaultdict
 import numpy as np
 
 from bench.groove.table import FAR, print_table
-from bench.odd_plates import Corners, compound, drawn_above, j_shape, ledge
-from bench.outside import simulate
+from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
+from bench.outside import FAR_MM, simulate
 from workbench.artefacts import PreparationInspection, Recording, u_name
 from workbench.artefacts.grooves import PREPARATION_TERMS
 from workbench.cloud import denoise
@@ -182,6 +183,22 @@ def outside_plate(kind: str, seed: int) -> tuple[Recording, Truth]:
     return part.recording, {name: np.array([value]) for name, value in exact.items()}
 
 
+def x_plate(seed: int) -> tuple[Recording, Truth]:
+    """Plate seed // 2 of the third simulator with an X preparation, its other side up where the seed is odd."""
+    rng = np.random.default_rng([790, seed // 2])
+    root, bevels = rng.uniform(0.8, 3.0), rng.uniform(25.0, 55.0, 2)
+    heights = np.array([rng.uniform(3.0, 8.0), rng.uniform(1.5, 8.0)])
+    up, low = (1, 0) if seed % 2 else (0, 1)
+    wide = heights * np.tan(bevels * DEG)
+    above = ((-float(wide[up]), float(heights[up])),)
+    below = ((0.0, 0.0), (-float(wide[low]), -float(heights[low])), (-FAR_MM, -float(heights[low])))
+    table = None if (seed // 2) % 2 else heights[low] + rng.uniform(4.0, 30.0)
+    sizes = Sizes(root, bevels[up] * DEG, root + heights[up], table)
+    part = simulate(seed // 2, False, sizes.drawn((plate(root, above, below),)))
+    exact = {"root_face_mm": root, "depth_mm": heights[up], "bevel_deg": bevels[up], "width_mm": wide[up]}
+    return part.recording, {name: np.array([value]) for name, value in exact.items()}
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(prog="python -m bench.groove.plates", description=__doc__)
     arguments.add_argument("--parts", type=int, default=50, help="parts a kind and simulator")
@@ -216,8 +233,8 @@ def main() -> None:
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[PreparationInspection, list[tuple[str, float, float]]]:
     """A random plate, scanned and inspected: size, error and u of every value of every section."""
-    if simulator == "outside":
-        recording, exact = outside_plate(kind, seed)
+    if simulator in ("outside", "X"):
+        recording, exact = outside_plate(kind, seed) if simulator == "outside" else x_plate(seed)
         position = np.zeros((1, 3))
     else:
         recipe = swept_plate(kind, seed) if simulator == "swept" else odd_plate(kind, seed)
@@ -225,7 +242,7 @@ def measured(simulator: str, kind: str, seed: int) -> tuple[PreparationInspectio
         exact, position = dict(truth.preparation), truth.position_mm
     root = max(0.5, round(2 * float(exact["root_face_mm"].mean())) / 2)
     inspection = inspect_preparation(segment_preparation(denoise(fuse(recording)), root_nominal_mm=root))
-    if simulator != "outside":
+    if simulator not in ("outside", "X"):
         exact = _as_read(exact, kind, inspection.type, recipe.part.middle_radius_mm)
     rows = []
     for section in inspection.sections:

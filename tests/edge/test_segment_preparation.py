@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -163,6 +164,28 @@ def test_a_small_fillet_is_told_from_a_corner(bevel_deg: float, radius_mm: float
         one = found.sizes[name]
         assert np.nanmax(np.abs(one.value - exact) / one.u) < 3.0, name
         assert np.nanmedian(np.abs(one.value - exact)) < 0.1, name
+
+
+def test_an_x_preparation_without_its_upper_surface_is_no_bevel() -> None:
+    """Its upper bevel was taken for the upper surface, its root face for the bevel: the depth 5.8 mm off."""
+    with pytest.raises(InputError, match="between two bevels"):
+        measured("X", "bevel", 2)
+    for seed in (3, 7):  # turned round, its upper surface is in view; a sensor whose error walks over the columns
+        _, rows = measured("X", "bevel", seed)
+        assert max(abs(error) / u for _, error, u in rows) < 3.0
+
+
+def test_frames_out_of_order_are_told_no_better_than_single_ones_scatter() -> None:
+    """The plate lies still in the view: nothing tells the order, and sizes were 0.04 mm off at 9 u."""
+    recording, truth = simulate_swept(swept_plate("nose", 824))
+    order = np.random.default_rng(1).permutation(len(recording.time_s))
+    mixed = replace(recording, x_mm=recording.x_mm[order], z_mm=recording.z_mm[order])
+    found, as_it_was = (segment_preparation(denoise(fuse(one)), root_nominal_mm=2.0) for one in (mixed, recording))
+    place = found.origin_mm
+    at = [int(np.argmin(np.linalg.norm(truth.position_mm - one, axis=1))) for one in place]
+    off = np.abs(found.sizes["width_mm"].value - truth.preparation["width_mm"][at]) / found.sizes["width_mm"].u
+    assert np.nanquantile(off, 0.8) < 3.0
+    assert np.nanmedian(found.sizes["width_mm"].u) > 3.0 * np.nanmedian(as_it_was.sizes["width_mm"].u)
 
 
 def test_a_corner_with_a_small_radius_is_that_of_a_nose() -> None:

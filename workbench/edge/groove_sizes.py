@@ -11,6 +11,7 @@ import scipy
 
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.form import OFFSET, TURN
+from workbench.edge.frame_order import scatter
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.sizes import end_loose_mm
@@ -57,6 +58,7 @@ class View(NamedTuple):
     lean: float  # how far the range axis goes right a mm upwards
     direction_u: Shaped[Float, " k"]  # rad, of the groove's direction
     tilt_u: Shaped[Float, " k"]  # rad, of the plates' about it
+    ordered: bool  # whether the profiles show the order in which they were taken
 
 
 class GrooveSizes:
@@ -64,7 +66,7 @@ class GrooveSizes:
 
     def __init__(self, source: str, lines: list[Lines], s: Float, group: Int, at: Float, view: View) -> None:
         self.source, self.lines, self.s, self.group, self.at, self.lean = source, lines, s, group, at, view.lean
-        self.tilt_u, u = view.tilt_u, view.direction_u
+        self.ordered, self.tilt_u, u = view.ordered, view.tilt_u, view.direction_u
         self.scale_u = view.skew * u + u**2  # relative error of lengths in the section plane
         self.turn_u = view.skew * u + 0.5 * u**2  # rad, of angles, likewise
         self.sizes: dict[str, Quantity] = {}
@@ -273,7 +275,10 @@ class GrooveSizes:
             raise InputError(self.source, "groove: its faces lie at another place in every profile: no groove?")
         course = fit_course(s[good], value[good], variance[good], self.group[good])
         hidden = ~covered(np.where(good, self.s, np.nan), self.group, self.at)
-        return _Course(np.where(hidden, np.nan, course.value(self.at)), course.u(self.at), course)
+        unordered = (
+            0.0 if self.ordered else scatter((value - course.value(np.where(good, s, 0.0)))[good], variance[good])
+        )
+        return _Course(np.where(hidden, np.nan, course.value(self.at)), np.hypot(course.u(self.at), unordered), course)
 
     def _smooth(self, value: Float, good: Bool, step: float) -> Bool:
         """Profiles (n,) of `good` whose values lie within TOGETHER_STEPS of one smooth course."""

@@ -105,8 +105,23 @@ def read_plates(cloud: Cloud, root_nominal_mm: float, upper_side: Float | None) 
     if kind == "J":
         mine = [_above_fillet(one) if one is not None and one.kind == "nose" else one for one in mine]
     chosen = [one if one is not None and one.kind == kind else None for one in mine]
+    if kind not in FILLETED:
+        _refuse_other_root(cloud, [one for one in chosen if one is not None], root_nominal_mm)
     agree = sum(one is not None for one in chosen) / shows
     return Plates(kind, shows / max(enough, 1), agree, side, sense, chosen)
+
+
+def _refuse_other_root(cloud: Cloud, found: list[Reading], root_nominal_mm: float) -> None:
+    """Refuse a plate of which a face between looks more like the expected root face than what is taken for it."""
+    wide = np.median([[width_mm(face) for face in one.faces[1:]] for one in found], axis=0)
+    off = np.abs(np.log(wide / root_nominal_mm))
+    if off[:-1].min() < off[-1] - SURELY:
+        raise InputError(
+            cloud.source,
+            f"what would be the root face is {wide[-1]:.2g} mm wide, another face {wide[int(np.argmin(off))]:.2g} mm: "
+            "that one may be the root face, between two bevels, and the upper surface out of view? Show the upper "
+            "surface, or give root_nominal_mm",
+        )
 
 
 def _above_fillet(one: Reading) -> Reading:

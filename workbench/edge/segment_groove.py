@@ -13,6 +13,7 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
+from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes, View, typical
@@ -71,6 +72,11 @@ def segment_groove(
         _lean(cloud, read.frame, curve, s, turn),
         _direction_u(cloud, curve, at + first, robot_noise_mm),
         tilt.u(at + first),
+        shows_order(
+            np.array([[*one.corner, *other.corner] for one, other in zip(*read.sides, strict=True)]),
+            s,
+            cloud.pass_index[read.frame],
+        ),
     )
     measured = GrooveSizes(cloud.source, lines, s, cloud.pass_index[read.frame], at + first, view)
     measured.measure(groove == "auto")

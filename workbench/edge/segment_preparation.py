@@ -30,7 +30,8 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
-from workbench.edge.form import HIDDEN_RADIUS_MM, Misfit, is_free_end, misfit_of, root_rim, rounding_of
+from workbench.edge.form import HIDDEN_RADIUS_MM, OFFSET, TURN, Misfit, is_free_end, misfit_of, root_rim, rounding_of
+from workbench.edge.frame_order import scatter, shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
@@ -55,6 +56,7 @@ from workbench.units import DEG, Float, Shaped
 Given = Literal["auto", "bevel", "compound", "nose", "J"]
 CORNERS = "corners of the faces: range noise and robot position noise"
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+SURELY = 2.7  # times a variance that six values or so tell: three of its roots hold what three of a known one do
 FILLETS, FEW = 400, 12  # frames, evenly, whose fillets are fitted; from which it is told what moves them
 FILLET_U_MM = 3e-3  # of a radius: by the study fillets that nothing moves are off by so much
 STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
@@ -199,6 +201,13 @@ class _Lines:
     place: Shaped[Float, "N 2"]
     angle: Shaped[Float, " N"]  # direction in each frame's section, rad
 
+    def direction_u(self, at: Float, ordered: bool) -> Float:
+        """Standard uncertainty (m,) of its direction at arc lengths, rad; ordered: the frames show their order."""
+        of = self.section
+        about = self.course.value(np.where(np.isfinite(of.s), of.s, 0.0))
+        unordered = 0.0 if ordered else scatter(wrapped(of.angle - about), of.angle_variance)
+        return np.hypot(self.course.u(at), unordered)
+
 
 Values = dict[str, Float]  # by name: (N,)
 
@@ -213,8 +222,11 @@ class _Chain:
         self.at = edge.arc_length_mm + measured.shift
         self.group = cloud.pass_index
         self.lines = self._lines()
-        self.misfits = [self._misfit(label) for label in frames.order]
+        self.misfits = _walked([self._misfit(label) for label in frames.order])
         self.corners: dict[str, Corner] = {}
+        faces = [frames.tracked.faces[label] for label in frames.order]
+        view = [faces[-1].x_mean, faces[-1].z_mean, *(one.sxz / one.sxx for one in faces)]
+        self.ordered = shows_order(np.stack(view, axis=1), self.s, self.group)
 
     def sizes(self) -> dict[str, Quantity]:
         """Every size along the edge; fills `corners`."""
@@ -444,6 +456,7 @@ class _Chain:
             variance = variance + self._fillet_variance(name)
         course = fit_course(self.s, value, variance, self.group)
         along = course.value(self.at)
+        unordered = 0.0 if self.ordered else scatter(value - course.value(self._safe()), variance)
         turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
         whole = sum(one.width_mm for one in self.misfits)  # what the sensor errs by walks on between the faces
         bent = [
@@ -455,7 +468,7 @@ class _Chain:
         return Quantity(
             along + hidden,
             {
-                CORNERS: np.hypot(course.u(self.at), LEAST_U_MM),
+                CORNERS: np.hypot(course.u(self.at), math.hypot(LEAST_U_MM, unordered)),
                 DIRECTIONS: np.hypot.reduce(turned),
                 TANGENT: self.edge.tangent_u * run * np.abs(along),
                 FORM: np.hypot(np.hypot.reduce(bent), fillet_form_mm),
@@ -483,7 +496,7 @@ class _Chain:
             run_a, run_b = _typical(upper.section.run), _typical(one.section.run)
             lever = math.sqrt(max(run_a**2 + run_b**2 - 2 * run_a * run_b * math.sin(_typical(value)), 0.0))
             sources = {
-                DIRECTIONS: np.hypot(upper.course.u(self.at), one.course.u(self.at)),
+                DIRECTIONS: np.hypot(upper.direction_u(self.at, self.ordered), one.direction_u(self.at, self.ordered)),
                 TANGENT: self.edge.tangent_u * lever,
                 FORM: np.hypot(self.misfits[0].turn_u, self.misfits[k].turn_u),
             }
@@ -508,6 +521,25 @@ class _Chain:
         zero = np.zeros(self.at.size)
         told = {name: np.hypot(*(one.u_by_source.get(name, zero) for one in (root, depth))) for name in names}
         return Quantity(root.value - depth.value + hidden, told)
+
+
+def _walked(misfits: list[Misfit]) -> list[Misfit]:
+    """The misfits, none less than the sensor's error over its columns makes of it as the faces show it together.
+
+    A line leaves little of what walks over the columns of one face by chance, and nothing of it shows on a narrow one:
+    a face counts by the square of its width.
+    """
+    wide = np.array([one.width_mm for one in misfits])
+    square = np.array([np.mean((one.turn_u / TURN) ** 2) for one in misfits]) * wide**2
+    grows = SURELY * float((square * wide).sum() / (wide**2).sum())
+    return [
+        replace(
+            one,
+            turn_u=np.maximum(one.turn_u, TURN * math.sqrt(grows / one.width_mm)),
+            offset_u_mm=np.maximum(one.offset_u_mm, OFFSET * math.sqrt(grows * one.width_mm)),
+        )
+        for one in misfits
+    ]
 
 
 def _meet(one: _Lines, other: _Lines) -> Float:

@@ -36,6 +36,7 @@ TYPE_A = ("faces", "fixed pattern", "corners", END, DIRECTIONS, FORM)
 LEFT_OUT = (
     *NOT_INCLUDED,
     "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
+    "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured.",
 )
 LEFT_OUT_OF_PLATES = (*NOT_INCLUDED, "What the side that was scanned does not show: bevels below the root face.")
 

@@ -1,0 +1,46 @@
+"""Whether profiles show the order in which they were taken, and what it costs where they do not.
+
+Of frames that were shuffled every size scatters about a smooth course that is none of its own: at a place it is known
+no better than single profiles scatter. Where a part drifts through the view, or its sizes change along it, neighbouring
+profiles are alike, and scatter beyond their noise is texture.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+
+from workbench.units import Float, Int
+
+LEAST_FRAMES = 30  # of a pass, that tell
+SURE_SIGMAS = 5.0  # by which neighbours differ less than any two profiles do
+SPREAD = 0.78  # standard deviation of the mean of n neighbours' differences of ranks, over it and over 1 / sqrt(n)
+
+
+def shows_order(values: Float, s: Float, group: Int) -> bool:
+    """Whether any of values (n, k) of profiles at s (n,) mm of passes (n,) differs less between neighbours than at all.
+
+    NaN is left out.
+    """
+    for number in np.unique(group):
+        for column in values.T:
+            mine = np.flatnonzero((group == number) & np.isfinite(column) & np.isfinite(s))
+            if mine.size < LEAST_FRAMES:
+                continue
+            rank = scipy.stats.rankdata(column[mine[np.argsort(s[mine], kind="stable")]])
+            n = rank.size
+            any_two = 2.0 * float(((2.0 * np.arange(n) - n + 1) * np.sort(rank)).sum()) / (n * (n - 1))
+            if np.abs(np.diff(rank)).mean() < any_two * (1.0 - SURE_SIGMAS * SPREAD / math.sqrt(n)):
+                return True
+    return False
+
+
+def scatter(left: Float, variance: Float) -> float:
+    """Standard deviation of single profiles about their course, by what it leaves (n,), beyond their stated noise."""
+    good = np.isfinite(left) & np.isfinite(variance)
+    if not good.any():
+        return 0.0
+    found = 1.4826 * float(np.median(np.abs(left[good])))
+    return math.sqrt(max(found**2 - float(np.median(variance[good])), 0.0))

@@ -12,7 +12,7 @@ import pytest
 from tests.importing.makers import write_gocator, write_gopxl
 from workbench.look.command import seen
 from workbench.look.recorded import consistent_axes, judged
-from workbench.look.single import measured
+from workbench.look.seen import measured
 from workbench.scan import read
 from workbench.synthetic import simulate_swept
 from workbench.synthetic.swept.conditions import random_swept_recipe

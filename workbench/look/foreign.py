@@ -23,9 +23,7 @@ from workbench.importing.joints import NO_ROBOT
 from workbench.importing.neutral import Imported, JointStream, TrackerReadings
 from workbench.importing.text import Form
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
-from workbench.look.seen import Seen, box, even_grid, pitch_mm, shades_of, stacked
-from workbench.look.single import measured
-from workbench.look.single import told as told_profile
+from workbench.look.seen import Seen, box, even_grid, measured, pitch_mm, shades_of, stacked, told_profile
 from workbench.units import DEG, Bool, Float
 
 STEP_PITCHES = 1.0  # height from pixel to pixel, in pitches: more is a step between regions

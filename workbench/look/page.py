@@ -7,8 +7,7 @@ from markupsafe import Markup
 
 from workbench.artefacts import Scene, Shading
 from workbench.look.command import summary
-from workbench.look.seen import MOST_POINTS, Seen, Shade, limit_text
-from workbench.look.single import Profile
+from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, limit_text
 from workbench.report.html import packed, policy
 from workbench.report.text import environment, source
 from workbench.units import Float

@@ -17,9 +17,7 @@ from workbench.checks.limits import most
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, rpy_from_rotation
 from workbench.importing.command import summary
-from workbench.look.seen import Seen, box, failed, places, shades_of, stacked
-from workbench.look.single import measured
-from workbench.look.single import told as told_profile
+from workbench.look.seen import Seen, box, failed, measured, places, shades_of, stacked, told_profile
 from workbench.scan.fuse import flange_poses, pass_after_pass
 from workbench.scan.hdf5 import FIELDS, data_sets, opened, whole
 from workbench.scan.read import ON_THE_GRID, read_in

@@ -51,6 +51,10 @@ def test_a_lag_that_costs_little_is_no_reason_to_refuse() -> None:
     assert found.turn.any()
 
 
+def test_a_face_that_waves_under_poses_that_hardly_turn_is_no_clock() -> None:
+    assert not late(np.zeros(FRAMES), 0.3 * np.sin(TIME / 0.21)).turn.any()
+
+
 @pytest.mark.parametrize("twist", [0.0, 3.0 * DEG * (S / 75.0) ** 2, 2.0 * DEG * np.sin(S / 60.0)])
 def test_plates_are_twisted_without_a_lag(twist: Float | float) -> None:
     found = late(np.zeros(FRAMES), twist)

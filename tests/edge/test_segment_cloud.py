@@ -159,8 +159,10 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
         "end_face_bow",
         "end_face_step_share",
         "end_face_goes_on_share",
+        "face_behind_share",
         "edge_break_mm",
         "end_step_columns",
+        "late_turn_deg",
     ]
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):

@@ -23,6 +23,7 @@ WALK = 4  # degree, in time, of an offset that walks
 # How many times more of the turn a constant offset, or one that walks, explains than noise does, each of its unknowns:
 # 60 good raw edges of both simulators reach 8.3 and 4.0, half of those with late poses 8 to 100.
 SURE, SURE_WALK = 20.0, 7.0
+MOST_S = 1.0  # of an offset: more is no clock's, but what a face has by itself, as where the poses hardly turn
 MOST_ALIKE = 0.9  # correlation of neighbouring bins that noise is freed of
 
 
@@ -113,4 +114,5 @@ def _offset(s: Float, angle: Float, rate: Float, orientation: Float) -> Float:
     if not (constant or walks):
         return np.zeros(n)
     coefficient = found[1 if more or not constant else 0][0]
-    return np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, n), coefficient)
+    offset = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, n), coefficient)
+    return np.asarray(offset if np.abs(offset).max() <= MOST_S else np.zeros(n))

@@ -128,6 +128,31 @@ def test_kernels_of_changed_sources_are_not_used(room: Path, module: str, old: s
     assert use(room) == "5.0 2.0 1 5.0"  # and the first ones are still there
 
 
+def test_a_named_tuple_whose_fields_change_places_is_another_one(room: Path) -> None:
+    text = """
+from typing import NamedTuple
+from workbench.kernels import kernel
+
+class Pair(NamedTuple):
+    one: float
+    two: float
+
+@kernel
+def first(pair):
+    return pair.one
+
+@kernel
+def made(one):
+    return first(Pair(one=one, two=2.0))
+"""
+    code = "from room.pairs import *; print(first(Pair(one=1.0, two=2.0)), made(1.0), *first.stats.cache_hits.values())"
+    (room / "pairs.py").write_text(text)
+    assert use(room, code) == "1.0 1.0"
+    assert use(room, code) == "1.0 1.0 1"
+    (room / "pairs.py").write_text(text.replace("one: float\n    two: float", "two: float\n    one: float"))
+    assert use(room, code) == "1.0 1.0"
+
+
 def test_comments_and_unused_constants_compile_nothing(room: Path) -> None:
     use(room)
     (room / "constants.py").write_text(f"# why\n{CONSTANTS.replace('5.0', '6.0')}")

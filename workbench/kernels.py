@@ -175,8 +175,14 @@ class Kept:
             yield SHIPPED / self._file(signature, (system, *BASELINE))
 
     def _file(self, signature: Any, processor: tuple[str, str, str]) -> str:
-        key = DIGEST(f"{self.source} {signature} {processor}".encode()).hexdigest()[:32]
+        fields = [_fields(kind) for kind in getattr(signature, "args", signature)]
+        key = DIGEST(f"{self.source} {signature} {fields} {processor}".encode()).hexdigest()[:32]
         return f"{self.name}-{key}.kernel"
+
+
+def _fields(kind: Any) -> list[Any]:
+    """Names of the fields of a named tuple, numba's name for which has their types alone, and of those within."""
+    return [getattr(kind, "fields", ()), *(_fields(one) for one in getattr(kind, "types", ()))]
 
 
 def _whole(path: Path) -> bytes | None:
@@ -262,7 +268,8 @@ def _describe(value: Any, found: Found) -> str:
     if isinstance(value, ModuleType):
         return value.__name__
     if isinstance(value, type | FunctionType) or callable(value):
-        return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', type(value).__qualname__)}"
+        fields = getattr(value, "_fields", "")  # of a named tuple that the kernel makes
+        return f"{fields}{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', type(value).__qualname__)}"
     if isinstance(value, bool | int | float | complex | str | bytes | enum.Enum | None):
         return repr(value)
     return type(value).__qualname__  # what numba cannot freeze: an attribute of the same name is meant

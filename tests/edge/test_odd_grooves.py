@@ -108,6 +108,7 @@ def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -
         ("plates that are not level", 4000),  # the gap was that of level plates
         ("groove filled in part", 3006),  # the last returns of bevels of 0.7 mm turned these by 0.35 deg
         ("ceramic backing", 3019),  # the root face went on over the channel's edge: 1.5 mm at 7 u
+        ("ceramic backing", 5002),  # without a root face the channel was one: gap 0.11 mm at 13 u
         ("plain", 4015),  # a sensor's error that walks over the columns turns both plates: 0.016 mm at 4 u
         ("thin weld in a closed root", 3012),  # 0.2 mm of weld between the ends: a gap, at 13 u
     ],

@@ -47,6 +47,7 @@ STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two 
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
+MOST_LEAN = math.tan(20.0 * DEG)  # a root face leans by less from the square to its plate, as few returns show it
 OFF_FACE_MM = 0.05  # aside of the line of a root face: rough faces and their rounded ends lie nearer to it
 FARTHER = 4.0  # times as far from the one before as usual: a return of another surface, under a root face
 FLOOR_STEPS, FLOOR_MM, FLOOR_RISE = 3.0, 0.15, 60.0 * DEG  # what so nearly joins a face's last return covers its end
@@ -408,14 +409,22 @@ def _root_face(x: Float, y: Float, level: float, last: int) -> Int:
             place.append((a, b))
             fallen.append(low - b)
         low = min(low, b)
+    if len(place) >= DROP_POINTS and place[0][1] < -LINKED_MM and abs(_line_of(place)[2]) > MOST_LEAN:
+        return np.empty(0, np.int64)  # what lies apart; a face that joins the bevel is one, however it leans
     return np.array(found, np.int64)
+
+
+def _line_of(place: list[tuple[float, float]]) -> tuple[float, float, float]:
+    """Mean aside and down of returns, and how far aside their line goes a mm down."""
+    aside, down = np.array(place).T
+    mean_a, mean_b = float(aside.mean()), float(down.mean())
+    square = max(float((down - mean_b) @ (down - mean_b)), 1e-9)
+    return mean_a, mean_b, float((aside - mean_a) @ (down - mean_b)) / square
 
 
 def _off_face(place: list[tuple[float, float]], a: float, b: float) -> float:
     """How far aside a return lies from the line of those on a steep face, mm."""
-    aside, down = np.array(place).T
-    mean_a, mean_b = float(aside.mean()), float(down.mean())
-    lean = float((aside - mean_a) @ (down - mean_b)) / max(float((down - mean_b) @ (down - mean_b)), 1e-9)
+    mean_a, mean_b, lean = _line_of(place)
     return abs(a - mean_a - lean * (b - mean_b))
 
 

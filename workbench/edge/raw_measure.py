@@ -40,6 +40,7 @@ RIM_MM, LEAST_GAP_MM = 2.0, 4.0  # frames this near to a hidden stretch (this lo
 # Of the mean square of a quarter of the frames over that of half of them: six rough faces covered by drops of coolant
 # have up to 0.25, 15 that are rough all along 0.46 and more.
 PATCHES = 0.36
+FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 STATION_MM = 1.0
 UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
@@ -131,7 +132,7 @@ def unevenness(measured: RawMeasured, at: Float) -> Float:
     s = measured.s_face
     square = (measured.stands_out_mm - measured.stand_out.value(np.nan_to_num(s))) ** 2
     on = np.flatnonzero(np.isfinite(s) & np.isfinite(square))
-    if measured.rough or not on.size:
+    if measured.rough or on.size < FEW_FRAMES or on.size * LOCAL_MM < FEW_FRAMES * float(np.ptp(s[on])):
         return np.ones(at.size)
     usual = max(float(np.median(square[on])), 1e-18)
     ratio = np.sqrt(running_median(s[on], square[on], at, 0.5 * LOCAL_MM) / usual)

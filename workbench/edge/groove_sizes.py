@@ -307,7 +307,7 @@ class GrooveSizes:
         if not told.size:
             return 0.0
         worst = max((one.walk for one in self.lines if math.isfinite(one.walk)), default=0.0)
-        student = float(scipy.stats.t.ppf(SURE, WALK_FREEDOM * told.size)) / float(scipy.stats.norm.ppf(SURE))
+        student = float(scipy.special.stdtrit(WALK_FREEDOM * told.size, SURE)) / float(scipy.special.ndtri(SURE))
         return max(worst, student**2 * float(told.mean()))
 
     def _walked(self, width_mm: float) -> float:

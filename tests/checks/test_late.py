@@ -51,6 +51,13 @@ def test_a_lag_that_costs_little_is_no_reason_to_refuse() -> None:
     assert found.turn.any()
 
 
+def test_a_lag_counts_where_one_that_walks_would_be_of_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    fit = np.linalg.lstsq
+    monkeypatch.setattr(np.linalg, "lstsq", lambda a, b, rcond: (fit(a, b, rcond)[0] + 5.0 * (a.shape[1] > 1),))
+    monkeypatch.setattr("workbench.checks.late.SURE_WALK", -np.inf)  # as certain as can be
+    assert np.median(late(np.full(FRAMES, 0.03)).offset_s) == pytest.approx(0.03, abs=0.01)
+
+
 def test_a_face_that_waves_under_poses_that_hardly_turn_is_no_clock() -> None:
     assert not late(np.zeros(FRAMES), 0.3 * np.sin(TIME / 0.21)).turn.any()
 

@@ -111,8 +111,9 @@ def _offset(s: Float, angle: Float, rate: Float, orientation: Float) -> Float:
     walks = (rest[0] - rest[2]) / (WALK + 1) / found[1][1] > SURE_WALK
     more = (rest[1] - rest[2]) / WALK / found[1][1] > SURE_WALK
     constant = (rest[0] - rest[1]) / found[0][1] > SURE
-    if not (constant or walks):
-        return np.zeros(n)
-    coefficient = found[1 if more or not constant else 0][0]
-    offset = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, n), coefficient)
-    return np.asarray(offset if np.abs(offset).max() <= MOST_S else np.zeros(n))
+    place = np.linspace(-1.0, 1.0, n)
+    for certain, (coefficient, _) in ((walks and (more or not constant), found[1]), (constant, found[0])):
+        offset = np.polynomial.legendre.legval(place, coefficient)
+        if certain and np.abs(offset).max() <= MOST_S:
+            return np.asarray(offset)
+    return np.zeros(n)

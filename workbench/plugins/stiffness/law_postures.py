@@ -37,7 +37,7 @@ class Case:
     table: float
     joints: Shaped[Float, "n 6"]
     displacement_mm: Shaped[Float, " l"]  # of the loaded points
-    cause: int  # index into `feasible.CAUSES`: free or in collision
+    cause: int  # index into `traversal.CAUSES`: free or in collision
     pair: tuple[str, str] | None  # that collides
 
 

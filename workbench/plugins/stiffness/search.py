@@ -42,10 +42,10 @@ class PostureMap:
     rotations: Shaped[Float, " t"]
     tables: Shaped[Float, " a"]
     mean_mm: Shaped[Float, "t a"]
-    cause: Shaped[Int, "t a"]  # index into `feasible.CAUSES`
+    cause: Shaped[Int, "t a"]  # index into `traversal.CAUSES`
     pair: Shaped[Int, "t a"]  # index into `pairs`, -1: no collision
     pairs: tuple[tuple[str, str], ...]
-    how: Shaped[Int, "t a"]  # index into `feasible.JUDGED`
+    how: Shaped[Int, "t a"]  # index into `traversal.JUDGED`
     without_collision_mm: Shaped[Float, "t a"]
 
 

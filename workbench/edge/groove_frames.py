@@ -11,7 +11,7 @@ import scipy
 from workbench.artefacts import Cloud
 from workbench.checks.limits import most
 from workbench.edge.groove_fillet import Fillets, fit_circle, fit_fillet
-from workbench.edge.groove_form import Form, Repeated
+from workbench.edge.groove_form import WALKS, Form, Repeated
 from workbench.edge.groove_profile import (
     DROP_MM,
     DROP_POINTS,
@@ -42,6 +42,7 @@ STRAY_SIGMAS = 3.5
 LEAST_ACROSS = 0.5  # of an error along the rays, that counts across a face: steeper ones show other errors
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
+LAST_COLUMNS = 20  # of a face, among which those without return are counted
 THIRD = 3  # return beyond an upper surface's end
 
 
@@ -91,13 +92,14 @@ class Lines:
     lowest: Shaped[Float, "n 2"]  # lowest return of the root face; NaN: none, or something covers its end
     root_a: Shaped[Float, " n"]  # a of the root face's returns; NaN where it is not seen
     spacing: Shaped[Float, " n"]  # of its returns, down
+    lost: Shaped[Float, "n 2"]  # share of the last columns without return, of the face and of the root face
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
     pattern: float  # share of the noise's variance that every profile repeats in the same column
-    # mm^2 a mm across, by which an error of the sensor that every profile repeats grows as a random walk, as the upper
-    # surface shows it and as the face does; NaN: too few columns
-    walk: float
-    face_walk: float
+    # log-likelihood of WALKS, by which an error of the sensor that every profile repeats grows as a random walk, as the
+    # upper surface shows it and as the face does; 0: it tells nothing
+    walk: Shaped[Float, " w"]
+    face_walk: Shaped[Float, " w"]
     form_mm: float  # u of the upper surface's height at the corner: it is not straight, or carries a tape
     form_turn: float  # and of its direction, rad
     plate_mm: float  # width of the upper surface that is measured
@@ -374,7 +376,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
     )
     value = {name: np.full(n, np.nan) for name in names}
     corner, corner_v = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
-    last, lowest, ends, beneath = (np.full((n, 2), np.nan) for _ in range(4))
+    last, lowest, ends, beneath, lost = (np.full((n, 2), np.nan) for _ in range(5))
     held = []
     fillets = Fillets(n)
     form, of_plate, of_face = Form(), Repeated(cloud.keep.shape[1]), Repeated(cloud.keep.shape[1])
@@ -393,8 +395,11 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
             value["face_s"][k] = float(np.split(at, cuts)[1].mean())
         held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2], beside))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
+        columns = read.columns[k]
+        face_columns = columns[side.arc if side.arc.size else side.face]
+        lost[k] = [_lost(of, int(columns[side.last])) for of in (face_columns, columns[side.below])]
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
-        value["missing"][k] = spacing * _without_return(read.columns[k], side.last, which)
+        value["missing"][k] = spacing * _without_return(columns, side.last, which)
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
         if below.shape[0] >= 2:
             low = below[np.argmin(below[:, 1])]
@@ -483,11 +488,12 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         lowest,
         value["root_a"],
         value["spacing"],
+        lost,
         beneath,
         is_covered,
         of_plate.pattern(),
         of_plate.walk(width_p),
-        of_face.walk(width_f * across) if kind == "bevel" and across > LEAST_ACROSS else math.nan,
+        of_face.walk(width_f * across) if kind == "bevel" and across > LEAST_ACROSS else np.zeros(WALKS.size),
         *form.found(),
         width_p,
         width_f,
@@ -535,6 +541,13 @@ def _without_return(columns: Int, last: int, which: int) -> int:
     """
     beyond = min(max(last + (THIRD, -THIRD)[which], 0), columns.size - 1)
     return abs(int(columns[beyond]) - int(columns[last])) - abs(beyond - last)
+
+
+def _lost(columns: Int, root: int) -> float:
+    """Share without return among a face's columns next to the root's, between two that have one; NaN: too few."""
+    away = np.abs(columns - root)
+    away = away[away < LAST_COLUMNS]
+    return 1.0 - (away.size - 2) / float(np.ptp(away) - 1) if away.size > LAST_COLUMNS // 4 else math.nan
 
 
 def _way_along(points: Float, at: Float, angle: float) -> float:

@@ -12,6 +12,7 @@ import scipy
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.form import OFFSET, TURN
 from workbench.edge.frame_order import scatter
+from workbench.edge.groove_form import WALKS, likely_walk
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.sizes import end_loose_mm
@@ -37,6 +38,7 @@ LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 FORM_U_MM = 3e-3  # of a fillet's arc without its flank: by the study its radius is off by so much times the lever
 LEAST_ENDS, LEAST_TOGETHER = 6, 0.25  # profiles that show an end, and their share that agrees on it
 TOGETHER_STEPS, LOST_RUN, LOST_BESIDE_MM = 2.0, 4, 1.0  # ends further off are lost; so many in a row are one tack weld
+LOST_PROFILES, LEAST_LOST, MOST_LOST = 31, 0.05, 0.6  # that are taken together; share of their columns without return
 JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
@@ -47,7 +49,6 @@ STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
-WALK_FREEDOM, SURE = 3.2, 0.99865  # degrees of freedom of a walk by what a line leaves of it; probability below 3 u
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
 
@@ -113,10 +114,11 @@ class GrooveSizes:
         ends = [typical(one.edge_step) if one.kind in UNSEEN else 0.0 for one in self.lines]
         edge_u = math.hypot(*map(_edge_u, self.lines))
         hidden = np.zeros(self.at.size)
+        # From the other plate's corner: the sections' origin, midway between both, follows half of a false end.
+        reach = left.corner[:, 0] + right.corner[:, 0]
         for one, end in zip(self.lines, ends, strict=True):
             if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
-                place = one.corner[:, 0].copy()
-                near = self._together(place, np.isfinite(place) & np.isfinite(self.s), 2.0 * end)
+                near = self._together(reach, np.isfinite(reach) & np.isfinite(self.s), 2.0 * end, end)
                 one.corner[~near] = np.nan
                 hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
         self.lines = [self._turned(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
@@ -300,15 +302,10 @@ class GrooveSizes:
     def walk(self) -> float:
         """mm^2 a mm across, by which an error that every profile repeats grows.
 
-        As the worse plate shows it by itself, or all faces do together: each tells it from WALK_FREEDOM values only.
+        As the worse plate shows it by itself, or all faces do together, with what their noise leaves open.
         """
-        told = np.array([one for line in self.lines for one in (line.walk, line.face_walk)])
-        told = told[np.isfinite(told)]
-        if not told.size:
-            return 0.0
-        worst = max((one.walk for one in self.lines if math.isfinite(one.walk)), default=0.0)
-        student = float(scipy.special.stdtrit(WALK_FREEDOM * told.size, SURE)) / float(scipy.special.ndtri(SURE))
-        return max(worst, student**2 * float(told.mean()))
+        worst = max(float(WALKS[np.argmax(one.walk)]) for one in self.lines)
+        return max(worst, likely_walk([one for line in self.lines for one in (line.walk, line.face_walk)]))
 
     def _walked(self, width_mm: float) -> float:
         """How far a line of this width lies off at its ends by such an error, mm: as (11) has it."""
@@ -460,16 +457,17 @@ class GrooveSizes:
         good = self._together(low, good, typical(one.step))
         if not good.any():
             return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan), typical(one.step)
-        return self._silhouette(low, one.step, one.sigma, good)
+        return self._silhouette(low, one.step, one.lost[:, 0], one.sigma, good)
 
-    def _together(self, low: Float, good: Bool, step: float) -> Bool:
+    def _together(self, low: Float, good: Bool, step: float, column: float | None = None) -> Bool:
         """Profiles (n,) whose ends follow one smooth course: a tack weld, or lost returns, end a face earlier.
 
-        None where too few agree: the end is then not measured.
+        Single ends lie about it by a step, those of many profiles by a column (mm; None: as much). None where too few
+        agree: the end is then not measured.
         """
         if good.sum() < LEAST_ENDS:
             return np.zeros(good.size, bool)
-        near = self._smooth(low, good & ~self._cut_off(low, good, TOGETHER_STEPS * step), step)
+        near = self._smooth(low, good & ~self._cut_off(low, good, TOGETHER_STEPS * (column or step)), step)
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         lost = ~near[order]
         run = np.convolve(lost, np.ones(LOST_RUN), "same") >= LOST_RUN  # its flanks hide the end in part
@@ -492,7 +490,10 @@ class GrooveSizes:
                 continue
             even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
             change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
-            change -= np.median(change)  # of plates that run together or apart
+            way = self.s[mine][JUMP_PROFILES:] - self.s[mine][:-JUMP_PROFILES]
+            apart = float(np.median(change / np.maximum(way, 1e-6)))  # of plates that run together or apart
+            change -= apart * way
+            even -= apart * self.s[mine]
             steep = np.abs(change) > jump
             first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
             last = np.flatnonzero(steep & ~np.r_[steep[1:], False])
@@ -508,16 +509,22 @@ class GrooveSizes:
                     found[mine[piece]] = True
         return found
 
-    def _silhouette(self, low: Float, step: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
+    def _silhouette(
+        self, low: Float, step: Float, lost: Float, sigma: float, good: Bool
+    ) -> tuple[Float, Float, float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step = self.s[order], low[order], step[order]
-        rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
+        missing = _nearby(lost[order])
+        short = missing / (1.0 - missing)  # columns without return before the end, in the mean
+        rough = fit_course(
+            s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order]
+        )
         ends = Ends(
             s,
             low,
             step,
             np.full(s.size, sigma),
-            np.full(s.size, 0.05),
+            missing,
             np.ones(s.size),
             np.full(s.size, np.nan),
             np.full(s.size, np.nan),
@@ -584,7 +591,7 @@ class GrooveSizes:
             )
             if good.sum() < 3 or towards <= 0.0:
                 continue
-            far, far_u, step = self._silhouette(drop, one.spacing, one.sigma, good)
+            far, far_u, step = self._silhouette(drop, one.spacing, one.lost[:, 1], one.sigma, good)
             face = far - root.depth
             clear = gap / towards - typical(np.abs(self.misalignment))
             if typical(face) < 2.0 * BELOW_MM or typical(face) + CLEAR_MM > clear:
@@ -615,6 +622,13 @@ class _Root:
         self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
         self.run, self.run_u, self.run_end = run, run_u, run_end
         self.down = down
+
+
+def _nearby(lost: Float) -> Float:
+    """Probability (m,) that a column has no return, from the share of single profiles, in the order of the groove."""
+    told = np.isfinite(lost)
+    total, count = (np.convolve(of, np.ones(LOST_PROFILES), "same") for of in (np.where(told, lost, 0.0), told))
+    return np.clip(np.where(count > 0, total / np.maximum(count, 1), LEAST_LOST), LEAST_LOST, MOST_LOST)
 
 
 def _edge_u(one: Lines) -> float:

@@ -14,6 +14,7 @@ STRIP_MM, STRIP_POINTS, STRIP_LEAN = 0.2, 4, 0.06  # from the corner on, what is
 FORM_MM = 0.008  # what is left there in all profiles alike; of sensors that err by what walks over the columns 0.005
 WALK_PLACES = 9  # stretches of a face's columns
 WALKS = np.geomspace(1e-8, 1e-4, 33)  # mm^2 a mm: over 10 mm of columns an error of 0.3 micrometres (no sensor is straighter) to 30
+SHARED_NOISE = np.geomspace(1.0, 100.0, 13)  # times that variance: noise that neighbouring columns share, texture
 SURE = 3.0  # standard deviations
 OFTEN = 8  # returns of a column that tell what every profile repeats there
 
@@ -89,7 +90,7 @@ class Repeated:
         """Log-likelihood (w,) of WALKS, by which an error that every profile repeats may grow across; 0: nothing told.
 
         By the means of WALK_PLACES stretches of columns, less a line, which have the noise that their own columns'
-        scatter makes of them.
+        scatter makes of them, or more: neighbours share some of it, and what has no course along a face is no walk.
         """
         column = np.flatnonzero(self.count >= OFTEN)
         if column.size < 4 * WALK_PLACES:
@@ -101,9 +102,10 @@ class Repeated:
         noise = (bends * [one.var(ddof=1) / one.size for one in means]) @ bends.T
         walked = np.minimum.outer(place, place) - np.eye(WALK_PLACES) / 6.0  # of a walk's means over stretches
         grown = bends @ walked @ bends.T * (width_mm / WALK_PLACES)
-        variance = WALKS[:, None, None] * grown + noise
-        square = np.einsum("i,wij,j->w", left, np.linalg.inv(variance), left)
-        return np.asarray(-0.5 * (square + np.linalg.slogdet(variance)[1]))
+        variance = WALKS[:, None, None, None] * grown + SHARED_NOISE[:, None, None] * noise
+        square = np.einsum("i,wnij,j->wn", left, np.linalg.inv(variance), left)
+        logs = -0.5 * (square + np.linalg.slogdet(variance)[1])
+        return np.asarray(scipy.special.logsumexp(logs, axis=1, b=1.0 / SHARED_NOISE))
 
 
 def likely_walk(logs: list[Float]) -> float:

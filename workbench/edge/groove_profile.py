@@ -46,6 +46,7 @@ LINKED_MM = 0.6  # lines and returns so near are one surface
 STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two surfaces further
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
+LEAST_VOTES = 0.25  # share of the profiles that show more of them below the plates than above
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
 MOST_LEAN = math.tan(20.0 * DEG)  # a root face leans by less from the square to its plate, as few returns show it
 OFF_FACE_MM = 0.05  # aside of the line of a root face: rough faces and their rounded ends lie nearer to it
@@ -349,14 +350,16 @@ def _followed(x: Float, y: Float, line: Float, last: int) -> tuple[int, Float]:
 def _fillet(x: Float, y: Float, lines: Float, number: int, level: float, fall: float, last: int) -> Int:
     """Returns of the fillet that begins below face `number`: lines that fall less and less; empty: there is none."""
     before, at, least = fall, last, math.inf
-    begin = last
+    begin, lowest = last, lines[number]
     for line in lines[number + 1 :]:
         f, i = level - math.atan(line[SLOPE]), int(line[FIRST])
         gap = math.hypot(x[i] - x[at], y[i] - y[at])
         if not 0.5 * ROUND_TURN <= before - f <= SHARP_TURN or f < -20.0 * DEG or gap > 0.6:
             break
-        before, at, least = f, int(line[LAST]), f
-    return np.arange(begin, at + 1) if least < ROUND_END and at - begin >= 6 else np.empty(0, np.int64)
+        before, at, least, lowest = f, int(line[LAST]), f, line
+    if least >= ROUND_END or at - begin < 6:
+        return np.empty(0, np.int64)
+    return np.arange(begin, _followed(x, y, lowest, at)[0] + 1)
 
 
 def _hidden_fillet(x: Float, y: Float, above: Float, lines: Float, level: float, end: int) -> Int:
@@ -448,7 +451,8 @@ def common_kind(sides: list[Side]) -> tuple[Kind, float]:
 def upwards(x: list[Float], z: list[Float]) -> float:
     """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
 
-    What lies between the outer surfaces of a groove lies below them. x, z: profiles with x rising.
+    What lies between the outer surfaces of a groove lies below them; in a few profiles that is spatter on one of them.
+    x, z: profiles with x rising.
     """
     votes = []
     for xs, zs in zip(x, z, strict=True):
@@ -462,7 +466,8 @@ def upwards(x: list[Float], z: list[Float]) -> float:
         if inner.sum() >= DROP_POINTS:
             chord = _chord(first, last)
             votes.append(-np.sign(np.median(zs[inner] - np.polyval(chord, xs[inner]))))
-    return float(np.sign(np.sum(votes))) if votes else 0.0
+    told = float(np.sum(votes))
+    return float(np.sign(told)) if abs(told) > LEAST_VOTES * len(x) else 0.0
 
 
 def _off(x: Float, z: Float, line: Float) -> Float:

@@ -330,7 +330,7 @@ def _regular_wave(s: Float, left: Float, weight: Float) -> float:
         return 0.0
     count = min(count, MOST_WAVES)
     squares = np.empty((2 * count - 1, left.shape[1]))
-    _waves(as_input(math.pi / length * (s - s.min())), as_input(weight[:, None] * left), 2, squares)
+    _waves(as_input(math.pi / length * (s - s.min())), as_input((weight[:, None] * left).T), 2, squares)
     total, components = float(weight.sum()), left.shape[1]
     strongest = 2.0 * float(squares.max(axis=0).sum())
     return (
@@ -338,21 +338,24 @@ def _regular_wave(s: Float, left: Float, weight: Float) -> float:
     )
 
 
-@kernel
+@kernel(fastmath={"reassoc", "contract"})
 def _waves(phase: Float, values: Float, first: int, squares: Float) -> None:
-    """Fill `squares` (k, d): of the sums of values (n, d) times exp(i m phase) (n,), m from `first` on."""
-    sums = np.zeros((squares.shape[0], values.shape[1], 2))
+    """Fill `squares` (k, d): of the sums of values (d, n) times exp(i m phase) (n,), m from `first` on."""
+    re, im, turn_re, turn_im = np.empty(phase.size), np.empty(phase.size), np.empty(phase.size), np.empty(phase.size)
     for i in range(phase.size):
-        turn_re, turn_im = math.cos(phase[i]), math.sin(phase[i])
-        re, im = math.cos(first * phase[i]), math.sin(first * phase[i])
-        for m in range(squares.shape[0]):
-            for d in range(values.shape[1]):
-                sums[m, d, 0] += values[i, d] * re
-                sums[m, d, 1] += values[i, d] * im
-            re, im = re * turn_re - im * turn_im, re * turn_im + im * turn_re
+        turn_re[i], turn_im[i] = math.cos(phase[i]), math.sin(phase[i])
+        re[i], im[i] = math.cos(first * phase[i]), math.sin(first * phase[i])
     for m in range(squares.shape[0]):
-        for d in range(values.shape[1]):
-            squares[m, d] = sums[m, d, 0] ** 2 + sums[m, d, 1] ** 2
+        for d in range(values.shape[0]):
+            sum_re, sum_im = 0.0, 0.0
+            for i in range(phase.size):
+                sum_re += values[d, i] * re[i]
+                sum_im += values[d, i] * im[i]
+            squares[m, d] = sum_re**2 + sum_im**2
+        for i in range(phase.size):
+            ahead = re[i] * turn_re[i] - im[i] * turn_im[i]
+            im[i] = re[i] * turn_im[i] + im[i] * turn_re[i]
+            re[i] = ahead
 
 
 @dataclass(frozen=True, slots=True, eq=False)

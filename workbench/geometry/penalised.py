@@ -19,7 +19,8 @@ from workbench.units import Float, Int, Shaped
 
 BAND = 4
 SLOPE_MM = 0.5  # a slope is that of the chord from so far before to so far after
-FAR = 1e100  # products of many factors, whose logarithm is wanted, are taken apart before they overflow
+FAR, APART = 1e100, 4  # products of many factors, whose logarithm is wanted: looked at every so many for an overflow
+LANES = 8  # strengths that are tried at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,38 +170,52 @@ def _add_up(s: Float, y: Float, weight: Float, first_knot: float, step: float, n
                 right[i + p, d] += weight[k] * row[p] * y[k, d]
 
 
-@kernel
-def _factor(normal: Float, roughness: Float, one: float, two: float, low: Float) -> float:
-    """Fill `low` (K, 4) with the Cholesky factor of A, 1 / its diagonal in column 0; the logarithm of the diagonal."""
-    logs, product = 0.0, 1.0
-    a, b = 1.0 / one, 1.0 / two
+@kernel(error_model="numpy")
+def _factor(normal: Float, roughness: Float, held: Float, low: Float, logs: Float) -> None:
+    """Fill `low` (3 + K, 4, L) with Cholesky factors of A for L strengths, 1 / the diagonal in column 0; logs (L,) of it.
+
+    held (2, L): 1 / strengths. The first three rows are 0. Each row waits for the one before: several strengths at once
+    take little longer than one.
+    """
+    product, lanes = np.ones(logs.size), logs.size
+    low[:3] = 0.0
+    logs[:] = 0.0
     for i in range(normal.shape[0]):
-        c0 = normal[i, 0] + a * roughness[0, i, 0] + b * roughness[1, i, 0]
-        c1 = normal[i, 1] + a * roughness[0, i, 1] + b * roughness[1, i, 1]
-        c2 = normal[i, 2] + a * roughness[0, i, 2] + b * roughness[1, i, 2]
-        c3 = normal[i, 3] + a * roughness[0, i, 3] + b * roughness[1, i, 3]
-        if i > 2:
-            c3 *= low[i - 3, 0]
-        if i > 1:
-            c2 = (c2 - c3 * low[i - 2, 1]) * low[i - 2, 0]
-        if i > 0:
-            c1 = (c1 - c3 * low[i - 1, 2] - c2 * low[i - 1, 1]) * low[i - 1, 0]
-        c0 = math.sqrt(c0 - c1 * c1 - c2 * c2 - c3 * c3)
-        low[i, 0], low[i, 1], low[i, 2], low[i, 3] = 1.0 / c0, c1, c2, c3
-        product *= c0
-        if not 1.0 / FAR < product < FAR:
-            logs, product = logs + math.log(product), 1.0
-    return logs + math.log(product)
+        n0, n1, n2, n3 = normal[i, 0], normal[i, 1], normal[i, 2], normal[i, 3]
+        p0, p1, p2, p3 = roughness[0, i, 0], roughness[0, i, 1], roughness[0, i, 2], roughness[0, i, 3]
+        q0, q1, q2, q3 = roughness[1, i, 0], roughness[1, i, 1], roughness[1, i, 2], roughness[1, i, 3]
+        third, second, first, here = low[i], low[i + 1], low[i + 2], low[i + 3]
+        for m in range(lanes):
+            a, b = held[0, m], held[1, m]
+            c3 = (n3 + a * p3 + b * q3) * third[0, m]
+            c2 = (n2 + a * p2 + b * q2 - c3 * second[1, m]) * second[0, m]
+            c1 = (n1 + a * p1 + b * q1 - c3 * first[2, m] - c2 * first[1, m]) * first[0, m]
+            c0 = math.sqrt(n0 + a * p0 + b * q0 - c1 * c1 - c2 * c2 - c3 * c3)
+            here[0, m], here[1, m], here[2, m], here[3, m] = 1.0 / c0, c1, c2, c3
+            product[m] *= c0
+        if i % APART == 0:
+            _take_apart(product, logs)
+    for m in range(lanes):
+        logs[m] += math.log(product[m])
+
+
+@kernel
+def _take_apart(product: Float, logs: Float) -> None:
+    """Move factors (L,) that run out of the numbers' range to their logarithms (L,)."""
+    for m in range(logs.size):
+        if not 1.0 / FAR < product[m] < FAR:
+            logs[m], product[m] = logs[m] + math.log(product[m]), 1.0
 
 
 @kernel
 def _forward(low: Float, right: Float, d: int, out: Float) -> None:
-    """Fill `out` (K,) with the solution of L out = right[:, d]."""
-    for i in range(out.size):
-        w = right[i, d]
-        for k in range(1, min(i, 3) + 1):
-            w -= low[i, k] * out[i - k]
-        out[i] = w * low[i, 0]
+    """Fill `out` (3 + K, L) with the solutions of L out = right[:, d] for the L factors of `low`, below 3 rows of 0."""
+    out[:3] = 0.0
+    for i in range(right.shape[0]):
+        value, row = right[i, d], low[i + 3]
+        for m in range(out.shape[1]):
+            left = value - row[1, m] * out[i + 2, m] - row[2, m] * out[i + 1, m] - row[3, m] * out[i, m]
+            out[i + 3, m] = left * row[0, m]
 
 
 @kernel
@@ -225,37 +240,57 @@ def _evidence(
     strengths: Float,
     scores: Float,
 ) -> None:
-    size, components = right.shape
-    low, solved, bent, border = np.empty((size, 4)), np.empty(size), np.empty(size), np.empty(size)
-    is_free = free.shape[1] > 0
-    held = 0.0
+    (size, components), is_free = right.shape, free.shape[1] > 0
+    fixed = 0.0
     for i in range(free.shape[1]):
-        held += free[0, i] * free[1, i]
-    for j in range(strengths.shape[0]):
-        logs = _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
-        misfit, inner = squares, 0.0
+        fixed += free[0, i] * free[1, i]
+    for first in range(0, strengths.shape[0], LANES):
+        lanes = min(LANES, strengths.shape[0] - first)
+        held, logs, misfit, inner = np.empty((2, lanes)), np.empty(lanes), np.full(lanes, squares), np.zeros(lanes)
+        for m in range(lanes):
+            held[0, m], held[1, m] = 1.0 / strengths[first + m, 0], 1.0 / strengths[first + m, 1]
+        low, solved, bent = np.empty((size + 3, 4, lanes)), np.empty((size + 3, lanes)), np.empty((size + 3, lanes))
+        _factor(normal, roughness, held, low, logs)
         if is_free:
             _forward(low, free[1:2].T, 0, bent)
-            _forward(low, free[2:3].T, 0, border)
-            for i in range(size):
-                inner += bent[i] * border[i]
-            logs += 0.5 * math.log(inner / held)  # both over the strength
+            _forward(low, free[2:3].T, 0, solved)
+            _products(bent, solved, inner)
+            for m in range(lanes):
+                logs[m] += 0.5 * math.log(inner[m] / fixed)  # both over the strength
         for d in range(components):
             _forward(low, right, d, solved)
-            left = 0.0
-            for i in range(size):
-                misfit -= solved[i] * solved[i]
-                if is_free:
-                    left += solved[i] * bent[i]
+            left, total = np.zeros(lanes), np.zeros(lanes)
+            _products(solved, solved, total)
             if is_free:
-                misfit -= left * left / strengths[j, 0] / inner
-        product = 1.0
-        for k in range(waves.shape[1]):
-            product *= waves[0, k] / strengths[j, 0] + waves[1, k] / strengths[j, 1]
-            if not 1.0 / FAR < product < FAR:
-                logs, product = logs - 0.5 * math.log(product), 1.0
-        logs -= 0.5 * math.log(product)
-        scores[j] = -0.5 * misfit - components * logs
+                _products(solved, bent, left)
+            for m in range(lanes):
+                misfit[m] -= total[m]
+                if is_free:
+                    misfit[m] -= left[m] * left[m] * held[0, m] / inner[m]
+        _half_determinant(waves, held, logs)
+        for m in range(lanes):
+            scores[first + m] = -0.5 * misfit[m] - components * logs[m]
+
+
+@kernel
+def _products(one: Float, other: Float, out: Float) -> None:
+    """Add to `out` (L,) the products of columns of two arrays (n, L)."""
+    for i in range(one.shape[0]):
+        for m in range(out.size):
+            out[m] += one[i, m] * other[i, m]
+
+
+@kernel
+def _half_determinant(waves: Float, held: Float, logs: Float) -> None:
+    """Take half of the logarithms of the prior's determinant off `logs` (L,)."""
+    product, total = np.ones(logs.size), np.zeros(logs.size)
+    for k in range(waves.shape[1]):
+        for m in range(logs.size):
+            product[m] *= waves[0, k] * held[0, m] + waves[1, k] * held[1, m]
+        if k % APART == 0:
+            _take_apart(product, total)
+    for m in range(logs.size):
+        logs[m] -= 0.5 * (total[m] + math.log(product[m]))
 
 
 @kernel
@@ -287,22 +322,26 @@ def _average(
     """Fill mean (K, d) and variance (m,) of rows (m, w), each from its first coefficient on."""
     size, components = right.shape
     width = rows.shape[1]
-    low, inverse, solved = np.empty((size, 4)), np.empty((size, width)), np.empty(size)
-    bent, is_free, inner = np.zeros(size), free.shape[1] > 0, 0.0
+    factors, held, logs = np.empty((size + 3, 4, 1)), np.empty((2, 1)), np.empty(1)
+    one, other = np.zeros((size + 3, 1)), np.zeros((size + 3, 1))
+    low, inverse = factors.reshape((size + 3, 4))[3:], np.empty((size, width))
+    bent, solved = one.reshape(size + 3)[3:], other.reshape(size + 3)[3:]
+    is_free, inner = free.shape[1] > 0, 0.0
     found = np.empty((strengths.shape[0], size, components))
     mean[:] = 0.0
     variance[:] = 0.0
     for j in range(strengths.shape[0]):
-        _factor(normal, roughness, strengths[j, 0], strengths[j, 1], low)
+        held[0, 0], held[1, 0] = 1.0 / strengths[j, 0], 1.0 / strengths[j, 1]
+        _factor(normal, roughness, held, factors, logs)
         if is_free:
-            _forward(low, free[1:2].T, 0, bent)
+            _forward(factors, free[1:2].T, 0, one)
             _backward(low, bent)
             inner = 0.0
             for i in range(size):
                 bent[i] /= strengths[j, 0]
                 inner += bent[i] * free[2, i]
         for d in range(components):
-            _forward(low, right, d, solved)
+            _forward(factors, right, d, other)
             _backward(low, solved)
             added = 0.0
             if is_free:

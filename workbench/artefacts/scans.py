@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -98,6 +98,11 @@ class Cloud:
     brightness: Shaped[AnyArray, "N M"] | None = None  # of the returns, as recorded
     sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
     only_end_poses: bool = False  # some pass has the poses of its two ends only: frames do not average their errors
+
+    def of_frames(self, frames: slice | Int) -> Cloud:
+        """The cloud of some of its frames; of a slice its grid is a view."""
+        named = ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index", "brightness")
+        return replace(self, **{name: one[frames] for name in named if (one := getattr(self, name)) is not None})
 
     @property
     def points_mm(self) -> Float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import Cloud
-from workbench.checks.corners import face_columns, fitted_line, off_line
+from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int
@@ -37,10 +37,9 @@ def bend_of(cloud: Cloud, labels: AnyArray, label: int) -> Bend:
     What its line leaves is taken by places on the face, the median of the frames, and fitted by a parabola and by two
     straight pieces: a bow, a sensor's own error or a step is no corner (docs/method.md, (11b)).
     """
-    found = np.flatnonzero((labels == label).any(axis=1))
-    if len(found) < LEAST_FRAMES:
+    rows = frames_with(labels, [label], FRAMES)
+    if len(rows) < LEAST_FRAMES:
         return Bend()
-    rows = found[np.unique(np.linspace(0, len(found) - 1, FRAMES).astype(np.int64))]
     counts = ((labels[rows] == label) & cloud.keep[rows]).sum(axis=1)
     places = min(PLACES, int(np.median(counts)))
     if places < LEAST_PLACES:

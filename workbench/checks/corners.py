@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
 
 FRAMES, LEAST_FRAMES = 240, 4  # evenly, with both faces
+LOOKED_AT = 8  # times as many frames, among which those that show a face are found
 LEAST_POINTS = 4  # of a face in a frame
 PARALLEL = math.sin(2.0 * DEG)  # faces that turn by less have no corner
 CORNER_MM, CLOSE_MM = 0.25, 0.12  # returns about it: what a check judges, and where a small ledge shows most
@@ -53,10 +55,7 @@ def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOu
 
     From the first face to the second a profile turns one way, round the plate.
     """
-    both = np.flatnonzero((labels == one).any(axis=1) & (labels == other).any(axis=1))
-    if not len(both):
-        return NOTHING
-    rows = both[np.unique(np.linspace(0, len(both) - 1, FRAMES).astype(np.int64))]
+    rows = frames_with(labels, (one, other), FRAMES)
     out = np.full((len(rows), 2), np.nan)
     x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     _stands_out(x, z, keep, as_input(labels), rows, one, other, out)
@@ -67,6 +66,23 @@ def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOu
     spread = float(np.median(np.abs(out[:, 1] - close))) / 0.6745
     kept = out[np.abs(out[:, 1] - close) <= ODD * spread, 1]
     return StandsOut(float(corner), float(kept.mean()), float(kept.std() / math.sqrt(len(kept))))
+
+
+def frames_with(labels: AnyArray, faces: Iterable[int], count: int) -> Int:
+    """At most `count` frames of labels (N, M), evenly among those that show all of some faces.
+
+    Of a long recording a part is looked at, unless that shows too few.
+    """
+    for every in (thinning(len(labels), count), 1):
+        found = every * np.flatnonzero(np.all([(labels[::every] == face).any(axis=1) for face in faces], axis=0))
+        if len(found) >= count or every == 1:
+            break
+    return found[np.unique(np.linspace(0, len(found) - 1, count).astype(np.int64))] if len(found) else found
+
+
+def thinning(frames: int, count: int) -> int:
+    """Every how many frames are looked at for `count` of them; odd, since an exposure may alternate."""
+    return max(1, frames // (LOOKED_AT * count)) // 2 * 2 + 1
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
 from workbench.checks.bends import bend_of
-from workbench.checks.corners import StandsOut, stands_out
+from workbench.checks.corners import StandsOut, frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.root_step import beside_check
@@ -20,7 +20,10 @@ from workbench.geometry.medians import median, median_of
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float
 
-SAMPLE = 40  # frames with faces
+SAMPLE, COUNTED = (
+    40,
+    500,
+)  # frames with faces; of which share of frames faces are seen in is told from eight times as many
 LEAST_POINTS = 8  # of a face, to tell whether it is straight
 SURE = 3.0  # standard uncertainties by which a bow is one
 SMALL_BOW_MM, SMALL_BOW = 0.03, 0.03  # no face is straighter for certain; a narrow one than this share of its width
@@ -141,11 +144,12 @@ def judge_faces(
     that end, that is rounded or chamfered: it is not asked whether it is straight.
     """
     given = limits or {}
-    shows, found = np.zeros(len(labels), bool), np.zeros(len(labels), bool)
-    _shown(as_input(cloud.keep), as_input(labels), shows, found)
+    every = thinning(len(labels), COUNTED)
+    shows, found = np.zeros((2, len(labels[::every])), bool)
+    _shown(as_input(cloud.keep[::every]), as_input(labels[::every]), shows, found)
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
-    rows = np.flatnonzero(found)
+    rows = every * np.flatnonzero(found)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     bows = {face: bow_of(cloud, clear, rows, face) for face in NAMES}
@@ -199,7 +203,7 @@ def corners_checks(
     cloud: Cloud, labels: AnyArray, pairs: Sequence[tuple[int, int]], limits: Mapping[str, Bound] | None = None
 ) -> tuple[Check, Check]:
     """The checks that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
-    rows = _sample(labels, [label for pair in pairs for label in pair])
+    rows = frames_with(labels, [label for pair in pairs for label in pair], SAMPLE)
     out = close = 0.0
     for pair in pairs:
         bows = [bow_of(cloud, labels, rows, label) for label in pair]
@@ -221,7 +225,7 @@ def bows_check(
     The two halves of one arc are chords that differ by d, rad; each bows by d / 8 of its width. A face must show that
     it bows by less, for which it needs a few returns.
     """
-    rows = _sample(labels, faces)
+    rows = frames_with(labels, faces, SAMPLE)
     straight = set(faces).intersection(label for pair in pairs for label in pair)
     counts = [np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1)) for face in straight]
     fewest = float(min(counts)) if counts and len(rows) else None
@@ -253,12 +257,6 @@ def _bend_check(
     told = f"the {NAMES.get(face, 'face')} has a corner of {turn / DEG:.1f} deg at {100 * at:.0f} % of its width: "
     told += "a compound bevel whose angles hardly differ, or a face that is not straight?"
     return check("face_bend_deg", turn / DEG, told, given=limits)
-
-
-def _sample(labels: AnyArray, faces: Sequence[int]) -> AnyArray:
-    """Frames, evenly, that show all of some faces."""
-    found = np.flatnonzero(np.all([(labels == face).any(axis=1) for face in faces], axis=0))
-    return found[np.unique(np.linspace(0, len(found) - 1, SAMPLE).astype(int))] if len(found) else found
 
 
 def _without_rim(cloud: Cloud, labels: AnyArray, rim_mm: float) -> AnyArray:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import face_columns, fitted_line, off_line
+from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
 from workbench.checks.levels import NEXT, one_level
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
@@ -23,8 +23,7 @@ RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to 
 
 def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
-    found = np.flatnonzero((labels == ROOT_FACE).any(axis=1) & (labels == BEVEL_FACE).any(axis=1))
-    rows = found[np.unique(np.linspace(0, len(found) - 1, FRAMES).astype(np.int64))] if len(found) else found
+    rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
     level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
     x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     _levels(x, z, keep, as_input(labels), rows, level, first)

@@ -289,9 +289,11 @@ def _standing_out(
     """
     out = np.zeros(last - first, np.int64)
     for i in range(first, last):
-        for j in range(x.shape[1]):
+        count = 0
+        for j in range(x.shape[1]):  # no branch: many at a time
             dx = x[i, j] - line[i, 0]
-            if keep[i, j] and side[i] * dx > 0.0 and abs(dx) < reach[i] and labels[i, j] == 0:
-                off = (z[i, j] - line[i, 1] - line[i, 2] * dx) * line[i, 3]
-                out[i - first] += limit[i] < off < REACH_MM
+            off = (z[i, j] - line[i, 1] - line[i, 2] * dx) * line[i, 3]
+            beyond = (side[i] * dx > 0.0) & (abs(dx) < reach[i]) & (limit[i] < off) & (off < REACH_MM)
+            count += keep[i, j] & (labels[i, j] == 0) & beyond
+        out[i - first] = count
     return out

@@ -172,7 +172,7 @@ def _add_up(s: Float, y: Float, weight: Float, first_knot: float, step: float, n
 
 @kernel(error_model="numpy")
 def _factor(normal: Float, roughness: Float, held: Float, low: Float, logs: Float) -> None:
-    """Fill `low` (3 + K, 4, L) with Cholesky factors of A for L strengths, 1 / the diagonal in column 0; logs (L,) of it.
+    """Fill `low` (3 + K, 4, L) with the factors of A for L strengths, 1 / the diagonal in column 0; logs (L,) of it.
 
     held (2, L): 1 / strengths. The first three rows are 0. Each row waits for the one before: several strengths at once
     take little longer than one.

@@ -63,7 +63,7 @@ docs: setup-dev
 	@$(BIN)/python -m scripts.site
 
 data: setup
-	@$(BIN)/python -m workbench.synthetic.library
+	@$(BIN)/python -m scripts.synthetic_data
 
 lock:
 	@scripts/lock.sh

@@ -84,8 +84,8 @@ from workbench.geometry.poses import (
 )
 from workbench.kernels import kernel
 from workbench.stage import InputFile, Progress, Seed, stage
+from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import read_json, strict_json
-from workbench.text_files import numbered_lines, read_text
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:

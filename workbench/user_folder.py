@@ -1,16 +1,18 @@
 """The folder in which the program keeps what is quicker to read than to make: kernels, the list of stages.
 
-All in it can be made again; who deletes it loses a minute.
+All in it can be made again; who deletes it loses a minute. What was made with other sources is known by their digest.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import hashlib
 import os
 import stat
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 KEPT_DAYS = 60  # after which what nobody has made again goes
@@ -81,3 +83,21 @@ def forget(pattern: str) -> None:
         with contextlib.suppress(OSError):
             if path.stat().st_mtime < oldest:
                 path.unlink()
+
+
+SOURCES = (".py", ".j2", ".css", ".js")  # what a package's behaviour is written in
+
+
+@functools.cache
+def package_digest(name: str) -> str:
+    """Of a package's source files, by name and content."""
+    spec = find_spec(name)
+    places = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
+    files = sorted((path for place in places for path in place.rglob("*") if path.suffix in SOURCES), key=str)
+    if spec and spec.origin and not places:
+        files, places = [Path(spec.origin)], [Path(spec.origin).parent]
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(f"{path.relative_to(next(p for p in places if p in path.parents))}\n".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

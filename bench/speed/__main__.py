@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.speed import batch_rows, follow_rows, import_rows, install_rows, postures_rows, rows, start_rows
+from bench.speed import batch_rows, follow_rows, import_rows, postures_rows, rows, start_rows
 from bench.speed.recordings import simulated
 from bench.speed.table import document, line
 from bench.speed.timing import Row
@@ -41,7 +41,7 @@ def inspecting(sizes: list[int], folder: Path, also_largest: bool, open3d: bool 
 GROUPS = {
     "start": start_rows.starting,
     "follow": follow_rows.following,
-    "install": install_rows.installing,
+    "install": start_rows.installing,
     "import": None,  # wants a folder
     "inspection": None,  # wants sizes and a folder
     "planning": rows.planning,

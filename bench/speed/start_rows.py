@@ -2,6 +2,8 @@
 
 All are processor seconds of the command and its children, so that other work on the machine counts little. Set-up
 compiles the kernels, a wheel of `make wheel` brings them; the first runs begin with an empty folder for them.
+`installing` goes from `git clone` to the demo's report: packages come from the package index (or pip's cache), so the
+row is left out where none can be reached; the kernels are compiled by set-up; nothing of an earlier run is used.
 `--beside CHECKOUT` of `python -m bench.speed.start_rows` times another state of the project in turn.
 """
 
@@ -168,3 +170,32 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+GOAL_S = 110
+OWN = ("PYTHONPATH", "VIRTUAL_ENV", "NUMBA_CACHE_DIR")  # of this checkout, not of the clone
+
+
+def installing() -> Iterator[Row]:
+    """Processor seconds of clone, set-up and `make demo`, run once."""
+    with tempfile.TemporaryDirectory() as name:
+        clone = Path(name) / "workbench"
+        environment = {
+            key: value
+            for key, value in os.environ.items()
+            if key not in ("PYTHONPATH", "VIRTUAL_ENV", "NUMBA_CACHE_DIR")
+        }
+        environment |= {"XDG_CACHE_HOME": str(Path(name) / "cache")}
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        for command in (
+            ["git", "clone", "--quiet", str(ROOT), str(clone)],
+            ["make", "-C", str(clone), "demo", "YES=1"],
+        ):
+            done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+            if done.returncode:
+                print(f"no row of the installation: {done.stderr.strip().splitlines()[-1:]}", file=sys.stderr)
+                return
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    told = "`git clone` to the demo's report, packages from the index, processor time (one run)"
+    yield Row(told, f"{spent:.0f} s", "", spent, "{:.0f} s", goal=GOAL_S, at_most=True)

@@ -67,7 +67,7 @@ Start-up (`bench/speed/start_rows.py`): processor seconds of the command and its
 "without set-up" begins with an empty folder for them, as after `pip install` of a wheel without kernels; a wheel of
 `make wheel` brings them. Bytecode is kept, as pip does. The shipped milled edge (309 frames of 600 columns) and the
 shipped closed loop. `--follow` (`bench/speed/follow_rows.py`): a writer in SWMR mode sends a recording in twenty parts
-over eight seconds and closes it. The installation (`bench/speed/install_rows.py`): clone, packages into an empty cache,
+over eight seconds and closes it. The installation (`bench/speed/start_rows.py`): clone, packages into an empty cache,
 kernels, `make demo`.
 """
 

@@ -85,8 +85,8 @@ def breaking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.syspath_prepend(str(site))
     from workbench.pipeline.registry import families
-    from workbench.pipeline.sources import package_digest
     from workbench.stage import REGISTRY
+    from workbench.user_folder import package_digest
 
     families.cache_clear()
     package_digest.cache_clear()

@@ -90,7 +90,7 @@ def test_what_is_whole_is_not_made_again(pipeline: Path, breaking: Path, record:
     assert again() == ""
     assert again(inputs={"shift_mm": 0.1}) == "abcd"
     assert again() == "abcd"
-    from workbench.pipeline.sources import package_digest
+    from workbench.user_folder import package_digest
 
     breaking.write_text(breaking.read_text() + "\n# another version\n")
     package_digest.cache_clear()

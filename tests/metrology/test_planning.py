@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.metrology.figures import cover, spread
-from bench.metrology.planning.compare import compare_edge, compare_path
+from bench.metrology.planning.part import compare_edge, compare_path
 from bench.metrology.planning.result import PlanResult
 from bench.metrology.planning.summary import GOALS, summarise_plans
 from bench.metrology.planning.table import plan_tables

@@ -130,7 +130,7 @@ def test_cell_without_turntable_takes_no_angle(cell_file: Any, tmp_path: Path) -
 
 def test_missing_libraries_are_named_and_nothing_is_written(cell_file: Any, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
-    monkeypatch.setattr("workbench.offscreen.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
+    monkeypatch.setattr("workbench.robot.picture.LIBRARIES", {"libNowhere.so.1": "libnowhere1"})
     with pytest.raises(OutputError, match="apt-get install libnowhere1"):
         view_cell(str(cell_file()), "0,0,0,0,0,0", 0.0, str(tmp_path / "x.png"))
     assert list(tmp_path.glob("*png*")) == []

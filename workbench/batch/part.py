@@ -25,10 +25,10 @@ from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.progress import Reporter
 from workbench.pipeline.results import RUN_FILE, is_plain_name
 from workbench.pipeline.run import Results, resolved, run_files, run_plan, versions
-from workbench.pipeline.sources import package_digest
 from workbench.pipeline.wiring import Plan, plan
 from workbench.result_files import BatchPartFile
 from workbench.strict_json import plain
+from workbench.user_folder import package_digest
 
 PART_FILE = BatchPartFile.NAME
 FORMAT = "bevel-part"

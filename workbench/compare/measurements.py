@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from workbench.artefacts import UNKNOWN_PART, Part
 from workbench.errors import InputError, nearest
+from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import read_json
-from workbench.text_files import numbered_lines, read_text
 from workbench.units import Float, Shaped
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from workbench.artefacts import Chapter, Document
 from workbench.errors import InputError
 from workbench.geometry.fits import Fit, Shape, fit
 from workbench.stage import InputFile, stage
+from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import strict_json
-from workbench.text_files import numbered_lines, read_text
 from workbench.units import Float
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from workbench.artefacts import Document, Inspection, Provenance, Section
 from workbench.stage import stage
-from workbench.text_files import as_text
+from workbench.storage import as_text
 
 FORMAT, VERSION = "bevel-inspection-rows", 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured

@@ -21,8 +21,8 @@ from typing import Any, TypeAlias
 
 from workbench.artefacts import Provenance
 from workbench.errors import OutputError
-from workbench.pipeline.sources import package_digest
 from workbench.pipeline.wiring import Step
+from workbench.user_folder import package_digest
 
 Made: TypeAlias = tuple[tuple[Any, ...], list[str]]  # artefacts and warnings of a stage
 

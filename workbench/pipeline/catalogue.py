@@ -14,8 +14,8 @@ from workbench import user_folder
 from workbench.pipeline.describe import parameter_texts, summary
 from workbench.pipeline.document import ID, NAME
 from workbench.pipeline.registry import families
-from workbench.pipeline.sources import package_digest
 from workbench.stage import REGISTRY, Stage
+from workbench.user_folder import package_digest
 
 REFERENCE = {"type": "string", "pattern": r"\$\{[A-Za-z_][A-Za-z0-9_]*\}"}
 

@@ -7,7 +7,7 @@ import io
 
 from workbench.artefacts import Document, Inspection
 from workbench.stage import stage
-from workbench.text_files import as_text
+from workbench.storage import as_text
 
 HEADER = (
     "section",

@@ -1,11 +1,15 @@
 """`workbench view-cell`: a picture of a robot cell in a posture, and what there is to say of both.
 
-The picture is drawn by VTK, in a process of its own.
+The picture is drawn by VTK in a process of its own: where a system's OpenGL is missing, VTK ends the process that it
+runs in (a segmentation fault with libegl1 absent, seen with VTK 9.7), and no exception handler survives that.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -13,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.children import environment
 from workbench.errors import InputError, OutputError, PipelineError
-from workbench.offscreen import cause_of, problem_of, start_drawing
 from workbench.robot.cell import Cell
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
@@ -318,3 +322,51 @@ def _write(path: Path, content: bytes) -> None:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(str(path), f"cannot be written: {error.strerror}") from None
+
+
+TIME_LIMIT_S = 120.0
+LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1"}  # what VTK loads -> its package in Debian
+
+
+def start_drawing(module: str, arguments: list[str], folder: str) -> subprocess.Popen[bytes]:
+    """`python -m module arguments` at work in `folder`, with this project's own copy, from whatever directory."""
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+def problem_of(process: subprocess.Popen[bytes]) -> str:
+    """Waits for the process: '' where it ended well, else what went wrong."""
+    try:
+        _, messages = process.communicate(timeout=TIME_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return f"drawing took more than {TIME_LIMIT_S:.0f} s"
+    if process.returncode == 0:
+        return ""
+    if process.returncode < 0:
+        return f"its process was ended by signal {-process.returncode}"
+    lines = messages.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else f"its process ended with status {process.returncode}"
+
+
+def cause_of(problem: str) -> str:
+    """The missing system libraries and how to get them, if that is what it was; else `problem`."""
+    missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
+    if not missing:
+        return problem
+    return f"missing {' and '.join(missing)}; on Debian or Ubuntu: apt-get install {' '.join(missing.values())}"
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True

@@ -16,10 +16,10 @@ from pydantic import Field
 from workbench.artefacts import Engagement, Layer, LayerEngagement, PathCorrection, PathDeflection, Toolpath
 from workbench.errors import InputError
 from workbench.stage import InputFile, Seed, stage
+from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import read_any_json
 from workbench.synthetic.milling import Stock
 from workbench.synthetic.workpiece import Workpiece
-from workbench.text_files import numbered_lines, read_text
 from workbench.twin.machine import Machine, Mechanics, Met
 from workbench.units import DEG, Bool, Float
 

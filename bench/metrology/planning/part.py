@@ -7,18 +7,19 @@ import zlib
 import numpy as np
 
 from bench.metrology.part import Clock
-from bench.metrology.planning.compare import compare_edge, compare_path
+from bench.metrology.part_result import numbers
+from bench.metrology.places import clear_of_boundaries
 from bench.metrology.planning.result import PlanResult
-from bench.metrology.true_edge import best_plane_turn_deg
-from workbench.artefacts import Gate, RawEdge, Recording, Toolpath
+from bench.metrology.true_edge import best_plane_turn_deg, true_edge_at
+from workbench.artefacts import Gate, Layer, RawEdge, Recording, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import WorkbenchError
-from workbench.geometry.poses import rotation_from_vector
+from workbench.geometry.poses import rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, feed, layers
 from workbench.scan import fuse
 from workbench.synthetic import Truth, random_recipe, simulate_recording
-from workbench.units import DEG
+from workbench.units import DEG, Bool, Float
 
 MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 
@@ -70,3 +71,82 @@ def rough_upper_side(truth: Truth) -> tuple[float, float, float]:
     axis = np.cross(across, rng.normal(size=3))
     turned = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0, MOST_TURNED_DEG) * DEG) @ across
     return float(turned[0]), float(turned[1]), float(turned[2])
+
+
+STATION_MM = 5.0  # between the stations whose errors are kept
+NEAR_MM = 0.55  # a place along the edge this near to a cutting point is cut: points are 1 mm apart
+REACH_MM = 20.0  # of the cutter's radius, clearance and rise: no more than that is lost beside a clamp
+RIGHT_SIDE = 0.7  # least cosine of a frame's axes against the true ones
+
+
+def compare_edge(result: PlanResult, edge: RawEdge, truth: Truth) -> None:
+    """Errors of the lower edge and of the end face's direction at stations some mm apart, with their uncertainties."""
+    seen = np.flatnonzero(edge.seen)
+    result.stations_invented = int(clear_of_boundaries(truth, edge.position_mm[seen])[1].sum())
+    stations = seen[:: max(1, round(STATION_MM / float(np.median(np.diff(edge.arc_length_mm)))))]
+    true = true_edge_at(truth, edge.position_mm[stations])
+    off = edge.position_mm[stations] - true.position_mm
+    u = edge.position_u_mm[stations]
+    result.normal_error_mm = numbers(np.sum(off * true.normal, axis=1))
+    result.across_error_mm = numbers(np.sum(off * true.across, axis=1))
+    result.normal_u_mm, result.across_u_mm = numbers(u[:, 0]), numbers(u[:, 1])
+    normal = edge.normal[stations]
+    turn = np.arctan2(np.sum(normal * true.across, axis=1), np.sum(normal * true.normal, axis=1))
+    turn_u = np.broadcast_to(np.asarray(edge.normal_u), edge.seen.shape)[stations]
+    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), numbers(turn_u / DEG)
+
+
+def compare_path(result: PlanResult, toolpath: Toolpath, truth: Truth) -> None:
+    """Errors of the final layer's cutting points, and how much of the seen edge they cover."""
+    final = toolpath.layers[-1]
+    result.layers = len(toolpath.layers)
+    points = final.position_mm[final.cutting]
+    true = true_edge_at(truth, points)
+    axes = rotation_from_quaternion(final.quaternion_wxyz[final.cutting])
+    x, y, z = axes[:, :, 0], axes[:, :, 1], axes[:, :, 2]
+    height = true.height_mm(points, toolpath.root_mm, toolpath.bevel_deg)
+    axis = true.cutter_axis(toolpath.bevel_deg)
+    angle = np.arctan2(np.linalg.norm(np.cross(z, axis), axis=1), np.sum(z * axis, axis=1))
+    into = -np.sum(x * true.bevel_normal(toolpath.bevel_deg), axis=1)
+    result.distance_mm = round(float(np.abs(height).max()), 6)
+    result.axis_deg = round(float(angle.max() / DEG), 6)
+    result.wrong_side = bool(min(into.min(), np.sum(y * true.tangent, axis=1).min()) < RIGHT_SIDE)
+    result.blind_points = int(clear_of_boundaries(truth, points)[1].sum())
+    result.spacing_error = _spacing_error(final, true.arc_length_mm, toolpath.edge_length_mm, truth)
+    cut = _near(truth.arc_length_mm, true.arc_length_mm)
+    result.covered = round(float(cut[truth.seen].mean()), 6)
+    reachable = truth.seen & ~_beside_hidden(truth)
+    result.reachable_covered = round(float(cut[reachable].mean()), 6) if reachable.any() else None
+
+
+def _spacing_error(final: Layer, true_arc_length_mm: Float, length_mm: float, truth: Truth) -> float | None:
+    """Greatest |spacing - 1 mm| of neighbouring key points that cut; the last interval may be shorter.
+
+    What lies beyond the part's ends has no arc length of its own: the truth gives it that of the end.
+    """
+    key = np.flatnonzero(final.cutting)
+    pairs = np.diff(key) == 1
+    pairs &= final.arc_length_mm[key[1:]] < length_mm - 1e-6
+    inside = (true_arc_length_mm > 1e-6) & (true_arc_length_mm < truth.arc_length_mm[-1] - 1e-6)
+    pairs &= inside[:-1] & inside[1:]
+    spacing = np.diff(true_arc_length_mm)[pairs]
+    return round(float(np.abs(spacing - 1.0).max()), 6) if len(spacing) else None
+
+
+def _near(at_mm: Float, points_mm: Float) -> Bool:
+    """Which places along the edge lie near one of the points."""
+    points = np.concatenate([[-np.inf], np.sort(points_mm), [np.inf]])
+    after = np.searchsorted(points, at_mm)
+    return np.asarray(np.minimum(at_mm - points[after - 1], points[after] - at_mm) <= NEAR_MM)
+
+
+def _beside_hidden(truth: Truth) -> Bool:
+    """Stations that a clamp may keep the cutter from: near to a hidden stretch within the seen edge."""
+    at = truth.arc_length_mm
+    first, *_, last = np.flatnonzero(truth.seen)
+    hidden = at[first:last][~truth.seen[first:last]]
+    if not len(hidden):
+        return np.zeros(len(at), bool)
+    hidden = np.concatenate([[-np.inf], hidden, [np.inf]])
+    after = np.searchsorted(hidden, at)
+    return np.asarray(np.minimum(at - hidden[after - 1], hidden[after] - at) <= REACH_MM)

@@ -1,4 +1,4 @@
-"""Make the recordings of data/synthetic anew from their recipes: `python -m workbench.synthetic.library [FOLDER]`."""
+"""Make the recordings of data/synthetic anew from their recipes: `python -m scripts.synthetic_data [FOLDER]`."""
 
 from __future__ import annotations
 

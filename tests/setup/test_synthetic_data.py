@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
+from scripts.synthetic_data import main, make_library, recipes_in
 from workbench.synthetic import Recipe, read_any_recipe, read_truth, truth_path
-from workbench.synthetic.library import main, make_library, recipes_in
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 RECIPES = recipes_in(DATA)

@@ -160,15 +160,6 @@ def test_the_stiffness_of_an_earlier_curve_is_kept() -> None:
     assert {tuple(row) for row in again.stiffness[:, :2]} <= {tuple(row) for row in first.stiffness[:, :2]}
 
 
-def test_shifted_counts_from_another_place() -> None:
-    curve = fitted(helix)
-    moved = curve.shifted(12.5)
-    s = np.linspace(20, 100, 11)
-    for name in ("position", "tangent", "curvature"):
-        np.testing.assert_allclose(getattr(moved, name)(s - 12.5), getattr(curve, name)(s), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(moved.frame(s - 12.5), curve.frame(s), rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("count", [3, 5, 9])
 def test_few_frames(count: int) -> None:
     s = np.linspace(0, 12, count)

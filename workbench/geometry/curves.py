@@ -83,11 +83,6 @@ class Curve:
         pieces = self.spline.pieces
         return pieces.breaks, pieces.powers, as_input(self.stations_mm[[0, -1]]), as_input(self.references)
 
-    def shifted(self, s0: float) -> Curve:
-        """The same curve with its arc length counted from s0."""
-        spline = Spline(self.spline.t - s0, self.spline.c, self.spline.k)
-        return Curve(spline, self.stations_mm - s0, self.references, self.course)
-
     def project(self, points_mm: Float, s: Float) -> Float:
         """Arc length (n,) of the feet of points (n, 3) mm, by Newton steps from the guess s."""
         out = np.empty(len(s))

@@ -29,6 +29,7 @@ FARTHEST_PT = 1e6  # from the sheet, of what is drawn
 SHADES = 31  # of a dot's opacity
 PACKED = 3  # zlib's level: a third of the time of level 6 for a tenth more bytes
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
+HEAD = (3.2, 1.3)  # of an arrow: length and half its width
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Colour: TypeAlias = str | Sequence[float] | AnyArray
@@ -495,18 +496,16 @@ class Axes:
         tail: Sequence[float] | Float,
         *,
         both: bool = False,
-        color: Colour = INK,
         linewidth: float = 0.6,
-        head: Limits = (3.2, 1.3),
     ) -> None:
-        """An arrow in the axes' units, with a head at its tip or both ends; `head`: length and half its width."""
+        """An arrow in the axes' units, with a head at its tip or both ends."""
         ends = np.array([tail, tip], float)
         self._take(ends[:, 0], ends[:, 1])
 
         def drawn() -> str:
             (x0, y0), (x1, y1) = self._place(ends)
-            ink = _colour(color)
-            heads = _head(x1, y1, x1 - x0, y1 - y0, head) + (_head(x0, y0, x0 - x1, y0 - y1, head) if both else "")
+            ink = _colour(INK)
+            heads = _head(x1, y1, x1 - x0, y1 - y0) + (_head(x0, y0, x0 - x1, y0 - y1) if both else "")
             line = f'<path d="M{_n(x0)} {_n(y0)}L{_n(x1)} {_n(y1)}" {_stroke(ink, linewidth)}/>' if linewidth else ""
             return f'{line}<path d="{heads}" fill="{ink}"/>'
 
@@ -686,9 +685,9 @@ def _markers(at: Float, marker: str, ink: str, size: float) -> str:
     return f'<path d="{d}" fill="none" {_stroke(ink, 1.0)}/>'
 
 
-def _head(x: float, y: float, dx: float, dy: float, head: Limits) -> str:
+def _head(x: float, y: float, dx: float, dy: float) -> str:
     """An arrow's head at a place, in a direction."""
-    long, wide = head
+    long, wide = HEAD
     size = math.hypot(dx, dy) or 1.0
     ux, uy = dx / size, dy / size
     left = (x - long * ux - wide * uy, y - long * uy + wide * ux)

@@ -93,15 +93,13 @@ def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
 CHECK_UNITS = {"_mm_s": " mm/s", "_mm": " mm", "_deg": "°", "_ms": " ms", "_s": " s"}
 
 
-def check_texts(
-    name: str, value: float | None, limit: float | Sequence[float] | None, places: str = ".4g"
-) -> tuple[str, str, str]:
+def check_texts(name: str, value: float | None, limit: float | Sequence[float] | None) -> tuple[str, str, str]:
     """Name, value and limit of a check, the unit taken from its name: 'obliquity', '3.869°', 'at most 20°'."""
     ending = next((one for one in CHECK_UNITS if name.endswith(one)), "")
     unit = CHECK_UNITS.get(ending, "")
 
     def text(number: float) -> str:
-        return (f"{number:.0f}" if abs(number) >= 1e4 else f"{number:{places}}") + unit
+        return (f"{number:.0f}" if abs(number) >= 1e4 else f"{number:.4g}") + unit
 
     least, most = limit if isinstance(limit, Sequence) else (None, limit)
     bounds = "–" if most is None else f"at most {text(most)}" if least is None else f"{text(least)} to {text(most)}"

@@ -367,8 +367,8 @@ class Stock:
         """Greatest depth (U,) removed at each u since then."""
         return np.asarray(np.maximum(self.removed_mm(before_mm).max(axis=1), 0.0))
 
-    def remove(self, motion: Motion, step_mm: float = STEP_MM) -> None:
-        """Remove what the cutter sweeps, set down every `step_mm` or closer."""
+    def remove(self, motion: Motion) -> None:
+        """Remove what the cutter sweeps, set down every `STEP_MM` or closer."""
         poses = self.part_from_base @ motion.base_from_tool
         first, last = self._columns(poses, motion)
         sweep = Sweep(
@@ -382,7 +382,7 @@ class Stock:
             first,
             last,
         )
-        cut_lines(self.height_mm, self.lines, sweep, step_mm)
+        cut_lines(self.height_mm, self.lines, sweep, STEP_MM)
 
     def hits(self, motion: Motion) -> list[Hit]:
         """Clamps and table that the cutter runs into, each with the deepest place."""

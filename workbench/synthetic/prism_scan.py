@@ -124,7 +124,6 @@ def prism_truth(recipe: PrismRecipe, seen_x: list[Float]) -> GrooveTruth:
         position_mm=np.stack([x, zero, zero], axis=1) @ base[:3, :3].T + base[:3, 3],
         tangent=np.tile(base[:3, 0], (len(x), 1)),
         seen=seen,
-        spine_mm=x,
         recipe=recipe,
         simulator="analytic",
         type=groove.type,

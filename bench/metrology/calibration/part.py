@@ -21,9 +21,8 @@ from workbench.plugins.calibration.plan import (
     Optics,
     candidate_postures,
     chosen_postures,
-    information_before,
     information_gains,
-    random_postures,
+    poses,
 )
 from workbench.plugins.calibration.shared_errors import correlated
 from workbench.plugins.calibration.solve import Answer, solve
@@ -35,6 +34,7 @@ from workbench.units import DEG, Float
 SCANS = ("sphere_scans", "sphere_weaved", "sphere_scans_common", "sphere_weaved_common")
 PROFILES = ("sphere_stray", *SCANS, "scans_alike")  # these are measured from the points on
 UNKNOWN_RADIUS_MM = 5.0
+UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM = 50.0, 20 * DEG, 100.0  # before any posture
 RADIUS_U_MM = 0.05
 CLEAR_MM = 0.5  # six sigma of a recorded pose: a centre nearer to the laser plane has no side
 WITHIN = 1.96  # standard uncertainties: 95 % of a normal error
@@ -247,3 +247,20 @@ def _cell_at(cell: Cell, truth: Estimate, flange: Float) -> Cell:
 def _bound(cell: Cell) -> float:
     covariance = circles(cell, np.random.default_rng(0))[1]
     return cell.vol_u_mm(bound(cell, covariance, 0.05))
+
+
+def random_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Postures drawn evenly within the same limits: what a plan is compared with."""
+    way, tilt = rng.uniform(0, 2 * np.pi, count), limits.cone * np.sqrt(rng.random(count))
+    low, high = limits.off_plane
+    y = estimate.radius_mm * rng.uniform(low, high, count) * rng.choice([-1.0, 1.0], count)
+    x, z = (m + h * rng.uniform(-1, 1, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True))
+    centre = np.stack([x, y, z], axis=1)
+    tilts = np.stack([tilt * np.cos(way), tilt * np.sin(way)], axis=1)
+    return poses(limits, estimate, tilts, limits.roll * rng.uniform(-1, 1, count), centre), centre
+
+
+def information_before(noise: Noise) -> Float:
+    """Information (10, 10) before any posture: the design's, and what is known of the sphere's radius."""
+    spread = np.repeat([UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM, noise.radius_u_mm], [3, 3, 3, 1])
+    return np.diag(spread**-2)

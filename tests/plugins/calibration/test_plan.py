@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.metrology.calibration.part import information_before, random_postures
 from workbench.api import DEG, InputError, inverse, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye, plan
 from workbench.plugins.calibration.model import Estimate, Noise, View, volume_weight
@@ -18,9 +19,7 @@ from workbench.plugins.calibration.plan import (
     candidate_postures,
     chosen_postures,
     circle_covariance,
-    information_before,
     information_gains,
-    random_postures,
     volume_after,
 )
 from workbench.synthetic import parse_sphere_recipe, simulate_sphere

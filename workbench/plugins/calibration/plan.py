@@ -45,7 +45,6 @@ from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 HAND_EYE = 6  # of the ten unknowns
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
-UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM = 50.0, 20 * DEG, 100.0  # before any posture
 CANDIDATES = 800
 MAP_STEPS = 15  # of the map, along each tilt
 FEW = 20  # candidates that the robot must reach
@@ -85,17 +84,6 @@ def candidate_postures(limits: Limits, estimate: Estimate, count: int, rng: np.r
     return poses(limits, estimate, np.stack([tilt * np.cos(way), tilt * np.sin(way)], axis=1), roll, centre), centre
 
 
-def random_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
-    """Postures drawn evenly within the same limits: what a plan is compared with."""
-    way, tilt = rng.uniform(0, 2 * np.pi, count), limits.cone * np.sqrt(rng.random(count))
-    low, high = limits.off_plane
-    y = estimate.radius_mm * rng.uniform(low, high, count) * _sign(rng, count)
-    x, z = (m + h * rng.uniform(-1, 1, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True))
-    centre = np.stack([x, y, z], axis=1)
-    tilts = np.stack([tilt * np.cos(way), tilt * np.sin(way)], axis=1)
-    return poses(limits, estimate, tilts, limits.roll * rng.uniform(-1, 1, count), centre), centre
-
-
 def poses(limits: Limits, estimate: Estimate, tilt: Float, roll: Float, centre: Float) -> Float:
     """Flange poses (c, 4, 4) that show the sphere at `centre` (c, 3), tilted (c, 2) about x and y, then rolled (c,)."""
     zero = np.zeros(len(tilt))
@@ -126,12 +114,6 @@ def circle_covariance(w: Float, optics: Optics) -> Float:
     weight = (2 * STEEP * r / optics.pitch_mm / 61) / (1 + (LATERAL * u / q) ** 2)
     information = np.einsum("ck,cki,ckj->cij", weight, row, row)
     return np.asarray(np.linalg.inv(information) * optics.noise_mm**2)
-
-
-def information_before(noise: Noise) -> Float:
-    """Information (10, 10) before any posture: the design's, and what is known of the sphere's radius."""
-    spread = np.repeat([UNKNOWN_MM, UNKNOWN_RAD, UNKNOWN_CENTER_MM, noise.radius_u_mm], [3, 3, 3, 1])
-    return np.diag(spread**-2)
 
 
 def determinant(information: Float) -> Float:

@@ -39,8 +39,7 @@ class Scales:
     covariance: Shaped[Float, "2 2"]
     by_scale: Shaped[Float, "P 2"]  # change of the fit's unknowns where an error is larger
     free: tuple[bool, bool]
-    student: Shaped[Float, " 2"]  # an error by itself over its u, by residuals as large as they are
-    chance: Shaped[Float, " 2"]  # probability of such a one
+    chance: Shaped[Float, " 2"]  # of an error by itself over its u that large, by residuals as large as they are
 
     @property
     def contradicted(self) -> int | None:
@@ -137,11 +136,9 @@ def scales_of(
     found = error + covariance @ (pull - prior * error)
     alone = pull**2 / np.diag(power)
     freedom = max(result.freedom - 1, 1)
-    student = np.sign(pull) * np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
-    chance = 2.0 * scipy.special.stdtr(freedom, -np.abs(student)) if result.freedom >= SPARE else np.ones(2)
-    return Scales(
-        np.asarray(found, float), np.asarray(covariance, float), np.asarray(by_scale, float), free, student, chance
-    )
+    student = np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
+    chance = 2.0 * scipy.special.stdtr(freedom, -student) if result.freedom >= SPARE else np.ones(2)
+    return Scales(np.asarray(found, float), np.asarray(covariance, float), np.asarray(by_scale, float), free, chance)
 
 
 def _by_scale(circles: ScaledCircles) -> Float:

@@ -88,10 +88,8 @@ def postures(
     toolpath: Toolpath,
     law: Law,
     warnings: tuple[str, ...],
-    *,
-    clearance: bool = True,
 ) -> Postures:
-    """The postures of a law; `clearance`: whether distances are measured too."""
+    """The postures of a law."""
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
     targets = forward_kinematics(cell.chain, joints) @ flange_from_point
@@ -108,7 +106,7 @@ def postures(
         turntable=law.table,
         joints=joints,
         displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
-        clearance_mm=examiner.screen.clearances_mm(joints, law.table) if clearance else np.full(len(joints), np.nan),
+        clearance_mm=examiner.screen.clearances_mm(joints, law.table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
         warnings=warnings + _too_fast(cell, joints, points),

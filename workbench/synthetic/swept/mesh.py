@@ -45,7 +45,7 @@ class Mesh:
         """The first hits of rays from `start` (k, 3) along `way` (k, 3), part frame."""
         local = start - self.origin
         rays = _rays(local, way)
-        found = self.scene.cast_rays(rays, nthreads=threads)
+        found = self.scene.cast_rays(rays, nthreads=1)
         index = found["primitive_ids"].numpy().astype(np.int64)
         hit = np.isfinite(found["t_hit"].numpy())
         index[~hit] = 0
@@ -62,14 +62,12 @@ class Mesh:
         reach, cosine = np.where(hit, reach, np.inf), np.where(hit, cosine, 0.0)
         return Hits(reach, cosine, face, at[:, 0], at[:, 1], at[:, 2], normal)
 
-    def open_way(self, start: Float, end: Float, threads: int = 1) -> Bool:
+    def open_way(self, start: Float, end: Float) -> Bool:
         """Whether nothing stands between `start` (k, 3) on the part and `end` (k, 3)."""
         way = end - start
         length = np.linalg.norm(way, axis=1, keepdims=True)
         rays = _rays(start - self.origin, way / length)
-        return ~np.asarray(
-            self.scene.test_occlusions(rays, tnear=0.02, tfar=float(length.max()), nthreads=threads).numpy()
-        )
+        return ~np.asarray(self.scene.test_occlusions(rays, tnear=0.02, tfar=float(length.max()), nthreads=1).numpy())
 
 
 def _rays(start: Float, way: Float) -> Any:

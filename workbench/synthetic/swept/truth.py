@@ -31,7 +31,6 @@ class Stations:
     position_mm: Shaped[Float, "n 3"]  # lower edge, or the groove's middle, in the base
     tangent: Shaped[Float, "n 3"]  # t = m x n
     seen: Shaped[Bool, " n"]
-    spine_mm: Shaped[Float, " n"]  # s of the stations
 
     def at(self, position_mm: Float, values: Float) -> Float:
         """`values` (n, ...) of the stations, in the sections of base points (..., 3): linear between stations."""
@@ -146,7 +145,6 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
         bevel_deg=bevel / DEG,
         thickness_mm=thickness,
         preparation=preparation_sizes(part, s, curve.length) if part.kind == "milled" else {},
-        spine_mm=s,
         seen=_seen(s, seen_s, recipe, curve),
     )
 
@@ -202,7 +200,6 @@ def groove_truth(recipe: GrooveRecipe, curve: Curve, seen_s: list[Float]) -> Gro
         position_mm=frames.position @ turn + base[:3, 3],
         tangent=frames.t @ turn,
         seen=_seen(s, seen_s, recipe, curve),
-        spine_mm=s,
         recipe=recipe,
         simulator="swept",
         type=recipe.part.groove,

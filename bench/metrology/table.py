@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from bench.metrology.folding import fold
 from bench.metrology.quantity import Quantity
 from bench.metrology.summary import Summary
 
@@ -189,10 +190,10 @@ def _with_interval(value: str, interval: str) -> str:
 
 
 def put_into(page: Path, text: str, marks: str = "tables") -> None:
-    """Replace what stands between the page's marks of that name."""
+    """Replace what stands between the page's marks of that name; long tables go beside the page."""
     begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
     before, _, rest = page.read_text(encoding="utf-8").partition(begin)
     _, found, after = rest.partition(end)
     if not found:
         raise ValueError(f"{page} has no place for '{marks}'")
-    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+    page.write_text(f"{before}{begin}\n{fold(page, text)}\n{end}{after}", encoding="utf-8")

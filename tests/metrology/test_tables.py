@@ -1,9 +1,11 @@
 """What the tables of the studies leave out can still be read off them."""
 
+import csv
+from pathlib import Path
 from types import SimpleNamespace
 
 from bench.metrology.figures import told
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, not_met, put_into
 
 
 def test_what_is_alike_in_all_rows_is_said_once() -> None:
@@ -51,3 +53,19 @@ def test_causes_that_differ_by_their_numbers_are_one() -> None:
     lines += told([("b", "crashed", None, part(3))])
     assert lines[0] == "- a, seed 1 (so too 2): refused: off by 1.2 mm (50 % of the edge in view)"
     assert lines[2].startswith("- b, seed 3: crashed")
+
+
+def test_later_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_it(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- tables: begin -->\n<!-- tables: end -->")
+    rows = [[f"c{k}", f"{0.1 * k:.1f}, {(3 - k) ** 2:.1f}", f"**{90 + k}** (80 to 100)"] for k in range(8)]
+    table = "\n".join(markdown(["condition", "median, worst", "covers"], rows))
+    words = "\n".join(markdown(["condition", "advice"], [[f"c{k}", f"turn {k}"] for k in range(8)]))
+    put_into(page, f"### One\n{table}\n\n### The other, again\n{table}\n\n### Words\n{words}")
+    text = page.read_text()
+    assert text.count(table) == 1
+    assert words in text
+    assert "| median, worst | 0.3, 0.0 (c3) | 0.7, 16.0 (c7) |\n| covers | **90** (80 to 100) (c0) |" in text
+    assert "[All rows](tables/page_the_other_again.csv)." in text
+    with open(tmp_path / "tables" / "page_the_other_again.csv", newline="") as file:
+        assert list(csv.reader(file))[1:] == [[cell.replace("**", "") for cell in row] for row in rows]

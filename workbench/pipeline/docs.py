@@ -17,9 +17,11 @@ DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by workbench.pipeline.docs -->"
 READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
 that does not show it, the range, the meaning; names end in their units. In a pipeline:
-`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file."""
+`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file. What it refuses is an
+`InputError` where nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
+EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
 ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
@@ -73,14 +75,15 @@ def picture(name: str, directory: Path) -> list[str]:
 def _markdown(text: str) -> str:
     """A docstring's list of errors under a heading of its own, the pages that it names as links."""
     head, mark, errors = _linked(text).partition("\nRaises:\n")
-    return f"{head}\n## Refuses\n\n{textwrap.dedent(errors)}" if mark else head
+    return f"{head}\n## Refuses\n\n{textwrap.dedent(errors).removeprefix('InputError: ')}" if mark else head
 
 
 def _item(one: ParameterText) -> str:
     """One parameter on a line, as Python has it; what a default shows by itself (a number) is not said again."""
     required = one.default == "required"
-    kind = "" if one.type in IMPLIED and not required else f" ({one.type})"
-    name = one.name if required else f"{one.name}={one.default}"
+    of_type = one.type.removesuffix(" or null") if one.default == "null" else one.type
+    kind = "" if of_type in IMPLIED and of_type == one.type and not required else f" ({of_type})"
+    name = one.name if required else f"{one.name}={EMPTY.sub('{}', one.default)}"
     bounds = f", {_interval(one.range)}" if one.range else ""
     return f"- `{name}`{kind}{bounds}: {_line(one.description)}"
 

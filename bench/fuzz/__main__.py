@@ -11,7 +11,7 @@ from typing import Any
 
 from bench.fuzz.run import as_row, confine, fuzz
 from bench.fuzz.targets import ROOT, TARGETS
-from bench.metrology.table import markdown
+from bench.metrology.folding import extremes, written
 
 PAGE = ROOT / "docs" / "reliability.md"
 BEGIN, END = "<!-- fuzz begin -->", "<!-- fuzz end -->"
@@ -68,19 +68,12 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _write(rows: list[dict[str, Any]], seed: int) -> None:
-    head = ["reader", "executions", "accepted, the rest refused with one line", "slowest", "failures"]
-    cells = [
-        [
-            r["target"],
-            f"{r['executions']:,}",
-            f"{r['accepted']:,}",
-            f"{r['slowest_s']:.2f} s",
-            f"{sum(r['failures'].values())}",
-        ]
-        for r in rows
-    ]
-    table = "\n".join(markdown(head, cells))
-    total = f"\n\n{sum(row['executions'] for row in rows):,} executions, seed {seed}."
+    head = ["reader", "executions", "accepted, the rest refused with one line", "slowest, s"]
+    cells = [[r["target"], f"{r['executions']:,}", f"{r['accepted']:,}", f"{r['slowest_s']:.2f}"] for r in rows]
+    failed = sum(sum(r["failures"].values()) for r in rows)
+    place = written(PAGE, "fuzz", head, cells)
+    table = "\n".join([*extremes(head, cells), "", f"Failures: {failed}. [Every reader]({place})."])
+    total = f" {sum(row['executions'] for row in rows):,} executions, seed {seed}."
     text = PAGE.read_text()
     before, rest = text.split(BEGIN)
     PAGE.write_text(f"{before}{BEGIN}\n{table}{total}\n{END}" + rest.split(END)[1])

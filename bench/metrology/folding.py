@@ -11,6 +11,7 @@ from pathlib import Path
 FOLDER = "tables"  # beside the page
 LONGEST = 7  # rows of a later table that stay
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
+THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")
 ASIDE = re.compile(r" \(.*\)| ±.*|\*\*")  # intervals, uncertainties, what is bold
 Rows = list[list[str]]
@@ -27,14 +28,14 @@ def fold(page: Path, text: str) -> str:
             kept += block
             continue
         head, rows = _cells(block[0]), [_cells(row) for row in block[2:]]
-        found = None if first or len(rows) <= LONGEST else extremes(head, rows)
-        kept += block if found is None else [*found, "", f"[All rows]({_written(page, heading, head, rows)})."]
+        found = [] if first or len(rows) <= LONGEST else extremes(head, rows)
+        kept += block if not found else [*found, "", f"[All rows]({written(page, heading, head, rows)})."]
         first = False
     return "\n".join(kept)
 
 
-def extremes(head: list[str], rows: Rows) -> list[str] | None:
-    """A table of the smallest and the largest value of each column with its row; None where a column has no number.
+def extremes(head: list[str], rows: Rows) -> list[str]:
+    """A table of the smallest and the largest value of each column with its row; empty where a column has no number.
 
     Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides.
     """
@@ -43,7 +44,7 @@ def extremes(head: list[str], rows: Rows) -> list[str] | None:
     for k, name in enumerate(head[keys:], keys):
         known = [(abs(value), row) for row in rows if (value := _value(row[k])) is not None]
         if not known:
-            return None
+            return []
         ends = (min(known, key=lambda one: one[0])[1], max(known, key=lambda one: one[0])[1])
         low, high = (f"{row[k]} ({', '.join(row[:keys])})" for row in ends)
         lines.append(f"| {name} | {low} | {high} |")
@@ -51,7 +52,7 @@ def extremes(head: list[str], rows: Rows) -> list[str] | None:
 
 
 def _value(cell: str) -> float | None:
-    plain = ASIDE.sub("", cell)
+    plain = THOUSANDS.sub("", ASIDE.sub("", cell))
     found = NUMBER.findall(plain) if NUMBERS.fullmatch(plain) else []
     return float(found[-1]) if found else None
 
@@ -75,8 +76,8 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split("|")[1:-1]]
 
 
-def _written(page: Path, heading: str, head: list[str], rows: Rows) -> str:
-    """The CSV's place relative to the page."""
+def written(page: Path, heading: str, head: list[str], rows: Rows) -> str:
+    """Rows as CSV beside the page, called after the page and the heading: its place relative to the page."""
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerows([head, *([cell.replace("**", "") for cell in row] for row in rows)])

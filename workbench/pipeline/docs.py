@@ -17,8 +17,8 @@ DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by workbench.pipeline.docs -->"
 READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
 that does not show it, the range, the meaning; names end in their units. In a pipeline:
-`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file. What it refuses is an
-`InputError` where nothing else is said."""
+`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file. What it refuses is
+an `InputError` where nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given

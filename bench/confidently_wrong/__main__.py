@@ -10,7 +10,6 @@ import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.coverage.parts import ANALYTIC, SWEPT, part
-from bench.metrology.folding import written
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
 from bench.metrology.table import markdown, put_into
@@ -165,7 +164,7 @@ def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dic
 
 
 def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[str]:
-    """Lines of Markdown: kinds that end alike in all parts in a sentence each, all together; the others as CSV."""
+    """Lines of Markdown: kinds that end alike in all parts in a sentence each, a row for each of the others."""
     alike: dict[str, list[str]] = {}
     rows = []
     for name, found in inspections.items():
@@ -177,10 +176,9 @@ def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) 
     totals = [
         sum((found for name, found in one.items() if name != "nothing"), Counter()) for one in (inspections, plans)
     ]
+    rows.append(["all but nothing", *map(_told, totals)])
     lines = [line for one, names in alike.items() for line in (f"{ALL.get(one, one)}: {'; '.join(names)}.", "")]
-    head = ["corruption", "inspections", "plans"]
-    place = written(PAGE, "kinds", head, rows)
-    return [*lines, *markdown(head, [["all but nothing", *map(_told, totals)]]), "", f"[The other kinds]({place})."]
+    return [*lines, *markdown(["corruption", "inspections", "plans"], rows)]
 
 
 def _total(found: dict[str, Counter[str]]) -> Counter[str]:

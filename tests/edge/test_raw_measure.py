@@ -9,7 +9,8 @@ import pytest
 
 from workbench.artefacts import ROOT_FACE
 from workbench.edge.directions import LOCAL_MM, go_together
-from workbench.edge.raw_measure import _in_patches, local_mean, running_median, unevenness
+from workbench.edge.raw_local import local_mean
+from workbench.edge.raw_measure import _in_patches, running_median, unevenness
 from workbench.edge.sizes import changes, off_commonest
 from workbench.geometry.faces import FaceLines
 

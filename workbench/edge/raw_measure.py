@@ -18,6 +18,7 @@ from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_s
 from workbench.edge.form import HIDDEN_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
+from workbench.edge.raw_local import local_mean
 from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
@@ -43,12 +44,10 @@ PATCHES = 0.36
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 STATION_MM = 1.0
-UNSEEN_MM = 6.0  # of a rough face that a scan may leave out beyond its ends
 JUMP_STEPS = 3.0  # columns, of both ends together: smaller jumps are followed by a smooth course
 MORE = 0.5  # times what the other end jumps: this one may be what changes
 LEAST_MEDIAN, NEAR_JUMP_MM = 3, 4.0  # frames; within which a jump is over
 LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
-LOCAL_CELL_MM = 1.0  # by which a rough face's frames are averaged first, so that all of the edge counts alike
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
 ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
@@ -226,69 +225,6 @@ def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     value = tilt.value(tilt.at_mm) - run * stand_out.slope(tilt.at_mm)
     spline = scipy.interpolate.make_interp_spline(tilt.at_mm, value, k=tilt.spline.k)
     return replace(tilt, spline=Spline(spline.t, spline.c, spline.k))
-
-
-def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
-    """The mean of a value (N,) over LOCAL_MM about each place: what a rough face is there, by least squares.
-
-    Its u is what frames in turn differ by, where the window ends (to half a cell), and what the face may be where the
-    window is not seen (by the scatter of means over TOGETHER_MM, which less roughness than that averages out).
-    """
-    course = fit_course(s, value, None, pass_index, together_mm=TOGETHER_MM)
-    on = np.flatnonzero(course.kept)
-    on = on[np.argsort(s[on], kind="stable")]
-    start, length = float(s[on[0]]), float(s[on[-1]] - s[on[0]])
-    cell_mm = max(LOCAL_CELL_MM, 2.0 * length / on.size)
-    count = max(int(length / cell_mm), 1)
-    cell = np.minimum(((s[on] - start) / length * count).astype(np.int64), count - 1)
-    cell_mm = length / count
-    turn = np.arange(on.size) % 2
-    frames = np.stack([np.bincount(cell[turn == k], minlength=count) for k in (0, 1)])
-    total = np.stack([np.bincount(cell[turn == k], value[on][turn == k], count) for k in (0, 1)])
-    place = np.asarray(start + (np.arange(count) + 0.5) * cell_mm, dtype=float)
-    half = LOCAL_MM / 2.0 / cell_mm  # cells to each side, the last one in part
-    reach = np.arange(-math.ceil(half), math.ceil(half) + 1)
-    window = np.clip(half + 0.5 - np.abs(reach), 0.0, 1.0)
-
-    def over(cells: Float) -> Float:
-        return np.convolve(cells, window, mode="full")[math.ceil(half) : math.ceil(half) + count]
-
-    seen = frames.sum(axis=0) > 0
-    mean_of = total.sum(axis=0)[seen] / frames.sum(axis=0)[seen]
-    trend = np.polynomial.Polynomial.fit(place[seen], mean_of, min(1, int(seen.sum()) - 1))
-    off = np.zeros(count)  # a face that turns along the edge is not where the middle of a window at its end is
-    off[seen] = mean_of - trend(place[seen])
-    there = over(seen.astype(float))
-    shown = there > 0.0
-    both = (frames > 0).all(axis=0)
-    apart = over(np.where(both, total[0] / np.maximum(frames[0], 1) - total[1] / np.maximum(frames[1], 1), 0.0))
-    known = over(both.astype(float))
-    full = float(window.sum())
-    noise = float(np.mean((apart / np.maximum(known, 1.0)) ** 2 * known)) / 4.0 / np.maximum(there, 0.5)
-    mean = trend(place) + over(off) / np.maximum(there, 0.5)
-    off = off[seen]
-    block = np.floor((place[seen] - start) / TOGETHER_MM).astype(np.int64)
-    _, block = np.unique(block, return_inverse=True)
-    blocks = np.bincount(block, off) / np.bincount(block)
-    scatter = float(np.var(blocks)) * blocks.size / max(blocks.size - 2.0, 1.0)
-    single = max(float(np.var(off)), scatter)
-
-    def mean_variance(mm: Float) -> Float:
-        return np.minimum(scatter * TOGETHER_MM / np.maximum(mm, 1e-9), single)
-
-    unseen = np.minimum((full - there) * cell_mm, UNSEEN_MM)
-    share = unseen / (unseen + there * cell_mm)
-    variance = noise + share**2 * (mean_variance(unseen) + mean_variance(there * cell_mm))
-    variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
-    spline = scipy.interpolate.make_interp_spline(place[shown], mean[shown], k=min(3, int(shown.sum()) - 1))
-    none = np.zeros(int(shown.sum()))
-    return replace(
-        course,
-        spline=Spline(spline.t, spline.c, spline.k),
-        at_mm=np.asarray(place[shown], dtype=float),
-        variance=variance[shown],
-        slope_variance=none,
-    )
 
 
 def _whole(found: RawFaces) -> Bool:

@@ -59,7 +59,7 @@ mutation: setup-dev
 
 docs: setup-dev
 	@$(BIN)/python -m scripts.pictures
-	@$(BIN)/python -m workbench.pipeline.docs
+	@$(BIN)/python -m scripts.stage_pages
 	@$(BIN)/python -m scripts.site
 
 data: setup

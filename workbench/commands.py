@@ -77,7 +77,7 @@ def load_plugins(options: argparse.Namespace) -> None:
 def batch(options: argparse.Namespace) -> int:
     """Run a pipeline once for each recording."""
     from workbench.batch import run_batch
-    from workbench.batch.table import print_batch
+    from workbench.batch.run import print_batch
     from workbench.errors import one_line
 
     made = run_batch(

@@ -17,9 +17,9 @@ from html import unescape
 
 from scripts.pictures.kinds import DRAWN
 from scripts.pictures.panels import drawn, titled
+from scripts.stage_pages import DIRECTORY, PICTURES
 from workbench import pieces
 from workbench.artefacts import Chapter, Document
-from workbench.pipeline.docs import DIRECTORY, PICTURES
 from workbench.pipeline.registry import every_stage
 from workbench.report.plot import FONT
 

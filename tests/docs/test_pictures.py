@@ -26,7 +26,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.mark.parametrize("name", STAGES)
 def test_the_page_of_a_stage_has_a_picture_or_says_why_not(name: str) -> None:
-    """If this fails: python -m scripts.pictures, then python -m workbench.pipeline.docs"""
+    """If this fails: python -m scripts.pictures, then python -m scripts.stage_pages"""
     page = (PAGES / f"{name}.md").read_text(encoding="utf-8")
     shown = SHOWN.findall(page)
     if not shown:

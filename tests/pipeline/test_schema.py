@@ -7,11 +7,11 @@ from typing import Annotated, Any
 import pytest
 from pydantic import Field
 
+from scripts.stage_pages import main, pages
 from workbench import Pipeline
 from workbench.errors import WorkbenchError
 from workbench.pipeline.catalogue import pipeline_schema
 from workbench.pipeline.describe import parameter_texts, unit_of
-from workbench.pipeline.docs import main, pages
 from workbench.pipeline.registry import every_stage
 from workbench.stage import InputFile, Seed, Stage
 
@@ -62,7 +62,7 @@ def test_schema_refuses_what_the_checks_refuse(schema: Any, stage: dict[str, Any
 
 
 def test_pages_are_up_to_date() -> None:
-    """If this fails: python -m workbench.pipeline.docs"""
+    """If this fails: python -m scripts.stage_pages"""
     folder = ROOT / "docs" / "stages"
     assert {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} == pages(folder)
 

@@ -1,4 +1,4 @@
-"""The docs pages of the stages, from their signatures: `python -m workbench.pipeline.docs [DIRECTORY]`."""
+"""The docs pages of the stages, from their signatures: `python -m scripts.stage_pages [DIRECTORY]`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
-NOTE = "<!-- This page and those of the stages are written by workbench.pipeline.docs -->"
+NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
 READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
 that does not show it, the range, the meaning; names end in their units. In a pipeline:
 `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file. What it refuses is
@@ -22,6 +22,7 @@ an `InputError` where nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
+LONG = 12  # words of a description
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
 ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
@@ -34,7 +35,11 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
         if family in broken:
             raise SystemExit(broken[family])
     own = {name: stage for name, stage in found.items() if stage.function.__module__.startswith("workbench.")}
-    return {"README.md": index(own), **{f"{name}.md": page(stage, directory) for name, stage in own.items()}}
+    told: dict[str, str] = {}
+    for name, stage in own.items():
+        for one in parameter_texts(stage):
+            told.setdefault(_item(one), name)
+    return {"README.md": index(own), **{f"{name}.md": page(stage, told, directory) for name, stage in own.items()}}
 
 
 def index(stages: Mapping[str, Stage]) -> str:
@@ -45,8 +50,8 @@ def index(stages: Mapping[str, Stage]) -> str:
     return "\n".join([NOTE, "# Stages", "", READING, "", *rows, ""])
 
 
-def page(stage: Stage, directory: Path = DIRECTORY) -> str:
-    """One stage: what it does, takes and makes, its parameters, its example and what that makes."""
+def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> str:
+    """One stage: what it does, takes and makes, its parameters (`told`: which stage tells of one first), example."""
     takes = ", ".join(f"`{source.name}`: {source_text(source)}" for source in stage.sources)
     parts = [
         f"# `{stage.name}`",
@@ -54,7 +59,8 @@ def page(stage: Stage, directory: Path = DIRECTORY) -> str:
         _markdown(EXAMPLE.sub("", prose(stage)).strip()),
     ]
     if parameters := parameter_texts(stage):
-        parts += ["## Parameters", "\n".join(map(_item, parameters))]
+        items = [(one, _item(one)) for one in parameters]
+        parts += ["## Parameters", "\n".join(_once(one, text, stage.name, told[text]) for one, text in items)]
     if shown := EXAMPLE.search(stage.doc):
         parts += ["## Example", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
         parts += picture(stage.name, directory)
@@ -76,6 +82,13 @@ def _markdown(text: str) -> str:
     """A docstring's list of errors under a heading of its own, the pages that it names as links."""
     head, mark, errors = _linked(text).partition("\nRaises:\n")
     return f"{head}\n## Refuses\n\n{textwrap.dedent(errors).removeprefix('InputError: ')}" if mark else head
+
+
+def _once(one: ParameterText, text: str, here: str, first: str) -> str:
+    """What another stage tells in many words is not told again."""
+    if first == here or len(one.description.split()) < LONG:
+        return text
+    return text.replace(f": {_line(one.description)}", f": as in [`{first}`]({first}.md).")
 
 
 def _item(one: ParameterText) -> str:

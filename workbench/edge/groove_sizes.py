@@ -115,10 +115,10 @@ class GrooveSizes:
         edge_u = math.hypot(*map(_edge_u, self.lines))
         hidden = np.zeros(self.at.size)
         # From the other plate's corner: the sections' origin, midway between both, follows half of a false end.
-        reach = left.corner[:, 0] + right.corner[:, 0]
+        across = left.corner[:, 0] + right.corner[:, 0]
         for one, end in zip(self.lines, ends, strict=True):
             if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
-                near = self._together(reach, np.isfinite(reach) & np.isfinite(self.s), 2.0 * end, end)
+                near = self._together(across, np.isfinite(across) & np.isfinite(self.s), 2.0 * end, end)
                 one.corner[~near] = np.nan
                 hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
         self.lines = [self._turned(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]

@@ -110,6 +110,8 @@ def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -
         ("ceramic backing", 3019),  # the root face went on over the channel's edge: 1.5 mm at 7 u
         ("ceramic backing", 5002),  # without a root face the channel was one: gap 0.11 mm at 13 u
         ("plain", 4015),  # a sensor's error that walks over the columns turns both plates: 0.016 mm at 4 u
+        ("backing strip", 5001),  # a bevel that loses half its returns ended early: the gap 0.06 mm at 3.6 u
+        ("groove filled in part", 5005),  # what walks over the columns lay under the noise: 0.004 mm at 3.1 u
         ("thin weld in a closed root", 3012),  # 0.2 mm of weld between the ends: a gap, at 13 u
     ],
 )

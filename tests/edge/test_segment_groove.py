@@ -264,3 +264,21 @@ def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
 def test_a_groove_whose_sides_never_show_their_usual_kind_together_is_refused() -> None:
     with pytest.raises(InputError, match="no profile shows the plates as most do"):
         measured("odd", "U", 783)
+
+
+def test_a_false_end_beyond_a_hole_is_not_told() -> None:
+    """A block of lost returns cuts an upper surface short behind a tack weld: the width 0.22 mm off at 4.7 u."""
+    inspection, truth = measured("swept", "I", 5695001)
+    assert max(abs(error) / u for size, error, u in errors(inspection, truth) if size == "width_mm") < 3.0
+
+
+def test_spatter_alone_tells_no_upper_side() -> None:
+    """Nothing is seen between the plates: they were measured upside down, by what lies on one of them."""
+    with pytest.raises(InputError, match="nothing is seen below them"):
+        measured("prism", "I", 5710007)
+
+
+def test_a_fillet_goes_on_to_its_last_return() -> None:
+    """The chain of lines leaves it out in some profiles: the gap came out 0.03 to 0.06 mm too wide, at 2.6 u."""
+    inspection, truth = measured("prism", "U", 5710004)
+    assert max(abs(error) for size, error, _ in errors(inspection, truth) if size == "gap_mm") < 0.01

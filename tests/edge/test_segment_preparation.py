@@ -175,6 +175,14 @@ def test_an_x_preparation_without_its_upper_surface_is_no_bevel() -> None:
         assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
+@pytest.mark.parametrize("seed", [100, 117])
+def test_the_root_face_of_an_x_preparation_ends_at_the_lower_bevel(seed: int) -> None:
+    """Where that is seen, its own end was taken for the root face's: refused."""
+    _, rows = measured("X", "bevel", seed)
+    assert max(abs(error) / u for _, error, u in rows) < 3.0
+    assert max(abs(error) for name, error, _ in rows if name == "root_face_mm") < 0.05
+
+
 def test_frames_out_of_order_are_told_no_better_than_single_ones_scatter() -> None:
     """The plate lies still in the view: nothing tells the order, and sizes were 0.04 mm off at 9 u."""
     recording, truth = simulate_swept(swept_plate("nose", 824))

@@ -13,7 +13,7 @@ PLACE_MM, LEAST_PLACES = 0.25, 8  # of an upper surface, from its end on, that s
 STRIP_MM, STRIP_POINTS, STRIP_LEAN = 0.2, 4, 0.06  # from the corner on, what is level beside the end of that surface
 FORM_MM = 0.008  # what is left there in all profiles alike; of sensors that err by what walks over the columns 0.005
 WALK_PLACES = 9  # stretches of a face's columns
-# mm^2 a mm: over 10 mm of columns an error of 0.3 micrometres (no sensor is straighter) to 30
+# mm^2 a mm: over 10 mm of columns an error of 0.3 micrometres, for no sensor is straighter, to 30
 WALKS = np.geomspace(1e-8, 1e-4, 33)
 SHARED_NOISE = np.geomspace(1.0, 100.0, 13)  # times that variance: noise that neighbouring columns share, texture
 SURE = 3.0  # standard deviations
@@ -110,9 +110,9 @@ class Repeated:
 
 
 def likely_walk(logs: list[Float]) -> float:
-    """The walk, mm^2 a mm, whose error exceeds three standard deviations as seldom as a known one's; 0: nothing told.
+    """The walk, mm^2 a mm, whose errors are beyond SURE standard deviations as seldom as a known one's; 0: not told.
 
-    logs (w,): log-likelihoods of WALKS by each; their orders of magnitude are alike likely a priori.
+    logs (w,): log-likelihoods of WALKS by each face; before, all their orders of magnitude were alike likely.
     """
     total = np.sum(logs, axis=0)
     if not total.any():

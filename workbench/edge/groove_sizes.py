@@ -115,10 +115,10 @@ class GrooveSizes:
         edge_u = math.hypot(*map(_edge_u, self.lines))
         hidden = np.zeros(self.at.size)
         # From the other plate's corner: the sections' origin, midway between both, follows half of a false end.
-        across = left.corner[:, 0] + right.corner[:, 0]
+        towards = left.corner[:, 0] + right.corner[:, 0]
         for one, end in zip(self.lines, ends, strict=True):
             if end:  # a tack weld, or lost returns, hide the end of an upper surface in some profiles
-                near = self._together(across, np.isfinite(across) & np.isfinite(self.s), 2.0 * end, end)
+                near = self._together(towards, np.isfinite(towards) & np.isfinite(self.s), 2.0 * end, end)
                 one.corner[~near] = np.nan
                 hidden[~covered(np.where(near, self.s, np.nan), self.group, self.at)] = np.nan
         self.lines = [self._turned(name, one) for name, one in zip(("left", "right"), self.lines, strict=True)]
@@ -509,12 +509,16 @@ class GrooveSizes:
                     found[mine[piece]] = True
         return found
 
-    def _silhouette(self, low: Float, step: Float, lost: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
+    def _silhouette(
+        self, low: Float, step: Float, lost: Float, sigma: float, good: Bool
+    ) -> tuple[Float, Float, float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step = self.s[order], low[order], step[order]
         missing = _nearby(lost[order])
         short = missing / (1.0 - missing)  # columns without return before the end, in the mean
-        rough = fit_course(s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order])
+        rough = fit_course(
+            s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order]
+        )
         ends = Ends(
             s,
             low,

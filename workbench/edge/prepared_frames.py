@@ -239,19 +239,24 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
     kind, side = plates.kind, plates.side
     n, columns = cloud.keep.shape
     order = ORDERS[kind]
+    ends_at = [one is not None and one.below is not None for one in plates.readings]
+    has_below = sum(ends_at) > SHOWN * sum(one is not None for one in plates.readings)
+    found = (*order, LOWER_SURFACE) if has_below else order
     labels = np.zeros((n, columns), np.uint8)
-    sums = {label: np.full((n, 8), np.nan) for label in order}
+    sums = {label: np.full((n, 8), np.nan) for label in found}
     end = np.full((n, 5), np.nan)
     seen = np.zeros(n, bool)
     for i, one in enumerate(plates.readings):
-        if one is None:
+        if one is None or (has_below and one.below is None):
             continue
+        if has_below and one.below is not None:
+            one = one._replace(faces=[*one.faces, one.below])
         x, z, column = _profile(cloud, i)
-        lines = [_face(x, z, one, k, rim_mm, flank_mm) for k in range(len(one.faces))]
+        lines = [_face(x, z, one, k, 0.0 if has_below else rim_mm, flank_mm) for k in range(len(one.faces))]
         if any(line is None for line in lines):
             continue
         seen[i] = True
-        for label, line in zip(order, lines, strict=True):
+        for label, line in zip(found, lines, strict=True):
             if line is None:
                 raise AssertionError("checked above")
             on, sums[label][i] = line
@@ -269,7 +274,7 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
             f"what looks like a {kind} preparation shows all its faces, each with {LEAST_POINTS} returns clear of its "
             f"corners, in {seen.sum()} profiles only: columns too coarse for it, or another preparation?",
         )
-    sigma = {label: _noise(sums[label][seen]) for label in order}
+    sigma = {label: _noise(sums[label][seen]) for label in found}
     rising = np.ones(n)
     for i in np.flatnonzero(seen).tolist():
         x, z, keep = cloud.x_mm[i], cloud.z_mm[i], cloud.keep[i]
@@ -281,10 +286,10 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         gate = tracking.FINAL_SIGMAS * sigma[ROOT_FACE] + 0.004
         end[i] = tracking.root_end(x, z, keep, float(side[i]), state, row, gate)
         rising[i] = np.sign(side[i] * float(x[int(of_root[tracking.LAST])] - x[int(of_root[tracking.FIRST])]))
-    faces = {label: face_lines(sums[label], seen) for label in order}
+    faces = {label: face_lines(sums[label], seen) for label in found}
     nothing = face_lines(np.full((n, 8), np.nan), np.zeros(n, bool))
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
-    noise = [sigma[order[0]], sigma[BEVEL_FACE], sigma[ROOT_FACE], sigma[ROOT_FACE]]
+    noise = [sigma[order[0]], sigma[BEVEL_FACE], sigma[ROOT_FACE], sigma[found[-1]]]
     tracked = TrackedFaces(
         {UPPER_SURFACE: nothing, LOWER_SURFACE: nothing, **faces},
         seen,
@@ -292,9 +297,9 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         end[:, :3],
         outward,
         end[:, 4] == tracking.MIXED,
-        end[:, 4] == tracking.CUT,
-        end[:, 4] == tracking.BURR,
-        np.zeros(n, bool),
+        (end[:, 4] == tracking.CUT) & (not has_below),
+        (end[:, 4] == tracking.BURR) & (not has_below),
+        seen & has_below,
         np.zeros(n, bool),
         labels,
         np.tile(noise, (n, 1)),

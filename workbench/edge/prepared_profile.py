@@ -38,6 +38,7 @@ class Reading(NamedTuple):
     sense: int  # +1: z counts away from the sensor
     faces: list[Float]  # rows of the chain: upper surface, faces, root face; of a J: upper surface, flank, root face
     arc: list[Float]  # of a J: the rows of its fillet and land
+    below: Float | None = None  # the row of what the root face ends at: the lower bevel, or the lower surface
 
 
 def readings(chain: Float) -> Iterator[Reading]:
@@ -65,12 +66,20 @@ def _from(order: Sequence[Float], first: int, side: int, sense: int) -> Reading 
         if abs(falls[root] - math.pi / 2) < UPRIGHT and not stands:
             inner = [k for k in range(1, root) if not _rounds_corner(faces[k], falls[k - 1 : k + 2])]
             kind = kind_of([falls[k] for k in inner])
+            below = _below(faces[root + 1 :], falls[root:])
             if kind == "J":
                 arc = [faces[k] for k in inner[1:]]
-                return Reading(kind, side, sense, [faces[0], faces[inner[0]], faces[root]], arc)
+                return Reading(kind, side, sense, [faces[0], faces[inner[0]], faces[root]], arc, below)
             if kind is not None:
-                return Reading(kind, side, sense, [faces[0], *(faces[k] for k in inner), faces[root]], [])
+                return Reading(kind, side, sense, [faces[0], *(faces[k] for k in inner), faces[root]], [], below)
     return None
+
+
+def _below(faces: Sequence[Float], falls: Sequence[float]) -> Float | None:
+    """The first of the faces that meet beyond the root face, if it is one; falls: from the root face's on."""
+    if not faces or falls[1] < falls[0] + HOLLOW:
+        return None
+    return faces[0] if width_mm(faces[0]) > LEAST_UPPER_MM and faces[0][COUNT] >= LEAST_UPPER else None
 
 
 def _convex(before: Float, after: Float, side: int, sense: int) -> float:

@@ -509,16 +509,12 @@ class GrooveSizes:
                     found[mine[piece]] = True
         return found
 
-    def _silhouette(
-        self, low: Float, step: Float, lost: Float, sigma: float, good: Bool
-    ) -> tuple[Float, Float, float]:
+    def _silhouette(self, low: Float, step: Float, lost: Float, sigma: float, good: Bool) -> tuple[Float, Float, float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step = self.s[order], low[order], step[order]
         missing = _nearby(lost[order])
         short = missing / (1.0 - missing)  # columns without return before the end, in the mean
-        rough = fit_course(
-            s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order]
-        )
+        rough = fit_course(s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order])
         ends = Ends(
             s,
             low,

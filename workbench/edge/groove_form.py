@@ -16,6 +16,7 @@ WALK_PLACES = 9  # stretches of a face's columns
 # mm^2 a mm: over 10 mm of columns an error of 0.3 micrometres, for no sensor is straighter, to 30
 WALKS = np.geomspace(1e-8, 1e-4, 33)
 SHARED_NOISE = np.geomspace(1.0, 100.0, 13)  # times that variance: noise that neighbouring columns share, texture
+NOTHING_TOLD = np.zeros((WALKS.size, SHARED_NOISE.size))
 SURE = 3.0  # standard deviations
 OFTEN = 8  # returns of a column that tell what every profile repeats there
 
@@ -88,14 +89,15 @@ class Repeated:
         return float(np.clip(left, 0.0, 1.0))
 
     def walk(self, width_mm: float) -> Float:
-        """Log-likelihood (w,) of WALKS, by which an error that every profile repeats may grow across; 0: nothing told.
+        """Log-likelihood (w, k) of WALKS, by which an error that every profile repeats may grow, and SHARED_NOISE.
 
         By the means of WALK_PLACES stretches of columns, less a line, which have the noise that their own columns'
         scatter makes of them, or more: neighbours share some of it, and what has no course along a face is no walk.
+        NOTHING_TOLD: too few columns.
         """
         column = np.flatnonzero(self.count >= OFTEN)
         if column.size < 4 * WALK_PLACES:
-            return np.zeros(WALKS.size)
+            return NOTHING_TOLD
         means = [self.total[part] / self.count[part] for part in np.array_split(column, WALK_PLACES)]
         place = np.arange(WALK_PLACES) + 0.5
         bends = np.linalg.svd(np.stack([np.ones(WALK_PLACES), place]))[2][2:]  # what no line makes
@@ -105,19 +107,18 @@ class Repeated:
         grown = bends @ walked @ bends.T * (width_mm / WALK_PLACES)
         variance = WALKS[:, None, None, None] * grown + SHARED_NOISE[:, None, None] * noise
         square = np.einsum("i,wnij,j->wn", left, np.linalg.inv(variance), left)
-        logs = -0.5 * (square + np.linalg.slogdet(variance)[1])
-        return np.asarray(scipy.special.logsumexp(logs, axis=1, b=1.0 / SHARED_NOISE))
+        return np.asarray(-0.5 * (square + np.linalg.slogdet(variance)[1]))
 
 
 def likely_walk(logs: list[Float]) -> float:
     """The walk, mm^2 a mm, whose errors are beyond SURE standard deviations as seldom as a known one's; 0: not told.
 
-    logs (w,): log-likelihoods of WALKS by each face; before, all their orders of magnitude were alike likely.
+    logs (w, k): as `Repeated.walk` has them, of each face; before, all orders of magnitude were alike likely.
     """
     total = np.sum(logs, axis=0)
     if not total.any():
         return 0.0
-    share = np.exp(total - total.max())
+    share = np.exp(total - total.max()).sum(axis=1)
     beyond = scipy.special.ndtr(-SURE * np.sqrt(WALKS[:, None] / WALKS)) @ (share / share.sum())
     return float(np.exp(np.interp(-scipy.special.ndtr(-SURE), -beyond, np.log(WALKS))))
 

@@ -12,7 +12,7 @@ from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
 from workbench.checks.limits import most
 from workbench.edge.groove_fillet import Fillets, fit_circle, fit_fillet
-from workbench.edge.groove_form import WALKS, Form, Repeated
+from workbench.edge.groove_form import NOTHING_TOLD, Form, Repeated
 from workbench.edge.groove_profile import (
     DROP_MM,
     DROP_POINTS,
@@ -100,8 +100,8 @@ class Lines:
     pattern: float  # share of the noise's variance that every profile repeats in the same column
     # log-likelihood of WALKS, by which an error of the sensor that every profile repeats grows as a random walk, as the
     # upper surface shows it and as the face does; 0: it tells nothing
-    walk: Shaped[Float, " w"]
-    face_walk: Shaped[Float, " w"]
+    walk: Shaped[Float, "w k"]
+    face_walk: Shaped[Float, "w k"]
     form_mm: float  # u of the upper surface's height at the corner: it is not straight, or carries a tape
     form_turn: float  # and of its direction, rad
     plate_mm: float  # width of the upper surface that is measured
@@ -497,7 +497,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         is_covered,
         of_plate.pattern(),
         of_plate.walk(width_p),
-        of_face.walk(width_f * across) if kind == "bevel" and across > LEAST_ACROSS else np.zeros(WALKS.size),
+        of_face.walk(width_f * across) if kind == "bevel" and across > LEAST_ACROSS else NOTHING_TOLD,
         *form.found(),
         width_p,
         width_f,

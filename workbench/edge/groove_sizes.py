@@ -304,7 +304,7 @@ class GrooveSizes:
 
         As the worse plate shows it by itself, or all faces do together, with what their noise leaves open.
         """
-        worst = max(float(WALKS[np.argmax(one.walk)]) for one in self.lines)
+        worst = max(float(WALKS[np.argmax(np.exp(one.walk - one.walk.max()).sum(axis=1))]) for one in self.lines)
         return max(worst, likely_walk([one for line in self.lines for one in (line.walk, line.face_walk)]))
 
     def _walked(self, width_mm: float) -> float:
@@ -316,10 +316,20 @@ class GrooveSizes:
         return TURN * math.sqrt(self.walk / (15.0 * width_mm))
 
     def _chosen(self, one: Lines) -> float:
-        """How far a face is turned, rad, as its last returns, one at either end, are chosen by their own errors."""
+        """How far a face is turned, rad, as its last returns, one at either end, are chosen by their own errors.
+
+        A flank goes over into its fillet: its lower end is none.
+        """
         if not math.isfinite(one.face_mm):
             return 0.0
-        return math.sqrt(2.0) * CHOSEN * 0.5 * one.face_mm * typical(one.face_variance) / one.sigma
+        return (
+            math.sqrt(1.0 if one.kind == "round" else 2.0)
+            * CHOSEN
+            * 0.5
+            * one.face_mm
+            * typical(one.face_variance)
+            / one.sigma
+        )
 
     def _corner_walk(self, one: Lines) -> float:
         """How far an upper corner lies off across the groove by such an error, mm."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from workbench.geometry.faces import FaceLines
+from workbench.geometry.medians import medians
 from workbench.units import Float, Int
 
 # A rough face: directions of frames SHARED_LAG_MM apart go together by SHARED_SIGMAS and SHARED_LEAST. Texture does not
@@ -35,14 +36,12 @@ def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
     if not on.any():
         return out
     block = np.floor(s[on] / SLOPE_MM).astype(np.int64)
-    key = pass_index[on].astype(np.int64) * (int(np.ptp(block)) + 10) + block - block.min()
-    _, number = np.unique(key, return_inverse=True)
-    order = np.lexsort((slope[on], number))
-    first = np.flatnonzero(np.diff(number[order], prepend=-1))
-    count = np.diff(np.append(first, order.size))
-    middle = slope[on][order[first + count // 2]]  # the median withstands a stray frame
-    place = np.bincount(number, s[on]) / count
-    of_pass = pass_index[on][order[first]]
+    key = pass_index[on] * (int(np.ptp(block)) + 10) + block - block.min()
+    order = np.argsort(key, kind="stable")
+    edges = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
+    middle = medians(slope[on][order], edges)  # the median withstands a stray frame
+    place = np.add.reduceat(s[on][order], edges[:-1]) / np.diff(edges)
+    of_pass = pass_index[on][order[edges[:-1]]]
     for p in np.unique(of_pass):
         mine, here = of_pass == p, on & (pass_index == p)
         rising = np.argsort(place[mine])

@@ -17,17 +17,18 @@ from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.root_end import RootEnds, root_ends
 from workbench.errors import InputError
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
-from workbench.units import Bool, Float, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
+START_FRAMES = 5  # of each stretch over which a course averages, that the first round takes
 # A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
 # that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
 # correlated; those left of raw ones rough by 0.3 mm by 6 and 50 or more.
@@ -74,7 +75,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
     the lower edge that this gives; and again, which elsewhere changed neither errors nor uncertainties, where that
     lower edge followed ends which the likelihood of the frames then tells to be lost. Where it never settles, how far
-    the last round moved it is in the uncertainty of the root face's end.
+    the last round moved it is in the uncertainty of the root face's end. For the start, frames are enough that lie a
+    fifth of what is averaged apart.
     """
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
@@ -82,9 +84,11 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     check_ends(cloud, tracked, seen)
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(corners[seen], along[seen], cloud.pass_index[seen])
-    curve = fit_curve(corners[seen], s[seen], cloud.pass_index[seen])
+    few = _few(s, cloud.pass_index)
+    start = np.flatnonzero(seen[few]) * few.step
+    curve = fit_curve(corners[start], s[start], cloud.pass_index[start])
     s[seen] = curve.project(corners[seen], s[seen])
-    _, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=False)
+    _, lower_edge, s_low = _state(cloud, tracked, curve, s, few)
     good = _sound(cloud, lower_edge, s_low, corners)
     check_ends(cloud, tracked, good)
     clean = good & ~tracked.end_is_burred
@@ -93,7 +97,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     s[~good] = np.nan
     for _ in range(MOST_ROUNDS):
         before = lower_edge
-        measured, lower_edge, s_low = _state(cloud, tracked, curve, s, whole=True)
+        measured, lower_edge, s_low = _state(cloud, tracked, curve, s)
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
@@ -109,6 +113,14 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     if astray > MOST_ASTRAY:
         raise np.linalg.LinAlgError("corners of the frames lie anywhere")
     return measured
+
+
+def _few(s: Float, pass_index: Int) -> slice:
+    """The frames that a first look takes, of all at s (N,) mm: START_FRAMES in each stretch that is averaged."""
+    steps = np.abs(np.diff(s))[np.diff(pass_index) == 0]
+    usual = float(np.median(steps[steps > 0.0])) if np.isfinite(steps).any() else BIN_MM
+    width = min(BIN_MM, float(np.nanmax(s) - np.nanmin(s)) / LEAST_BINS)
+    return slice(None, None, max(1, int(width / START_FRAMES / max(usual, 1e-6)) - 1) // 2 * 2 + 1)
 
 
 def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:
@@ -185,8 +197,8 @@ def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
     return np.asarray(good)
 
 
-def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> Faces:
-    """Directions of both faces along the edge (eq. (5), (6))."""
+def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of: slice) -> Faces:
+    """Directions of both faces along the edge (eq. (5), (6)), from the frames `of`."""
     pose, side, sigma = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm
     lines = [
         section_lines(
@@ -204,33 +216,35 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float) -> 
     about = float(np.angle(np.nanmean(np.exp(1j * root.angle))))
     root_angle = about + wrapped(root.angle - about)
     bevel_angle = root_angle - wrapped(root_angle - bevel.angle)
-    group = cloud.pass_index
-    bevel_course = fit_course(bevel.s, bevel_angle, bevel.angle_variance, group)
-    root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)  # a burr's foot turns the face's line
-    root_course, even = fit_course(root.s, root_angle, root.angle_variance, group), None
+    group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
+    bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
+    root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)[of]  # a burr's foot turns the face's line
+    root_course, even = fit_course(s_root, root_angle, variance, group), None
     if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
-        even = fit_course(root.s, root_angle, root.angle_variance, group, together_mm=TOGETHER_MM)
-    opening = root_angle - bevel_course.value(root.s)
-    opening_course = fit_course(root.s, opening, root.angle_variance, group)
+        even = fit_course(s_root, root_angle, variance, group, together_mm=TOGETHER_MM)
+    opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
     return Faces(root, bevel, root_course, bevel_course, opening_course, follows, even)
 
 
-def _state(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, whole: bool) -> tuple[Measured, Float, Float]:
+def _state(
+    cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few: slice | None = None
+) -> tuple[Measured, Float, Float]:
     """The state in the section planes of `curve`; each frame's lower edge in the base (N, 3), and its arc length (N,).
 
-    whole: False takes the middles of the column steps for the root face's end, which is quick.
+    few: a first look from these frames, which takes the middles of the column steps for the root face's end.
     """
-    faces = _directions(cloud, tracked, curve, s)
+    of = few or slice(None)
+    faces = _directions(cloud, tracked, curve, s, of)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
     ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
-    course = fit_course(made.upper_s, middle, spread, cloud.pass_index)
+    course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = None
-    if whole:
+    if few is None:
         ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
         end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course), course)
         course = end.course

@@ -217,8 +217,9 @@ def _doubted(course: Course, place: Float, ends: Ends, cell: Int) -> Course:
 
 def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
     """What each cell adds to a normal prior about 0 of standard deviation `prior` (c,): value and variance (c,)."""
-    mean, variance = _moments(logs - 0.5 * (grid[None, :] / prior[:, None]) ** 2, grid)
-    before = 1.0 / _moments(-0.5 * (grid[None, :] / prior[:, None]) ** 2, grid)[1]  # of the grid's finite width
+    rows, nothing = np.concatenate([np.zeros((1, grid.size)), logs]), np.zeros(len(logs), np.int64)
+    mean, variance = _moments(rows, nothing, np.arange(1, len(rows)), prior, grid)
+    before = 1.0 / _moments(rows, nothing, nothing, prior, grid)[1]  # of the grid's finite width
     added = np.maximum(1.0 / variance - before, 1e-3 * before)
     return np.clip(mean / variance / added, grid[0], grid[-1]), 1.0 / added
 
@@ -231,36 +232,41 @@ def _overstated(logs: Float, grid: Float, variance: Float) -> Float:
     out = np.ones(len(logs))
     total = np.concatenate([np.zeros((1, grid.size)), np.cumsum(logs, axis=0)])
     claimed = np.concatenate([[0.0], np.cumsum(1.0 / variance)])
-    number = np.arange(len(logs))
+    number, free = np.arange(len(logs)), np.full(len(logs), np.inf)
     for cells in 2 ** np.arange(2, max(3, len(logs).bit_length() + 2)):
         first, last = np.maximum(number - cells // 2, 0), np.minimum(number + cells // 2, len(logs))
-        known = _moments(total[last] - total[first], grid)[1]
+        known = _moments(total, first, last, free, grid)[1]
         out = np.maximum(out, known * (claimed[last] - claimed[first]))
     return out
 
 
-def _moments(logs: Float, grid: Float) -> tuple[Float, Float]:
-    """Mean and variance (c,) of densities (c, g) over the grid."""
-    out = np.empty((2, len(logs)))
-    _fill_moments(as_input(logs), as_input(grid), out)
+def _moments(rows: Float, first: Int, last: Int, prior: Float, grid: Float) -> tuple[Float, Float]:
+    """Mean and variance (c,) over the grid (g,) of densities whose logarithms are rows `last` less `first` of (n, g).
+
+    Times a normal prior about 0 of standard deviation `prior` (c,), which may be infinite.
+    """
+    out = np.empty((2, len(first)))
+    _fill_moments(as_input(rows), as_input(first), as_input(last), as_input(prior), as_input(grid), out)
     return out[0], np.maximum(out[1], (0.3 * (grid[1] - grid[0])) ** 2)
 
 
 @kernel(error_model="numpy")
-def _fill_moments(logs: Float, grid: Float, out: Float) -> None:
-    for c in range(logs.shape[0]):
+def _fill_moments(rows: Float, first: Int, last: Int, prior: Float, grid: Float, out: Float) -> None:
+    logs = np.empty(grid.size)
+    for c in range(first.size):
         most = -np.inf
         for g in range(grid.size):
-            most = max(most, logs[c, g])
-        total, first, second = 0.0, 0.0, 0.0
+            logs[g] = rows[last[c], g] - rows[first[c], g] - 0.5 * (grid[g] / prior[c]) ** 2
+            most = max(most, logs[g])
+        total, mean, square = 0.0, 0.0, 0.0
         for g in range(grid.size):
-            if logs[c, g] > most - NOTHING:
-                share = math.exp(logs[c, g] - most)
+            if logs[g] > most - NOTHING:
+                share = math.exp(logs[g] - most)
                 total += share
-                first += share * grid[g]
-                second += share * grid[g] ** 2
-        out[0, c] = first / total
-        out[1, c] = second / total - (first / total) ** 2
+                mean += share * grid[g]
+                square += share * grid[g] ** 2
+        out[0, c] = mean / total
+        out[1, c] = square / total - (mean / total) ** 2
 
 
 def _off_course(ends: Ends, about: Float) -> Float:

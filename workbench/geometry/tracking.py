@@ -170,6 +170,13 @@ def _refit(state: Float, sums: Float, free_slope: bool) -> None:
 
 
 @kernel
+def _is_more_than_one(sums: Float, f: int, sigma: Float) -> bool:
+    """Do a face's points scatter about their line by more than noise explains?"""
+    left = sums[f, SZZ] - sums[f, SXZ] ** 2 / max(sums[f, SXX], 1e-12)
+    return bool(left >= (TWO_LINES * sigma[f]) ** 2 * max(sums[f, COUNT] - 2.0, 1.0))
+
+
+@kernel
 def _leave_ghosts(
     x: Float32,
     z: Float32,
@@ -187,9 +194,7 @@ def _leave_ghosts(
     Second returns (ghosts) of a part of a face draw a least-squares line between both. slopes (4,): of before.
     """
     for f in (BEVEL, ROOT):
-        n, sxx = sums[f, COUNT], max(sums[f, SXX], 1e-12)
-        scatter = (sums[f, SZZ] - sums[f, SXZ] ** 2 / sxx) / max(n - 2.0, 1.0)
-        if n < 6 or scatter < (TWO_LINES * sigma[f]) ** 2:
+        if sums[f, COUNT] < 6 or not _is_more_than_one(sums, f, sigma):
             continue
         offset = state[f, OFFSET] + (state[f, SLOPE] - slopes[f]) * sums[f, X_MEAN]
         gate = FINAL_SIGMAS * sigma[f] + 0.004
@@ -321,7 +326,10 @@ def _follow_frame(
     spans = _spans(x, side, _limits(state, side, 0.0, 0.0))
     gates, margin = np.empty(4), CORNER_MARGIN_MM
     before = state[:, SLOPE].copy()
+    plain = False
     for step in range(GATES_MM.size + 2):
+        if plain and step < GATES_MM.size:  # the widest gate holds one line alone
+            continue
         for f in range(4):
             lean = np.sqrt(1.0 + state[f, SLOPE] ** 2)
             settled = FINAL_SIGMAS * sigma[f] + 0.004
@@ -337,6 +345,7 @@ def _follow_frame(
             _leave_ghosts(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
+            plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))
     limits = _limits(state, side, margin, rim_mm)
     _sums(x, z, keep, spans, side, state, limits, gates, sums)
     _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from bench.metrology.folding import fold
 from bench.metrology.quantity import Quantity
@@ -19,27 +20,33 @@ PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 def tables(summaries: list[Summary], command: str) -> str:
     """All tables, and what fell short."""
+    parts = [
+        ("Greatest error over the nine sections: 95th percentile of the parts (median)", accuracy(summaries)),
+        ("Uncertainties", uncertainty(summaries)),
+        ("Verdicts, hidden stretches, time", verdicts(summaries)),
+    ]
+    return study_text(command, parts, refusals(summaries), summaries)
+
+
+class Told(Protocol):
+    """What a study says of a condition as a whole."""
+
+    condition: str
+
+    @property
+    def shortcomings(self) -> list[str]: ...
+
+
+def study_text(
+    command: str, parts: Iterable[tuple[str, Iterable[str]]], causes: Iterable[str], summaries: Sequence[Told]
+) -> str:
+    """Command, tables under their headings (none where there are no rows), what was refused, what fell short."""
+    lines = [f"`{command}`", ""]
+    for heading, table in parts:
+        rows = list(table)
+        lines += [f"### {heading}", "", *rows, ""] if rows else []
     short = [words for s in summaries for words in s.shortcomings]
-    return "\n".join(
-        [
-            f"`{command}`",
-            "",
-            "### Greatest error over the nine sections: 95th percentile of the parts (median)",
-            "",
-            *accuracy(summaries),
-            "",
-            "### Uncertainties",
-            "",
-            *uncertainty(summaries),
-            "",
-            "### Verdicts, hidden stretches, time",
-            "",
-            *verdicts(summaries),
-            "",
-            *refusals(summaries),
-            not_met(short, [s.condition for s in summaries]),
-        ]
-    )
+    return "\n".join([*lines, *causes, not_met(short, [s.condition for s in summaries])])
 
 
 def not_met(short: Iterable[str], conditions: Sequence[str] = ()) -> str:

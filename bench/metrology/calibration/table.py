@@ -18,13 +18,12 @@ from bench.metrology.calibration.summary import (
     CalibrationSummary,
     Share,
 )
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 from workbench.synthetic.sphere_conditions import DEGENERATE
 
 
 def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
     sound = [s for s in summaries if s.condition not in DEGENERATE]
     parts: list[tuple[str, Iterable[str]]] = [
         ("Error over the field of view against the Cramer-Rao bound, coverage of the 95 % ellipsoid", accuracy(sound)),
@@ -34,11 +33,7 @@ def calibration_tables(summaries: list[CalibrationSummary], command: str) -> str
         ("Methods side by side, `sphere_grid`: three orientations, three places each", methods(sound)),
         ("Sets that determine nothing", refusals(summaries)),
     ]
-    lines = [f"`{command}`", ""]
-    for title, rows in parts:
-        rows = list(rows)
-        lines += [f"### {title}", "", *rows, ""] if rows else []
-    return "\n".join([*lines, *crashes(summaries), not_met(short, [s.condition for s in summaries])])
+    return study_text(command, parts, crashes(summaries), summaries)
 
 
 def accuracy(summaries: list[CalibrationSummary]) -> Iterable[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.metrology.clouds.part import ROUTES
 from bench.metrology.clouds.summary import GOALS, UNITS, CloudSummary
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 
 DIGITS = {"root": 4, "bevel": 3}
 NONE = "-"  # every part was refused
@@ -13,7 +13,6 @@ NAMES = {"grid": "gridded", "ply": "PLY, in order", "shuffled": "PLY, shuffled"}
 
 def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
     refused = [
         f"- {s.condition}, {NAMES[route]}: {len(words)}, the first: {words[0]}"
         for s in summaries
@@ -23,23 +22,15 @@ def cloud_tables(summaries: list[CloudSummary], command: str) -> str:
     refused += [
         f"- {s.condition}, seed {r.seed}: {r.refused or r.crashed}" for s in summaries for r in (*s.refused, *s.crashed)
     ]
-    return "\n".join(
-        [
-            f"`{command}`",
-            "",
-            f"### From the gridded route (goals {GOALS['root']:g} mm and {GOALS['bevel']:g} deg), the worst section of "
+    parts = [
+        (
+            f"From the gridded route (goals {GOALS['root']:g} mm and {GOALS['bevel']:g} deg), the worst section of "
             "each part: median, 95th percentile and worst of the parts",
-            "",
-            *agreement(summaries),
-            "",
-            "### From the truth, likewise, and beside the stated uncertainty",
-            "",
-            *errors(summaries),
-            "",
-            *(["Refused:", "", *refused, ""] if refused else []),
-            not_met(short, [s.condition for s in summaries]),
-        ]
-    )
+            agreement(summaries),
+        ),
+        ("From the truth, likewise, and beside the stated uncertainty", errors(summaries)),
+    ]
+    return study_text(command, parts, ["Refused:", "", *refused, ""] if refused else [], summaries)
 
 
 def agreement(summaries: list[CloudSummary]) -> list[str]:

@@ -5,32 +5,20 @@ from __future__ import annotations
 from bench.metrology.figures import told
 from bench.metrology.loop.summary import BEVEL_GOAL_DEG, ROOT_GOAL_MM, LoopSummary
 from bench.metrology.planning.table import covered, covered_head, three
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 
 
 def loop_tables(summaries: list[LoopSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
-    return "\n".join(
-        [
-            f"`{command}`",
-            "",
-            "### Perfect mechanics: the worst section of each part; median, 95th percentile and worst of the parts",
-            "",
-            *perfect(summaries),
-            "",
-            "### Hand-eye error of 0.4 mm and robot noise of 0.1 mm: inspected beside injected",
-            "",
-            *injected(summaries),
-            "",
-            "### Inspected less milled, beside its uncertainty",
-            "",
-            *uncertainty(summaries),
-            "",
-            *causes(summaries),
-            not_met(short, [s.condition for s in summaries]),
-        ]
-    )
+    parts = [
+        (
+            "Perfect mechanics: the worst section of each part; median, 95th percentile and worst of the parts",
+            perfect(summaries),
+        ),
+        ("Hand-eye error of 0.4 mm and robot noise of 0.1 mm: inspected beside injected", injected(summaries)),
+        ("Inspected less milled, beside its uncertainty", uncertainty(summaries)),
+    ]
+    return study_text(command, parts, causes(summaries), summaries)
 
 
 def perfect(summaries: list[LoopSummary]) -> list[str]:

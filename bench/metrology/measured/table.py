@@ -5,29 +5,20 @@ from __future__ import annotations
 from bench.metrology.figures import told
 from bench.metrology.measured.summary import BEVEL_P95_DEG, MeasuredSummary
 from bench.metrology.planning.table import covered, covered_head
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 from workbench.units import Float
 
 
 def measured_tables(summaries: list[MeasuredSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
-    return "\n".join(
-        [
-            f"`{command}`",
-            "",
-            "### Blind and corrected: all places of the finished parts; median, 95th percentile, worst",
-            "",
-            *accuracy(summaries),
-            "",
-            "### What the uncertainties are worth",
-            "",
-            *uncertainty(summaries),
-            "",
-            *causes(summaries),
-            not_met(short, [s.condition for s in summaries]),
-        ]
-    )
+    parts = [
+        (
+            "Blind and corrected: all places of the finished parts; median, 95th percentile, worst",
+            accuracy(summaries),
+        ),
+        ("What the uncertainties are worth", uncertainty(summaries)),
+    ]
+    return study_text(command, parts, causes(summaries), summaries)
 
 
 def accuracy(summaries: list[MeasuredSummary]) -> list[str]:

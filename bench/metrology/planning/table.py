@@ -4,32 +4,20 @@ from __future__ import annotations
 
 from bench.metrology.figures import Cover, Spread, told
 from bench.metrology.planning.summary import COVERED_GOAL, SPACING_GOAL, PlanSummary
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 
 
 def plan_tables(summaries: list[PlanSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
-    return "\n".join(
-        [
-            f"`{command}`",
-            "",
-            "### Final layer: the worst point of each part; median, 95th percentile and worst of the parts",
-            "",
-            *accuracy(summaries),
-            "",
-            "### The edge that it rests on, and its uncertainties",
-            "",
-            *uncertainty(summaries),
-            "",
-            "### Sides, hidden stretches, refusals, time",
-            "",
-            *counts(summaries),
-            "",
-            *causes(summaries),
-            not_met(short, [s.condition for s in summaries]),
-        ]
-    )
+    parts = [
+        (
+            "Final layer: the worst point of each part; median, 95th percentile and worst of the parts",
+            accuracy(summaries),
+        ),
+        ("The edge that it rests on, and its uncertainties", uncertainty(summaries)),
+        ("Sides, hidden stretches, refusals, time", counts(summaries)),
+    ]
+    return study_text(command, parts, causes(summaries), summaries)
 
 
 def accuracy(summaries: list[PlanSummary]) -> list[str]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from bench.metrology.stiffness.summary import COVER_GOAL, HONEST, RATIO_GOAL, StiffnessSummary
-from bench.metrology.table import markdown, not_met
+from bench.metrology.table import markdown, study_text
 
 JOINTS = [f"joint {j}" for j in range(1, 7)]
 
 
 def stiffness_tables(summaries: list[StiffnessSummary], command: str) -> str:
     """All tables, and what fell short."""
-    short = [words for s in summaries for words in s.shortcomings]
     parts = [
         ("Cramer-Rao bound of each joint, twice the relative standard error, %", bounds(summaries)),
         (
@@ -20,14 +19,11 @@ def stiffness_tables(summaries: list[StiffnessSummary], command: str) -> str:
             accuracy(summaries),
         ),
     ]
-    lines = [f"`{command}`", ""]
-    for title, rows in parts:
-        lines += [f"### {title}", "", *rows, ""]
-    lines += [f"- {r.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in summaries for r in s.crashed]
-    lines += [
+    causes = [f"- {r.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in summaries for r in s.crashed]
+    causes += [
         f"- {s.condition}: {len(s.refused)} refused, the first: {s.refused[0].refused}" for s in summaries if s.refused
     ]
-    return "\n".join([*lines, "", not_met(short, [s.condition for s in summaries])])
+    return study_text(command, parts, [*causes, ""], summaries)
 
 
 def bounds(summaries: list[StiffnessSummary]) -> Iterable[str]:

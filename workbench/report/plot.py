@@ -290,7 +290,6 @@ class Axes:
         color: Colour = INK,
         linewidth: float = 1.5,
         dashes: Sequence[float] = (),
-        alpha: float = 1.0,
         label: str | None = None,
         zorder: float = 2.0,
     ) -> None:
@@ -300,7 +299,7 @@ class Axes:
             self._legend.append((label, ink))
 
         def drawn() -> str:
-            return f'<path d="{_path(self._place(xy))}" fill="none" {_stroke(ink, linewidth, dashes, alpha)}/>'
+            return f'<path d="{_path(self._place(xy))}" fill="none" {_stroke(ink, linewidth, dashes)}/>'
 
         self._later.append((zorder, True, drawn))
 
@@ -650,10 +649,9 @@ def _colour(colour: Colour) -> str:
     )
 
 
-def _stroke(ink: str, width: float, dashes: Sequence[float] = (), alpha: float = 1.0) -> str:
+def _stroke(ink: str, width: float, dashes: Sequence[float] = ()) -> str:
     dashed = f' stroke-dasharray="{" ".join(_n(width * d) for d in dashes)}"' if dashes else ""
-    faint = f' stroke-opacity="{_n(alpha)}"' if alpha < 1.0 else ""
-    return f'stroke="{ink}" stroke-width="{_n(width)}" stroke-linejoin="round"{dashed}{faint}'
+    return f'stroke="{ink}" stroke-width="{_n(width)}" stroke-linejoin="round"{dashed}'
 
 
 def _filled(colour: Colour, hatch: str = "") -> str:

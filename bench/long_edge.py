@@ -14,8 +14,7 @@ from workbench.geometry.poses import quaternion_from_rotation, rotation_from_qua
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import fast_arm
-from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Law, Limits, constant_law, improved_law
-from workbench.plugins.stiffness.law_bound import Grid
+from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Law, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import Examiner, lowest, sample, traversal

@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
-from workbench.pipeline.describe import ParameterText, makes, parameter_texts, prose, source_text, summary
+from workbench.pipeline.catalogue import ParameterText, makes, parameter_texts, prose, source_text, summary
 from workbench.pipeline.registry import BUILT_IN, every_stage
 from workbench.stage import Stage
 

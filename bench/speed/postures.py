@@ -19,8 +19,7 @@ from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import BRANCHES, Arm, fast_arm
-from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Limits, constant_law, improved_law
-from workbench.plugins.stiffness.law_bound import Grid
+from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import Examiner, flange_poses, sample, traversal

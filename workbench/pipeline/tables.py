@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from workbench.artefacts import Gate, Inspection, Moves, Rework, Section, Toolpath
 from workbench.errors import one_line
-from workbench.pipeline.describe import makes, parameter_texts, prose, source_text
+from workbench.pipeline.catalogue import makes, parameter_texts, prose, source_text
 from workbench.pipeline.run import Results
 from workbench.stage import Stage
 

@@ -22,7 +22,7 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.names import NUMBERED, RESERVED
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart, Signal
-from workbench.robot.ways_home import drawn_back, turntable_at_home
+from workbench.robot.process import drawn_back, turntable_at_home
 from workbench.units import DEG, Float
 
 STANDS_DEG = 1e-4  # a turntable that moves by less stands

@@ -24,8 +24,8 @@ from workbench.robot.kinematics import (
 from workbench.robot.margins import Margins, dexterity
 from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
+from workbench.robot.process import refusal, turntable_at_home
 from workbench.robot.read import cell, read_cell
-from workbench.robot.ways_home import refusal, turntable_at_home
 from workbench.robot.wrist import SphericalWrist, arm_sides, spherical_wrist
 
 __all__ = [

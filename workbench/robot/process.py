@@ -1,4 +1,8 @@
-"""What a program does around the milling, held against the cell file's `process` section."""
+"""What a program does around the milling, held against the cell file's `process` section; its ways from home and back.
+
+`refusal` drives these with the judge of the written program, for those who choose postures, so that none is proposed
+from which the robot could not get away.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.artefacts import ProgramMove, ProgramMoves
-from workbench.robot.cell_file import ProcessPart
-from workbench.units import DEG
+from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
+from workbench.robot.cell import Cell
+from workbench.robot.cell_file import HomePart, ProcessPart
+from workbench.robot.inverse import inverse_kinematics
+from workbench.robot.kinematics import forward_kinematics
+from workbench.units import DEG, Float, Shaped
 
 NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
 SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a program may turn them by
@@ -70,3 +77,75 @@ def disorders(program: ProgramMoves, process: ProcessPart) -> Iterator[tuple[int
             break
     if process.spindle and turns:
         yield len(program.moves) - 1, "the spindle still turns on the way home"
+
+
+Refusal = tuple[str, tuple[str, str] | None]  # kind of the violation, and the pair of bodies of a collision
+TOOL = "cutter"  # any name
+
+
+def drawn_back(cell: Cell, joints: Shaped[Float, " 6"], distance_mm: float) -> Float | None:
+    """The posture (6,) with the cutter drawn back along its axis: of all, the nearest to `joints`; None: none."""
+    flange = forward_kinematics(cell.chain, joints)
+    flange[:3, 3] -= distance_mm * (flange @ cell.flange_from_cutter)[:3, 2]
+    branches = inverse_kinematics(cell.chain, flange[None])[0]
+    near = branches + 2 * np.pi * np.round((joints - branches) / (2 * np.pi))
+    away = np.abs(near - joints).max(axis=1)
+    return np.asarray(near[np.nanargmin(away)]) if np.isfinite(away).any() else None
+
+
+def turntable_at_home(home: HomePart, first_deg: float) -> float:
+    """Where it stands at home, deg: as stated, or where the path has it first; a home of the controller has it at 0."""
+    if home.turntable_deg is not None:
+        return home.turntable_deg
+    return 0.0 if home.controller_name else first_deg
+
+
+def refusal(
+    cell: Cell, joints: Shaped[Float, "n 6"], table: Shaped[Float, " n"], feed_mm_s: Shaped[Float, " n"]
+) -> Refusal | None:
+    """What the judge has against postures (n, 6), rad, between them and on the ways from home and back; None: nothing.
+
+    Args:
+        cell: with its margins; without a `process` the ways home are not looked at.
+        joints: one after the other, which the robot goes to by its joints.
+        table: of the turntable.
+        feed_mm_s: of the path at each.
+    """
+    from workbench.robot.judge import follows, judge
+
+    for moves in _ways_home(cell, joints, table, feed_mm_s):
+        if moves is None:
+            return "unreachable", None
+        told = judge(dataclasses.replace(cell, process=None), _program(cell, moves))
+        if told.violations:
+            kind = told.violations[0].kind
+            return kind, told.clearance_pair if kind == "collision" else None
+    return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table.tolist(), strict=True)]))
+
+
+def _ways_home(cell: Cell, joints: Float, table: Float, feed_mm_s: Float) -> Iterator[list[ProgramMove] | None]:
+    """From home to the first posture, and from the last one home; None: the point before or behind is out of reach."""
+    process = cell.process
+    if process is None:
+        return
+    turned = turntable_at_home(process.home, float(table[0]) / DEG) * DEG
+    home = _by_joints(np.array(process.home.joints_deg) * DEG, turned)
+    angle, feed = float(table[0]), float(feed_mm_s[0])
+    off = drawn_back(cell, joints[0], process.approach_mm)
+    yield None if off is None else [home, _by_joints(off, angle), _straight(cell, joints[0], angle, feed)]
+    angle, feed = float(table[-1]), float(feed_mm_s[-1])
+    off = drawn_back(cell, joints[-1], process.retract_mm)
+    yield None if off is None else [_by_joints(joints[-1], angle), _straight(cell, off, angle, feed), home]
+
+
+def _by_joints(joints: Float, table: float) -> ProgramMove:
+    return ProgramMove(1, "J", TOOL, TOOL, joints=joints, turntable=table)
+
+
+def _straight(cell: Cell, joints: Float, table: float, feed_mm_s: float) -> ProgramMove:
+    pose = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
+    return ProgramMove(1, "L", TOOL, TOOL, pose=pose, feed_mm_s=feed_mm_s, turntable=table)
+
+
+def _program(cell: Cell, moves: list[ProgramMove]) -> ProgramMoves:
+    return ProgramMoves("postures", TOOL, tuple(moves), {TOOL: ProgramTool(cell.flange_from_cutter)}, {TOOL: np.eye(4)})

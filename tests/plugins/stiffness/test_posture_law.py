@@ -10,8 +10,17 @@ import pytest
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import displacements, fast_arm, joint_angles
-from workbench.plugins.stiffness.law import STEP_COST_MM, Law, Limits, constant_law, improved_law, nodes, shift_of
-from workbench.plugins.stiffness.law_bound import Grid, relaxed_law
+from workbench.plugins.stiffness.law import (
+    STEP_COST_MM,
+    Grid,
+    Law,
+    Limits,
+    constant_law,
+    improved_law,
+    nodes,
+    relaxed_law,
+    shift_of,
+)
 from workbench.plugins.stiffness.law_kernel import best_law, stepped
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.search import search

@@ -11,10 +11,10 @@ from pathlib import Path
 from bench.coverage.measure import Result, Task, measure, measure_task
 from bench.coverage.parts import ANALYTIC, SWEPT
 from bench.coverage.table import tables, worst
+from bench.metrology.table import put_into
 
 FIRST_SEED = 3_000_000  # seeds below 10,000 are for developing
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "coverage.md"
-MARKS = ("<!-- tables: begin -->\n", "<!-- tables: end -->")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,8 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.worst and (result.refused or result.crashed):
             print("-", result.condition, result.seed, result.refused or result.crashed, f"({result.title})")
     if options.docs:
-        before, rest = PAGE.read_text(encoding="utf-8").split(MARKS[0])
-        PAGE.write_text(f"{before}{MARKS[0]}{text}\n{MARKS[1]}{rest.split(MARKS[1])[1]}", encoding="utf-8")
+        put_into(PAGE, text, stay=0)
     return 0
 
 

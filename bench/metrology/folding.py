@@ -14,41 +14,59 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")
 ASIDE = re.compile(r" \(.*\)| ±.*|\*\*")  # intervals, uncertainties, what is bold
+ALL = "all"  # the row of all together
 Rows = list[list[str]]
 
 
-def fold(page: Path, text: str) -> str:
-    """`text` as the page has it; the tables that it leaves out are written beside `page`, by their headings."""
-    first, kept, heading = True, [], ""
+def fold(page: Path, text: str, stay: int = 1) -> str:
+    """`text` as the page has it, a command's first `stay` tables as they are; the others go beside `page` as CSV."""
+    left, kept, heading = stay, [], ""
     for block in _blocks(text.split("\n")):
         line = block[0]
-        first = first or line.startswith("`python ")  # another command: another study
+        left = stay if line.startswith("`python ") else left
         heading = line.removeprefix("### ") if line.startswith("### ") else heading
         if not line.startswith("|"):
             kept += block
             continue
-        head, rows = _cells(block[0]), [_cells(row) for row in block[2:]]
-        found = [] if first or len(rows) <= LONGEST else extremes(head, rows)
-        kept += block if not found else [*found, "", f"[All rows]({written(page, heading, head, rows)})."]
-        first = False
+        head, rows = _split(_cells(block[0]), [_cells(row) for row in block[2:]])
+        found = [] if left > 0 or len(rows) <= LONGEST else extremes(head, rows)
+        kept += [*found, "", f"[All rows]({written(page, heading, head, rows)})."] if found else block
+        left -= 1
     return "\n".join(kept)
 
 
 def extremes(head: list[str], rows: Rows) -> list[str]:
     """A table of the smallest and the largest value of each column with its row; empty where a column has no number.
 
-    Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides.
+    Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides. A last row
+    named `all` has a column of its own.
     """
     keys = 1 if len({row[0] for row in rows}) == len(rows) else 2
-    lines = ["| | smallest | largest |", "| --- | --- | --- |"]
+    whole = rows[-1] if rows[-1][0] == ALL else None
+    lines = ["| | smallest | largest |" + f" {ALL} |" * bool(whole), "| --- | --- | --- |" + " --- |" * bool(whole)]
     for k, name in enumerate(head[keys:], keys):
-        known = [(abs(value), row) for row in rows if (value := _value(row[k])) is not None]
+        known = [(abs(value), row) for row in rows if row is not whole and (value := _value(row[k])) is not None]
         if not known:
             return []
         ends = (min(known, key=lambda one: one[0])[1], max(known, key=lambda one: one[0])[1])
-        low, high = (f"{row[k]} ({', '.join(row[:keys])})" for row in ends)
-        lines.append(f"| {name} | {low} | {high} |")
+        told = [f"{row[k]} ({', '.join(row[:keys])})" for row in ends] + ([whole[k]] if whole else [])
+        lines.append(f"| {' | '.join([name, *told])} |")
     return lines
+
+
+def _split(head: list[str], rows: Rows) -> tuple[list[str], Rows]:
+    """Columns of several values, "a; b", as so many columns."""
+    names = [(f"{name.split(': ')[0]}: " if ": " in name else "", name.split(": ")[-1].split("; ")) for name in head]
+    wide = [f"{start}{name}" for start, parts in names for name in parts]
+    cells = [
+        [one for cell, (_, parts) in zip(row, names, strict=True) for one in _parts(cell, len(parts))] for row in rows
+    ]
+    return wide, cells
+
+
+def _parts(cell: str, count: int) -> list[str]:
+    parts = cell.split("; ") if count > 1 else [cell]
+    return parts if len(parts) == count else [cell, *[""] * (count - 1)]
 
 
 def _value(cell: str) -> float | None:

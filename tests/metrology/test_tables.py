@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from bench.metrology.figures import told
+from bench.metrology.folding import fold
 from bench.metrology.table import markdown, not_met, put_into
 
 
@@ -69,3 +70,13 @@ def test_later_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_i
     assert "[All rows](tables/page_the_other_again.csv)." in text
     with open(tmp_path / "tables" / "page_the_other_again.csv", newline="") as file:
         assert list(csv.reader(file))[1:] == [[cell.replace("**", "") for cell in row] for row in rows]
+
+
+def test_of_folded_tables_columns_of_several_values_come_apart_and_all_has_a_column(tmp_path: Path) -> None:
+    head = ["condition", "root, mm: p95; mean u", "s"]
+    rows = [[f"c{k}", f"{k / 10:.1f}; {(8 - k) / 100:.2f}", "0.1"] for k in range(8)] + [["all", "0.4; 0.05", "0.1"]]
+    text = fold(tmp_path / "page.md", "\n".join(["### Milled", *markdown(head, rows)]), stay=0)
+    assert "| | smallest | largest | all |" in text
+    assert "| root, mm: p95 | 0.0 (c0) | 0.7 (c7) | 0.4 |" in text
+    assert "| root, mm: mean u | 0.01 (c7) | 0.08 (c0) | 0.05 |" in text
+    assert (tmp_path / "tables" / "page_milled.csv").read_text().splitlines()[-1] == "all,0.4,0.05"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.coverage.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from workbench.artefacts import Recording
 from workbench.synthetic import (
     CONDITIONS,
@@ -23,7 +24,6 @@ from workbench.synthetic import (
 )
 from workbench.synthetic.draws import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 
 SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
+from bench.coverage.conditions import random_swept_recipe
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
@@ -43,7 +44,6 @@ from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
 from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
 from workbench.units import DEG
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from bench import outside
 from bench.confidently_wrong.kinds import KINDS
+from bench.coverage.conditions import random_swept_recipe
 from bench.coverage.parts import mixed_recipe
 from bench.metrology.part import inspect_as_a_user
 from tests.checks.conftest import good, pooled
@@ -37,7 +38,6 @@ from workbench.plugins.calibration.circles import circles
 from workbench.synthetic import random_recipe, simulate_recording, sphere_conditions
 from workbench.synthetic.sphere import simulate_sphere
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.units import Float
 
 GOOD = [

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.coverage.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import parse_swept_recipe, simulate_swept
-from workbench.synthetic.swept.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from workbench.synthetic.swept.truth import SweptTruth
 from workbench.units import Float
 

@@ -48,7 +48,7 @@ GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return noth
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
-BETWEEN = 1.25  # by 20,000 simulated walks: it goes on between two plates, and turns a line the way that it moves its end
+BETWEEN = 1.25  # by simulation: it goes on between two plates, and turns a line the way that it moves its end
 CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 

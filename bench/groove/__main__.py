@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.groove.table import FAR, print_table
-from workbench.artefacts import SIZES, GrooveInspection, u_name
+from workbench.artefacts import SIZES, Groove, GrooveInspection, Quantity, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
+from workbench.edge.groove_sizes import FACES, RETURNS
 from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
@@ -28,6 +29,8 @@ from workbench.synthetic.swept import GrooveTruth, simulate_groove
 from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
 from workbench.synthetic.swept.recipe import GrooveRecipe
 from workbench.units import DEG, Float
+
+BOUND = (FACES, RETURNS)  # sources that no evaluation can leave out
 
 
 def main() -> None:
@@ -43,6 +46,7 @@ def main() -> None:
         product(range(given.seed, given.seed + given.parts), given.simulators.split(","), given.types.split(","))
     )
     found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    bounds: dict[str, list[float]] = defaultdict(list)
     rows: list[str] = []
     parts, refused, excluded, start = 0, 0, 0, time.monotonic()
     for seed, simulator, kind in chosen:
@@ -51,7 +55,8 @@ def main() -> None:
         parts += 1
         name = f"{simulator} {kind} {seed}"
         try:
-            inspection, truth = measured(simulator, kind, seed)
+            groove, truth = segmented(simulator, kind, seed)
+            inspection = inspect_groove(groove)
         except WorkbenchError as error:
             refused += 1
             print(f"{name}: refused: {error}", flush=True)
@@ -62,14 +67,16 @@ def main() -> None:
             continue
         for size, pairs in _by_size(errors(inspection, truth)).items():
             found[size] += pairs
-            rows += [f"{simulator},{kind},{seed},{size},{error:.6f},{u:.6f}" for error, u in pairs]
+            least = bound(groove.sizes[size])
+            bounds[size] += [least] * len(pairs)
+            rows += [f"{simulator},{kind},{seed},{size},{error:.6f},{u:.6f},{least:.6f}" for error, u in pairs]
             z, error = max((abs(error) / u, error) for error, u in pairs)
             if z > FAR:
                 print(f"{name}: {size} off by {error:.3f}, {z:.1f} u", flush=True)
         if given.values:
-            given.values.write_text("\n".join(["simulator,type,seed,size,error,u", *rows]) + "\n")
+            given.values.write_text("\n".join(["simulator,type,seed,size,error,u,bound", *rows]) + "\n")
     print(f"\n{parts} of {len(chosen)} parts; {refused} refused; {excluded} taken for a type that they are not\n")
-    print_table(tuple(SIZES), found)
+    print_table(tuple(SIZES), found, bounds)
 
 
 def _by_size(rows: list[tuple[str, float, float]]) -> dict[str, list[tuple[float, float]]]:
@@ -81,12 +88,23 @@ def _by_size(rows: list[tuple[str, float, float]]) -> dict[str, list[tuple[float
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[GrooveInspection, GrooveTruth]:
     """A random groove, scanned and inspected, and its truth."""
+    groove, truth = segmented(simulator, kind, seed)
+    return inspect_groove(groove), truth
+
+
+def segmented(simulator: str, kind: str, seed: int) -> tuple[Groove, GrooveTruth]:
+    """A random groove, scanned and measured, and its truth."""
     if simulator in ("swept", "odd"):
         recipe = random_groove_recipe(kind, seed) if simulator == "swept" else odd_groove(kind, seed)
         recording, truth = simulate_groove(recipe)
     else:
         recording, truth = simulate_prism(random_prism_recipe(kind, seed))
-    return inspect_groove(segment_groove(denoise(fuse(recording)))), truth
+    return segment_groove(denoise(fuse(recording))), truth
+
+
+def bound(size: Quantity) -> float:
+    """What noise and columns alone leave of a size, u in its unit: median along the groove."""
+    return float(np.nanmedian(np.hypot.reduce([size.u_by_source[one] for one in BOUND if one in size.u_by_source])))
 
 
 def odd_groove(kind: str, seed: int) -> GrooveRecipe:

@@ -16,6 +16,7 @@ from workbench.edge.form import (
     INCIDENCES,
     PLACES,
     SOMEWHERE,
+    UNSEEN_INCIDENCE,
     Misfit,
     _alike,
     _bow,
@@ -111,15 +112,30 @@ def test_a_rounding_is_told_by_its_depths(inclination_deg: float) -> None:
     inclination = math.radians(inclination_deg)
     for radius in (0.2, 0.4):
         found = depths(radius, inclination, math.radians(84.0), 0.0, rng)
-        is_proven, told, beyond, u, fall = _broken_edge(
-            _known_depths(found, edges), edges, inclination, INCIDENCES, ANYWHERE
-        )
+        told = _broken_edge(_known_depths(found, edges), edges, inclination, INCIDENCES, ANYWHERE)
         turn = math.radians(84.0) - inclination
         true = radius * (1.0 - math.sin(turn) + (1.0 - math.cos(turn)) * math.tan(inclination))
-        assert is_proven
-        assert _odd_columns(_known_depths(found, edges), fall) == 0
-        assert 0.5 * radius < told < 2.0 * radius
-        assert abs(beyond - true) < 3.0 * u
+        assert told.is_proven
+        assert _odd_columns(_known_depths(found, edges), told.fall_mm) == 0
+        assert 0.5 * radius < told.size_mm < 2.0 * radius
+        assert abs(told.beyond_mm - true) < 3.0 * told.beyond_u_mm
+
+
+@pytest.mark.parametrize("inclination_deg", [25.0, 45.0, 62.0])
+def test_two_u_hold_what_roundings_hide_that_the_view_does_not_show(inclination_deg: float) -> None:
+    """Of radii drawn evenly up to 0.5 mm; a sharp edge hides nothing."""
+    rng = np.random.default_rng(5)
+    inclination, seen = math.radians(inclination_deg), INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
+    edges = np.arange(31.0) * 0.05 / math.cos(inclination)
+    held = []
+    for radius in rng.uniform(0.0, 0.5, 40):
+        incidence = rng.uniform(seen[0], seen[-1])
+        known = _known_depths(depths(radius, inclination, incidence, 0.0, rng), edges)
+        if not _broken_edge(known, edges, inclination, INCIDENCES, ANYWHERE).is_proven:
+            turn = incidence - inclination
+            true = radius * (1.0 - math.sin(turn) + (1.0 - math.cos(turn)) * math.tan(inclination))
+            held.append(true <= _broken_edge(known, edges, inclination, seen, ANYWHERE, 0.5).hides_mm)
+    assert np.mean(held) >= 0.85
 
 
 @pytest.mark.parametrize("bow_mm", [-0.04, 0.04])
@@ -127,8 +143,7 @@ def test_a_bow_is_no_rounding(bow_mm: float) -> None:
     """The last returns of a bowed face lie under its line too."""
     edges = np.arange(31.0) * 0.05 / math.cos(1.0)
     found = depths(1e-9, 1.0, math.radians(84.0), bow_mm, np.random.default_rng(9))
-    is_proven, *_ = _broken_edge(_known_depths(found, edges), edges, 1.0, INCIDENCES, ANYWHERE)
-    assert not is_proven
+    assert not _broken_edge(_known_depths(found, edges), edges, 1.0, INCIDENCES, ANYWHERE).is_proven
 
 
 @pytest.mark.parametrize("bow_mm", [0.03, -0.06])
@@ -153,11 +168,9 @@ def test_a_rounding_between_two_columns_of_a_part_that_lies_still_is_in_u() -> N
     flat = np.random.default_rng(4).normal(0.0, 0.01, (400, 30))
     u = {}
     for name, phases in (("moving", ANYWHERE), ("still", SOMEWHERE)):
-        is_proven, _, missing, spread, _ = _broken_edge(
-            _known_depths(flat, edges), edges, inclination, INCIDENCES, phases
-        )
-        assert not is_proven
-        u[name] = math.hypot(missing, spread)
+        told = _broken_edge(_known_depths(flat, edges), edges, inclination, INCIDENCES, phases)
+        assert not told.is_proven
+        u[name] = 0.5 * told.hides_mm
     assert u["still"] > 1.2 * u["moving"]
     assert u["still"] < radius
 
@@ -169,7 +182,7 @@ def test_last_columns_that_no_rounding_explains_may_be_no_part_of_the_face(colum
     held = np.random.default_rng(6).normal(0.0, 0.01, (400, 30))
     held[:, :columns] += by_mm
     known = _known_depths(held, edges)
-    fall = _broken_edge(known, edges, 1.0, INCIDENCES, ANYWHERE)[-1]
+    fall = _broken_edge(known, edges, 1.0, INCIDENCES, ANYWHERE).fall_mm
     assert columns <= _odd_columns(known, fall) <= columns + 3  # beside it a widest rounding would lie deep
 
 
@@ -183,8 +196,7 @@ def test_columns_that_are_pooled_lie_on_the_face(columns: float, count: int) -> 
 
 def test_a_face_of_few_columns_may_be_rounded() -> None:
     edges = np.arange(7.0) * 0.1
-    _, _, missing, spread, _ = _broken_edge(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE)
-    assert math.hypot(missing, spread) > 0.03
+    assert _broken_edge(_nothing_known(6), edges, 0.5, INCIDENCES, ANYWHERE).hides_mm > 0.06
 
 
 @pytest.mark.parametrize("together", [1, 8, 32])

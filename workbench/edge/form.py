@@ -46,6 +46,7 @@ PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may li
 PROOF, DEPTH_U_MM, LEAST_MEANS = 3.0, 0.0005, 8
 LEAST_RADIUS_MM, HIDDEN_RADIUS_MM, MOST_RADIUS_MM, RADII = 0.005, 0.5, 2.0, 35
 INCIDENCES = np.radians(np.arange(56.0, 90.0, 4.0))  # greatest angle of incidence at which a return is kept
+MOST_HIDDEN = 0.95  # of roundings that the view does not show: what 2 u holds
 UNSEEN_INCIDENCE = math.radians(65.0)  # where no rounding is seen: deep returns of one may go with the stray ones
 CHAMFERS = np.radians(np.arange(10.0, 80.0, 2.5))  # by which a chamfer turns from the face
 SEEN_MOST = 0.9  # of the frames, in which a face is seen no farther
@@ -324,9 +325,10 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     On a quarter circle of radius R that leaves the line, returns are seen up to where its normal stands at the greatest
     angle of incidence that the sensor still returns (eq. (12)); a chamfer is seen to its end (eq. (12a)) or not at all.
     All are averaged over what the depths allow: before, the edge is as likely sharp as rounded or chamfered, and sizes
-    of all orders are alike likely. Where the rays graze the
-    face, a rounding leaves the view before it leaves the line, and only its u tells of it. So it is where the part lies
-    still in the view, for all of a rounding may lie between two columns.
+    of all orders are alike likely. Where the rays graze the face, a rounding leaves the view before it leaves the line,
+    and only its u tells of it: the root mean square of what they hide, and 2 u no less than what 95 % of roundings do,
+    all sizes to `most_mm` alike likely. So it is where the part lies still in the view, for all of a rounding may lie
+    between two columns.
     """
     face = rim.face
     frames = _sample(np.where(here, 0.0, np.nan), face)
@@ -348,27 +350,28 @@ def _rounding_of_pass(cloud: Cloud, rim: FaceRim, here: Bool, most_mm: float) ->
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
     depth = depth[np.isfinite(depth).all(axis=1)]
-    told = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
-    edges = edges[: depth.shape[1] + 1] if told else edges[:LEAST_GROUPS]
-    known = _known_depths(depth, edges * step) if told else _nothing_known(edges.size - 1)
+    is_shown = not is_narrow and len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
+    edges = edges[: depth.shape[1] + 1] if is_shown else edges[:LEAST_GROUPS]
+    known = _known_depths(depth, edges * step) if is_shown else _nothing_known(edges.size - 1)
     moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
     phases: Float = ANYWHERE if moved > STILL else SOMEWHERE
     inclination = math.atan(slope)
-    is_proven, radius, missing, missing_u, fall = _broken_edge(known, edges * step, inclination, INCIDENCES, phases)
-    odd = _odd_columns(known, fall) * step
+    told = _broken_edge(known, edges * step, inclination, INCIDENCES, phases)
+    odd = _odd_columns(known, told.fall_mm) * step
     goes_on = _goes_on_columns(last[:, 0]) * step
-    if odd > 0.0 or not is_proven:  # one that would not show is in u; so is an end that is neither sharp nor round
-        shown = missing if is_proven else 0.0
+    if odd > 0.0 or not told.is_proven:  # one that would not show is in u; so is an end that is neither sharp nor round
+        shown = told.beyond_mm if told.is_proven else 0.0
         seen = INCIDENCES[INCIDENCES > UNSEEN_INCIDENCE]
-        _, _, missing, missing_u, _ = _broken_edge(known, edges * step, inclination, seen, phases, most_mm)
-        return Rounding(u_mm=math.hypot(missing, missing_u, shown, odd, goes_on))
+        unseen = _broken_edge(known, edges * step, inclination, seen, phases, most_mm)
+        hidden = max(0.5 * unseen.hides_mm, math.hypot(unseen.beyond_mm, unseen.beyond_u_mm))
+        return Rounding(u_mm=math.hypot(hidden, shown, odd, goes_on))
     further, further_u = _further(last[:, 0])  # returns beyond those on the line
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[:, 1])) * slope / step
-    on = fall[0] > PROOF * np.sqrt(np.diag(known.noise))
+    on = told.fall_mm[0] > PROOF * np.sqrt(np.diag(known.noise))
     rounded = float(np.diff(edges)[on].sum()) * step / math.hypot(1.0, slope)
-    u_mm = math.hypot(math.hypot(missing_u, SHAPE * missing), further_u * step)
-    return Rounding(radius, further * step + missing, u_mm, rounded)
+    u_mm = math.hypot(math.hypot(told.beyond_u_mm, SHAPE * told.beyond_mm), further_u * step)
+    return Rounding(told.size_mm, further * step + told.beyond_mm, u_mm, rounded)
 
 
 def _between(depth: Float) -> Float:
@@ -580,6 +583,17 @@ def _grid(sizes: int, angles: Float, phases: int) -> tuple[Int, Float, Int]:
     return number.ravel(), angle.ravel(), phase.ravel()
 
 
+class _Broken(NamedTuple):
+    """What the depths of a face's last returns tell of its end."""
+
+    is_proven: bool  # a rounding or a chamfer
+    size_mm: float
+    beyond_mm: float  # from the last return's step to the virtual edge
+    beyond_u_mm: float
+    hides_mm: float  # what 95 % of roundings hide, of sizes that are alike likely before
+    fall_mm: Shaped[Float, "2 g"]  # depth under the line by groups of columns, and what its shape may change of that
+
+
 def _broken_edge(
     known: Depths,
     edges_mm: Float,
@@ -587,10 +601,9 @@ def _broken_edge(
     incidences: Float,
     phases: Float,
     most_mm: float = MOST_RADIUS_MM,
-) -> tuple[bool, float, float, float, Float]:
-    """Whether a rounding or a chamfer is proven; its size; how far the virtual edge lies beyond the last step, its u.
+) -> _Broken:
+    """What depths of groups between `edges_mm` (g + 1,) before the last return tell of roundings and chamfers.
 
-    And how deep it lies under the line by each group of columns, and what its shape may change of that (2, g); mm.
     phases (p, q): p places of the end within its column are alike likely, each of them the mean over q.
     """
     width = np.diff(edges_mm)
@@ -609,12 +622,22 @@ def _broken_edge(
     score = np.empty(len(fall))
     _log_likelihoods(known.mean, known.noise + known.free, as_input(fall), as_input(fall_u), score)
     is_proven = bool(size.size > 1 and score[1:].max() - score[0] > 0.5 * PROOF**2)
+    hides = _hidden_by_most(families[0], score[1 : 1 + families[0].size_mm.size])
     score[1:] -= np.concatenate([np.full(of.size_mm.size, math.log(max(of.size_mm.size, 1))) for of in families])
     share = np.exp(score - score.max())
     share /= share.sum()
     missing = float(share @ beyond)
     u = math.sqrt(float(share @ (beyond - missing) ** 2))
-    return is_proven, float(share @ size), missing, u, np.stack([share @ fall, share @ fall_u])
+    return _Broken(is_proven, float(share @ size), missing, u, hides, np.stack([share @ fall, share @ fall_u]))
+
+
+def _hidden_by_most(roundings: _Shapes, score: Float) -> float:
+    """What MOST_HIDDEN of roundings hide, mm, by log-likelihoods (s,), all sizes alike likely before (eq. (12b))."""
+    if not score.size:
+        return 0.0
+    order = np.argsort(roundings.hidden_mm)
+    share = (roundings.size_mm * np.exp(score - score.max()))[order]  # the grid's steps are shares of the size
+    return float(np.interp(MOST_HIDDEN, np.cumsum(share) / share.sum(), roundings.hidden_mm[order]))
 
 
 def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:

@@ -17,6 +17,7 @@ from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_
 from workbench.checks.passes import disagreement_mm
 from workbench.checks.profiles import Chain, Few, chains
 from workbench.checks.repeats import Repeats, find_repeats
+from workbench.checks.rough import rough_mm
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
 from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, hidden_columns, returned
 from workbench.errors import InputError
@@ -44,6 +45,7 @@ SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tent
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 UNORDERED, UNORDERED_MM = 0.5, 0.1  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
 NO_ORDER = 0.15  # share of that scatter which neighbours out of order have (0.19 and more), and 3 % of sound recordings
+ROUGH_MM = 0.02  # a section that wanders by more may be that of a rough face
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
@@ -445,20 +447,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     twist = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected = steadier
-    told = f"the edge would wiggle by {now.wiggle_mm:.2f} mm from profile to profile: frames out of order, or recorded "
-    told += "poses that are noisy or rounded?"
-    allowed = UNORDERED_MM if now.in_view > UNORDERED else most("wiggle_mm")
-    if now.in_view > NO_ORDER and now.wiggle_mm < allowed:
-        told = f"the section's place in the view scatters by {now.wiggle_mm:.2f} mm between neighbouring frames, "
-        told += (
-            f"{100 * now.in_view:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of order; "
-        )
-        told += "nothing tells which"
-    fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
-    if fewest < FEW_POSES and now.wiggle_mm < allowed:
-        few = f"a pass has {fewest} poses only: noise in them would not show"
-        told = f"{told}; {few}" if now.in_view > NO_ORDER else few
-    yield check("wiggle_mm", now.wiggle_mm, told, given=given, default=allowed)
+    yield _wiggle_check(recording, found, now, given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
     unexplained = now.twist_deg > sure + now.waved_deg
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
@@ -552,6 +541,29 @@ def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool
         better = there.varies_deg < now.varies_deg + VARIES_DEG
         better &= there.obliquity_deg < now.obliquity_deg + SQUARER_DEG
     return better and there.twist_deg < left
+
+
+def _wiggle_check(
+    recording: Recording, found: Mapping[int, Chain], now: Consistency, given: Mapping[str, Bound]
+) -> Check:
+    """Whether the edge's way jumps from profile to profile by more than a rough face makes it wave."""
+    wiggle, in_view = now.wiggle_mm, now.in_view
+    if in_view > 0.0 and wiggle > ROUGH_MM:
+        rough = rough_mm(recording.x_mm, recording.z_mm, recording.pass_index, found)
+        wiggle = math.sqrt(max(wiggle**2 - rough**2, 0.0))
+        in_view *= wiggle / now.wiggle_mm
+    told = f"the edge would wiggle by {wiggle:.2f} mm from profile to profile: frames out of order, or recorded "
+    told += "poses that are noisy or rounded?"
+    allowed = UNORDERED_MM if in_view > UNORDERED else most("wiggle_mm")
+    if in_view > NO_ORDER and wiggle < allowed:
+        told = f"the section's place in the view scatters by {wiggle:.2f} mm between neighbouring frames, "
+        told += f"{100 * in_view:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of order; "
+        told += "nothing tells which"
+    fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
+    if fewest < FEW_POSES and wiggle < allowed:
+        few = f"a pass has {fewest} poses only: noise in them would not show"
+        told = f"{told}; {few}" if in_view > NO_ORDER else few
+    return check("wiggle_mm", wiggle, told, given=given, default=allowed)
 
 
 def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:

@@ -158,8 +158,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "wiggle_mm": Limit(
         0.12,
-        "standard deviation of the edge's way through the base from a smooth one, from profile to profile; 0.1 where "
-        "the section's place in the view scatters as much between neighbours as over the whole pass",
+        "standard deviation of the edge's way through the base from a smooth one, from profile to profile, less what a "
+        "rough face makes of it; 0.1 where the section's place in the view scatters as much between neighbours as over "
+        "the whole pass",
         "robots and edges are smoother; frames out of order and poses that jump are not",
     ),
     "pass_disagreement_mm": Limit(

@@ -106,14 +106,18 @@ def _chain(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Chain | None:
     used = valid.sum(axis=1) >= 16
     if used.sum() < 3:
         return None
-    x, z, valid, frames = x[used], z[used], valid[used], frames[used]
-    low, high = float(x[valid].min()), float(x[valid].max())
-    if not high > low:
-        return None
-    at = np.linspace(low, high, GRID)
+    surface, at = on_grid(x[used], z[used])
+    return _registered(surface, at, frames[used]) if at[-1] > at[0] else None
+
+
+def on_grid(x: Float, z: Float) -> tuple[Float, Float]:
+    """z (k, GRID) of k profiles (k, m) at places (GRID,) over all that they show; NaN where they show no surface."""
+    valid = np.isfinite(x) & np.isfinite(z)
+    at = np.linspace(float(x[valid].min()), float(x[valid].max()), GRID)
     surface = np.empty((len(x), GRID))
-    _on_grid(x, z, valid, at, surface)
-    return _registered(surface, at, frames)
+    if at[-1] > at[0]:
+        _on_grid(x, z, valid, at, surface)
+    return surface, at
 
 
 @kernel
@@ -159,7 +163,7 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     z0 = float(np.nanmedian(surface))
     x0 = float(at[GRID // 2])
     before, after = surface[:-1], surface[1:]
-    slope = _slopes(before, pitch)
+    slope = slopes(before, pitch)
     lines = _noise_alone(slope)
     slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
     pairs = len(before)
@@ -181,7 +185,7 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     )
 
 
-def _slopes(surface: Float, pitch: float) -> Float:
+def slopes(surface: Float, pitch: float) -> Float:
     """dz/dx at the cells of the grid, over three of them on each side where they are there."""
     slope = np.full(surface.shape, np.nan)
     for reach in range(1, SLOPE_REACH + 1):

@@ -79,12 +79,16 @@ class Rounding:
 NO_ROUNDING = Rounding()
 
 
-def form_of(cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, at: Float) -> Form:
+def form_of(
+    cloud: Cloud, tracked: TrackedFaces, s_frames: Float, beta: Float, at: Float, rounding: Rounding = NO_ROUNDING
+) -> Form:
     """Misfit along the edge; s_frames (N,): where each frame shows it, at (m,): places, beta (m,): bevel angle, rad.
 
-    The columns at the faces' ends count: what they see of something else turns the line of a narrow face.
+    The columns at the faces' ends count: what they see of something else turns the line of a narrow face. But the rim
+    of a root face that is rounded: its line leaves that out, and what it hides is in `rounding`.
     """
-    root = misfit_of(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at, whole=True)
+    whole = rounding.radius_mm == 0.0
+    root = misfit_of(cloud, tracked.labels, tracked.faces[ROOT_FACE], ROOT_FACE, s_frames, at, whole)
     bevel = misfit_of(cloud, tracked.labels, tracked.faces[BEVEL_FACE], BEVEL_FACE, s_frames, at, whole=True)
     sigma = np.nanmedian(tracked.range_sigma_mm[tracked.seen], axis=0)
     rough = [max(sigma[k] ** 2 - (GRAZING * sigma[3 - k]) ** 2, 0.0) ** 0.5 for k in (2, 1)]  # root face, bevel face

@@ -184,7 +184,7 @@ def milled_edge(
         np.hypot(math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)), turned_u(measured, at)),
     )
     beta = corrected_angles(measured, at + measured.shift)[1]
-    form = form_of(cloud, tracked, s_low, beta, at)
+    form = form_of(cloud, tracked, s_low, beta, at, rounding)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), beta)
     either = either_piece_u(checks)
     form = Form(

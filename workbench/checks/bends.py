@@ -11,7 +11,7 @@ from workbench.artefacts import Cloud
 from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32
 
 FRAMES, LEAST_FRAMES = 120, 4  # evenly, that show the face
 PLACES, LEAST_PLACES = 36, 12  # on the face, from end to end; each holds a return of most frames
@@ -45,8 +45,8 @@ def bend_of(cloud: Cloud, labels: AnyArray, label: int) -> Bend:
     if places < LEAST_PLACES:
         return Bend()
     left, width = np.full((len(rows), places), np.nan), np.full(len(rows), np.nan)
-    x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    _left(x, z, keep, as_input(labels), rows, label, left, width)
+    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _left(x, z, keep, as_input(labels[rows]), label, left, width)
     left, width = left[np.isfinite(width)], width[np.isfinite(width)]
     seen = np.isfinite(left).mean(axis=0) > SEEN if len(left) >= LEAST_FRAMES else np.zeros(places, bool)
     seen[[0, -1]] = False  # they may see half of something else
@@ -78,15 +78,12 @@ def _corner(place: Float, of_frames_mm: Float, width_mm: float) -> Bend:
 
 
 @kernel
-def _left(
-    x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, label: int, left: Float, width: Float
-) -> None:
+def _left(x: Float32, z: Float32, keep: Bool, labels: AnyArray, label: int, left: Float, width: Float) -> None:
     """Fill in for some frames what the line of a face leaves by places (n, p), mm, and the face's width (n,)."""
     columns, places = x.shape[1], left.shape[1]
     on, off, line = np.empty(columns, np.int64), np.empty(columns), np.empty(5)
     total, count = np.empty(places), np.empty(places)
-    for n in range(len(rows)):
-        i = rows[n]
+    for i in range(len(x)):
         size = face_columns(keep[i], labels[i], label, on)
         if size < LEAST_PLACES:
             continue
@@ -106,5 +103,5 @@ def _left(
                 count[place] += 1.0
         for k in range(places):
             if count[k] > 0.0:
-                left[n, k] = total[k] / count[k]
-        width[n] = last - first
+                left[i, k] = total[k] / count[k]
+        width[i] = last - first

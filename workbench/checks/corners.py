@@ -57,8 +57,8 @@ def stands_out(cloud: Cloud, labels: AnyArray, one: int, other: int) -> StandsOu
     """
     rows = frames_with(labels, (one, other), FRAMES)
     out = np.full((len(rows), 2), np.nan)
-    x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    _stands_out(x, z, keep, as_input(labels), rows, one, other, out)
+    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _stands_out(x, z, keep, as_input(labels[rows]), one, other, out)
     out = out[np.isfinite(out).all(axis=1)]
     if len(out) < LEAST_FRAMES:
         return NOTHING
@@ -86,15 +86,12 @@ def thinning(frames: int, count: int) -> int:
 
 
 @kernel
-def _stands_out(
-    x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, one: int, other: int, out: Float
-) -> None:
+def _stands_out(x: Float32, z: Float32, keep: Bool, labels: AnyArray, one: int, other: int, out: Float) -> None:
     """Fill in for each of some frames by how much the returns about the corner stand out on average (n, 2), mm."""
     columns = x.shape[1]
     on, lines = np.empty((2, columns), np.int64), np.empty((2, 5))
     off, away = np.empty(columns), np.empty(columns)
-    for n in range(len(rows)):
-        i = rows[n]
+    for i in range(len(x)):
         first, second = face_columns(keep[i], labels[i], one, on[0]), face_columns(keep[i], labels[i], other, on[1])
         if min(first, second) < LEAST_POINTS:
             continue
@@ -108,7 +105,7 @@ def _stands_out(
         if size >= 3:
             for k in range(2):
                 reach = max((CORNER_MM, CLOSE_MM)[k], third)
-                out[n, k] = _mean_out(x[i], z[i], on[0, :size], away, reach, lines)
+                out[i, k] = _mean_out(x[i], z[i], on[0, :size], away, reach, lines)
 
 
 @kernel

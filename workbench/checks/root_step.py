@@ -13,7 +13,7 @@ from workbench.checks.levels import NEXT, one_level
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Float32
 
 FRAMES, LEAST_FRAMES, LEAST_POINTS = 120, 4, 8  # evenly, that show the root face; its returns
 FROM_MM, FROM_SIGMAS, TO_MM = 0.04, 5.0, 3.0  # beside its line
@@ -25,8 +25,8 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
     rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
     level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
-    x, z, keep = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
-    _levels(x, z, keep, as_input(labels), rows, level, first)
+    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _levels(x, z, keep, as_input(labels[rows]), level, first)
     beside = np.isfinite(level)
     share = float(beside.mean()) if len(rows) >= LEAST_FRAMES else None
     at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
@@ -41,15 +41,14 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
 
 
 @kernel
-def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, level: Float, first: Float) -> None:
+def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, level: Float, first: Float) -> None:
     """Fill in for some frames how far beside the root face's line the first such run lies (n,), mm; NaN: none.
 
     And first (n, k, 2): how far the next returns beyond its end lie along the face from there, and beside it.
     """
     columns = x.shape[1]
     on, off, line = np.empty(columns, np.int64), np.empty(columns), np.empty(5)
-    for n in range(len(rows)):
-        i = rows[n]
+    for i in range(len(x)):
         size = face_columns(keep[i], labels[i], BEVEL_FACE, on)
         bevel = on[size // 2]
         size = face_columns(keep[i], labels[i], ROOT_FACE, on)
@@ -58,13 +57,13 @@ def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, rows: Int, lev
         fitted_line(x[i], z[i], on[:size], off, line)
         way = 1 if on[size // 2] > bevel else -1
         end = on[size - 1] if way > 0 else on[0]
-        level[n] = _first_run(x[i], z[i], keep[i], end, way, line)
+        level[i] = _first_run(x[i], z[i], keep[i], end, way, line)
         count, j = 0, end + way
         while count < first.shape[1] and 0 <= j < columns and abs(j - end) <= COLUMNS:
             if keep[i, j]:
                 a, b = float(x[i, j]), float(z[i, j])
-                first[n, count, 0] = abs((a - x[i, end]) * line[2] + (b - z[i, end]) * line[3])
-                first[n, count, 1] = off_line(line, a, b)
+                first[i, count, 0] = abs((a - x[i, end]) * line[2] + (b - z[i, end]) * line[3])
+                first[i, count, 1] = off_line(line, a, b)
                 count += 1
             j += way
 

@@ -10,6 +10,7 @@ import numpy as np
 from workbench.artefacts import Check, Recording
 from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import Chain, chains, sampled
+from workbench.geometry.blocks import is_repeated
 from workbench.geometry.grids import widest_blind
 from workbench.units import Bool, Float, Int
 
@@ -32,9 +33,10 @@ def as_delivered(recording: Recording) -> Recording:
     measured = _measured(recording)
     if measured == slice(0, recording.z_mm.shape[1], 1):
         return recording
+    x_mm = recording.x_mm[:, measured]
     return dataclasses.replace(
         recording,
-        x_mm=np.ascontiguousarray(recording.x_mm[:, measured]),
+        x_mm=x_mm if is_repeated(x_mm) else np.ascontiguousarray(x_mm),
         z_mm=np.ascontiguousarray(recording.z_mm[:, measured]),
         intensity=None if recording.intensity is None else np.ascontiguousarray(recording.intensity[:, measured]),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.errors import InputError
 from workbench.geometry import end_face
-from workbench.geometry.blocks import as_input, over_blocks
+from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.faces import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
@@ -58,7 +58,7 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
     n, columns = cloud.x_mm.shape
     sums, ends = np.zeros((n, 4, 8)), np.full((n, 2, 9), np.nan)
     seen, labels = np.zeros(n, bool), np.zeros((n, columns), np.uint8)
-    grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
+    grid = as_rows(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep)
     streaks = np.isfinite(along[:, 0])
 
     def read(along: Float) -> None:

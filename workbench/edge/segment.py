@@ -33,7 +33,7 @@ from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
 from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
 from workbench.errors import InputError
-from workbench.geometry.blocks import as_input, over_blocks
+from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.curves import covered, doubtful_slope
 from workbench.geometry.faces import FaceLines
 from workbench.kernels import kernel
@@ -259,7 +259,7 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
     line = np.stack([root.x_mean, root.z_mean, slope, -sense / np.hypot(1.0, slope)], axis=1)
     reach = np.sqrt(3.0 * root.sxx / root.count) + REACH_MM
     limit = np.maximum(STANDS_OUT_MM, STANDS_OUT_SIGMAS * tracked.range_sigma_mm[:, 2])
-    grid = as_input(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep), as_input(tracked.labels)
+    grid = as_rows(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep), as_input(tracked.labels)
     known = as_input(line), as_input(tracked.side), as_input(reach), as_input(limit)
     counts = over_blocks(lambda i, j: _standing_out(*grid, *known, i, j), cloud.x_mm.shape)
     found = tracked.seen & (np.concatenate(counts) >= LEAST_POINTS)
@@ -289,9 +289,9 @@ def _standing_out(
     """
     out = np.zeros(last - first, np.int64)
     for i in range(first, last):
-        count = 0
-        for j in range(x.shape[1]):  # no branch: many at a time
-            dx = x[i, j] - line[i, 0]
+        count, x_row = 0, x[min(i, len(x) - 1)]
+        for j in range(x_row.size):  # no branch: many at a time
+            dx = x_row[j] - line[i, 0]
             off = (z[i, j] - line[i, 1] - line[i, 2] * dx) * line[i, 3]
             beyond = (side[i] * dx > 0.0) & (abs(dx) < reach[i]) & (limit[i] < off) & (off < REACH_MM)
             count += keep[i, j] & (labels[i, j] == 0) & beyond

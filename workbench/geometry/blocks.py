@@ -101,3 +101,21 @@ def as_input(array: AnyArray) -> AnyArray:
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
     return view
+
+
+def as_rows(grid: AnyArray) -> AnyArray:
+    """As `as_input`, of a grid (N, M) that may hold one row for all frames (`repeated`): that row alone is (1, M).
+
+    A kernel takes row `min(i, len - 1)` of it for frame i.
+    """
+    return as_input(grid[:1] if is_repeated(grid) else grid)
+
+
+def repeated(row: AnyArray, frames: int) -> AnyArray:
+    """A grid (frames, M) whose rows are all the same one (M,), which is in memory once."""
+    return np.broadcast_to(row, (frames, row.size))
+
+
+def is_repeated(grid: AnyArray) -> bool:
+    """Whether a grid (N, M) is of one row for all frames."""
+    return len(grid) > 1 and grid.strides[0] == 0

@@ -514,7 +514,7 @@ def read_frames(
     for i in range(first, last):
         if np.isfinite(along[i, 0]):
             seen[i], streaks[i] = _read_frame(
-                x[i],
+                x[min(i, len(x) - 1)],
                 z[i],
                 keep[i],
                 along[i, 0],

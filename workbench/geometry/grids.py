@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from workbench.geometry.blocks import as_input, over_blocks
+from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -47,7 +47,7 @@ def fuse(
     points = np.empty((frames, 3, columns), np.float32).transpose(0, 2, 1) if out is None else out
     if points.shape != (frames, columns, 3) or points.dtype != np.float32:
         raise ValueError("out is (N, M, 3), float32")
-    grid, poses = (as_input(x_mm), as_input(z_mm)), (as_input(base_from_profiler), as_input(origin_mm))
+    grid, poses = (as_rows(x_mm), as_input(z_mm)), (as_input(base_from_profiler), as_input(origin_mm))
     work = partial(_fuse, *grid, *poses, points.transpose(0, 2, 1))
     over_blocks(work, x_mm.shape, FUSED_TOGETHER)
     return points
@@ -58,7 +58,7 @@ def _fuse(x: Float32, z: Float32, poses: Float, origin: Float, out: Float32, fir
     for i in range(first, last):
         for k in range(3):  # the subtraction happens in float64
             a, b, c = np.float32(poses[i, k, 0]), np.float32(poses[i, k, 2]), np.float32(poses[i, k, 3] - origin[k])
-            u, w, row = x[i], z[i], out[i, k]
+            u, w, row = x[min(i, len(x) - 1)], z[i], out[i, k]
             for j in range(u.size):
                 row[j] = a * u[j] + b * w[j] + c
 
@@ -73,12 +73,13 @@ def returns(x_mm: Float32, z_mm: Float32) -> Bool:
 @kernel
 def _returns(x_bits: AnyArray, z_bits: AnyArray, keep: Bool, first: int, last: int) -> None:
     for i in range(first, last):
-        for j in range(keep.shape[1]):
-            keep[i, j] = ((x_bits[i, j] & _MAGNITUDE) < _EXPONENT) & ((z_bits[i, j] & _MAGNITUDE) < _EXPONENT)
+        x, z, row = x_bits[min(i, len(x_bits) - 1)], z_bits[i], keep[i]
+        for j in range(row.size):
+            row[j] = ((x[j] & _MAGNITUDE) < _EXPONENT) & ((z[j] & _MAGNITUDE) < _EXPONENT)
 
 
 def _bits(values_mm: Float32) -> AnyArray:
-    return as_input(values_mm).view(np.int32)
+    return as_rows(values_mm).view(np.int32)
 
 
 def extent(x_mm: Float32, z_mm: Float32) -> tuple[float, float]:
@@ -96,8 +97,9 @@ def _extent(x_bits: AnyArray, z_bits: AnyArray, first: int, last: int) -> tuple[
     """Least and greatest x and greatest |z| of the returns, as integers in the order of the numbers."""
     low, high, far = _MAGNITUDE, ~_MAGNITUDE, ~_MAGNITUDE
     for i in range(first, last):
-        for j in range(x_bits.shape[1]):
-            u, w = x_bits[i, j], z_bits[i, j] & _MAGNITUDE
+        x, z = x_bits[min(i, len(x_bits) - 1)], z_bits[i]
+        for j in range(z.size):
+            u, w = x[j], z[j] & _MAGNITUDE
             back = ((u & _MAGNITUDE) < _EXPONENT) & (w < _EXPONENT)
             order = u ^ (u >> np.int32(31) & _MAGNITUDE)
             low = min(low, order if back else _MAGNITUDE)
@@ -133,17 +135,19 @@ def census(x_mm: Float32, z_mm: Float32, limit_mm: float) -> tuple[int, int]:
     One pass over integers: meant for a block that is still in the cache.
     """
     limit = np.float32(limit_mm).view(np.int32)  # magnitudes of floats order as their bits do
-    finite, beyond = _census(_bits(x_mm).ravel(), _bits(z_mm).ravel(), limit)
+    finite, beyond = _census(_bits(x_mm), _bits(z_mm), limit)
     return int(finite), int(beyond)
 
 
 @kernel
 def _census(x_bits: AnyArray, z_bits: AnyArray, limit: np.int32) -> tuple[int, int]:
     finite = beyond = 0
-    for i in range(x_bits.size):
-        u, w = x_bits[i] & _MAGNITUDE, z_bits[i] & _MAGNITUDE
-        finite += (u < _EXPONENT) & (w < _EXPONENT)
-        beyond += ((u > limit) & (u <= _EXPONENT)) + ((w > limit) & (w <= _EXPONENT))
+    for i in range(len(z_bits)):
+        x, z = x_bits[min(i, len(x_bits) - 1)], z_bits[i]
+        for j in range(z.size):
+            u, w = x[j] & _MAGNITUDE, z[j] & _MAGNITUDE
+            finite += (u < _EXPONENT) & (w < _EXPONENT)
+            beyond += ((u > limit) & (u <= _EXPONENT)) + ((w > limit) & (w <= _EXPONENT))
     return finite, beyond
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.blocks import as_input, over_blocks
+from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -61,7 +61,7 @@ def foreign_points(
         tolerance_mm: (n,) at each station: burrs and roughness stand out less.
     """
     out = np.zeros(x_mm.shape, np.bool_)
-    grid = (as_input(x_mm), as_input(z_mm), as_input(usable), as_input(base_from_profiler))
+    grid = (as_rows(x_mm), as_input(z_mm), as_input(usable), as_input(base_from_profiler))
     stock = (sections.axes, sections.stock, sections.step)
     over_blocks(partial(_stand_out, *grid, *stock, as_input(start), as_input(tolerance_mm), out), out.shape)
     supported = np.zeros_like(out)
@@ -103,11 +103,11 @@ def _stand_out(
     last: int,
 ) -> None:
     for i in range(first, last):
-        a, k = poses[i], start[i]
+        a, k, x_row = poses[i], start[i], x[min(i, len(x) - 1)]
         for j in range(x.shape[1]):
             if not usable[i, j]:
                 continue
-            u, w = np.float64(x[i, j]), np.float64(z[i, j])
+            u, w = np.float64(x_row[j]), np.float64(z[i, j])
             q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
             q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
             q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]
@@ -170,7 +170,7 @@ def standing_layers(
         cuts: what the layers take away.
     """
     out = np.zeros(x_mm.shape, np.uint16)
-    grid = (as_input(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
+    grid = (as_rows(x_mm), as_input(z_mm), as_input(keep), as_input(base_from_profiler))
     cosine, sine, finished, ball = map(float, (cuts.cosine, cuts.sine, cuts.finished_mm, cuts.ball_mm))
     slope = (cosine, sine, finished, ball, 0.5 * sections.step + float(cuts.beyond_mm) + 1e-6)
     cut = (as_input(cuts.face_mm), as_input(np.min(cuts.face_mm, axis=1)), as_input(cuts.reach_mm))
@@ -207,11 +207,11 @@ def _standing(
     cosine, sine, finished, ball, beyond = slope
     last_station = axes.shape[0] - 1
     for i in range(first, last):
-        a, k = poses[i], start[i]
+        a, k, x_row = poses[i], start[i], x[min(i, len(x) - 1)]
         for j in range(x.shape[1]):
             if not keep[i, j]:
                 continue
-            u, w = np.float64(x[i, j]), np.float64(z[i, j])
+            u, w = np.float64(x_row[j]), np.float64(z[i, j])
             q0 = a[0, 0] * u + a[0, 2] * w + a[0, 3]
             q1 = a[1, 0] * u + a[1, 2] * w + a[1, 3]
             q2 = a[2, 0] * u + a[2, 2] * w + a[2, 3]

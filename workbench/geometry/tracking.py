@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.blocks import as_input, in_order
+from workbench.geometry.blocks import as_input, as_rows, in_order
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -418,7 +418,7 @@ def _follow_stretch(
 ) -> None:
     """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
     first = 0 if c == 0 else keys[c - 1]
-    last = x.shape[0] if c == keys.size else keys[c]
+    last = z.shape[0] if c == keys.size else keys[c]
     a, b = max(c - 1, 0), min(c, keys.size - 1)
     state = states[a].copy()
     lost = 0
@@ -429,19 +429,17 @@ def _follow_stretch(
             for f in range(4):
                 for k in range(4):
                     state[f, k] = (1.0 - w) * states[a, f, k] + w * states[b, f, k]
-        trial = state.copy()
-        seen[frame] = _follow_frame(
-            x[frame], z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame]
-        )
+        trial, x_row = state.copy(), x[min(frame, len(x) - 1)]
+        seen[frame] = _follow_frame(x_row, z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame])
         if seen[frame]:
             _copy(trial, state)
             lost = 0
-            _label(x[frame], z[frame], keep[frame], side, state, sigma, names, labels[frame])
+            _label(x_row, z[frame], keep[frame], side, state, sigma, names, labels[frame])
         else:
             for f in range(4):
                 for k in range(8):
                     sums[frame, f, k] = 0.0
-            for j in range(x.shape[1]):
+            for j in range(z.shape[1]):
                 labels[frame, j] = 0
             lost += 1
 
@@ -476,7 +474,7 @@ def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: flo
 
     names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
     """
-    profiles = as_input(grid.x), as_input(grid.z), as_input(grid.keep)
+    profiles = as_rows(grid.x), as_input(grid.z), as_input(grid.keep)
     known = as_input(keys.frames), as_input(keys.states), as_input(keys.sigma), as_input(names)
 
     def stretch(c: int, _: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.artefacts import NO_NAMES, PartNames, Recording, frozen
 from workbench.errors import InputError
-from workbench.geometry.blocks import in_order
+from workbench.geometry.blocks import in_order, repeated
 from workbench.scan.checks import checked
 from workbench.scan.hdf5 import FIELDS, calibration, check_header, data_sets, opened, part_of, survives, text, whole
 from workbench.stage import InputFile, Progress, stage
@@ -85,26 +85,45 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
 
 
 def _grid(sets: dict[str, Any], where: str, progress: Progress, unit_mm: Mapping[str, float]) -> dict[str, AnyArray]:
-    """x, z and intensity, read and checked in blocks of frames; a block is whole chunks, so each is unpacked once."""
+    """x, z and intensity, read and checked in blocks of frames; a block is whole chunks, so each is unpacked once.
+
+    Most profilers give every frame the same x: as long as it is, it is kept once.
+    """
     grid = {name: np.empty(sets[name].shape, FIELDS[name].dtype) for name in ON_THE_GRID if name in sets}
     frames, columns = grid["x_mm"].shape
     step = max([1, *(sets[name].chunks[0] for name in grid if sets[name].chunks)])
     step *= max(1, BLOCK_BYTES // (4 * columns * step))
 
-    def fill(first: int, last: int) -> int:
-        for name, array in grid.items():
-            read_frames(sets[name], array, first, last)
-            if name in unit_mm:
-                array[first:last] *= unit_mm[name]
-        return _count_returns(grid["x_mm"][first:last], grid["z_mm"][first:last], first, where)
+    def block(name: str, out: AnyArray, first: int) -> AnyArray:
+        read_frames(sets[name], out, first)
+        if name in unit_mm:
+            out *= unit_mm[name]
+        return out
 
-    seen = 0
-    for number, returns in enumerate(in_order(fill, frames, step), 1):
+    row = block("x_mm", np.empty((1, columns), np.float32), 0)
+
+    def fill(first: int, last: int) -> tuple[int, bool]:
+        for name in grid.keys() - {"x_mm"}:
+            block(name, grid[name][first:last], first)
+        x_mm = block("x_mm", np.empty((last - first, columns), np.float32), first)
+        alike = bool((x_mm.view(np.int32) == row.view(np.int32)).all())
+        if not alike:
+            grid["x_mm"][first:last] = x_mm
+        return _count_returns(x_mm, grid["z_mm"][first:last], first, where), alike
+
+    seen, same = 0, []
+    for number, (returns, alike) in enumerate(in_order(fill, frames, step), 1):
         seen += returns
+        same.append(alike)
         if progress is not None:
             progress(min(1.0, number * step / frames))
     if not seen:
         raise InputError(f"{where}: /profiles", "no return in any frame: every x or z is NaN")
+    if all(same):
+        grid["x_mm"] = repeated(row[0], frames)
+    else:
+        for number in np.flatnonzero(same).tolist():
+            grid["x_mm"][number * step : (number + 1) * step] = row
     return grid
 
 
@@ -133,25 +152,26 @@ def _count_returns(x_mm: Float32, z_mm: Float32, first_frame: int, where: str) -
 PACKED = ("deflate", "shuffle deflate")  # the filters, in the order of writing
 
 
-def read_frames(dataset: Any, out: AnyArray, first: int, last: int) -> None:
-    """Frames first to last - 1 of `dataset` into the same place of `out`, converted to its dtype.
+def read_frames(dataset: Any, out: AnyArray, first: int) -> None:
+    """Frames from `first` on of `dataset` into `out`, as many as it has rows, converted to its dtype.
 
     Several threads may read different frames at the same time.
 
     Raises:
         OSError, RuntimeError: the file is damaged.
     """
+    last = first + len(out)
     if not unpacks_here(dataset, out) or first % dataset.chunks[0]:
-        dataset.read_direct(out, np.s_[first:last], np.s_[first:last])
+        dataset.read_direct(out, np.s_[first:last])
         return
     rows = dataset.chunks[0]
     for start in range(first, last, rows):
-        frames = np.s_[start : min(start + rows, last)]
+        end = min(start + rows, last)
         filters_left_out, packed = dataset.id.read_direct_chunk((start, 0))
         if filters_left_out:
-            dataset.read_direct(out, frames, frames)
+            dataset.read_direct(out, np.s_[start:end], np.s_[start - first : end - first])
         else:
-            _unpack(packed, rows, bool(dataset.shuffle), out[frames], f"{dataset.name}[{start}]")
+            _unpack(packed, rows, bool(dataset.shuffle), out[start - first : end - first], f"{dataset.name}[{start}]")
 
 
 def unpacks_here(dataset: Any, out: AnyArray) -> bool:

@@ -110,7 +110,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     else:
         still = np.nan_to_num(np.linalg.norm(lower_edge - before, axis=1))
         measured = replace(measured, unsettled_mm=np.where(still < ASTRAY_MM, 0.0, still))
-    if astray > MOST_ASTRAY:
+    on = measured.upper_s[np.isfinite(measured.upper_s)]
+    if astray > MOST_ASTRAY or not on.size or np.median(curve.u(on)) > FAR_MM:
         raise np.linalg.LinAlgError("corners of the frames lie anywhere")
     return measured
 

@@ -54,11 +54,11 @@ def root_ends(
     place = np.full((len(end), 2), np.nan)
     seen = np.isfinite(root.s) & np.isfinite(end[:, 0])
     _, place[seen] = in_section(point[seen], curve, root.s[seen])
-    m = np.stack([np.cos(tilt), np.sin(tilt)], axis=1)
-    n = np.stack([-np.sin(tilt), np.cos(tilt)], axis=1)
-    ray_m, ray_n = (root.ray * m).sum(axis=1), (root.ray * n).sum(axis=1)
-    slide = ((root.place - place) * n).sum(axis=1) / ray_n  # along the ray onto the line of all the face's points
-    down = ((place - root.place) * m).sum(axis=1) + slide * ray_m
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    (ray_m, ray_n), (off_m, off_n) = (
+        (a * cosine + b * sine, b * cosine - a * sine) for a, b in (root.ray.T, (place - root.place).T)
+    )
+    down = off_m - off_n / ray_n * ray_m  # along the ray onto the line of all the face's points
     step = columns_to_next(cloud.z_mm, tracked.end_column) * end[:, 2] / np.hypot(1.0, root.run)
     down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2

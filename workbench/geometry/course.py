@@ -414,7 +414,7 @@ def _near(course: Course, values: Values, kept: Bool) -> Bool:
     for mine in values.passes:
         if kept[mine].sum() >= LEAST_VALUES:
             off[mine] -= [median(part) for part in off[mine][kept[mine]].T]
-    size = np.sqrt((off**2).sum(axis=1) / values.variance)
+    size = np.sqrt(np.einsum("nd,nd->n", off, off) / values.variance)
     typical = np.full(size.size, median(size))
     for mine in values.passes:
         if len(values.passes) > 1 and mine.stop - mine.start >= LEAST_VALUES:

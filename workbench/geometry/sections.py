@@ -121,7 +121,7 @@ def in_section(points_mm: Float, curve: Curve, s_guess: Float) -> tuple[Float, F
     s = curve.project(points_mm, s_guess)
     _, a, b = curve.frame(s)
     off = points_mm - curve.position(s)
-    return s, np.stack([(off * a).sum(axis=-1), (off * b).sum(axis=-1)], axis=1)
+    return s, np.stack([np.einsum("nd,nd->n", off, axis) for axis in (a, b)], axis=1)
 
 
 def crossing(place_a: Float, angle_a: Float, place_b: Float, angle_b: Float) -> Float:

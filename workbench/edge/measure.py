@@ -19,7 +19,7 @@ from workbench.edge.root_end import RootEnds, root_ends
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
-from workbench.geometry.sections import SectionLines, crossing, on_line, section_lines
+from workbench.geometry.sections import SectionLines, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -296,14 +296,17 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     root, bevel = faces.root, faces.bevel
     turn = _slope(faces, s)
     root_turn = root.run * 0.5 * size * turn[0]
-    nu = tilt + np.pi / 2 - beta
-    across = np.stack([np.cos(nu), np.sin(nu)], axis=1)
-    place = bevel.place - (turn[1] * bevel.run * bevel.spread)[:, None] * across
-    up = crossing(root.place, tilt, place, tilt - beta)
+    along, ahead = np.cos(tilt), np.sin(tilt)  # direction of the root face, ...
+    run, rise = np.cos(tilt - beta), np.sin(tilt - beta)  # ... and of the bevel face
+    bowed = turn[1] * bevel.run * bevel.spread
+    da = bevel.place[:, 0] + bowed * rise - root.place[:, 0]
+    db = bevel.place[:, 1] - bowed * run - root.place[:, 1]
+    sine, cosine = ahead * run - along * rise, along * run + ahead * rise  # of the angle between them
+    up = (db * run - da * rise) / sine
     far = np.abs(up) > max(FAR_MM, FAR_TIMES * float(np.nanmedian(np.abs(up))))
     up = np.where(far, np.nan, up)  # where the courses run parallel, beyond clamps, corners lie anywhere
-    lever = np.hypot(*(place - on_line(root.place, tilt, up)).T)
-    bevel_turn = bevel.run * (size_slope * np.sin(beta) + size * turn[0] * np.cos(beta) + lever * turn[1])
+    lever = np.hypot(da - up * along, db - up * ahead)
+    bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)
     tilt, beta = face_angles(faces, at, _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s))
     return _Corner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)

@@ -7,11 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from workbench.synthetic.swept.conditions import random_swept_recipe
 
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.conditions import random_swept_recipe
 
 
 @cache

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbench.synthetic.swept.conditions import random_swept_recipe
 
 from workbench.artefacts import FORM, ROUNDING
 from workbench.cloud import denoise
@@ -32,7 +33,6 @@ from workbench.edge.form import (
 from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_recording
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.conditions import random_swept_recipe
 from workbench.units import DEG, Float
 
 FRAMES, COLUMNS, SIGMA = 100, 45, 0.012

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from bench.calibration.figure import write_figure
-from bench.calibration.statements import STATEMENTS
+from bench.calibration.statements import STATEMENTS, write_figure
 
 FIGURE = Path("docs/gallery/calibration_fig5.svg")
 

@@ -1,22 +1,26 @@
-"""The statements of docs/calibration.md: each function measures one and yields the lines of its table."""
+"""The statements of docs/calibration.md: each function measures one and yields its table; the paper's Fig. 5, drawn."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from bench.calibration import arm, tools
-from bench.calibration.postures import CENTER_MM, TRUE, measured, sphere_centres, vol_mm
+from bench.calibration.postures import CENTER_MM, TRUE, Measured, measured, sphere_centres, vol_mm
 from bench.calibration.two_steps import analytic, genetic, turn_cost
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.table import markdown
 from bench.speed.calibration import with_signs
 from workbench.geometry.poses import pose_from, rotation_from_vector, vector_from_rotation
+from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import from_arrays
+from workbench.report.colours import FACES, GREY, MEASURED
 from workbench.synthetic import random_sphere_recipe
 from workbench.units import DEG, Float
 
@@ -200,3 +204,40 @@ STATEMENTS = {
     "arm": arm.statement,
     "tools": tools.statement,
 }
+
+
+BOX_DEG = 5.0
+SEED = 3
+COLOURS = (MEASURED, FACES[1], "#009e73")  # of the three orientations
+
+
+def write_figure(path: Path) -> None:
+    """Two rows, three postures repeated and three places an orientation; two columns, analytic and GA."""
+    with styled():
+        figure = Figure(figsize=(9, 7.6), layout="constrained")
+        grid = figure.subplots(2, 2, subplot_kw={"projection": "3d"})
+        for row, moved in zip(grid, (False, True), strict=True):
+            sets = measured(np.random.default_rng(SEED), moved)
+            ways = {
+                "analytic": analytic(sets.centres),
+                f"GA, box {BOX_DEG:g} deg": genetic(sets.centres, sets.design, BOX_DEG, np.random.default_rng(SEED)),
+            }
+            for axes, (name, pose) in zip(row, ways.items(), strict=True):
+                title = "three orientations, three places each" if moved else "three postures, three times each"
+                _draw(axes, sphere_centres(pose, sets.centres), sets, f"{title}: {name}")
+        path.write_bytes(svg(figure))
+
+
+def _draw(axes: object, centre: Float, sets: Measured, title: str) -> None:
+    assert hasattr(axes, "scatter")
+    off = centre - centre.mean(axis=0)
+    for which, colour in enumerate(COLOURS):
+        here = off[sets.orientation == which]
+        axes.scatter(*here.T, color=colour, s=18, depthshade=False)
+    reach = 1.1 * max(float(np.abs(off).max()), 0.05)
+    for name in "xyz":
+        getattr(axes, f"set_{name}lim")(-reach, reach)
+        getattr(axes, f"set_{name}label")(f"{name}, mm")
+    spread = ", ".join(f"{v:.2f}" for v in centre.std(axis=0))
+    axes.set_title(f"{title}\nspread {spread} mm", fontsize=9)
+    axes.tick_params(labelsize=7, colors=GREY)

@@ -40,15 +40,15 @@ def _document(rng: Generator, condition: str, seed: int, raw: bool) -> Document:
     part: Document = {
         "kind": "raw" if raw else "milled",
         "spine": {"length_mm": rng.uniform(100, 140)},
-        "thickness_mm": _course(rng, thickness, 0.1, 0.05),
+        "thickness_mm": course(rng, thickness, 0.1, 0.05),
         "base_from_part": {
             "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
             "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-90, 90), rng.uniform(-180, 180)],
         },
     }
     if not raw:
-        part["root_mm"] = _course(rng, rng.uniform(1.08, min(2.72, thickness - 3)), 0.25, 0.15)
-        part["bevel_deg"] = _course(rng, rng.uniform(31, 49), 1.0, 0.5)
+        part["root_mm"] = course(rng, rng.uniform(1.08, min(2.72, thickness - 3)), 0.25, 0.15)
+        part["bevel_deg"] = course(rng, rng.uniform(31, 49), 1.0, 0.5)
     standoff = rng.uniform(90, 250)
     return {
         "simulator": "swept",
@@ -75,7 +75,8 @@ def _document(rng: Generator, condition: str, seed: int, raw: bool) -> Document:
     }
 
 
-def _course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
+def course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
+    """A value about `mean` that drifts by up to `drift` from end to end, and waves by up to `wave` each way."""
     change = rng.uniform(-drift, drift)
     return {
         "start": mean - change / 2,

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.groove.drawn import random_groove_recipe, random_prism_recipe
 from bench.groove.table import FAR, print_table
 from workbench.artefacts import SIZES, Groove, GrooveInspection, Quantity, u_name
 from workbench.cloud import denoise
@@ -23,10 +24,9 @@ from workbench.edge.groove_sizes import FACES, RETURNS
 from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
-from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
+from workbench.synthetic.swept.groove import GROOVES
 from workbench.synthetic.swept.recipe import GrooveRecipe
 from workbench.units import DEG, Float
 

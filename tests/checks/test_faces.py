@@ -12,6 +12,7 @@ import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.coverage.conditions import random_swept_recipe
+from bench.groove.drawn import random_groove_recipe, random_prism_recipe
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
@@ -42,9 +43,8 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.inspect import gate, sections
 from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
-from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
+from workbench.synthetic.swept.groove import GROOVES
 from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"

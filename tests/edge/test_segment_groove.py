@@ -5,6 +5,7 @@ import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.groove.__main__ import errors, measured
+from bench.groove.drawn import random_groove_recipe, random_prism_recipe
 from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -14,10 +15,8 @@ from workbench.errors import InputError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
 from workbench.synthetic import parse_recipe, simulate_recording
-from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.groove import random_groove_recipe
 from workbench.synthetic.swept.recipe import GrooveRecipe
 
 SEED = 4711

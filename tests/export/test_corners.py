@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from bench.groove.drawn import random_prism_recipe
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.errors import InputError
 from workbench.export import corners
 from workbench.export.corners import read_corners, recognised, written
 from workbench.scan import fuse
-from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.prism_scan import simulate_prism
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.groove.drawn import random_prism_recipe
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses
@@ -24,7 +25,6 @@ from workbench.synthetic import (
     simulate_recording,
     simulate_swept,
 )
-from workbench.synthetic.prism_recipe import random_prism_recipe
 from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.units import Float
 

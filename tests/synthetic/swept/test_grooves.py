@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.groove.drawn import random_groove_recipe
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import read
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import parse_groove_recipe, simulate_file, simulate_groove
-from workbench.synthetic.swept.groove import GROOVES, random_groove_recipe
+from workbench.synthetic.swept.groove import GROOVES
 from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.units import Float
 

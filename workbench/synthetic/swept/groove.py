@@ -1,29 +1,23 @@
 """Grooves: two plates with a gap, their sections and sizes by ISO 9692-1, and what lies in them.
 
 In the section a counts across the groove from the middle of the gap, b up from the left plate's lower surface. A plate
-is drawn as a left one; the right one is its mirror image, raised by the misalignment. Random grooves of each type are
-for statistics over many of them.
+is drawn as a left one; the right one is its mirror image, raised by the misalignment.
 """
 
 from __future__ import annotations
 
 import math
-import zlib
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from workbench.errors import InputError, nearest
-from workbench.synthetic.swept.recipe import GroovePart, GrooveRecipe
+from workbench.synthetic.swept.recipe import GroovePart
 from workbench.synthetic.swept.sweep import BEVEL, LOWER, ROOT, UNDER, UPPER, Chain, Outline, along, chain_of
 from workbench.units import DEG, Float
 
 RIGHT = 8  # added to the faces of the right plate
 ONE_SIDED = ("HV", "HY", "K", "J")
 GROOVES = ("I", "V", "Y", "HV", "HY", "X", "K", "U", "J")
-BEVEL_DEG = {"U": (8, 20), "J": (10, 20), "HV": (30, 50), "HY": (30, 50), "K": (35, 50)}  # others 25 to 35
-Document = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,133 +135,3 @@ def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:
         root_radius_mm=np.full(len(s), part.root_radius_mm) if part.groove in ("U", "J") else none,
         corners=corners,
     )
-
-
-def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> GrooveRecipe:
-    """A groove of type `groove` (a letter of GROOVES) drawn at random; the same seed gives the same recipe.
-
-    Plates of 6 to 15 mm, 80 to 120 mm long, straight, an arc or waving in space; gap, root faces, angles and
-    misalignment drift. With `clutter`: tack welds, spatter, reflections, texture of mill scale.
-    """
-    if groove not in GROOVES:
-        raise InputError(f"groove '{groove}'", "a type of groove" + nearest(groove, GROOVES))
-    rng = np.random.default_rng([seed, zlib.crc32(f"groove {groove}".encode())])
-    length, thickness = rng.uniform(80, 120), rng.uniform(8, 15) if groove in "XK" else rng.uniform(6, 15)
-    under = rng.uniform(0.25, 0.4) * thickness
-    root = rng.uniform(0.5, 0.2 * thickness)
-    low, high = BEVEL_DEG.get(groove, (25, 35))
-    left, right = rng.uniform(low, high, 2)
-    part: Document = {
-        "kind": "groove",
-        "groove": groove,
-        "bevelled": str(rng.choice(["left", "right"])),
-        "spine": _spine(rng, length),
-        "thickness_mm": _course(rng, thickness, 0.05, 0.05),
-        "gap_mm": _course(rng, rng.uniform(0.9, 3.5), 0.5, 0.2),
-        "root_face_left_mm": _course(rng, root, 0.1, 0.05),
-        "root_face_right_mm": _course(rng, root * rng.uniform(0.9, 1.1), 0.1, 0.05),
-        "bevel_left_deg": _course(rng, left, 0.5, 0.2),
-        "bevel_right_deg": _course(rng, right, 0.5, 0.2),
-        "under_depth_mm": under,
-        "root_radius_mm": rng.uniform(2, 5),
-        "misalignment_mm": _course(rng, rng.uniform(-0.8, 0.8), 0.3, 0.1),
-        "background_mm": None if rng.random() < 0.4 else rng.uniform(2, 20),
-        "upper_radius_mm": 0.0 if rng.random() < 0.5 else rng.uniform(0, 0.3),
-        "base_from_part": {
-            "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
-            "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-40, 40), rng.uniform(-40, 40)],
-        },
-    }
-    if clutter:
-        part["tacks"] = [
-            {
-                "at_mm": rng.uniform(10, length - 10),
-                "length_mm": rng.uniform(6, 15),
-                "width_mm": rng.uniform(3, 6),
-                "height_mm": rng.uniform(1, 3),
-            }
-            for _ in range(rng.integers(0, 3))
-        ]
-        part["spatter"] = {"per_100_mm": rng.uniform(0, 15)}
-        part["reflections"] = {"share": rng.uniform(0, 0.08), "patch_mm": rng.uniform(0.5, 3)}
-        part["texture"] = {"sd_mm": rng.uniform(0, 0.01), "correlation_mm": rng.uniform(0.1, 0.8)}
-    half_width = (thickness - root) * math.tan(max(left, right) * DEG) + (6 if groove in "UJ" else 3)
-    columns = 640
-    pitch = max(0.04, (2 * half_width + 16) / columns)
-    standoff = rng.uniform(120, 250)
-    lateral = 0.1 * half_width * rng.uniform(-1, 1)
-    lean = rng.uniform(-8, 8)
-    if groove in ("HV", "HY", "K", "J") or groove == "I":  # from the bevelled side, so that the square face shows
-        lean = rng.uniform(3, 9 if groove == "J" else 20) * (-1 if part["bevelled"] == "right" else 1)
-    return GrooveRecipe.model_validate(
-        {
-            "simulator": "swept",
-            "title": groove,
-            "seed": seed,
-            "part": part,
-            "scanner": {
-                "columns": columns,
-                "pitch_mm": pitch,
-                "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
-                "x_rises": bool(rng.random() < 0.5),
-                "z_away": bool(rng.random() < 0.8),
-                "zero_range_mm": float(rng.choice([0.0, standoff])),
-                "standoff_mm": standoff,
-                "near_mm": standoff - 40,
-                "far_mm": standoff + 60,
-                "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
-                "mixed_share": rng.uniform(0.2, 0.8),
-                "noise": {
-                    "sd_mm": 0.015,
-                    "grazing_power": rng.uniform(0, 1),
-                    "speckle": rng.uniform(0.1, 0.3),
-                    "column_correlation": float(rng.choice([0, rng.uniform(0, 0.8)])),
-                },
-                "intensity": bool(rng.random() < 0.5),
-            },
-            "losses": {
-                "single_share": 0.005,
-                "outlier_share": 0.003,
-                "outlier_reach_mm": rng.uniform(1, 8),
-                "block_share": float(rng.choice([0.0, 0.05])),
-            },
-            "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
-            "passes": [
-                {
-                    "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
-                    "elevation_deg": 90 + lean,
-                    "oblique_deg": rng.uniform(-4, 4),
-                    "lead_deg": rng.uniform(-6, 6),
-                    "aim_mm": [lateral, 0.7 * thickness],
-                    "skew_mm": [-1.0, 1.0],
-                    "upside_down": bool(rng.random() < 0.5),
-                    "follow": "line" if part["spine"]["shape"] == "straight" else "edge",
-                }
-            ],
-        }
-    )
-
-
-def _spine(rng: np.random.Generator, length: float) -> Document:
-    shape = str(rng.choice(["straight", "straight", "arc", "wavy"]))
-    spine: Document = {"shape": shape, "length_mm": length}
-    if shape == "arc":
-        spine |= {"radius_mm": rng.uniform(150, 1500), "sense": str(rng.choice(["convex", "concave"]))}
-    if shape == "wavy":
-        spine |= {
-            "amplitude_mm": rng.uniform(0.3, 2),
-            "height_amplitude_mm": rng.uniform(0, 1),
-            "wavelength_mm": rng.uniform(120, 300),
-        }
-    return spine
-
-
-def _course(rng: np.random.Generator, mean: float, drift: float, wave: float) -> Document:
-    change, amplitude = rng.uniform(-drift, drift), rng.uniform(0, wave)
-    return {
-        "start": mean - change / 2,
-        "end": mean + change / 2,
-        "amplitude": amplitude,
-        "wavelength_mm": rng.uniform(60, 200),
-        "phase_deg": rng.uniform(0, 360),
-    }

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 FOLDER = "tables"  # beside the page
+NAMED = 6  # words of a heading in the name of its table
 LONGEST = 7  # rows of a later table that stay
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
@@ -99,8 +100,8 @@ def written(page: Path, heading: str, head: list[str], rows: Rows) -> str:
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerows([head, *([cell.replace("**", "") for cell in row] for row in rows)])
-    words = re.sub(r"\W+", "_", heading.lower()).split("_")
-    name = f"{page.stem}_{'_'.join(words[:4]).strip('_')}.csv"
+    words = re.findall(r"\w+", re.split(r"[:,;(]", heading.lower())[0])
+    name = f"{page.stem}_{'_'.join(words[:NAMED])}.csv"
     (page.parent / FOLDER).mkdir(exist_ok=True)
     (page.parent / FOLDER / name).write_text(out.getvalue(), encoding="utf-8")
     return f"{FOLDER}/{name}"

@@ -27,48 +27,46 @@ Machine: {machine}. {packages}.
 """
 
 FOOT = """
-The Open3D route is what one would write without this project (`bench/speed/general.py`): points into the base with
+The Open3D route (`bench/speed/general.py`) is what one would write without this project: points into the base with
 numpy, float64, `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials)
-on the whole cloud. It ends with two planes; no section, root face or uncertainty. Where a line says "extrapolated", it
-was not run: its time is that on the straight line through the two largest sizes that were run.
-`python -m bench.speed --all` runs it there too.
+on the whole cloud. It ends with two planes; no section, root face or uncertainty. "Extrapolated": not run, but taken
+from the straight line through the two largest sizes that were run; `python -m bench.speed --all` runs it there too.
 
-The picture (`bench/speed/pictures.py`) is of the fused cloud in the order of the scan, in one parallel projection on
-both sides. Ours (`workbench/geometry/splat.py`) draws four times as many pixels, averages them and lights them by
-depth; VTK draws squares of 2 pixels without light. Both sides draw on the processor.
+The picture (`bench/speed/pictures.py`): the fused cloud in the order of the scan, in one parallel projection, drawn on
+the processor by both. Ours (`workbench/geometry/splat.py`) draws four times as many pixels, averages them and lights
+them by depth; VTK draws squares of 2 pixels without light.
 
-Planning is timed on a raw edge and a cloud made by formula (`bench/speed/raw_edges.py`): 5 m long, 12 mm thick, an arc
-of 10 m, 50 million points; 0.7 mm a layer make ten layers. From edge and cloud to the program: `path.layers`,
-`path.feed`, `path.simplify`, `program.write`, in a process on one core. d_min is the distance from the cutter's axis to
-all that still stands, for every point of every layer, the index over the cloud included. The others sample the axis
-every mm and ask for the nearest point of what is left of the cloud (`bench/speed/distances.py`), the tree built anew
-for each layer, on 250 mm of the same edge and the same core; their time for 5 m is taken as linear in the number of
-points. These are processor times, in which other work on the machine does not count.
+Planning: a raw edge and a cloud made by formula (`bench/speed/raw_edges.py`), 5 m long, 12 mm thick, an arc of 10 m, 50
+million points, ten layers of 0.7 mm; from edge and cloud to the program by `path.layers`, `path.feed`, `path.simplify`,
+`program.write`. d_min is the distance from the cutter's axis to all that still stands, for every point of every layer,
+the index over the cloud included. The others sample the axis every mm and ask for the nearest point of what is left of
+the cloud (`bench/speed/distances.py`), the tree built anew for each layer, on 250 mm of the same edge; their time for
+5 m is taken as linear in the number of points.
 
 Calibration (`bench/speed/calibration.py`): ten sets of nine postures of a simulated 10 mm sphere, the same circles for
-both sides, processor times on one core. The genetic algorithms minimise the paper's equations (6) and (8), put right,
-in two steps within 20 deg and 50 mm about the design's pose. They do not find the signs of h: they are given those that
-ours has found. scipy's is the maintained library's; the vectorised one evaluates a generation in one call of numpy.
+both sides. The genetic algorithms minimise the paper's equations (6) and (8), put right, in two steps within 20 deg and
+50 mm about the design's pose, with the signs of h, which they do not find, given. scipy's is the maintained library's;
+the vectorised one evaluates a generation in one call of numpy.
 
-Postures (`bench/speed/postures.py`): the shipped path of a raw arc, the shipped cell; the cluttered one has 40 boxes of
-300 mm around the robot. The optimum is searched on the grid of 1 deg x 1 deg, from nothing: traversal, bodies for
+Postures (`bench/speed/postures.py`): the shipped path of a raw arc and the shipped cell; the cluttered one has 40 boxes
+of 300 mm around the robot. The optimum is searched on the grid of 1 deg x 1 deg, from nothing: traversal, bodies for
 collision, best-first search, all 1,016 points of the chosen cell against all pairs of bodies. The loops
-(`bench/peers/clik.py`) solve one pose at a time and form J K^-1 J^T f with pinocchio's Jacobian; EAIK's gives all
-branches, each of which is evaluated and counts as a posture; CLIK starts from one posture in the middle of the joints'
-ranges. The law of both angles is sought among all nodes of the grid at all points, with collision and the limits of
-speed and acceleration. Processor times on one core.
+(`bench/peers/clik.py`) solve one pose at a time and form J K^-1 J^T f with pinocchio's Jacobian; each of EAIK's
+branches counts as a posture; CLIK starts from one posture in the middle of the joints' ranges. The law of both angles
+is sought among all nodes of the grid at all points, with collision and the limits of speed and acceleration.
+
+Planning, calibration and postures: processor times on one core, in which other work on the machine does not count.
 
 Batches (`bench/speed/batch_rows.py`): small parts, each simulated by itself (121 frames of 300 columns), inspected
-without a report. Wall clock, once the workers are warm; overhead is what a part takes in a batch less what its
-stages take. The dask worker is killed with SIGKILL after a quarter of the parts, and all results are compared
-with those of one machine.
+without a report. Wall clock, once the workers are warm; overhead is what a part takes in a batch less what its stages
+take. The dask worker is killed with SIGKILL after a quarter of the parts; all results are compared with those of one
+machine.
 
-Start-up (`bench/speed/start_rows.py`): processor seconds of the command and its children. Set-up compiles the kernels;
-"without set-up" begins with an empty folder for them, as after `pip install` of a wheel without kernels; a wheel of
-`make wheel` brings them. Bytecode is kept, as pip does. The shipped milled edge (309 frames of 600 columns) and the
-shipped closed loop. `--follow` (`bench/speed/follow_rows.py`): a writer in SWMR mode sends a recording in twenty parts
-over eight seconds and closes it. The installation (`bench/speed/start_rows.py`): clone, packages into an empty cache,
-kernels, `make demo`.
+Start-up (`bench/speed/start_rows.py`): processor seconds of the command and its children, for the shipped milled edge
+(309 frames of 600 columns) and the shipped closed loop. Set-up compiles the kernels, a wheel of `make wheel` brings
+them; "without set-up" begins with an empty folder for them, as after `pip install` of a wheel without kernels. Bytecode
+is kept, as pip does. `--follow` (`bench/speed/follow_rows.py`): a writer in SWMR mode sends a recording in twenty parts
+over eight seconds and closes it. The installation: clone, packages into an empty cache, kernels, `make demo`.
 """
 
 

@@ -45,8 +45,8 @@ the cloud (`bench/speed/distances.py`), the tree built anew for each layer, on 2
 
 Calibration (`bench/speed/calibration.py`): ten sets of nine postures of a simulated 10 mm sphere, the same circles for
 both sides. The genetic algorithms minimise the paper's equations (6) and (8), put right, in two steps within 20 deg and
-50 mm about the design's pose, with the signs of h, which they do not find, given. scipy's is the maintained library's;
-the vectorised one evaluates a generation in one call of numpy.
+50 mm about the design's pose, 100 x 100 evaluations a step, with the signs of h, which they do not find, given. scipy's
+is the maintained library's, an individual at a time; the vectorised one evaluates a generation in one call of numpy.
 
 Postures (`bench/speed/postures.py`): the shipped path of a raw arc and the shipped cell; the cluttered one has 40 boxes
 of 300 mm around the robot. The optimum is searched on the grid of 1 deg x 1 deg, from nothing: traversal, bodies for

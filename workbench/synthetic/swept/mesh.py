@@ -41,7 +41,7 @@ class Mesh:
     place: Shaped[Float, "n 3 3"]  # at each corner: s, across_mm, share
     scene: Any
 
-    def cast(self, start: Float, way: Float, threads: int = 1) -> Hits:
+    def cast(self, start: Float, way: Float) -> Hits:
         """The first hits of rays from `start` (k, 3) along `way` (k, 3), part frame."""
         local = start - self.origin
         rays = _rays(local, way)

@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from workbench.synthetic.swept.conditions import random_swept_recipe
 
+from bench.coverage.conditions import random_swept_recipe
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.synthetic.swept import simulate_swept

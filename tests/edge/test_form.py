@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from workbench.synthetic.swept.conditions import random_swept_recipe
 
+from bench.coverage.conditions import random_swept_recipe
 from workbench.artefacts import FORM, ROUNDING
 from workbench.cloud import denoise
 from workbench.edge import segment

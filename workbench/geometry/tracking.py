@@ -35,6 +35,7 @@ NEARER_MM = 0.3  # a return this much nearer than the face's line is no burr on 
 IN_FRONT_MM = 0.1  # than its end, beyond the noise: it stands in front of what follows
 FLANK = 0.5  # width across the rays over height of a nearer surface's flank that is lost, at most: 63 deg and more
 MIXED_STEP_MM = 0.3  # range step that tells a mixed pixel from the surface behind it
+STILL = 0.02  # of the noise, by which a face's line may still move once its points are summed up
 MIN_SHARE = 0.35  # of a face's columns that must have returned, for the frame to count
 LOST_AFTER = 12  # frames without the edge, after which the prediction starts again from the key frames
 
@@ -158,15 +159,21 @@ def _mark_ends(
 
 
 @kernel
-def _refit(state: Float, sums: Float, free_slope: bool) -> None:
-    """Move each face's line to its points; turn it too where they span enough to say."""
+def _refit(state: Float, sums: Float, sigma: Float, free_slope: bool) -> float:
+    """Move each face's line to its points; turn it too where they span enough to say. By how many sigmas, at most."""
+    moved = 0.0
     for f in range(4):
         n = sums[f, COUNT]
         if not state[f, SEEN] or n < 3:
             continue
+        slope, at = state[f, SLOPE], sums[f, X_MEAN]
+        before = state[f, OFFSET] + slope * at
         if free_slope and n >= 6:
             state[f, SLOPE] = sums[f, SXZ] / max(sums[f, SXX], 1e-12)
-        state[f, OFFSET] = sums[f, Z_MEAN] - state[f, SLOPE] * sums[f, X_MEAN]
+        state[f, OFFSET] = sums[f, Z_MEAN] - state[f, SLOPE] * at
+        turned = abs(state[f, SLOPE] - slope) * np.sqrt(3.0 * sums[f, SXX] / n)
+        moved = max(moved, (abs(sums[f, Z_MEAN] - before) + turned) / sigma[f])
+    return moved
 
 
 @kernel
@@ -326,7 +333,7 @@ def _follow_frame(
     spans = _spans(x, side, _limits(state, side, 0.0, 0.0))
     gates, margin = np.empty(4), CORNER_MARGIN_MM
     before = state[:, SLOPE].copy()
-    plain = False
+    plain, moved = False, np.inf
     for step in range(GATES_MM.size + 2):
         if plain and step < GATES_MM.size:  # the widest gate holds one line alone
             continue
@@ -339,7 +346,7 @@ def _follow_frame(
         _sums(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
-        _refit(state, sums, step > 0)
+        moved = _refit(state, sums, sigma, step > 0)
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == GATES_MM.size - 1:
             _leave_ghosts(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
@@ -347,7 +354,8 @@ def _follow_frame(
             _carry_ends(state, width0, bevel0, side)
             plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))
     limits = _limits(state, side, margin, rim_mm)
-    _sums(x, z, keep, spans, side, state, limits, gates, sums)
+    if moved > STILL:
+        _sums(x, z, keep, spans, side, state, limits, gates, sums)
     _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False

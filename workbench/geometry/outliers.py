@@ -12,6 +12,7 @@ from workbench.units import Bool, Float32, Int, Shaped
 
 REACH_COLUMNS = 4  # a neighbour may be this many columns away: returns go missing
 SHORT_RUN = 4  # a run of fewer returns than this, far from both neighbours, is no surface
+WORD = 8  # flags that are looked at together
 GAP_COLUMNS, LINE_COLUMNS = 24, 8  # unless it goes on with a surface's line beyond columns that measure nothing
 
 
@@ -58,34 +59,53 @@ def _reject(
 ) -> tuple[int, int]:
     """Frames first to last - 1 of `reject_outliers`, in one pass; the counts of both kinds."""
     isolated = streaks = 0
-    doubtful, begins = np.zeros(z.shape[1], np.bool_), np.zeros(z.shape[1], np.bool_)
+    width = -(-z.shape[1] // WORD) * WORD
+    doubtful, begins, at = np.zeros(width, np.bool_), np.zeros(width, np.bool_), np.empty(width, np.int64)
     for i in range(first, last):
-        _doubt(z[i], keep[i], np.float32(1.99 * tolerance), doubtful)
+        _doubt(z[i], keep[i], np.float32(0.995 * tolerance), doubtful)
         for j in range(z.shape[1]):
             left[i, j] = keep[i, j]
-        for j in range(z.shape[1]):
-            if doubtful[j] and not (
-                _supported(z[i], keep[i], j, tolerance) or _beside(z, keep, pass_index, i, j, reach, tolerance)
-            ):
+        for k in range(_set_ones(doubtful, at)):
+            j = at[k]
+            if not (_supported(z[i], keep[i], j, tolerance) or _beside(z, keep, pass_index, i, j, reach, tolerance)):
                 left[i, j] = False
                 isolated += 1
-        streaks += _drop_short_runs(z[i], left[i], tolerance, jump, begins)
+        streaks += _drop_short_runs(z[i], left[i], tolerance, jump, begins, at)
     return isolated, streaks
 
 
 @kernel
-def _doubt(z: Float32, keep: Bool, limit: np.float32, doubtful: Bool) -> None:
-    """Mark the kept points of a profile that do not obviously lie between the columns next to them.
+def _set_ones(flags: Bool, at: Int) -> int:
+    """Fill in the numbers of the flags that are set, and how many: few are, so that words of them are looked at."""
+    words, count = flags.view(np.uint64), 0
+    for w in range(words.size):
+        if words[w] != 0:
+            for j in range(w * WORD, (w + 1) * WORD):
+                at[count] = j
+                count += flags[j]
+    return count
 
-    No branch: nearly all points are settled here, many at a time. The second difference must stay below `limit`, the
-    least bit less than the twice the tolerance that `_supported` allows, for float32 rounds.
+
+@kernel
+def _doubt(z: Float32, keep: Bool, tolerance: np.float32, doubtful: Bool) -> None:
+    """Mark the kept points of a profile that do not obviously lie on the line of two columns next to them.
+
+    No branch: nearly all points are settled here, many at a time. A second difference must stay below `tolerance`, or
+    twice that about the middle; it is the least bit less than what `_supported` allows, for float32 rounds.
     """
-    before, here, after = z[:-2], z[1:-1], z[2:]
-    has_before, has, has_after, out = keep[:-2], keep[1:-1], keep[2:], doubtful[1:-1]
+    for j in range(z.size):
+        doubtful[j] = keep[j]
+    if z.size < 5:
+        return
+    far, near, here, near_on, far_on = z[:-4], z[1:-3], z[2:-2], z[3:-1], z[4:]
+    had_far, had, has, had_on, had_far_on = keep[:-4], keep[1:-3], keep[2:-2], keep[3:-1], keep[4:]
+    out, twice = doubtful[2:], np.float32(2.0) * tolerance
     for j in range(here.size):
-        near = abs((before[j] - here[j]) + (after[j] - here[j])) < limit
-        out[j] = has[j] & ~(has_before[j] & has_after[j] & near)
-    doubtful[0], doubtful[-1] = keep[0], keep[-1]
+        before, after = here[j] - near[j], near_on[j] - here[j]
+        between = had[j] & had_on[j] & (abs(after - before) < twice)
+        goes_on = had_far[j] & had[j] & (abs(before - (near[j] - far[j])) < tolerance)
+        begins = had_on[j] & had_far_on[j] & (abs(after - (far_on[j] - near_on[j])) < tolerance)
+        out[j] = has[j] & ~(between | goes_on | begins)
 
 
 @kernel
@@ -134,28 +154,28 @@ def _beside(z: Float32, keep: Bool, pass_index: Int, i: int, j: int, reach: int,
 
 
 @kernel
-def _drop_short_runs(z: Float32, keep: Bool, tolerance: float, jump: float, begins: Bool) -> int:
+def _drop_short_runs(z: Float32, keep: Bool, tolerance: float, jump: float, begins: Bool, at: Int) -> int:
     """Take runs of fewer than SHORT_RUN points that stand off their neighbours out of a profile; how many points.
 
-    No branch in the first loop: nearly all points go on from the column before. begins (M,): room to work in.
+    No branch in the first loop: nearly all points go on from the column before. begins, at: room to work in.
     """
     before, here, had, has, out = z[:-1], z[1:], keep[:-1], keep[1:], begins[1:]
     for j in range(here.size):
         out[j] = has[j] & ~(had[j] & (abs(here[j] - before[j]) < jump))
     begins[0] = keep[0]
     start, dropped = -1, 0
-    for j in range(z.size):
-        if begins[j]:
-            last = j - 1
-            while last >= 0 and j - last <= GAP_COLUMNS and not keep[last]:
-                last -= 1
-            gap = j - last if start >= 0 else GAP_COLUMNS + 1
-            goes_on = gap <= REACH_COLUMNS and abs(z[j] - z[last]) < jump * gap
-            if REACH_COLUMNS < gap <= GAP_COLUMNS:
-                goes_on = _on_line(z, keep, j, last, -1, tolerance) or _on_line(z, keep, last, j, 1, tolerance)
-            if not goes_on:
-                dropped += _drop_if_short(keep, start, j)
-                start = j
+    for k in range(_set_ones(begins, at)):
+        j = at[k]
+        last = j - 1
+        while last >= 0 and j - last <= GAP_COLUMNS and not keep[last]:
+            last -= 1
+        gap = j - last if start >= 0 else GAP_COLUMNS + 1
+        goes_on = gap <= REACH_COLUMNS and abs(z[j] - z[last]) < jump * gap
+        if REACH_COLUMNS < gap <= GAP_COLUMNS:
+            goes_on = _on_line(z, keep, j, last, -1, tolerance) or _on_line(z, keep, last, j, 1, tolerance)
+        if not goes_on:
+            dropped += _drop_if_short(keep, start, j)
+            start = j
     return dropped + _drop_if_short(keep, start, z.size)
 
 

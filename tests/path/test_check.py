@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
-from workbench.artefacts import Edge, Layer, Toolpath
+from workbench.artefacts import Check, Edge, Layer, Toolpath
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, feed, layers
+from workbench.path.check import unseen_checks
 from workbench.path.poses import same_sign
 from workbench.units import DEG, Float
 
@@ -267,3 +268,13 @@ def test_a_travel_through_the_plate_is_found(raw: Callable[..., Raw]) -> None:
 
 def bevel_normal_of(scan: Raw) -> Float:
     return math.cos(40 * DEG) * scan.edge.normal[0] + math.sin(40 * DEG) * scan.edge.across[0]
+
+
+@pytest.mark.parametrize("name", ["time_offset_ms", "pass_disagreement_mm", "late_turn_deg"])
+def test_what_a_recording_does_not_show_is_named(name: str, raw: Callable[..., Raw]) -> None:
+    scan = raw()
+    blind = Check(name, None, None, True, "", "the motion does not show whether the clocks agree; nothing tells which")
+    told = replace(blind, value=1.0, finding="two passes see one face 0.01 mm apart")
+    toolpath = replace(planned(scan), evidence=(blind,))
+    assert unseen_checks(toolpath) == (blind.finding,)
+    assert not unseen_checks(replace(toolpath, evidence=(told,)))

@@ -52,6 +52,8 @@ VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wav
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
+ALTERNATES = "does every second one measure otherwise, by an exposure or a laser that alternates?"
+UNMET = "no face was seen by two passes: nothing tells how far apart these lie"
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
@@ -390,8 +392,9 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         ("column_smoothing", "column to column", traces.fading),
         ("frame_smoothing", "frame to frame", traces.fading_frames),
     ):
-        told = f"the noise that is new from {what} is {left:.2g} of what white noise has: a smoothing filter? "
-        yield check(name, left, told + "switch the sensor's filters off", given=given)
+        told = f"the noise that is new from {what} is {left:.2g} of what white noise has: "
+        told += "a smoothing filter? switch the sensor's filters off" if left < 1.0 else ALTERNATES
+        yield check(name, left, told, given=given)
     told = f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
     told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
     told += "a median filter, or a held value? switch the sensor's filters off"
@@ -602,9 +605,7 @@ def _pass_check(
     apart = disagreement_mm(recording.x_mm, recording.z_mm, frames, poses)
     told = f"two passes see one face {apart:.2f} mm apart: has the part been moved, "
     told += "is the hand-eye pose wrong, or are frames of a pass in reverse order?"
-    yield check(
-        "pass_disagreement_mm", apart, told if np.isfinite(apart) else "no face was seen by two passes", given=given
-    )
+    yield check("pass_disagreement_mm", apart, told if np.isfinite(apart) else UNMET, given=given)
 
 
 def _unit(length_mm: float, usual_mm: tuple[float, float]) -> str:

@@ -169,9 +169,10 @@ LIMITS: dict[str, Limit] = {
         "robots repeat to 0.1 mm and calibrated hand-eye poses add 0.3 mm",
     ),
     "time_offset_ms": Limit(
-        5.0,
+        8.0,
         "offset of the profiles' clock to the robot's that the sway of the scan shows, where beyond five of its u",
-        "at 3 deg of sway 5 ms cost 0.03 deg; good scans that sway by 3 deg seem up to 4.7 ms off",
+        "at 3 deg of sway 5 ms cost 0.03 deg; good scans that sway by 3 deg seem up to 4.7 ms off, of a bowed raw face "
+        "6.1; late_turn_deg tells less",
     ),
     "edge_share": Limit(
         (0.34, 1.0),
@@ -187,7 +188,7 @@ LIMITS: dict[str, Limit] = {
         0.03,
         "turn of a raw edge's face that goes with how fast the scanner turns, root mean square, where that is certain",
         "poses that come 5 ms late at 3 deg of sway make as much; 60 good raw edges show none for certain; a smaller "
-        "one is in the uncertainty",
+        "one is in the uncertainty, and so is one that the face's place alone shows, or that 10 ms would make unseen",
     ),
     "edge_break_mm": Limit(
         1.6,

@@ -143,8 +143,17 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
     return tuple(f"check {check.name}: {check.finding}" for check in toolpath.evidence if check.loosened)
 
 
-SHOWING = ("flange_turn_deg", "fixed_end_share", "wiggle_mm", "position_step_mm", "lies_on_share")
-UNSHOWN = ("would not show", "in no value", "nothing tells which")  # what these say where a recording is blind
+SHOWING = (
+    "flange_turn_deg",
+    "fixed_end_share",
+    "wiggle_mm",
+    "position_step_mm",
+    "lies_on_share",
+    "pass_disagreement_mm",
+    "time_offset_ms",
+    "late_turn_deg",
+)
+UNSHOWN = ("would not show", "in no value", "nothing tells", "does not show")  # they say so where a recording is blind
 
 
 def unseen_checks(toolpath: Toolpath) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Recording
+from workbench.artefacts import RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
 from workbench.errors import WorkbenchError
@@ -40,9 +40,18 @@ class Section:
     radius_mm: float  # of the lower edge
     table_mm: float | None  # under the plate
 
+    @property
+    def is_even(self) -> bool:
+        """Whether the section is the same all along."""
+        return self.drift == 0.0
+
+    def root_at(self, w: Float) -> Float:
+        """Root face (n,) mm at w (n,) mm."""
+        return self.root_mm + self.drift * w
+
     def segments(self, w: Float) -> Float:
         """Straight pieces (n, k, 4), u and v of both ends, of the section at w (n,)."""
-        root = self.root_mm + self.drift * w
+        root = self.root_at(w)
         zero, top = np.zeros_like(w), np.full_like(w, self.thickness_mm)
         corner = -np.tan(self.bevel) * (top - root)
         points = [(corner - FAR_MM, top), (corner, top), (zero, root)]
@@ -97,6 +106,14 @@ class Usual:
     def jitter_mm(self, rng: np.random.Generator) -> float:
         """Of recorded positions."""
         return float(rng.choice([0.0, 0.01, 0.03]))
+
+    def sway_deg(self, rng: np.random.Generator) -> float:
+        """By which the scanner sways."""
+        return float(rng.choice([0.0, 0.0, rng.uniform(0.3, 3.0)]))
+
+    def sway_mm(self, rng: np.random.Generator) -> Float:
+        """Of its way, in which the phases (3,) of that go on by 1 rad."""
+        return rng.uniform(5, 30, 3)
 
 
 class Wide(Usual):
@@ -160,7 +177,7 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
     stand, fan = cell.stand_off_mm(rng), bool(rng.random() < 0.5)
     frames, step = cell.frames(rng)
     along = np.linspace(0.0, (frames - 1) * step, frames)
-    rotation = _orientations(rng, incline, along)
+    rotation = _orientations(rng, incline, along, cell)
     aim = (
         np.array([0.0, thick / 2.0, 0.0]) if is_raw else np.array([-np.tan(section.bevel), section.root_mm + 1.0, 0.0])
     )
@@ -203,15 +220,13 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
     )
 
 
-def _orientations(rng: np.random.Generator, incline: float, along: Float) -> Float:
+def _orientations(rng: np.random.Generator, incline: float, along: Float, cell: Usual) -> Float:
     """section_from_emitter (n, 3, 3): z along the rays, y nearly along the edge; oblique, and swaying or not."""
     z = -np.array([np.cos(incline), np.sin(incline), 0.0])
     y = np.array([0.0, 0.0, rng.choice([1.0, -1.0])])
     square = np.stack([np.cross(y, z), y, z], axis=1)
     oblique = Rotation.from_euler("xyz", rng.normal(0, [3, 3, 5]) * rng.choice([0.3, 1.0, 1.5]), degrees=True)
-    sway = np.radians(rng.choice([0.0, 0.0, rng.uniform(0.3, 3.0)])) * np.sin(
-        along[:, None] / rng.uniform(5, 30, 3) + rng.uniform(0, 6, 3)
-    )
+    sway = np.radians(cell.sway_deg(rng)) * np.sin(along[:, None] / cell.sway_mm(rng) + rng.uniform(0, 6, 3))
     return square @ oblique.as_matrix() @ Rotation.from_rotvec(sway).as_matrix()
 
 
@@ -255,7 +270,7 @@ def _profiles(
 def _hit(section: Section, origin: Float, rays: Float, reach_mm: float) -> tuple[Float, Float]:
     """Way along rays (n, 3) from origins (n, 3) to the part, NaN beyond reach, and the incidence there, rad."""
     w = origin[:, 2].copy()
-    for _ in range(1 if section.drift == 0.0 else 3):  # the section is the one where the ray hits
+    for _ in range(1 if section.is_even else 3):  # the section is the one where the ray hits
         pieces = section.segments(w)
         way, which = _nearest(pieces, origin[:, :2], rays[:, :2])
         hit: Bool = way < reach_mm
@@ -298,7 +313,7 @@ def inspected(part: Part) -> Errors:
     found = [s for s in sections(edge, root_nominal_mm=root, bevel_nominal_deg=bevel).sections if s.root_mm is not None]
     section_from_base = np.linalg.inv(part.base_from_section)
     along = np.array([(section_from_base @ np.append(s.origin_mm, 1.0))[2] for s in found])
-    true = part.section.root_mm + part.section.drift * along
+    true = part.section.root_at(along)
     return {
         "root, mm": (np.array([s.root_mm for s in found]) - true, np.array([s.root_u_mm for s in found])),
         "bevel, deg": (
@@ -308,10 +323,19 @@ def inspected(part: Part) -> Errors:
     }
 
 
+def raw_edge(part: Part) -> RawEdge:
+    """The edge by a user who knows which side is the upper one."""
+    return segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
+
+
 def planned(part: Part) -> Errors:
     """Place of the lower edge along the end face's normal and along the face, and the face's direction."""
+    return raw_errors(part, raw_edge(part))
+
+
+def raw_errors(part: Part, edge: RawEdge) -> Errors:
+    """As `planned`, of an edge that was found."""
     turn = part.base_from_section[:3, :3]
-    edge = segment_raw(denoise(fuse(part.recording)), upper_side=tuple(turn[:, 1].tolist()))
     at = np.flatnonzero(edge.seen & np.isfinite(edge.position_mm[:, 0]))[::5]
     place = (edge.position_mm[at] - part.base_from_section[:3, 3]) @ turn
     normal = edge.normal[at] @ turn

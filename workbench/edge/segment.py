@@ -14,6 +14,8 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
+from workbench.checks.late import FaceAlong, late_of
+from workbench.checks.residuals import together_u
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
@@ -179,10 +181,9 @@ def milled_edge(
     position[~seen] = np.nan
     tangent, normal, across = section_axes(measured, at)
     shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud), cloud.sparse_poses_u[1])
-    tangent_u = np.hypot(
-        measured.curve.tangent_u(at + measured.shift),
-        np.hypot(math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm)), turned_u(measured, at)),
-    )
+    shared = math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm))
+    turned = np.hypot(np.hypot(shared, _late_u(cloud, measured, at)), turned_u(measured, at))
+    tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), turned)
     beta = corrected_angles(measured, at + measured.shift)[1]
     form = form_of(cloud, tracked, s_low, beta, at, rounding)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), beta)
@@ -191,6 +192,7 @@ def milled_edge(
         np.hypot(form.root_turn_u, either), np.hypot(form.bevel_turn_u, either), np.hypot(form.corner_u_mm, ledge_mm)
     )
     hidden_mm = np.hypot(hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE]), under_u_mm(cloud, tracked, s_low, at))
+    hidden_mm = np.hypot(hidden_mm, _waves_u_mm(cloud, measured, at))
     root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
     position -= rounding.beyond_mm * across
     told: tuple[str, ...] = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
@@ -218,6 +220,30 @@ def milled_edge(
         bevel=bevel,
         warnings=told,
     )
+
+
+def _waves_u_mm(cloud: Cloud, measured: Measured, at: Float) -> Float:
+    """What neighbouring frames show together of the root face's end, beside its course: waves shorter than that."""
+    s, ends = measured.upper_s, measured.ends
+    left = ends.low + 0.5 * ends.step - measured.end.course.value(np.nan_to_num(s))
+    column = 0.5 * float(np.nanmedian(ends.step))  # by which the ends of frames beat, or hold a mixed pixel
+    return together_u(s, left, cloud.pass_index, at + measured.shift, column)
+
+
+def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:
+    """Standard uncertainty (m,) of the laser plane's direction across the edge by poses that come late, rad."""
+    lines, here = measured.faces.bevel, np.isfinite(measured.faces.bevel.s)
+    s, angle = np.nan_to_num(lines.s), np.where(here, np.unwrap(np.nan_to_num(lines.angle)), np.nan)
+    t, a, b = measured.curve.frame(s)
+    square = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    normal = square[:, :1] * a + square[:, 1:] * b
+    place = measured.curve.position(s) + (lines.place * square).sum(axis=1)[:, None] * normal
+    late = late_of(
+        FaceAlong(lines.s, angle, t, normal, place), cloud.base_from_profiler, cloud.time_s, cloud.pass_index
+    )
+    on = np.flatnonzero(here)
+    on = on[np.argsort(s[on], kind="stable")]
+    return np.interp(at + measured.shift, s[on], (late.off_s * late.oblique_rate)[on])
 
 
 def laser_plane_u(cloud: Cloud) -> float:

@@ -14,7 +14,8 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Check, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
-from workbench.checks.late import Late, late_check, late_of
+from workbench.checks.late import FaceAlong, Late, late_check, late_of
+from workbench.checks.residuals import every_second, steps_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of
@@ -23,7 +24,7 @@ from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
 from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
 from workbench.edge.raw_direction import face_directions
-from workbench.edge.raw_faces import RawFaces, find_end_face, middle_of
+from workbench.edge.raw_faces import RawFaces, find_end_face
 from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge, unevenness
 from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
 from workbench.errors import InputError
@@ -90,7 +91,7 @@ def segment_raw(
     broken = max(measured.lower.rounding.radius_mm, measured.upper.rounding.radius_mm)
     ends = [end.column[np.isfinite(end.column) & ~end.corner].astype(np.int64) for end in (found.lower, found.upper)]
     steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
-    late = _late(cloud, found, measured)
+    late = _late(cloud, measured)
     checks = *checks, edge_break_check(broken, set_limits), steps, late_check(late, set_limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     checks += tuple(_lies_on(found))
@@ -98,13 +99,13 @@ def segment_raw(
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
 
 
-def _late(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> Late:
+def _late(cloud: Cloud, measured: RawMeasured) -> Late:
     """What an offset between the clocks makes of the frames."""
     s = measured.s_face
-    tangent = measured.curve.tangent(np.nan_to_num(s))
-    middle = middle_of(cloud, found.faces[ROOT_FACE])
-    pose = cloud.base_from_profiler
-    return late_of(s, measured.angle, tangent, middle, pose, cloud.time_s, cloud.pass_index)
+    t, n, _ = axes(measured, np.nan_to_num(s))
+    place = measured.curve.position(np.nan_to_num(s)) + measured.stands_out_mm[:, None] * n
+    face = FaceAlong(s, measured.angle, t, n, place)
+    return late_of(face, cloud.base_from_profiler, cloud.time_s, cloud.pass_index)
 
 
 def _edge(
@@ -143,7 +144,7 @@ def _edge(
     if not measured.rough:  # a face that turns suddenly holds a second return or a part of something else
         turns = sudden(at, measured.tilt.value(at), tilt_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
         tilt_u = np.hypot(np.hypot(tilt_u, measured.local_turn_u), turns)
-    tilt_u = np.hypot(tilt_u, _between(measured.s_face, late.turn, at))
+    tilt_u = np.hypot(tilt_u, _between(measured.s_face, late.turn_u, at))
     form = misfit_of(
         cloud,
         found.labels,
@@ -158,6 +159,7 @@ def _edge(
     sparse_mm, sparse_turn = cloud.sparse_poses_u
     doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
     tangent_u = np.hypot(turning, math.hypot(doubtful, sparse_turn))
+    tangent_u = np.hypot(tangent_u, _between(measured.s_face, late.off_s * late.oblique_rate, at))
     tilt_u = np.hypot(np.hypot(tilt_u, form.turn_u), np.abs(_between(measured.s_face, measured.run, at)) * tangent_u)
     reach_mm = float(np.linalg.norm((origin.mean(axis=0) - cloud.base_from_profiler[:, :3, 3]).mean(axis=0)))
     pose_u = math.hypot(measured.pose_u_mm, math.hypot(sparse_mm, sparse_turn * reach_mm))
@@ -179,8 +181,15 @@ def _edge(
     low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
     low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
     low_u = np.hypot(low_u, burred_u_mm(cloud, found))
-    late_mm = np.stack([_between(measured.s_face, of, at) for of in late.place_mm.T], axis=1)
-    stand_u, low_u = (np.hypot(u, (late_mm * axis).sum(axis=1)) for u, axis in ((stand_u, n), (low_u, m)))
+    stand_u, low_u = (
+        np.hypot(u, _between(measured.s_face, of, at))
+        for u, of in zip((stand_u, low_u), _apart_mm(cloud, found, measured), strict=True)
+    )
+    ways = axes(measured, np.nan_to_num(measured.s_face))[1:]
+    stand_u, low_u = (
+        np.hypot(u, _between(measured.s_face, late.place_u_mm(way), at))
+        for u, way in zip((stand_u, low_u), ways, strict=True)
+    )
     both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     told += tuple(check.finding for check in _lies_on(found))
@@ -208,6 +217,23 @@ def _edge(
         checks=cloud.checks,
         warnings=told,
     )
+
+
+def _apart_mm(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> Float:
+    """How uncertain the frames' edge is (2, N), along n and along m, by what they leave of it together, mm."""
+    s, passes, pose = measured.s_face, cloud.pass_index, cloud.base_from_profiler[:, :3]
+    here = np.nan_to_num(s)
+    _, n, m = axes(measured, here)
+    face = measured.curve.position(here) + measured.stands_out_mm[:, None] * n
+    low, high = (
+        pose[:, :, 3] + end.point[:, :1] * pose[:, :, 0] + end.point[:, 1:] * pose[:, :, 2]
+        for end in (found.lower, found.upper)
+    )
+    out = measured.stands_out_mm - measured.stand_out.value(here)
+    down = ((low - measured.curve.position(here)) * m).sum(axis=1) - measured.lower.value(here)
+    every = np.array([every_second(left, passes) for left in (out, down)])
+    steps = steps_mm(s, (((face, n),), ((low, m), (high, m))), passes, measured.rough)
+    return np.asarray(np.hypot(steps.T, every[:, None]))
 
 
 def _lies_on(found: RawFaces) -> Iterator[Check]:

@@ -1,0 +1,209 @@
+"""`python -m bench.faulty --parts 8 --seed 0`: what equipment does to recordings of `bench.outside`, kind by kind.
+
+What is not refused must be right: these faults move places, sizes and angles by little, and show in the frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from bench.confidently_wrong.kinds import dense_stream
+from bench.outside import BEYOND, Errors, Part, Section, Usual, inspected, raw_edge, raw_errors, simulate
+from workbench.errors import WorkbenchError
+from workbench.units import Float
+
+FLOOR = {"mm": 0.02, "deg": 0.1}  # below these no error matters
+Rng = np.random.Generator
+Makes = Callable[[int, bool, Rng], Part]
+
+
+class Swaying(Usual):
+    """A scanner that always sways."""
+
+    def sway_deg(self, rng: Rng) -> float:
+        return float(rng.uniform(0.8, 3.0))
+
+
+class Slow(Swaying):
+    """Once to and fro in the scan, or less."""
+
+    def sway_mm(self, rng: Rng) -> Float:
+        return rng.uniform(20, 60, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Chattered(Section):
+    """A root face that waves along the edge as chatter leaves it."""
+
+    wave_mm: float = 0.0
+    length_mm: float = 2.0
+
+    @property
+    def is_even(self) -> bool:
+        return False
+
+    def root_at(self, w: Float) -> Float:
+        return self.root_mm + self.drift * w + self.wave_mm * np.sin(2.0 * np.pi / self.length_mm * w)
+
+
+def _with(part: Part, **changes: object) -> Part:
+    return part._replace(recording=dataclasses.replace(part.recording, **changes))  # type: ignore[arg-type]
+
+
+def _moved(part: Part, by_mm: Float) -> Part:
+    """Recorded positions beside the true ones by (N, 3) mm in the section's frame: the part, or its poses, moved."""
+    dense = part._replace(recording=dense_stream(part.recording))
+    place = dense.recording.robot_position_mm + by_mm @ part.base_from_section[:3, :3].T
+    return _with(dense, robot_position_mm=place)
+
+
+def slipped(seed: int, is_raw: bool, rng: Rng) -> Part:
+    """An encoder slips by some tenths of a millimetre within the scan, at once or over some poses."""
+    part = simulate(seed, is_raw)
+    frames = len(part.recording.time_s)
+    over = rng.choice([1, 1, rng.integers(2, 12)])
+    share = np.clip((np.arange(frames) - rng.uniform(0.15, 0.85) * frames) / over, 0.0, 1.0)
+    axis = rng.normal(size=3)
+    return _moved(part, share[:, None] * rng.uniform(0.1, 0.5) * axis / np.linalg.norm(axis))
+
+
+def _clocked(part: Part, offset_s: Float) -> Part:
+    """Frames (N,) stamped so much later than poses that were taken with them."""
+    dense = part._replace(recording=dense_stream(part.recording)).recording
+    time = dense.time_s + offset_s
+    keep = (time >= dense.robot_time_s[0]) & (time <= dense.robot_time_s[-1])
+    return part._replace(
+        recording=dataclasses.replace(
+            dense,
+            time_s=time[keep],
+            x_mm=dense.x_mm[keep],
+            z_mm=dense.z_mm[keep],
+            pass_index=dense.pass_index[keep],
+            intensity=None,
+        )
+    )
+
+
+def late(seed: int, is_raw: bool, rng: Rng, cell: type[Usual] = Swaying) -> Part:
+    """Poses come late by a constant time, while the scanner sways."""
+    part = simulate(seed, is_raw, cell=cell())
+    return _clocked(part, np.full(len(part.recording.time_s), rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.12)))
+
+
+def walking(seed: int, is_raw: bool, rng: Rng, cell: type[Usual] = Swaying) -> Part:
+    """The clocks walk apart, or frames are lost and not stamped."""
+    part = simulate(seed, is_raw, cell=cell())
+    share = np.linspace(0.0, 1.0, len(part.recording.time_s))
+    shape = [share, np.sin(3.0 * share), np.where(share > rng.uniform(0.2, 0.8), 1.0, 0.0)][rng.integers(3)]
+    return _clocked(part, rng.choice([-1.0, 1.0]) * rng.uniform(0.02, 0.2) * shape)
+
+
+def chattered(seed: int, is_raw: bool, rng: Rng) -> Part:
+    """Chatter of the cutter, some millimetres long."""
+    of = simulate(seed, is_raw).section
+    wave = {"wave_mm": rng.uniform(0.03, 0.12), "length_mm": rng.uniform(0.8, 3.0)}
+    return simulate(seed, is_raw, Chattered(**dataclasses.asdict(of), **wave))
+
+
+def vibrating(seed: int, is_raw: bool, rng: Rng) -> Part:
+    """The part begins to vibrate towards the end of the scan, in the plate's plane or up and down."""
+    part = simulate(seed, is_raw)
+    time = part.recording.time_s - part.recording.time_s[0]
+    begins = rng.uniform(0.5, 0.9) * time[-1]
+    grown = np.clip((time - begins) / (time[-1] - begins), 0.0, 1.0)
+    moved = grown * rng.uniform(0.1, 0.5) * np.sin(2.0 * np.pi * rng.uniform(0.5, 40.0) * time)
+    return _moved(part, moved[:, None] * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])[rng.integers(2)])
+
+
+def alternating(seed: int, is_raw: bool, rng: Rng) -> Part:
+    """The exposure alternates: every second frame measures further away, and loses columns at the ends of faces."""
+    part = simulate(seed, is_raw)
+    z = part.recording.z_mm.copy()
+    second = np.flatnonzero(np.arange(len(z)) % 2)
+    z[second] += rng.choice([0.0, 1.0]) * rng.uniform(0.05, 0.3)
+    for _ in range(int(rng.integers(0, 6))):
+        lost = ~np.isfinite(z[second])
+        lost[:, 1:] |= np.abs(np.diff(z[second], axis=1)) > 1.0
+        lost[:, 1:-1] |= ~np.isfinite(z[second][:, :-2]) | ~np.isfinite(z[second][:, 2:])
+        z[second] = np.where(lost, np.nan, z[second])
+    return _with(part, z_mm=z)
+
+
+CHATTER = "chatter of 0.8 to 3 mm"
+KINDS: dict[str, Makes] = {
+    "an encoder slips by 0.1 to 0.5 mm": slipped,
+    "poses 10 to 120 ms late, the scanner sways": late,
+    "clocks walk apart by 20 to 200 ms, the scanner sways": walking,
+    "the same, it sways slowly": lambda *given: walking(*given, Slow),
+    "the part begins to vibrate": vibrating,
+    "exposure alternates": alternating,
+    CHATTER: chattered,
+}
+NAMED = "does not show whether the clocks agree"
+
+
+class Outcome(NamedTuple):
+    """Of one part."""
+
+    refused: str  # by which words; empty: it is not
+    named: bool  # the results say that they do not know whether the clocks agree
+    worst: float  # greatest error over u, of errors over FLOOR
+    told: str  # errors by quantity
+
+
+def outcome(kind: str, seed: int, is_raw: bool) -> Outcome:
+    """Measure part `seed` of a kind."""
+    rng = np.random.default_rng([782, seed, list(KINDS).index(kind)])
+    part, named = KINDS[kind](seed, is_raw, rng), False
+    try:
+        if is_raw:
+            edge = raw_edge(part)
+            named = any(one.name == "late_turn_deg" and NAMED in one.finding for one in edge.checks)
+        found = raw_errors(part, edge) if is_raw else inspected(part)
+    except WorkbenchError as error:
+        return Outcome(str(error), False, 0.0, "")
+    return Outcome("", named, *_worst(found))
+
+
+def _worst(found: Errors) -> tuple[float, str]:
+    worst, told = 0.0, []
+    for name, (error, u) in found.items():
+        over = np.where(np.abs(error) > FLOOR[name.rpartition(", ")[2]], np.abs(error) / u, 0.0)
+        if over.size:
+            worst = max(worst, float(over.max()))
+            k = int(over.argmax())
+            told.append(f"{name} {error[k]:+.3f} at {over[k]:.1f} u, u {np.median(u):.4f}")
+    return worst, "; ".join(told)
+
+
+def main() -> None:
+    """Simulate, measure, and print a table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.faulty", description=__doc__.split("\n")[0])
+    parser.add_argument("--parts", type=int, default=8, help="of each kind")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kinds", nargs="*", default=[], help="only kinds whose name holds one of these words")
+    chosen = parser.parse_args()
+    print(f"`python -m bench.faulty --parts {chosen.parts} --seed {chosen.seed}`\n")
+    print("| fault | given as | refused | right | named | wrong | worst |\n| --- | --- | --- | --- | --- | --- | --- |")
+    told = []
+    for kind in [name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds)]:
+        for is_raw in (False, True)[: 1 if kind == CHATTER else 2]:
+            all_ = {seed: outcome(kind, seed, is_raw) for seed in range(chosen.seed, chosen.seed + chosen.parts)}
+            off = {seed: one for seed, one in all_.items() if one.worst > BEYOND}
+            refused, named = sum(bool(one.refused) for one in all_.values()), sum(one.named for one in off.values())
+            what = "raw edge" if is_raw else "bevel"
+            worst = max(one.worst for one in all_.values())
+            counts = f"{refused} | {len(all_) - refused - len(off)} | {named} | {len(off) - named}"
+            print(f"| {kind} | {what} | {counts} | {worst:.1f} u |", flush=True)
+            told += [f"- {kind} {n}, {what}: {o.refused or o.told}" for n, o in all_.items() if o.refused or n in off]
+    print("", *told, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -293,7 +293,7 @@ def test_a_ledge_narrower_than_a_column_is_in_the_uncertainty(seed: int, land_mm
     assert np.median(error) == pytest.approx(-taken, rel=0.45)
     assert (np.abs(error) / u).max() < 2.0
     assert np.median(u) < 2.0 * taken
-    assert np.median(without["root, mm"][1]) < 0.5 * np.median(u)
+    assert np.median(without["root, mm"][1]) < 0.65 * np.median(u)  # what a rounding may hide
 
 
 def test_a_corner_stands_out_by_what_a_ledge_does() -> None:

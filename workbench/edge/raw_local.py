@@ -65,12 +65,12 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     there = cells.over(cells.seen.astype(float))
     noise = _noise(cells, there)
     single = float(np.var(cells.value[cells.seen]))
-    mean = cells.over(cells.value) / np.maximum(there, 0.5)
+    total = cells.over(cells.value)
+    mean = total / np.maximum(there, 0.5)
     variance = noise / np.maximum(there, 0.5)
     rough = _roughness(cells, noise / max(single, 1e-30))
-    for run in _unseen(cells):
-        at, told, told_u2 = _told(cells, rough, run, there)
-        mean[at] = told
+    for at in _seen_in_part(cells, there):
+        mean[at], told_u2 = _told(cells, rough, at, there[at], total[at])
         variance[at] += told_u2
     variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
     shown = np.flatnonzero(there > 0.0)
@@ -117,28 +117,31 @@ def _noise(cells: _Cells, there: Float) -> float:
     return float(np.mean((apart / np.maximum(known, 1.0)) ** 2 * known)) / 4.0
 
 
-def _unseen(cells: _Cells) -> list[Int]:
-    """Cells that are not seen, by runs of which no window touches two; far from all that is seen nothing is asked."""
-    near = np.convolve(cells.seen, np.ones(4 * cells.pad + 1), mode="full")[2 * cells.pad :][: cells.seen.size]
-    there = np.flatnonzero(~cells.seen & (near > 0.5))
-    return np.split(there, np.flatnonzero(np.diff(there) > 2 * cells.pad) + 1)
+def _seen_in_part(cells: _Cells, there: Float) -> list[Int]:
+    """Cells in a row, at most a window's length of them, about which the window is seen, but not all of it."""
+    at = np.flatnonzero((there > 0.0) & (cells.over((~cells.seen).astype(float)) > 0.0))
+    at = at[(at >= cells.pad) & (at < cells.seen.size - cells.pad)]
+    rows = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+    return [part for row in rows if row.size for part in np.array_split(row, math.ceil(row.size / (2 * cells.pad)))]
 
 
-def _told(cells: _Cells, rough: _Roughness, run: Int, there: Float) -> tuple[Int, Float, Float]:
-    """Cells (k,) whose windows reach into the run (r,) of cells that are not seen; mean (k,) and variance there."""
-    at = np.arange(max(run[0] - cells.pad, 0), min(run[-1] + cells.pad + 1, cells.seen.size))
-    at = at[there[at] > 0.0]
-    known = cells.over(cells.value)[at]
+def _told(cells: _Cells, rough: _Roughness, at: Int, there: Float, known: Float) -> tuple[Float, Float]:
+    """Mean and variance (k,) over the windows about the cells `at` (k,), by what is told of those not seen.
+
+    there, known (k,): how many are seen, and the sum of their values.
+    """
+    run = np.arange(max(at[0] - cells.pad, 0), min(at[-1] + cells.pad + 1, cells.seen.size))
+    run = run[~cells.seen[run]]
     mean, covariance = _predicted(cells, rough, run)
     weight = cells.weight(run[None, :] - at[:, None])
     beyond = np.maximum(cells.pad - run, run - (cells.seen.size - cells.pad - 1))  # cells beyond the scan's end
     means, variances = [], []
     for goes_on in range(max(0, int(beyond.max())) + 1):  # any of these as likely
         part = weight * (beyond <= goes_on)
-        whole = there[at] + part.sum(axis=1)
+        whole = there + part.sum(axis=1)
         means.append((known + part @ mean) / whole)  # eq. (16)
         variances.append(np.einsum("ku,uv,kv->k", part, covariance, part) / whole**2)
-    return at, np.mean(means, axis=0), np.mean(variances, axis=0) + np.var(means, axis=0)
+    return np.mean(means, axis=0), np.mean(variances, axis=0) + np.var(means, axis=0)
 
 
 def _covariances(apart: Float) -> Float:
@@ -173,10 +176,13 @@ def _roughness(cells: _Cells, noise: float) -> _Roughness:
                 off += (told @ left[:, block, None]).sum(axis=(1, 2)) ** 2 / told.sum(axis=(1, 2))
                 blocks += 1
     likely -= 0.5 * free * np.log(square)
+    if not free:  # so few cells that nothing tells how they hang together
+        spread = float((cells.value**2).sum()) / max(int(cells.seen.sum()) - 3, 1)
+        return _Roughness(np.full(models, 1.0 / models), np.full(models, spread), noise)
     share = np.exp(likely - likely.max())
-    variance = square / max(free, 1)
+    variance = square / free
     misfit = np.maximum(1.0, (off / variance + PRIOR_BLOCKS) / (blocks + PRIOR_BLOCKS))
-    student = 1.0 / max(1.0 - 2.0 / max(free, 1), 0.1)
+    student = 1.0 / max(1.0 - 2.0 / free, 0.1)
     return _Roughness(share / share.sum(), student * misfit * variance, noise)
 
 

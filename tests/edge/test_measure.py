@@ -123,9 +123,9 @@ def test_a_lower_edge_that_never_settles_is_uncertain_by_how_far_it_moves(
 ) -> None:
     state, rounds = measure._state, [0]
 
-    def restless(*given: Any, whole: bool) -> tuple[Any, Float, Float]:
+    def restless(*given: Any) -> tuple[Any, Float, Float]:
         """A fifth of the lower edge swings by 0.4 mm from round to round."""
-        found, lower_edge, s_low = state(*given, whole=whole)
+        found, lower_edge, s_low = state(*given)
         rounds[0] += 1
         off = np.where(np.arange(len(lower_edge)) < 0.2 * len(lower_edge), 0.2, 0.0) * (-1) ** rounds[0]
         return found, lower_edge + off[:, None] * [0.0, 0.0, 1.0], s_low

@@ -72,7 +72,7 @@ def test_the_groove_of_a_milled_edge_is_that_of_its_truth(place):
     for section, row in zip(sections, rows, strict=True):
         root_mm, bevel = truth.root_mm_at(section["origin_mm"]), np.radians(truth.bevel_deg_at(section["origin_mm"]))
         area_mm2 = 2.0 * 8.0 + (8.0 - root_mm) ** 2 * np.tan(bevel)
-        assert abs(float(row["area_mm2"]) - area_mm2) < 3 * float(row["area_u_mm2"]) < 1.0
+        assert abs(float(row["area_mm2"]) - area_mm2) < 3 * float(row["area_u_mm2"]) < 1.5
     report = (place / "out/report.html").read_text()
     assert "Weld groove" in report
     assert json.loads((place / "out/run.json").read_text())["files"].count("weld_groove.csv") == 1

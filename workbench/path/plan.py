@@ -31,8 +31,8 @@ CUTTING_LIFT_MM = 1e-9  # above its layer by more than this the cutter is being 
 LEAST_STRETCH = 0.02  # of the axis' course per length of edge
 GUARD = 1.645  # times u that a value must lie within its limits (ISO 14253-1), as an inspection judges it
 LEAST_ROOT_MM = 0.05  # to which good robots repeat
-MOST_KNOWN_MM = 1.0  # no edge is milled that is known to less
-SMALL_ROOT = 3.0  # expanded uncertainties of the lower edge across it
+MOST_KNOWN_MM = 0.6  # U (k = 2) of a lower edge that is milled: what 0.5 mm of root_tolerance_mm allow at GUARD
+SMALL_ROOT = 2.0  # U of the lower edge across it
 FILLET_MM = 0.002  # by which a cutter's radius may differ from the fillet's: what is read as one number
 LEAST_SLOPE = 0.1  # sine of the angle between upper surface and bevel
 
@@ -282,20 +282,21 @@ def refuse_compound(course: Course, upper: Bevel) -> None:
 
 
 def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
-    """A root no larger than what its place is known to, or a robot repeats to: a length in another unit."""
-    known_mm = max(LEAST_ROOT_MM, SMALL_ROOT * 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1])))
+    """A root below twice the U of its place, or below what a robot repeats to: a length in another unit."""
+    known_mm = 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1]))
     if known_mm > MOST_KNOWN_MM:
         told = (
-            f"the edge is known to {known_mm:.3g} mm only: do its passes disagree, are poses or hand-eye pose wrong, "
-            "is its lower end lost over a long way, blurred by a filter of the sensor, or a rounding of it out of view "
-            "(edge.segment_raw.most_radius_mm declares its radius)?"
+            f"the edge is known to {known_mm:.3g} mm (U, k = 2) only: do its passes disagree, are poses or hand-eye "
+            "pose wrong, is its lower end lost over a long way, blurred by a filter of the sensor, or a rounding of it "
+            "out of view (edge.segment_raw.most_radius_mm declares its radius)?"
         )
         raise InputError(edge.source or "edge", told)
-    if bevel.root_mm < known_mm:
+    least_mm = max(LEAST_ROOT_MM, SMALL_ROOT * known_mm)
+    if bevel.root_mm < least_mm:
         raise InputError(
             "root_mm",
-            f"{bevel.root_mm:g} mm of root is less than the {known_mm:.3g} mm to which edge "
-            "and robot are known: is it in another unit?",
+            f"{bevel.root_mm:g} mm of root is less than {least_mm:.3g} mm, twice the U of the edge or what a robot "
+            "repeats to: is it in another unit?",
         )
 
 

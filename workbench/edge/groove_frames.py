@@ -137,6 +137,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         )
     some = profiles[:: max(1, len(profiles) // SAMPLE)]
     up = upwards([p[0] for p in some], [p[1] for p in some])
+    if up == 0.0:  # few profiles show what lies below: all of them are asked
+        up = upwards([p[0] for p in profiles], [p[1] for p in profiles])
     if up == 0.0:
         raise InputError(cloud.source, "expected two plates with a groove between them: nothing is seen below them")
     seen = [read_profile(x, up * z) for x, z, _ in profiles]

@@ -47,6 +47,7 @@ STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two 
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 LEAST_VOTES = 0.25  # share of the profiles that show more of them below the plates than above
+SPATTER_MM, DEEP_VOTES = 5.0, 0.04  # what lies further off is no spatter: so many profiles tell, where none objects
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
 MOST_LEAN = math.tan(20.0 * DEG)  # a root face leans by less from the square to its plate, as few returns show it
 OFF_FACE_MM = 0.05  # aside of the line of a root face: rough faces and their rounded ends lie nearer to it
@@ -451,10 +452,10 @@ def common_kind(sides: list[Side]) -> tuple[Kind, float]:
 def upwards(x: list[Float], z: list[Float]) -> float:
     """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
 
-    What lies between the outer surfaces of a groove lies below them; in a few profiles that is spatter on one of them.
+    What lies between the outer surfaces of a groove lies below them; in a few profiles, and near, that is spatter.
     x, z: profiles with x rising.
     """
-    votes = []
+    votes = []  # mm
     for xs, zs in zip(x, z, strict=True):
         lines = straight_faces(xs, zs)
         long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
@@ -465,9 +466,12 @@ def upwards(x: list[Float], z: list[Float]) -> float:
         inner: Bool = (off > DROP_MM) & (xs > first[X1]) & (xs < last[X0])
         if inner.sum() >= DROP_POINTS:
             chord = _chord(first, last)
-            votes.append(-np.sign(np.median(zs[inner] - np.polyval(chord, xs[inner]))))
-    told = float(np.sum(votes))
-    return float(np.sign(told)) if abs(told) > LEAST_VOTES * len(x) else 0.0
+            votes.append(-float(np.median(zs[inner] - np.polyval(chord, xs[inner]))))
+    told = float(np.sign(votes).sum())
+    if abs(told) > LEAST_VOTES * len(x):
+        return float(np.sign(told))
+    deep = np.sign([vote for vote in votes if abs(vote) > SPATTER_MM])
+    return float(deep[0]) if abs(deep.sum()) == deep.size > DEEP_VOTES * len(x) else 0.0
 
 
 def _off(x: Float, z: Float, line: Float) -> Float:

@@ -147,7 +147,7 @@ def _unbridged(x: Float, y: Float, lines: Float) -> Float:
             continue
         cut = first + int(wide[0]) + 1
         for i, j in ((first, cut), (cut, last + 1)):
-            if j - i >= 4:
+            if j - i >= 4 and x[j - 1] > x[i]:  # returns of one x have no slope
                 slope, offset = np.polyfit(x[i:j], y[i:j], 1)
                 out.append(np.array([x[i], x[j - 1], slope, offset, j - i, i, j - 1]))
     return np.array(out).reshape(-1, 7)

@@ -26,6 +26,7 @@ from workbench.synthetic.draws import draw_disturbances, draw_part, draw_pass, d
 from workbench.synthetic.swept import simulate_swept
 
 SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
+DRAWN = Path(__file__), Path(__file__).with_name("conditions.py")
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)
@@ -108,5 +109,5 @@ def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
 
 @cache
 def _digest() -> str:
-    files = [*sorted(SOURCES.rglob("*.py")), Path(__file__)]
+    files = [*sorted(SOURCES.rglob("*.py")), *DRAWN]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]

@@ -20,10 +20,8 @@ from workbench.geometry.medians import median, median_of
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float
 
-SAMPLE, COUNTED = (
-    40,
-    500,
-)  # frames with faces; of which share of frames faces are seen in is told from eight times as many
+SAMPLE = 40  # frames with faces
+COUNTED = 500  # frames, of which eight times as many tell the share that shows faces
 LEAST_POINTS = 8  # of a face, to tell whether it is straight
 SURE = 3.0  # standard uncertainties by which a bow is one
 SMALL_BOW_MM, SMALL_BOW = 0.03, 0.03  # no face is straighter for certain; a narrow one than this share of its width

@@ -113,7 +113,7 @@ class Repeated:
 def likely_walk(logs: list[Float]) -> float:
     """The walk, mm^2 a mm, whose errors are beyond SURE standard deviations as seldom as a known one's; 0: not told.
 
-    logs (w, k): as `Repeated.walk` has them, of each face; before, all orders of magnitude were alike likely.
+    logs (w, k): as `Repeated.walk` has them, of each face; a priori all orders of magnitude are alike likely.
     """
     total = np.sum(logs, axis=0)
     if not total.any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -195,12 +196,10 @@ def test_a_gouge_contradicts_the_course() -> None:
     assert not end.departure[np.abs(end.s - 60.0) > 9.0].any()  # a spline swings beside a step
 
 
-@pytest.mark.parametrize("change", [-0.8, -0.15, 0.15])
-@pytest.mark.parametrize("length", [4.0, 10.0, 20.0])
-def test_a_stretch_that_lies_off_is_followed_or_told(length: float, change: float) -> None:
-    """In all but one cell in ten: at the ends of the stretch the course may still swing."""
+def test_a_stretch_that_lies_off_is_followed_or_told() -> None:
+    """In all but one cell in twenty: at the ends of the stretch the course may still swing."""
     missed: list[bool] = []
-    for seed in range(20, 30):
+    for seed, length, change in itertools.product(range(20, 28), (4.0, 10.0, 20.0), (-0.8, -0.15, 0.15)):
         ends = frames(constant, seed, 9.3)
         off = np.where(np.abs(ends.s - 60.0) < 0.5 * length, change, 0.0)
         end = found(replace(ends, low=ends.low + off))
@@ -208,7 +207,7 @@ def test_a_stretch_that_lies_off_is_followed_or_told(length: float, change: floa
         error = np.abs(end.course.value(end.s) - 1.5 - change)[within]
         limit = np.maximum(4.0 * end.course.u(end.s)[within], 1.2 * np.abs(end.departure[within]) + 0.02)
         missed.extend(error >= limit)
-    assert np.mean(missed) < 0.1
+    assert np.mean(missed) < 0.05
 
 
 def test_the_place_of_the_count_does_not_matter() -> None:
@@ -243,3 +242,21 @@ def test_few_frames(count: int) -> None:
     at = few.s
     assert np.isfinite(end.value(at)).all()
     assert (np.abs(end.value(at) - 1.5) < 4.0 * end.u(at)).all()
+
+
+def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:
+    """The rounds swung by a whole column between a straight end and one that waves, and ended with either."""
+    rng = np.random.default_rng(9205)
+    s = np.arange(0.0, 1500.0, PITCH_MM)
+    truth = 1.46 + 8e-5 * s + 0.04 * np.sin(2.0 * np.pi * s / 45.0)
+    low = truth - 0.9 * STEP_MM + rng.normal(0.0, 0.001, s.size)
+    step, sigma = np.full(s.size, STEP_MM), np.full(s.size, 1e-3)
+    still = np.zeros(s.size, np.int64)
+    freed = settled(s, low, step, sigma, still, still)
+    nan = np.full(s.size, np.nan)
+    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, nan, nan, 0.0 * s)
+    course = found(ends).course
+    off = course.value(s) - truth
+    assert off.std() < 0.15 * STEP_MM  # its shape; where in the step it lies nothing shows
+    assert np.abs(off / course.u(s)).max() < 2.5
+    assert course.u(s).max() < 0.5 * STEP_MM

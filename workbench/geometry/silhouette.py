@@ -33,12 +33,14 @@ MISSES = 6  # columns of the face that may have gone without return at its end
 CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
-ROUNDS = 4
+# Rounds: settled where none moved the course by this share of its u, half a step each where whole ones swing, at most.
+SETTLED_U, WHOLE_ROUNDS, MOST_ROUNDS = 0.1, 3, 12
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
 # Frames that show the face beyond its told end: by how many columns and sigmas, how many at least, over how much edge.
 FURTHER_STEPS, FURTHER_SIGMAS, FURTHER_SHARE, FURTHER_LEAST, FURTHER_MM = 1.0, 4.0, 0.1, 3, 20.0
+LEAST_TOGETHER = 4  # cells that count as known together, however loose the course
 SWING_CELLS = 3  # over which a spline swings beside a step: one and a half of its pieces
 NOTHING = 36.0  # logarithms below the greatest: a share below the digits of a number
 FAR_SIGMAS, NORMAL = 7.0, 4097  # where no noise is left to tell of; values in a table
@@ -143,8 +145,10 @@ def find_end(
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
     unseen = (UNSEEN_STEPS * step, UNSEEN_MM)
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
-    for _ in range(ROUNDS):
-        about = course.value(place)
+    about = course.value(place)
+    said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
+    sites = Sites.nothing(place.size)
+    for number in range(MOST_ROUNDS):
         logs = np.zeros((place.size, GRID))
         low = ends.low - course.value(ends.s)
         _add_up(
@@ -161,9 +165,18 @@ def find_end(
             logs,
         )
         mean, variance = _sites(logs, grid, prior)
-        said = variance * _overstated(logs, grid, variance)
-        course = fit_course(place, about + mean, said, orders=orders, unseen=unseen, together_mm=together_mm)
+        together = said / course.u(place) ** 2
+        said = variance * _overstated(logs, grid, variance, together)
+        sites = sites.moved(about + mean, said, 1.0 if number < WHOLE_ROUNDS else 0.5)
+        said = 1.0 / sites.precision
+        course = fit_course(place, sites.value, said, orders=orders, unseen=unseen, together_mm=together_mm)
+        before, about = about, course.value(place)
+        if (np.abs(about - before) < SETTLED_U * course.u(place)).all():
+            break
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
+    else:
+        still = np.interp(course.at_mm, place, about - before)
+        course = replace(course, variance=course.variance + still**2)
     about = course.value(ends.s)
     contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
     first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
@@ -172,6 +185,30 @@ def find_end(
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, contradicted, _beside(departure), middle, middle_u)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sites:
+    """What the cells add to the course, as normal factors."""
+
+    precision: Shaped[Float, " c"]  # 1/mm^2
+    weighted: Shaped[Float, " c"]  # value times precision, 1/mm
+
+    @classmethod
+    def nothing(cls, cells: int) -> Sites:
+        """Of cells that said nothing yet."""
+        return cls(np.zeros(cells), np.zeros(cells))
+
+    @property
+    def value(self) -> Float:
+        """Where each cell has the end (c,), mm."""
+        return self.weighted / self.precision
+
+    def moved(self, value: Float, variance: Float, share: float) -> Sites:
+        """A share of the way to other values (c,) and variances (c,)."""
+        precision = share / variance
+        kept = 1.0 - share
+        return Sites(kept * self.precision + precision, kept * self.weighted + value * precision)
 
 
 def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, at: Float) -> Float:
@@ -224,19 +261,22 @@ def _sites(logs: Float, grid: Float, prior: Float) -> tuple[Float, Float]:
     return np.clip(mean / variance / added, grid[0], grid[-1]), 1.0 / added
 
 
-def _overstated(logs: Float, grid: Float, variance: Float) -> Float:
+def _overstated(logs: Float, grid: Float, variance: Float, together: Float) -> Float:
     """Factor (c,), at least 1, by which cells of these variances claim more together than they know (eq. (9)).
 
     Independent cells know what the sum of their weights says; cells at one phase of the columns know no more than one.
+    The course averages over so many cells about each, `together` (c,): what is further away it follows, and shares no
+    error with.
     """
     out = np.ones(len(logs))
     total = np.concatenate([np.zeros((1, grid.size)), np.cumsum(logs, axis=0)])
     claimed = np.concatenate([[0.0], np.cumsum(1.0 / variance)])
     number, free = np.arange(len(logs)), np.full(len(logs), np.inf)
-    for cells in 2 ** np.arange(2, max(3, len(logs).bit_length() + 2)):
-        first, last = np.maximum(number - cells // 2, 0), np.minimum(number + cells // 2, len(logs))
-        known = _moments(total, first, last, free, grid)[1]
-        out = np.maximum(out, known * (claimed[last] - claimed[first]))
+    for cells in LEAST_TOGETHER * 2 ** np.arange(max(1, len(logs).bit_length())):
+        here = number[(cells == LEAST_TOGETHER) | (together > cells // 4)]
+        first, last = np.maximum(here - cells // 2, 0), np.minimum(here + cells // 2, len(logs))
+        known = _moments(total, first, last, free[here], grid)[1]
+        out[here] = np.maximum(out[here], known * (claimed[last] - claimed[first]))
     return out
 
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.coverage.parts import ANALYTIC, SWEPT, part
+from bench.metrology.folding import written
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
-from bench.metrology.table import markdown, put_into
+from bench.metrology.table import put_into
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError
@@ -45,7 +46,8 @@ CLASSES = (
     "crashed",
 )
 SHORT = {"refused, right suspicion": "refused", "refused, other suspicion": "otherwise", NAMED: "named"}
-ALL = {"right": "All parts right", "refused, right suspicion": "All parts refused, with the right suspicion"}
+EXPECTED = ("right", "refused, right suspicion")
+MOST = 5  # kinds that a class names, those with most parts
 FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
@@ -144,10 +146,12 @@ def main() -> None:
     kinds = [name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds)]
     inspections = _outcomes(inspected, INSPECTED, chosen.parts, chosen.seed, kinds)
     plans = _outcomes(planned, PLANNED, chosen.plans, chosen.seed, kinds)
-    lines = [command, "", *table(inspections, plans), "", *_false_refusals(chosen.good, chosen.seed)]
-    print("\n".join(lines))
+    good = _false_refusals(chosen.good, chosen.seed)
+    lines = [command, "", *table(inspections, plans), ""]
+    print("\n".join([*lines, *good]))
     if chosen.docs:
-        put_into(PAGE, "\n".join(lines))
+        place = written(PAGE, "corruptions", ["corruption", "inspections", "plans"], every_kind(inspections, plans))
+        put_into(PAGE, "\n".join([*lines, f"[Every kind]({place}).", "", *good]))
 
 
 def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dict[str, Counter[str]]:
@@ -164,25 +168,22 @@ def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dic
 
 
 def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[str]:
-    """Lines of Markdown: kinds that end alike in all parts in a sentence each, a row for each of the others."""
-    alike: dict[str, list[str]] = {}
-    rows = []
-    for name, found in inspections.items():
-        classes = {*found, *plans[name]}
-        if len(classes) == 1:
-            alike.setdefault(classes.pop(), []).append(name)
-        else:
-            rows.append([name, _told(found), _told(plans[name])])
-    totals = [
-        sum((found for name, found in one.items() if name != "nothing"), Counter()) for one in (inspections, plans)
+    """Lines of Markdown: how many parts ended in each class, and most kinds of those to look at."""
+    lines = ["| outcome | inspections | plans |", "| --- | --- | --- |"]
+    return lines + [
+        f"| {SHORT.get(one, one)} | {_by_kind(inspections, one)} | {_by_kind(plans, one)} |" for one in CLASSES
     ]
-    rows.append(["all but nothing", *map(_told, totals)])
-    lines = [line for one, names in alike.items() for line in (f"{ALL.get(one, one)}: {'; '.join(names)}.", "")]
-    return [*lines, *markdown(["corruption", "inspections", "plans"], rows)]
 
 
-def _total(found: dict[str, Counter[str]]) -> Counter[str]:
-    return sum((one for name, one in found.items() if name != "nothing"), Counter())
+def _by_kind(outcomes: dict[str, Counter[str]], outcome: str) -> str:
+    found = Counter({name: one[outcome] for name, one in outcomes.items() if one[outcome] and name != "nothing"})
+    most = "" if outcome in EXPECTED else ", ".join(f"{name} ({count})" for name, count in found.most_common(MOST))
+    return f"{found.total()}" + (f": {most}" if most else "") + (", ..." if most and len(found) > MOST else "")
+
+
+def every_kind(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[list[str]]:
+    """A row for each kind of corruption: what its inspections and its plans ended in."""
+    return [[name, _told(found), _told(plans[name])] for name, found in inspections.items()]
 
 
 def _told(found: Counter[str]) -> str:

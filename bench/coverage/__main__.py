@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.worst and (result.refused or result.crashed):
             print("-", result.condition, result.seed, result.refused or result.crashed, f"({result.title})")
     if options.docs:
-        put_into(PAGE, text, stay=2)
+        put_into(PAGE, text)
     return 0
 
 

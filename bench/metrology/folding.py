@@ -1,4 +1,4 @@
-"""Long tables of a page: the first of a study stays, of the others the page has the extremes and a CSV all rows."""
+"""Long tables of a page: the page has the extremes, a CSV beside it all rows."""
 
 from __future__ import annotations
 
@@ -10,34 +10,36 @@ from pathlib import Path
 
 FOLDER = "tables"  # beside the page
 NAMED = 6  # words of a heading in the name of its table
-LONGEST = 7  # rows of a later table that stay
+LONGEST = 12  # rows of a command's first table that stay
+LATER = 7  # of those after it
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")
 ASIDE = re.compile(r" \(.*\)| ±.*|\*\*")  # intervals, uncertainties, what is bold
+HEAD = 2  # lines of a table above its rows
 ALL = "all"  # the row of all together
 Rows = list[list[str]]
 
 
-def fold(page: Path, text: str, stay: int = 1) -> str:
-    """`text` as the page has it, a command's first `stay` tables as they are; the others go beside `page` as CSV."""
-    left, kept, heading = stay, [], ""
+def fold(page: Path, text: str) -> str:
+    """`text` as the page has it: tables that are longer than `LONGEST` or `LATER` go beside `page` as CSV."""
+    longest, kept, heading = LONGEST, [], ""
     for block in _blocks(text.split("\n")):
         line = block[0]
-        left = stay if line.startswith("`python ") else left
+        longest = LONGEST if line.startswith("`python ") else longest
         heading = line.removeprefix("### ") if line.startswith("### ") else heading
         if not line.startswith("|"):
             kept += block
             continue
-        head, rows = _split(_cells(block[0]), [_cells(row) for row in block[2:]])
-        found = [] if left > 0 or len(rows) <= LONGEST else extremes(head, rows)
+        head, rows = _split(_cells(block[0]), [_cells(row) for row in block[HEAD:]])
+        found = [] if len(rows) <= longest else extremes(head, rows)
         kept += [*found, "", f"[All rows]({written(page, heading, head, rows)})."] if found else block
-        left -= 1
+        longest = LATER
     return "\n".join(kept)
 
 
 def extremes(head: list[str], rows: Rows) -> list[str]:
-    """A table of the smallest and the largest value of each column with its row; empty where a column has no number.
+    """A table of the smallest and the largest value of each column of numbers with its row; empty where there is none.
 
     Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides. A last row
     named `all` has a column of its own.
@@ -48,11 +50,11 @@ def extremes(head: list[str], rows: Rows) -> list[str]:
     for k, name in enumerate(head[keys:], keys):
         known = [(abs(value), row) for row in rows if row is not whole and (value := _value(row[k])) is not None]
         if not known:
-            return []
+            continue
         ends = (min(known, key=lambda one: one[0])[1], max(known, key=lambda one: one[0])[1])
         told = [f"{row[k]} ({', '.join(row[:keys])})" for row in ends] + ([whole[k]] if whole else [])
         lines.append(f"| {' | '.join([name, *told])} |")
-    return lines
+    return lines if len(lines) > HEAD else []
 
 
 def _split(head: list[str], rows: Rows) -> tuple[list[str], Rows]:

@@ -196,11 +196,11 @@ def _with_interval(value: str, interval: str) -> str:
     return value if low == high else f"{value} ({interval})"
 
 
-def put_into(page: Path, text: str, marks: str = "tables", stay: int = 1) -> None:
+def put_into(page: Path, text: str, marks: str = "tables") -> None:
     """Replace what stands between the page's marks of that name; long tables go beside the page (`fold`)."""
     begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
     before, _, rest = page.read_text(encoding="utf-8").partition(begin)
     _, found, after = rest.partition(end)
     if not found:
         raise ValueError(f"{page} has no place for '{marks}'")
-    page.write_text(f"{before}{begin}\n{fold(page, text, stay)}\n{end}{after}", encoding="utf-8")
+    page.write_text(f"{before}{begin}\n{fold(page, text)}\n{end}{after}", encoding="utf-8")

@@ -1,9 +1,11 @@
 """What the tables of the studies leave out can still be read off them."""
 
 import csv
+from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
+from bench.confidently_wrong.__main__ import every_kind, table
 from bench.metrology.figures import told
 from bench.metrology.folding import fold
 from bench.metrology.table import markdown, not_met, put_into
@@ -56,7 +58,7 @@ def test_causes_that_differ_by_their_numbers_are_one() -> None:
     assert lines[2].startswith("- b, seed 3: crashed")
 
 
-def test_later_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_it(tmp_path: Path) -> None:
+def test_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_it(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("<!-- tables: begin -->\n<!-- tables: end -->")
     rows = [[f"c{k}", f"{0.1 * k:.1f}, {(3 - k) ** 2:.1f}", f"**{90 + k}** (80 to 100)"] for k in range(8)]
@@ -64,7 +66,7 @@ def test_later_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_i
     words = "\n".join(markdown(["condition", "advice"], [[f"c{k}", f"turn {k}"] for k in range(8)]))
     put_into(page, f"### One\n{table}\n\n### The other, again\n{table}\n\n### Words\n{words}")
     text = page.read_text()
-    assert text.count(table) == 1
+    assert text.count(table) == 1  # the first may be longer
     assert words in text
     assert "| median, worst | 0.3, 0.0 (c3) | 0.7, 16.0 (c7) |\n| covers | **90** (80 to 100) (c0) |" in text
     assert "[All rows](tables/page_the_other.csv)." in text
@@ -72,11 +74,26 @@ def test_later_long_tables_have_their_extremes_in_the_page_and_all_rows_beside_i
         assert list(csv.reader(file))[1:] == [[cell.replace("**", "") for cell in row] for row in rows]
 
 
+def test_a_long_first_table_is_folded_too_without_its_columns_of_words(tmp_path: Path) -> None:
+    rows = [[f"c{k}", f"{k}", "yes" if k else "**no**"] for k in range(13)]
+    text = fold(tmp_path / "page.md", "\n".join(["### One", *markdown(["condition", "error", "met"], rows)]))
+    assert "| error | 0 (c0) | 12 (c12) |" in text
+    assert "met |" not in text
+
+
 def test_of_folded_tables_columns_of_several_values_come_apart_and_all_has_a_column(tmp_path: Path) -> None:
     head = ["condition", "root, mm: p95; mean u", "s"]
-    rows = [[f"c{k}", f"{k / 10:.1f}; {(8 - k) / 100:.2f}", "0.1"] for k in range(8)] + [["all", "0.4; 0.05", "0.1"]]
-    text = fold(tmp_path / "page.md", "\n".join(["### Milled", *markdown(head, rows)]), stay=0)
+    rows = [[f"c{k}", f"{k / 10:.1f}; {(12 - k) / 100:.2f}", "0.1"] for k in range(12)] + [["all", "0.4; 0.05", "0.1"]]
+    text = fold(tmp_path / "page.md", "\n".join(["### Milled", *markdown(head, rows)]))
     assert "| | smallest | largest | all |" in text
-    assert "| root, mm: p95 | 0.0 (c0) | 0.7 (c7) | 0.4 |" in text
-    assert "| root, mm: mean u | 0.01 (c7) | 0.08 (c0) | 0.05 |" in text
+    assert "| root, mm: p95 | 0.0 (c0) | 1.1 (c11) | 0.4 |" in text
+    assert "| root, mm: mean u | 0.01 (c11) | 0.12 (c0) | 0.05 |" in text
     assert (tmp_path / "tables" / "page_milled.csv").read_text().splitlines()[-1] == "all,0.4,0.05"
+
+
+def test_outcomes_of_corruptions_are_counted_and_those_to_look_at_have_their_kinds() -> None:
+    inspections = {f"k{k}": Counter({"right": 2, "honest": k}) for k in range(7)} | {"nothing": Counter(honest=9)}
+    lines = table(inspections, {name: Counter() for name in inspections})
+    assert "| right | 14 | 0 |" in lines
+    assert "| honest | 21: k6 (6), k5 (5), k4 (4), k3 (3), k2 (2), ... | 0 |" in lines
+    assert every_kind(inspections, inspections)[-2] == ["k6", "2 right, 6 honest", "2 right, 6 honest"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bench.speed import batch_rows, follow_rows, import_rows, postures_rows, rows, start_rows
 from bench.speed.recordings import simulated
-from bench.speed.table import document, line
+from bench.speed.table import cells, document, line
 from bench.speed.timing import Row
 
 PAGE = Path("docs/benchmarks.md")
@@ -77,16 +77,16 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help="keep the recordings here for the next time (1 GB)")
     parser.add_argument("--out", type=Path, help="the page to write (docs/benchmarks.md, if all rows are measured)")
     arguments = parser.parse_args()
-    found = []
+    found: list[list[str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = arguments.folder or scratch
         groups, sizes = arguments.rows or list(GROUPS), sorted(arguments.sizes)
         for row in measure(groups, sizes, arguments.parts, Path(folder), arguments.all, not arguments.without_open3d):
-            found.append(row)
-            print(line(row), flush=True)
+            found.append(cells(row))
+            print(line(found[-1]), flush=True)
     page = arguments.out or (None if arguments.rows else PAGE)
     if page is not None:
-        page.write_text(document(found, sys.argv[1:]), encoding="utf-8")
+        page.write_text(document(found, sys.argv[1:], page), encoding="utf-8")
 
 
 if __name__ == "__main__":

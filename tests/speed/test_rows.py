@@ -12,7 +12,7 @@ import pytest
 
 from bench.speed import recordings
 from bench.speed.rows import extrapolated
-from bench.speed.table import document, line
+from bench.speed.table import cells, document, line
 from bench.speed.timing import Row, in_turn, seconds
 from workbench.scan import read
 
@@ -25,11 +25,19 @@ def test_goals_from_below_and_above() -> None:
     assert Row("a", "", "", 1.0, "{}").met is None
 
 
-def test_a_line_and_the_page() -> None:
-    row = Row("fuse; copy", "2 ms", "1 ms", 0.5, "{:.2f} of its speed", goal=0.8)
-    assert line(row) == "| fuse; copy | 2 ms | 1 ms | 0.50 of its speed | at least 0.8 | **no** |"
-    assert "python -m bench.speed --sizes 1" in document([row], ["--sizes", "1"])
-    assert line(row) in document([row], [])
+def test_a_line_and_the_page(tmp_path: Path) -> None:
+    missed = cells(Row("fuse; copy", "2 ms", "1 ms", 0.5, "{:.2f} of its speed", goal=0.8))
+    assert line(missed) == "| fuse; copy | 2 ms | 1 ms | 0.50 of its speed | at least 0.8 | **no** |"
+    first = cells(Row("an inspection report, processor time", "1 s", "", 1.0, "{:.1f} s", goal=1, at_most=True))
+    other = cells(Row("something else", "1 s", "", 1.0, "{:.1f} s"))
+    text = document([missed, first, other], ["--sizes", "1"], tmp_path / "page.md")
+    assert "python -m bench.speed --sizes 1" in text
+    assert "1 of 2 goals are met" in text
+    before, after = text.split("## Goals not met")
+    assert line(first[:-1]) in before
+    assert line(missed[:-1]) in after
+    assert "something else" not in text
+    assert "something else,1 s" in (tmp_path / "tables" / "page_all_rows.csv").read_text()
 
 
 def test_sides_run_in_turn_and_the_first_round_does_not_count() -> None:

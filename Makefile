@@ -60,6 +60,7 @@ mutation: setup-dev
 docs: setup-dev
 	@$(BIN)/python -m scripts.pictures
 	@$(BIN)/python -m scripts.stage_pages
+	@$(BIN)/python -m scripts.checks_table
 	@$(BIN)/python -m scripts.site
 
 data: setup

@@ -1,4 +1,4 @@
-"""The limits of all checks: one table, from which checks, refusals and docs/checks.md are made."""
+"""The limits of all checks: one table, from which checks, refusals and docs/tables/checks.csv are made."""
 
 from __future__ import annotations
 

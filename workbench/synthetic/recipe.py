@@ -1,6 +1,6 @@
 """What a synthetic recording is made from: part, scanner, robot and disturbances, as one JSON document.
 
-Every key is documented in `docs/simulation.md`. Lengths in mm, angles in degrees (`_deg`), times in s. The part's
+Every key is documented in `docs/tables/simulation_keys.csv`. Lengths in mm, angles in degrees (`_deg`), times in s. The part's
 frame: the lower surface lies in z = 0, the plate above it; the lower edge starts at the origin and runs along +x,
 the plate to its left (+y), so that t = x, n = -y, m = z there.
 

@@ -1,8 +1,8 @@
 """What a synthetic recording is made from: part, scanner, robot and disturbances, as one JSON document.
 
-Every key is documented in `docs/tables/simulation_keys.csv`. Lengths in mm, angles in degrees (`_deg`), times in s. The part's
-frame: the lower surface lies in z = 0, the plate above it; the lower edge starts at the origin and runs along +x,
-the plate to its left (+y), so that t = x, n = -y, m = z there.
+Every key is documented in `docs/tables/simulation_keys.csv`. Lengths in mm, angles in degrees (`_deg`), times in s.
+The part's frame: the lower surface lies in z = 0, the plate above it; the lower edge starts at the origin and runs
+along +x, the plate to its left (+y), so that t = x, n = -y, m = z there.
 
 A calibration recording has a sphere instead of the part, and where the scanner sees it. The *view* of a scanner has its
 origin on the laser's axis at the stand-off: x lateral as in the profiler frame, y normal to the laser plane, range away

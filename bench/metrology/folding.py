@@ -11,7 +11,7 @@ from pathlib import Path
 FOLDER = "tables"  # beside the page
 NAMED = 6  # words of a heading in the name of its table
 LONGEST = 12  # rows of a command's first table that stay
-LATER = 7  # of those after it
+LATER = 5  # of those after it
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")

@@ -49,46 +49,34 @@ Machine: {machine}. {packages}.
 FOOT = """
 ## How it is measured
 
-**Start-up** (`bench/speed/start_rows.py`): processor seconds of the command and its children, for the shipped
-milled edge (309 frames of 600 columns) and the shipped closed loop. Set-up compiles the kernels, a wheel of `make
-wheel` brings them; "without set-up" begins with an empty folder for them, as after `pip install` of a wheel without
-kernels. Bytecode is kept, as pip does. The installation: clone, packages into an empty cache, kernels, `make demo`.
-`--follow` (`bench/speed/follow_rows.py`): a writer in SWMR mode sends a recording in twenty parts over eight
-seconds and closes it.
+The files named tell it in full. Planning, calibration and postures: processor time on one core.
 
-**Open3D** (`bench/speed/general.py`): what one would write without this project: points into the base with numpy,
-float64, `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials) on
-the whole cloud. It ends with two planes; no section, root face or uncertainty. "Extrapolated": on the straight line
-through the two largest sizes that were run; `python -m bench.speed --all` runs it there too.
-
-**Picture** (`bench/speed/pictures.py`): the fused cloud in one parallel projection, drawn on the processor by both.
-Ours (`workbench/geometry/splat.py`) draws four times as many pixels, averages them and lights them by depth; VTK
-draws squares of 2 pixels without light.
-
-**Planning**: edge and cloud by formula (`bench/speed/raw_edges.py`), 5 m long, 12 mm thick, an arc of 10 m, 50
-million points, ten layers of 0.7 mm; to the program by `path.layers`, `path.feed`, `path.simplify`,
-`program.write`. d_min: from the cutter's axis to all that still stands, for every point of every layer, the index
-over the cloud included. The others sample the axis every mm and ask for the nearest point of what is left
-(`bench/speed/distances.py`), the tree built anew for each layer, on 250 mm of the same edge; 5 m are taken as
-linear in the number of points.
-
-**Calibration** (`bench/speed/calibration.py`): ten sets of nine postures of a simulated 10 mm sphere, the same
-circles for both. The genetic algorithms minimise the paper's equations (6) and (8), put right, in two steps within
-20 deg and 50 mm about the design's pose, 100 x 100 evaluations a step; they are given the signs of h, which they do
-not find. scipy's evaluates an individual at a time, the vectorised one a generation in one call of numpy.
-
-**Postures** (`bench/speed/postures.py`): the shipped path of a raw arc and the shipped cell; the cluttered one has
-40 boxes of 300 mm around the robot. The optimum is searched on a grid of 1 deg x 1 deg, from nothing: traversal,
-bodies for collision, best-first search, all 1,016 points of the chosen cell against all pairs of bodies. The loops
-(`bench/peers/clik.py`) solve a pose at a time and form J K^-1 J^T f with pinocchio's Jacobian; each of EAIK's
-branches counts as a posture; CLIK starts in the middle of the joints' ranges. The law of both angles is sought
-among all nodes of the grid at all points, with collision and the limits of speed and acceleration.
-
-Planning, calibration and postures: processor times on one core.
-
-**Batches** (`bench/speed/batch_rows.py`): small parts, each simulated by itself (121 frames of 300 columns),
-without a report. Wall clock, workers warm; overhead is what a part takes beyond its stages. The dask worker is
-killed with SIGKILL after a quarter of the parts; all results are compared with those of one machine.
+- **Start-up** (`bench/speed/start_rows.py`, `bench/speed/follow_rows.py`): the shipped milled edge (309 frames of
+  600 columns), the shipped closed loop. Set-up compiles the kernels, a wheel of `make wheel` brings them; "without
+  set-up" begins with an empty folder for them. Bytecode is kept, as pip does.
+- **Open3D** (`bench/speed/general.py`): points into the base with numpy, float64,
+  `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials) on the
+  whole cloud. It ends with two planes; no section, root face or uncertainty. "Extrapolated": on the straight line
+  through the two largest sizes that were run; `python -m bench.speed --all` runs it there too.
+- **Picture** (`bench/speed/pictures.py`): ours (`workbench/geometry/splat.py`) draws four times as many pixels,
+  averages them and lights them by depth; VTK draws squares of 2 pixels without light.
+- **Planning** (`bench/speed/raw_edges.py`): ten layers of 0.7 mm; from edge and cloud to the program by
+  `path.layers`, `path.feed`, `path.simplify`, `program.write`. d_min (`bench/speed/distances.py`): for every point
+  of every layer, the index over the cloud included. The others run on 250 mm of the same edge; 5 m are taken as
+  linear in the number of points.
+- **Calibration** (`bench/speed/calibration.py`): ten sets of nine postures of a simulated 10 mm sphere. The genetic
+  algorithms minimise the paper's equations (6) and (8), put right, in two steps within 20 deg and 50 mm about the
+  design's pose, 100 x 100 evaluations a step. scipy's evaluates an individual at a time, the vectorised one a
+  generation in one call of numpy.
+- **Postures** (`bench/speed/postures.py`): the shipped path of a raw arc and the shipped cell; the cluttered one
+  has 40 boxes of 300 mm around the robot. The optimum is searched on a grid of 1 deg x 1 deg, from nothing:
+  traversal, bodies for collision, best-first search, all 1,016 points of the chosen cell against all pairs of
+  bodies. The loops (`bench/peers/clik.py`) solve a pose at a time and form J K^-1 J^T f with pinocchio's Jacobian;
+  CLIK starts in the middle of the joints' ranges. The law of both angles is sought among all nodes of the grid at
+  all points, with collision and the limits of speed and acceleration.
+- **Batches** (`bench/speed/batch_rows.py`): small parts, each simulated by itself (121 frames of 300 columns). Wall
+  clock, workers warm; overhead is what a part takes beyond its stages. The dask worker is killed with SIGKILL after
+  a quarter of the parts; all results are compared with those of one machine.
 """
 
 

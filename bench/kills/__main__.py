@@ -26,6 +26,8 @@ COMMANDS = {
     "plan": ["run", str(ROOT / "pipelines/plan_bevel.json")],
     "batch": ["batch", str(ROOT / "pipelines/inspect_bevel.json"), *(str(DATA / name) for name in PARTS)],
 }
+LEFT = NONE, OLD, NEW = "none", "the old results whole", "the new results whole"
+WORKS = "works"
 LATE_SHARE = 0.5  # of the kills fall into the last tenth, where files are written
 
 
@@ -92,8 +94,8 @@ def _killed(name: str, out: Path, after_s: float, usual_s: float, rng: random.Ra
     if after is None:
         return "BROKEN"
     if after == before:
-        return "the old results whole" if before else "none"
-    return "the new results whole" if after else "none"
+        return OLD if before else NONE
+    return NEW if after else NONE
 
 
 def _next_run(name: str, out: Path) -> str:
@@ -101,15 +103,20 @@ def _next_run(name: str, out: Path) -> str:
     done = subprocess.run(_command(name, out), capture_output=True, check=False)
     if done.returncode != 0 or not whole_sets(out):
         return f"BROKEN ({done.returncode})"
-    return "works" if not leftovers(out) else f"BROKEN (left {leftovers(out)[0].name})"
+    return WORKS if not leftovers(out) else f"BROKEN (left {leftovers(out)[0].name})"
 
 
 def _write(found: Counter[str], runs: int, seed: int) -> None:
-    rows = "\n".join(f"| {what.replace(': ', ' | ')} | {count} |" for what, count in sorted(found.items()))
-    table = f"| command | found afterwards | times |\n|---|---|---|\n{rows}\n\n{runs} kills, seed {seed}.\n"
+    rows = []
+    for name in COMMANDS:
+        broken = sum(count for what, count in found.items() if what.startswith(name) and "BROKEN" in what)
+        counts = [*(found[f"{name}: {state}"] for state in LEFT), found[f"{name}, the next run: {WORKS}"], broken]
+        rows.append(" | ".join(["", name, *map(str, counts), ""]).strip())
+    head = " | ".join(["", "command", *LEFT, "next runs that work", "broken", ""]).strip()
+    table = "\n".join([head, "|---" * (len(LEFT) + 3) + "|", *rows])
     text = PAGE.read_text()
     before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{table}{END}{rest.split(END)[1]}")
+    PAGE.write_text(f"{before}{BEGIN}\n{table}\n\n{runs} kills, seed {seed}.\n{END}{rest.split(END)[1]}")
 
 
 if __name__ == "__main__":

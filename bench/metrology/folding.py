@@ -1,4 +1,4 @@
-"""Long tables of a page: the page has the extremes, a CSV beside it all rows."""
+"""Large tables of a page: the page has the extremes, a CSV beside it all rows."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 
 FOLDER = "tables"  # beside the page
 NAMED = 6  # words of a heading in the name of its table
-LONGEST = 12  # rows of a command's first table that stay
-LATER = 5  # of those after it
+LARGEST = 64  # cells of a command's first table that stays
+LATER = 30  # of those after it
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")
@@ -22,19 +22,19 @@ Rows = list[list[str]]
 
 
 def fold(page: Path, text: str) -> str:
-    """`text` as the page has it: tables that are longer than `LONGEST` or `LATER` go beside `page` as CSV."""
-    longest, kept, heading = LONGEST, [], ""
+    """`text` as the page has it: tables of more cells than `LARGEST` or `LATER` go beside `page` as CSV."""
+    largest, kept, heading = LARGEST, [], ""
     for block in _blocks(text.split("\n")):
         line = block[0]
-        longest = LONGEST if line.startswith("`python ") else longest
+        largest = LARGEST if line.startswith("`python ") else largest
         heading = line.removeprefix("### ") if line.startswith("### ") else heading
         if not line.startswith("|"):
             kept += block
             continue
         head, rows = _split(_cells(block[0]), [_cells(row) for row in block[HEAD:]])
-        found = [] if len(rows) <= longest else extremes(head, rows)
+        found = [] if len(head) * len(rows) <= largest else extremes(head, rows)
         kept += [*found, "", f"[All rows]({written(page, heading, head, rows)})."] if found else block
-        longest = LATER
+        largest = LATER
     return "\n".join(kept)
 
 

@@ -197,7 +197,7 @@ def _with_interval(value: str, interval: str) -> str:
 
 
 def put_into(page: Path, text: str, marks: str = "tables") -> None:
-    """Replace what stands between the page's marks of that name; long tables go beside the page (`fold`)."""
+    """Replace what stands between the page's marks of that name; large tables go beside the page (`fold`)."""
     begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
     before, _, rest = page.read_text(encoding="utf-8").partition(begin)
     _, found, after = rest.partition(end)

@@ -1,7 +1,9 @@
 """The raw edge and the bevel as planning needs them: section axes and upper edge along it, layers across it.
 
 A J preparation is a bevel whose face ends in a fillet of the cutter's own radius, tangent to the face and square to the
-end face where the root face ends. A ball end makes it whose centre stands above that place (docs/planning.md).
+end face where the root face ends. A ball end of radius r makes it, its centre at (0, c + r) + h b for the layer at
+height h above the finished one (b: the bevel's normal in the section, c: the root face). Fillet and face meet at
+(-r cos(beta), c + r (1 - sin(beta))); the face's plane meets the end face at c + r (1 - 1 / sin(beta)).
 """
 
 from __future__ import annotations

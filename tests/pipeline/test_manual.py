@@ -19,6 +19,12 @@ def test_pipelines_shown_are_valid(text: str) -> None:
     assert Pipeline(json.loads(text), base_dir=DOCS).plan().steps
 
 
+def test_every_pipeline_that_comes_along_is_told() -> None:
+    listed = MANUAL.partition("## Pipelines that come along")[2].partition("\n## ")[0]
+    told = {name for line in listed.splitlines() for name in re.findall(r"`(\w+\.json)`", line.partition(": ")[0])}
+    assert {path.name for path in (DOCS.parent / "pipelines").glob("*.json")} == told - {"handeye.json"}
+
+
 def test_plugin_shown_is_a_stage() -> None:
     [text] = [block for block in re.findall(r"```python\n(.*?)```", MANUAL, re.DOTALL) if "@stage" in block]
     try:

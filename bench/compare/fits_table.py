@@ -5,6 +5,8 @@ Prints docs/tables/comparison_fits.csv: the largest error, as a share of the sha
 
 from __future__ import annotations
 
+import csv
+import sys
 import warnings
 from collections.abc import Callable
 
@@ -21,7 +23,7 @@ DRAWS = 40
 CASES: tuple[tuple[str, float, bool], ...] = (
     ("full", 360.0, False),
     ("arc of 30°", 30.0, False),
-    ("full, origin at 1e6 mm", 360.0, True),
+    ("full with the origin at 1e6 mm", 360.0, True),
 )
 Answer = tuple[Float, Float | None, float | None]  # point, direction, radius
 
@@ -105,7 +107,8 @@ def error(shape: Shape, case: Known, answer: Answer) -> float:
 
 def main() -> None:
     warnings.simplefilter("ignore")
-    print(f"| fit | by | {' | '.join(name for name, _, _ in CASES)} |\n|---|---|{'---|' * len(CASES)}")
+    table = csv.writer(sys.stdout, lineterminator="\n")
+    table.writerow(["shape", "by", *(name for name, _, _ in CASES)])
     for name, shape, fitted in sorted(FITS, key=lambda row: (row[1], row[0] != "workbench")):
         cells = []
         for _, arc, far in CASES:
@@ -117,7 +120,7 @@ def main() -> None:
                 for case in (known(shape, seed, arc, far) for seed in range(DRAWS))
             ]
             cells.append(f"{max(errors):.0e}")
-        print(f"| {shape} | {name} | {' | '.join(cells)} |")
+        table.writerow([shape, name, *cells])
 
 
 if __name__ == "__main__":

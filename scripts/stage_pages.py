@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import html
 import re
 import sys
@@ -22,6 +23,7 @@ an `InputError` where nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
+PARSER = doctest.DocTestParser()
 LONG = 12  # words of a description
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
 ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
@@ -62,9 +64,19 @@ def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> 
         items = [(one, _item(one)) for one in parameters]
         parts += ["## Parameters", "\n".join(_once(one, text, stage.name, told[text]) for one, text in items)]
     if shown := EXAMPLE.search(stage.doc):
-        parts += ["## Example", f"```python\n{textwrap.dedent(shown[1]).strip()}\n```"]
+        parts += ["## Example", f"```python\n{script(textwrap.dedent(shown[1]))}\n```"]
         parts += picture(stage.name, directory)
     return "\n\n".join(parts) + "\n"
+
+
+def script(example: str) -> str:
+    """An example without its prompts, to be copied; what it shows as comments."""
+    lines = [line for one in PARSER.get_examples(example) for line in (one.source.rstrip(), _comment(one.want))]
+    return "\n".join(line for line in lines if line)
+
+
+def _comment(shown: str) -> str:
+    return "\n".join(f"# {line}" for line in shown.splitlines())
 
 
 def picture(name: str, directory: Path) -> list[str]:

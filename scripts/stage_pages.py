@@ -18,10 +18,11 @@ DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
 READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
 that does not show it, the range, the meaning; names end in their units. In a pipeline:
-`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)); paths are relative to its file. What it refuses is
-an `InputError` where nothing else is said."""
+`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)). What is refused ends in an `InputError` where
+nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
+RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PARSER = doctest.DocTestParser()
 LONG = 12  # words of a description
@@ -91,9 +92,14 @@ def picture(name: str, directory: Path) -> list[str]:
 
 
 def _markdown(text: str) -> str:
-    """A docstring's list of errors under a heading of its own, the pages that it names as links."""
-    head, mark, errors = _linked(text).partition("\nRaises:\n")
-    return f"{head}\n## Refuses\n\n{textwrap.dedent(errors).removeprefix('InputError: ')}" if mark else head
+    """A docstring with its list of errors as one paragraph at the end, the pages that it names as links."""
+    errors = RAISES.search(text)
+    if not errors:
+        return _linked(text)
+    entries = re.split(r"\n(?=\w)", textwrap.dedent(errors[1]).strip())
+    told = " ".join(_line(one).removeprefix("InputError: ").rstrip(".") + "." for one in entries)
+    head = re.sub(r"\n{3,}", "\n\n", RAISES.sub("", text)).strip()
+    return f"{_linked(head)}\n\n**Refused:** {told}"
 
 
 def _once(one: ParameterText, text: str, here: str, first: str) -> str:

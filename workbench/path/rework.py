@@ -107,10 +107,10 @@ def rework(
 ) -> Rework:
     """Plan to mill again where an inspection fails by too much material, and only there.
 
-    The profile of the inspection is judged place by place (ISO 14253-1). A place that fails is milled to the required
-    bevel if the measured face lies on or above it, unless the first path left it out (a clamp), in layers of the first
-    plan's depth of cut; beyond a stretch's ends the cutter rises out of the surface. Where the root is too small, or a
-    failing angle has left part of the face below the required one, that is said, with the amount.
+    Place by place (ISO 14253-1): one that fails is milled to the required bevel if the measured face lies on or above
+    it, unless the first path left it out (a clamp), in layers of the first plan's depth of cut; beyond a stretch's ends
+    the cutter rises out of the surface. Where the root is too small, or a failing angle has left part of the face below
+    the required one, that is said, with the amount.
 
     Args:
         edge: the milled edge as measured.

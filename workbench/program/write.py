@@ -53,14 +53,13 @@ def write(
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
-    Languages, what they need, and how the written file is read back and driven through the cell: docs/controllers.md,
-    docs/programs.md. What fails leaves no program: the gate says line, place and what is wrong. `program_check.json`
-    tells how near the program came to anything.
+    It is read back and driven through the cell (docs/programs.md); what fails leaves no program: the gate says line,
+    place and what is wrong. `program_check.json` tells how near the program came to anything.
 
     A tool or work object that the cell file does not name is declared by the program: the tool centre point then lies
     on the cutter's flank, a radius off its axis. Positions have 3 decimals or more, orientations 3 of a degree or more,
-    feeds 3 significant digits. Circular moves turn the tool in the frame of the work object, as `path.simplify`
-    assumes. Files are ASCII; names out of recordings stand in comments only, filtered.
+    feeds 3 significant digits. Circular moves turn the tool in the frame of the work object. Files are ASCII; names out
+    of recordings stand in comments only, filtered.
 
     Args:
         moves: the path as straight and circular moves.

@@ -63,8 +63,8 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
 
     At the top the part, the overall verdict (the worst of the chapters that decide something) and a line a chapter;
     then the warnings, the chapters in the order of the pipeline, and what the run rests on. Chapters with a scene get a
-    view that turns in the browser (WebGL 2), of 300,000 points on the page at most. The page needs no network; its only
-    script is that viewer.
+    view that turns in the browser (WebGL 2), of 300,000 points at most; that viewer is the page's only script. No
+    network is needed.
 
     Args:
         chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.

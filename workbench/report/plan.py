@@ -124,8 +124,8 @@ def plan(
 
     The steps of the paper's Fig. 8 (a to f); a dimensioned section with the layers; all layers on the part (Fig. 13);
     the feed on the path (Fig. 14: the darker the slower) and along the final layer; the cutter's engagement, if it was
-    milled in simulation. Root face and bevel angle are those that the path's own points make with the scanned edge. U =
-    2 u. The verdict is the gate's.
+    milled in simulation. Root face and bevel angle are those that the path's own points make with the scanned edge,
+    with U = 2 u. The verdict is the gate's.
 
     Args:
         cloud: the cloud of the raw edge.

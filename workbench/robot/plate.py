@@ -127,11 +127,10 @@ def plate(
     """Make the scan a collision body of the cell: plate, clamps and fixtures as they stand, as boxes of a grid.
 
     The body `workpiece` stands on the turntable, or on the base where there is none, in the place of a workpiece that
-    the cell file names. Every scanned point lies in a box, so the body is larger than what was seen by up to a cube of
-    the grid, which is made coarser where the part is large; what the scan has not seen is not there. The cutter (the
-    tool's shapes with `"body": "cutter"`) may touch it, the spindle may not. What the hand-eye's covariance leaves open
-    of where the points lie counts with the cell's own uncertainty of the part; without a scan upstream, the path's own
-    figure of it.
+    the cell file names. It is larger than what was seen by up to a cube of the grid, which is made coarser where the
+    part is large; what the scan has not seen is not there. The cutter (the tool's shapes with `"body": "cutter"`) may
+    touch it. What the hand-eye's covariance leaves open counts with the cell's own uncertainty of the part; without a
+    scan upstream, the path's own figure of it.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.

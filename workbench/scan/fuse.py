@@ -28,9 +28,9 @@ def fuse(
 ) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
-    base_from_profiler = base_from_flange(t) @ flange_from_profiler, the flange's pose interpolated within each scanning
-    pass: position linearly, orientation by slerp. The cloud keeps the scanner's grid (frame x column, profiler
-    coordinates in mm) with a pose a frame, pass after pass.
+    base_from_profiler = base_from_flange(t) @ flange_from_profiler, the flange's position interpolated linearly within
+    each scanning pass, its orientation by slerp. The cloud keeps the scanner's grid (frame x column, profiler
+    coordinates in mm), pass after pass.
 
     First the recording is judged (docs/checks.md): what it contradicts itself in is refused, with the suspicion named.
     Frames and passes that only repeat others bit for bit are left out, as are columns in which the sensor measures

@@ -105,10 +105,8 @@ def robot(
     """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
 
     The model of `calibrate.hand_eye` with the flange's pose from the joint angles and the arm's errors (product of
-    exponentials), each with how well the robot was built as prior (maximum a posteriori, Gauss-Newton). A posture that
-    all others contradict by 5 standard deviations is left out. Where residuals are larger than the noise the covariance
-    grows with them, never the other way. What the postures leave open is named, and left as built. `robot.json` and
-    `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
+    exponentials), otherwise as `calibrate.tracker`; a posture that all others contradict by 5 standard deviations is
+    left out. `robot.json` and `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
 
     Args:
         profiles: circles from `calibrate.circles`.

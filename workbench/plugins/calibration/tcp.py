@@ -121,14 +121,12 @@ def tcp(
 ) -> tuple[Document, Chapter]:
     """Determine the tool's points on the flange from touches, and its axis from two points on it.
 
-    Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d where a ball keeps the tool point off (`stand_off_mm`):
-    linear, or linearised, in the tool point p and the reference c. That may be unknown (at least three orientations),
-    typed, or shown by the passes of a recording (three postures or more). Weighted least squares; the weights hold the
-    robot's position and, with the lever |p|, its orientation. Touches in postures less than 1 deg apart (of a ball: and
-    as near) weigh as much as one; a touch that all others contradict by 5 standard deviations is left out, with the
-    cause. `tcp.json` holds points, axis, covariance (docs/howto/calibrate_tool.md).
-
-    The first tool point of the table is the tip; the axis runs to it from the last one.
+    Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d where a ball keeps the tool point off (`stand_off_mm`), for
+    the tool point p and the reference c: unknown (at least three orientations), typed, or shown by the passes of a
+    recording. Weighted least squares by the robot's position and, with the lever |p|, its orientation. Touches in
+    postures less than 1 deg apart (of a ball: and as near) weigh as much as one; one that all others contradict by 5
+    standard deviations is left out, with the cause. The first tool point of the table is the tip; the axis runs to it
+    from the last one. `tcp.json`: points, axis, covariance (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.

@@ -121,10 +121,9 @@ def tracker(
 
     A reading is one place of one target at one posture: x = T (base_from_flange p), registration T and target p
     unknown. With joint angles and the cell's model also the robot's offsets, lengths and, on request, tilts of axes are
-    estimated, each with how well it was built as prior (maximum a posteriori, Gauss-Newton). A reading that all others
-    contradict by 5 standard deviations is left out, with how far it lies off. Where residuals are larger than the noise
-    the covariance grows with them, never the other way. What the readings leave open is named, and left as built.
-    `robot.json` holds all.
+    estimated (maximum a posteriori, Gauss-Newton); priors, what is left out or open, `robot.json`:
+    docs/howto/calibrate_robot.md. Where residuals are larger than the noise the covariance grows with them, never the
+    other way.
 
     Args:
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).

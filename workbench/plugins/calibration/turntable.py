@@ -116,12 +116,9 @@ def turntable(
     """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
 
     Marker q (any point that the scanner finds again) at angle a lies at c + R(d, a) (q - c): least squares over
-    direction d, a point c of the axis and the markers. The centre of a scanned sphere (three postures or more at each
-    angle) follows from the known hand-eye pose; what is unknown of that moves all of them together. The covariance is
-    that of the linearised problem, larger where the residuals ask for it. Places at angles less than 0.1 deg apart
-    weigh as much as one; a point that all others contradict by 5 standard deviations is left out, with the cause;
-    points that turn by other angles than the table's are refused. `turntable.json` holds the pose for a cell file
-    (docs/howto/calibrate_tool.md).
+    direction d, a point c of the axis and the markers; the covariance is larger where the residuals ask for it. Places
+    at angles less than 0.1 deg apart weigh as much as one; a point that all others contradict by 5 standard deviations
+    is left out, with the cause. `turntable.json` holds the pose for a cell file (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.

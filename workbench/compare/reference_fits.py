@@ -28,9 +28,9 @@ def reference_fits(
 ) -> tuple[Document, Chapter]:
     """Fit reference data sets and compare with their reference answers, as NIST's algorithm testing does.
 
-    An answer holds plain numbers: a point of line, plane or axis, or a centre; the direction where there is one; last
-    the *diameter* where there is one. A sphere's are its centre and diameter. Errors are of the radius, of the distance
-    between the shapes at the data's centroid, and of the direction over the size.
+    An answer's numbers: a point of line, plane or axis, or a centre; the direction where there is one; last the
+    *diameter* where there is one. Errors are of the radius, of the distance between the shapes at the data's centroid,
+    and of the direction over the size.
 
     Args:
         points: data sets (.ds): x y z in mm, one point a line.

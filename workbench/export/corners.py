@@ -31,9 +31,9 @@ class SevenCorners(NamedTuple):
 def corners(groove: Groove) -> Document:
     """Write `corners.csv`: seven corners a row, one row a station along the groove, as trackers in that trade do.
 
-    A row is x, y, z of each corner in metres: x across the groove from the left upper edge, falling towards the right
-    plate; y along the groove; z up, from midway between the upper edges. Corners 0 and 6 are the upper edges, 1 and 5
-    the roots' upper edges, 2 to 4 lie evenly between these. Stations where one of them was not seen are left out.
+    x, y, z of each corner in metres: x across the groove from the left upper edge, falling towards the right plate; y
+    along the groove; z up, from midway between the upper edges. Corners 0 and 6 are the upper edges, 1 and 5 the roots'
+    upper edges, 2 to 4 lie evenly between these. Stations where one was not seen are left out.
 
     Args:
         groove: the measured groove, of a type with roots below both upper edges.

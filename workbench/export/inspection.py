@@ -58,9 +58,9 @@ def inspection(
 ) -> Document:
     """Write a row a section as `inspection.parquet` or `inspection.csv`, with what it was measured on and by.
 
-    Units stand in the names: mm and degrees, `_u` for standard uncertainties, `lower` and `upper` for the limits as
-    values, not deviations. Not measured is null (empty in CSV). Rows of many parts can be put into one table: each
-    names its part, and its recording with the SHA-256 of the file.
+    In mm and degrees, `_u` for standard uncertainties, `lower` and `upper` for the limits as values, not deviations.
+    Not measured is null (empty in CSV). A row names its part, and its recording with the SHA-256 of the file, so that
+    rows of many parts can stand in one table.
 
     Args:
         inspection: the measured part.

@@ -19,10 +19,9 @@ CODE_PAGE = "cp1252"
 def qdas(inspection: Inspection) -> tuple[Document, Document]:
     """Write `inspection.dfd` and `inspection.dfx` (Q-DAS AQDEF): root face and bevel angle of each section.
 
-    The description holds part, drawing and, for each characteristic, nominal value, limits, unit, gauge and, as a
-    remark, the expanded uncertainty. The values are one record with the date of the recording; one that was not
-    measured is marked as not processed. Lengths in mm, angles in degrees. Code page 1252; characters beyond it become
-    question marks.
+    With part, drawing and, for each characteristic, nominal value, limits, unit, gauge and, as a remark, the expanded
+    uncertainty. The values are one record with the date of the recording; one that was not measured is marked as not
+    processed. In mm and degrees; code page 1252, characters beyond it become question marks.
 
     Args:
         inspection: the judged part.

@@ -37,10 +37,10 @@ class Characteristic:
 def qif(inspection: Inspection, provenance: Provenance | None = None) -> Document:
     """Write `inspection.qif`: QIF 3.0 results, root face as a width and bevel angle as an angle in each section.
 
-    Each has its limits, nominal value, measured value with combined standard uncertainty, status, and instruments;
-    lengths in mm, angles in degrees. An undecided value is UNKNOWN, a hidden one NOT_MEASURED. Start, operator and
-    procedure (title of the pipeline, SHA-256 of its stages) are the inspection's traceability; budget, decision rule
-    and inputs are attributes of the results. The same inspection gives the same bytes.
+    Each with limits, nominal value, measured value with combined standard uncertainty, status (undecided: UNKNOWN,
+    hidden: NOT_MEASURED), and instruments; in mm and degrees. Start, operator and procedure (title of the pipeline,
+    SHA-256 of its stages) are the inspection's traceability; budget, decision rule and inputs are attributes of the
+    results. The same inspection gives the same bytes.
 
     Args:
         inspection: the judged part.

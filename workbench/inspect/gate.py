@@ -28,7 +28,7 @@ def gate(
 ) -> Gate:
     """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
 
-    A part of which too little was measured does not pass either. A pipeline that accepts `undecided` parts, or asks for
+    Neither does a part of which too little was measured pass. A pipeline that accepts `undecided` parts, or asks for
     less of the edge than two thirds, says so in the decision's reason and in the run's warnings.
 
     Args:

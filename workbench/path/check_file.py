@@ -35,10 +35,10 @@ def check_file(
 ) -> PathGate:
     """Check a path that comes out of a file, where no scan is at hand.
 
-    A path that its file says was refused stays refused, and so does one that was changed after its check. Then the path
-    itself: finite poses, layers that step down to the final one, and the cutter as a cylinder nowhere deeper than
-    `penetration_mm` in the bevel face that the final layer leaves, travels included. A path of which the file tells no
-    check passes so, but its programs say that the workpiece was not looked at.
+    A path that its file says was refused stays refused, and so does one that was changed after its check. Then: finite
+    poses, layers that step down to the final one, and the cutter as a cylinder nowhere deeper than `penetration_mm` in
+    the bevel face that the final layer leaves, travels included. Where the file tells no check, the path's programs say
+    that the workpiece was not looked at.
 
     Args:
         toolpath: the path.

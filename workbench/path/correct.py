@@ -85,10 +85,8 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    How the cut is compared, what is in the difference, and what is refused: docs/planning.md, "Measure, cut, measure,
-    correct". The finishing pass is moved against what repeats along b and turned about the root end of the face, each
-    only where it is significant along the edge. A refusal stands in the result, and `path.check` refuses the path by
-    it.
+    How the cut is compared, what is corrected and what refused: docs/planning.md, "Measure, cut, measure, correct". A
+    refusal stands in the result, and `path.check` refuses the path by it.
 
     Args:
         inspection: of the edge after the first cut.

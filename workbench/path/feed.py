@@ -177,9 +177,8 @@ def feed(
 ) -> Toolpath:
     """Plan the feed by the distance of the cutter's axis to the stock that still stands: the paper's equation (26).
 
-    v(d) and the stock that stands are those of docs/planning.md, "Feed"; where it cuts, the feed is the path's v_slow.
-    |v dv/ds| stays within the acceleration along the whole path, travels included. The feed of a point is the feed
-    towards it.
+    Formula and stock: docs/planning.md, "Feed"; where it cuts, the feed is the path's v_slow. |v dv/ds| stays within
+    the acceleration along the whole path, travels included. The feed of a point is the feed towards it.
 
     Args:
         toolpath: the path.

@@ -27,9 +27,9 @@ def inspection(
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
-    The cloud coloured by face with the section planes; each section's points and fitted lines, dimensioned; root face
-    and bevel angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and uncertainty bands; what was
-    rejected; a view in three dimensions. U = 2 u. The same input gives the same chapter.
+    The cloud by face with the section planes; each section's points and fitted lines, dimensioned; root face and bevel
+    angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and uncertainty bands (U = 2 u); what was
+    rejected; a view in three dimensions.
 
     Args:
         cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.

@@ -180,10 +180,9 @@ def sensitivity(
 ) -> tuple[Chapter, Document]:
     """Tell what each link of the chain costs in this part's root face and bevel angle, and what to improve first.
 
-    Each link counts as a standard uncertainty of the bevel face's place along its normal and of its direction; b . e /
-    sin(bevel) is what it does to the root face. Twice: for a part that is milled blindly, and for one whose finishing
-    pass is corrected by a measured cut, where what both cuts share goes out (docs/planning.md, "Which link costs how
-    much").
+    Each link is a standard uncertainty of the bevel face's place along its normal, and of its direction: for a part
+    that is milled blindly, and for one whose finishing pass is corrected by a measured cut (docs/planning.md, "Which
+    link costs how much"). On the root face b . e / sin(bevel) counts.
 
     Args:
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.

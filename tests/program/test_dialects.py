@@ -18,8 +18,7 @@ from workbench.dialect import ProgramJob, program_files
 from workbench.errors import InputError
 from workbench.program import trajectory, write
 from workbench.program.fanuc import Fanuc
-from workbench.program.inform import Inform
-from workbench.program.inform_reader import Arm, inform_configuration
+from workbench.program.inform import Arm, Inform, inform_configuration
 from workbench.program.krl import Krl
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript

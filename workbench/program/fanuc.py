@@ -32,8 +32,8 @@ from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramToo
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.program.krl import euler_deg
-from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
+from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.kinematics import Chain

@@ -41,7 +41,6 @@ from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
-from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.program.skeleton import (
     Event,
     Skeleton,
@@ -51,6 +50,7 @@ from workbench.program.skeleton import (
     limited,
     skeleton_of,
 )
+from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.inverse import inverse_kinematics

@@ -37,8 +37,8 @@ from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramToo
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.program.reading import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
+from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides

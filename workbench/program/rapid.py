@@ -19,9 +19,9 @@ import numpy as np
 from workbench.artefacts import EventKind, Moves, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
-from workbench.program.names import free_name
 from workbench.program.rapid_reader import read_rapid
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, skeleton_of
+from workbench.program.words import free_name
 from workbench.robot.cell import Cell
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int

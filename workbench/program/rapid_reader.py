@@ -11,7 +11,6 @@ import numpy as np
 from workbench.artefacts import EventKind, ProgramEvent, ProgramMove, ProgramMoves, ProgramTool
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
-from workbench.program.names import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES
 from workbench.program.rapid_language import (
     SHAPES,
     TOOL0,
@@ -26,7 +25,7 @@ from workbench.program.rapid_language import (
     Tokens,
     read_value,
 )
-from workbench.program.skeleton import known_events
+from workbench.program.words import IDENTIFIER, PREDEFINED, SPEEDS, TAKEN, ZONES, known_events
 from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float
 

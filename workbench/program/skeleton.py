@@ -19,9 +19,9 @@ from workbench.artefacts import EventKind
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.program.names import NUMBERED, RESERVED
+from workbench.program.words import NUMBERED, RESERVED
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart, Signal
+from workbench.robot.cell_file import ProcessPart
 from workbench.robot.process import drawn_back, turntable_at_home
 from workbench.units import DEG, Float
 
@@ -203,26 +203,3 @@ def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
             f"{cell.source}: $.process.home.turntable_deg",
             f"expected the angle at which the turntable stands along the path, {table[0]:.4f}",
         )
-
-
-def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:
-    """What each use of a name means, by the cell's file: (use, name in lower case) -> kind.
-
-    Uses: '1' and '0' of an output, 'wait' for an input, 'call' of a routine, 'unit' that is activated.
-    """
-    if process is None:
-        return {}
-    spindle = process.spindle
-    names: list[tuple[str, Signal | None, EventKind]] = [
-        *(("call", hook, "hook") for hook in (*process.before, *process.after)),
-        ("1", process.coolant_signal, "coolant_on"),
-        ("0", process.coolant_signal, "coolant_off"),
-        ("unit", process.mechanical_unit, "activate_axis"),
-    ]
-    if spindle:
-        names += [
-            ("1", spindle.on_signal, "spindle_on"),
-            ("0", spindle.on_signal, "spindle_off"),
-            ("wait", spindle.at_speed_signal, "wait_speed"),
-        ]
-    return {(use, str(name).lower()): kind for use, name, kind in names if name is not None}

@@ -30,7 +30,7 @@ from workbench.geometry.poses import (
     slerp,
 )
 from workbench.kernels import kernel
-from workbench.program.reading import NUMBER, Lines, one_file
+from workbench.program.words import NUMBER, Lines, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.robot.inverse import inverse_kinematics

@@ -32,7 +32,6 @@ from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramToo
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
-from workbench.program.reading import NAME, NUMBER, Events, Lines, numbers, one_file
 from workbench.program.skeleton import (
     Event,
     Skeleton,
@@ -42,6 +41,7 @@ from workbench.program.skeleton import (
     limited,
     skeleton_of,
 )
+from workbench.program.words import NAME, NUMBER, Events, Lines, numbers, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.units import DEG, Float, Shaped

@@ -18,10 +18,10 @@ from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotatio
 from workbench.program.fanuc import Fanuc
 from workbench.program.inform import Inform
 from workbench.program.krl import Krl
-from workbench.program.names import free_name, program_name
 from workbench.program.rapid import Rapid
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
+from workbench.program.words import free_name, program_name
 from workbench.robot.cell import Cell
 from workbench.robot.process import NO_PROCESS, not_seen
 from workbench.stage import stage

@@ -1,4 +1,7 @@
-"""What the readers of line-based languages share: lines, numbers, complaints that name the line."""
+"""Words of robots' languages: names that a program may have for its own, what a cell's names mean, lines and numbers.
+
+The readers of line-based languages share the latter; their complaints name the line.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,83 @@ import numpy as np
 from workbench.artefacts import EventKind, ProgramEvent, ProgramMove
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
-from workbench.program.skeleton import known_events
-from workbench.robot.cell_file import ProcessPart
+from workbench.robot.cell_file import ProcessPart, Signal
 from workbench.units import DEG, Float
+
+IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")  # upper and lower case are the same to RAPID
+_WORDS = """alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc
+endrecord endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or
+pers proc raise readonly record retry return step sysmodule task test then to trap true trynext undo var viewonly while
+with xor"""
+_INSTRUCTIONS = "movel movec movej moveabsj confl confj cirpathmode setdo waitdi waittime actunit velset stop"
+_TYPES = "num bool string pos orient pose robtarget jointtarget tooldata wobjdata loaddata speeddata zonedata"
+TAKEN = frozenset(f"{_WORDS} {_INSTRUCTIONS} {_TYPES}".split())
+# Data that every controller has; speeds in mm/s, zones in mm.
+SPEEDS = {
+    f"v{v}": float(v)
+    for v in (
+        5,
+        10,
+        20,
+        30,
+        40,
+        50,
+        60,
+        80,
+        100,
+        150,
+        200,
+        300,
+        400,
+        500,
+        600,
+        800,
+        1000,
+        1500,
+        2000,
+        2500,
+        3000,
+        4000,
+        5000,
+        6000,
+        7000,
+    )
+}
+ZONES = {"fine": 0.0, "z0": 0.3} | {f"z{z}": float(z) for z in (1, 5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 150, 200)}
+PREDEFINED = frozenset([*SPEEDS, *ZONES, "vmax", "tool0", "wobj0", "load0"])
+GENERATED = re.compile(r"(?:p|via|feed|layer|retract)\d+|zonepath", re.IGNORECASE)  # by `program.rapid`
+_KRL = """and bas bool brake case char circ circ_rel confirm const continue decl def defdat deffct default do else end
+enddat endfct endfor endif endloop endswitch endwhile enum exit ext extfct false for frame global goto halt if
+import int interrupt is lin lin_rel loop not or ptp ptp_rel public pulse real repeat resume return sec signal
+spline struc switch then to trigger true until wait when while xor"""
+_URSCRIPT = """and break continue def else elif end false for global halt if in local loop mod not or return sec thread
+true while xor movej movel movec set_tcp set_payload popup sync"""
+RESERVED = frozenset(f"{_KRL} {_URSCRIPT}".split()) | TAKEN | PREDEFINED
+LONGEST = 24  # KRL's
+NUMBERED = re.compile(r"x[pv]\d+|xstart|xpark|xretract", re.IGNORECASE)  # positions in KRL
 
 NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 NAME = r"([A-Za-z][A-Za-z0-9_]*)"
 SHOWN = 50  # characters of a line that is refused
+
+
+def free_name(name: str) -> str:
+    """`name`, if a program may use it for something of its own; else ValueError."""
+    if not IDENTIFIER.fullmatch(name):
+        raise ValueError("expected a letter, then letters, digits and _, at most 32 in all")
+    if name.lower() in TAKEN | PREDEFINED or GENERATED.fullmatch(name):
+        raise ValueError("expected a name that has no meaning in RAPID yet")
+    return name
+
+
+def program_name(name: str) -> str:
+    """`name`, if programs of all controllers may have it; else ValueError."""
+    spelt = re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", name)
+    if not spelt or name.lower() in RESERVED or GENERATED.fullmatch(name) or NUMBERED.fullmatch(name):
+        raise ValueError(
+            f"expected a letter, then letters, digits and _, at most {LONGEST} in all, no word of a robot's language"
+        )
+    return name
 
 
 class Lines:
@@ -83,7 +156,7 @@ class Events:
         self.found.append(ProgramEvent(self.lines.number, len(self.moves), kind, value))
 
     def use(self, use: str, name: str) -> None:
-        """One that is known by the name that it uses (`workbench.program.skeleton.known_events`)."""
+        """One that is known by the name that it uses (`known_events`)."""
         kind = self.known.get((use, name.lower()))
         if kind is None:
             self.lines.refuse("a name and a use of the cell file's process section", name)
@@ -133,3 +206,26 @@ def euler_pose(values: list[float]) -> Float:
         ]
     )
     return pose_from(turn, np.array(values[:3]))
+
+
+def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:
+    """What each use of a name means, by the cell's file: (use, name in lower case) -> kind.
+
+    Uses: '1' and '0' of an output, 'wait' for an input, 'call' of a routine, 'unit' that is activated.
+    """
+    if process is None:
+        return {}
+    spindle = process.spindle
+    names: list[tuple[str, Signal | None, EventKind]] = [
+        *(("call", hook, "hook") for hook in (*process.before, *process.after)),
+        ("1", process.coolant_signal, "coolant_on"),
+        ("0", process.coolant_signal, "coolant_off"),
+        ("unit", process.mechanical_unit, "activate_axis"),
+    ]
+    if spindle:
+        names += [
+            ("1", spindle.on_signal, "spindle_on"),
+            ("0", spindle.on_signal, "spindle_off"),
+            ("wait", spindle.at_speed_signal, "wait_speed"),
+        ]
+    return {(use, str(name).lower()): kind for use, name, kind in names if name is not None}

@@ -3,14 +3,18 @@
 How far a rounded corner leaves its path: against the parabola itself.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.moves import Tolerances, merge_poses, rounding_mm
+from workbench.geometry.moves import Tolerances, merge_poses, rounding_mm, step_lengths_mm, step_times_s, travel_time_s
 
 DEG = np.pi / 180
 NONE = np.full((3, 3), np.nan)
+
+CORNERS = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 12.0], [3.0, 4.0, 12.0]])
 
 
 def merge(position, quaternion=None, feed=None, label=None, least_sweep=4.2 * DEG, feed_share=0.1, **tolerances):
@@ -152,3 +156,15 @@ def test_an_arc_that_goes_on_as_a_line_has_no_corner() -> None:
 def test_a_turn_on_the_spot_is_never_rounded() -> None:
     position = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]])
     assert rounding_mm(position, NONE, np.zeros(3, bool), 0.3)[1] == np.inf
+
+
+def test_each_step_is_run_at_the_feed_towards_its_point():
+    feed = np.array([99.0, 2.0, 4.0, 1.0])  # the first counts nothing: the robot is there
+    np.testing.assert_allclose(step_lengths_mm(CORNERS), [0.0, 5.0, 12.0, 0.0])
+    np.testing.assert_allclose(step_times_s(CORNERS, feed), [0.0, 2.5, 3.0, 0.0])
+    assert travel_time_s(CORNERS, feed) == pytest.approx(5.5)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_path_without_steps_takes_no_time(count):
+    assert travel_time_s(CORNERS[:count], np.ones(count)) == 0.0

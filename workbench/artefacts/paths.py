@@ -13,7 +13,7 @@ import numpy as np
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import columns_table, space_chart
-from workbench.geometry.feeds import step_lengths_mm, travel_time_s
+from workbench.geometry.moves import step_lengths_mm, travel_time_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.units import DEG, Bool, Float, Int, Shaped
 

@@ -25,8 +25,7 @@ from workbench.edge.segment_raw import segment_raw
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.patches import Traces
-from workbench.geometry.slices import MOST_COLUMNS, Laid, cut, lay_out
+from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.splines import Spline
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int

@@ -9,8 +9,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.patches import Traces, traces
-from workbench.geometry.slices import Laid, seen_from
+from workbench.geometry.gridless import Laid, Traces, seen_from, traces
 from workbench.units import Float, Int
 
 PATCHES, LONG_MM, WIDE_MM, THICK_MM = 12, 2.0, 1.0, 0.3  # a face; of a patch along the edge, across, off the face

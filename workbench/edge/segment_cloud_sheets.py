@@ -10,7 +10,7 @@ from workbench.artefacts import FACE_NAMES, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.errors import InputError
 from workbench.geometry.faces import FaceLines
-from workbench.geometry.patches import SPAN_MM, Sheets, two_sheets
+from workbench.geometry.gridless import SPAN_MM, Sheets, two_sheets
 from workbench.units import Float, Int
 
 STRETCH_MM, WIDE_MM, RIM_MM = 3.0, 2.0, 0.1  # of a patch, along the edge and across; left out at a face's ends

@@ -21,8 +21,8 @@ from workbench.artefacts import (
     Toolpath,
     Travel,
 )
-from workbench.geometry.feeds import step_lengths_mm
-from workbench.geometry.stock import ALWAYS, Stock, axis_distances, build_stock
+from workbench.geometry.distances import ALWAYS, Stock, axis_distances, build_stock
+from workbench.geometry.moves import step_lengths_mm
 from workbench.path.course import LEAST_DEPTH_MM, edge_course, finished, lower_course, stocked_course
 from workbench.path.feed import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import Layer, PathGate, Toolpath
-from workbench.geometry.segments import LineIndex, line_distances
+from workbench.geometry.distances import LineIndex, line_distances
 from workbench.path.check import (
     HEIGHT_MM,
     PENETRATION_MM,

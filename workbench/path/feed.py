@@ -13,10 +13,9 @@ from pydantic import Field
 
 from workbench.artefacts import Cloud, Edge, Layer, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.feeds import limit_acceleration, step_lengths_mm
-from workbench.geometry.segments import LineIndex, index_lines, line_distances
+from workbench.geometry.distances import LineIndex, Stock, axis_distances, build_stock, index_lines, line_distances
+from workbench.geometry.moves import limit_acceleration, step_lengths_mm
 from workbench.geometry.stations import Cuts, frame_stations, standing_layers
-from workbench.geometry.stock import Stock, axis_distances, build_stock
 from workbench.path.course import Bevel, Course, finished, lower_course
 from workbench.path.obstacles import sections_of
 from workbench.path.poses import Poses, cutter_ends, poses_of

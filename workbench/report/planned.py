@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import Edge, Layer, RawEdge, Toolpath
-from workbench.geometry.feeds import step_lengths_mm, step_times_s
+from workbench.geometry.moves import step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.report.along import axes_at, developed
 from workbench.report.chart_parts import svg

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from workbench.geometry.distances import axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.poses import pose_from, rotation_from_vector
-from workbench.geometry.segments import index_lines, line_distances
 from workbench.geometry.stations import place
-from workbench.geometry.stock import axis_distances, build_stock
 from workbench.units import AnyArray, Float
 
 

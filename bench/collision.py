@@ -23,7 +23,7 @@ from bench.speed.postures import CELL, cluttered
 from workbench.geometry.poses import inverse, rotation_from_vector
 from workbench.robot import Cell, CollisionScreen, inverse_kinematics, motions, read_cell, turntable_pose, within_limits
 from workbench.robot.bounds import FREE, SAFE_MM, bounding_volumes, clearance_bound_mm
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
 from workbench.units import Float
 
 CHUNK = 10_000

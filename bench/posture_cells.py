@@ -26,7 +26,7 @@ from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.posture import posture
 from workbench.plugins.stiffness.traversal import flange_poses
 from workbench.robot import Cell, inverse_kinematics, read_cell
-from workbench.robot.shapes import ON_BASE, Shape
+from workbench.robot.cell import ON_BASE, Shape
 from workbench.units import Float
 
 CELL = Path(__file__).parent.parent / "data" / "robot" / "cell.json"

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from workbench.robot import Cell
-from workbench.robot.shapes import ON_TURNTABLE, Shape
+from workbench.robot.cell import ON_TURNTABLE, Shape
 from workbench.units import Bool, Float, Int
 
 STEP_MM, STEP_DEG = 0.5, 0.2

@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from bench.program_outsider import Outsider, Target
 from workbench.program.rapid_reader import read_rapid
 from workbench.robot import Cell, forward_kinematics, read_cell
+from workbench.robot.cell import ON_BASE, Shape
 from workbench.robot.judge import judge
-from workbench.robot.shapes import ON_BASE, Shape
 from workbench.units import Float
 
 CELL = Path(__file__).parent.parent / "data" / "robot" / "cell.json"

@@ -25,7 +25,7 @@ from workbench.plugins.stiffness.search import search
 from workbench.plugins.stiffness.traversal import Examiner, flange_poses, sample, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.robot import Cell, CollisionScreen, bounding_volumes, clearance_bound_mm, inverse_kinematics, read_cell
-from workbench.robot.shapes import ON_BASE, Shape
+from workbench.robot.cell import ON_BASE, Shape
 from workbench.units import Float
 
 PATH, CELL = Path("data/synthetic/paths/raw_arc.json"), Path("data/robot/cell.json")

@@ -16,8 +16,8 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.pieces import BLUE, GREY, INK, ORANGE, PALE, minus
 from workbench.report.groove import limits, sizes_of
 from workbench.report.planned import layer_colours
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE
 from workbench.robot.collision import turntable_pose
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE
 from workbench.units import DEG
 
 ALONG, ARC = "arc length along the lower edge, mm", "arc length, mm"

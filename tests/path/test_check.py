@@ -16,7 +16,7 @@ from workbench.artefacts import Check, Edge, Layer, Toolpath
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, feed, layers
 from workbench.path.check import unseen_checks
-from workbench.path.poses import same_sign
+from workbench.path.course import same_sign
 from workbench.units import DEG, Float
 
 CLAMPED = {

@@ -21,7 +21,7 @@ from workbench.geometry.poses import (
 )
 from workbench.path import check, correct, feed, layers
 from workbench.path.correct import _cut
-from workbench.path.poses import poses_of
+from workbench.path.course import poses_of
 from workbench.units import DEG, Float
 
 ROOT, BEVEL, ALLOWANCE = 1.5, 40.0, 0.5

@@ -25,8 +25,8 @@ from workbench.program.rapid_reader import parse_rapid
 from workbench.program.write import program_job
 from workbench.report import html
 from workbench.robot import Cell
+from workbench.robot.cell import Shape as Shape_
 from workbench.robot.cell_file import HomePart, ProcessPart
-from workbench.robot.shapes import Shape as Shape_
 
 from .conftest import passed, rejected
 from .paths import Shape, mill_path, run_move

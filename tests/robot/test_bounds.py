@@ -14,8 +14,8 @@ import pytest
 from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, CollisionScreen, bounding_volumes, clearance_bound_mm, read_cell
 from workbench.robot.bounds import FREE, SAFE_MM, Pairs
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
 from workbench.robot.picture import cell_picture
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape
 
 
 def crowded(tree: Any) -> None:

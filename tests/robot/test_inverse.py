@@ -10,7 +10,7 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_vector
 from workbench.robot import Chain, forward_kinematics, inverse_kinematics, spherical_wrist, within_limits
 from workbench.robot.kinematics import motions
-from workbench.robot.position import general_position, parallel_position
+from workbench.robot.wrist import general_position, parallel_position
 from workbench.units import Float
 
 

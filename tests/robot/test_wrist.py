@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.robot import Cell, Chain, forward_kinematics, inverse_kinematics, within_margins
-from workbench.robot.margins import DIGITS
+from workbench.robot.cell import DIGITS
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 
 

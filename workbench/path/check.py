@@ -23,11 +23,22 @@ from workbench.artefacts import (
 )
 from workbench.geometry.distances import ALWAYS, Stock, axis_distances, build_stock
 from workbench.geometry.moves import step_lengths_mm
-from workbench.path.course import LEAST_DEPTH_MM, edge_course, finished, lower_course, stocked_course
+from workbench.path.course import (
+    LEAST_DEPTH_MM,
+    Poses,
+    bevel_normal,
+    cutter_axis,
+    edge_course,
+    finished,
+    greatest_mm,
+    loaded,
+    lower_course,
+    poses_of,
+    stocked_course,
+)
 from workbench.path.feed import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of
 from workbench.path.plan import KEY_POINT_MM
-from workbench.path.poses import Poses, bevel_normal, cutter_axis, greatest_mm, loaded, poses_of
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
 

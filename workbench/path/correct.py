@@ -25,10 +25,9 @@ from workbench.artefacts import (
 )
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.path.course import LEAST_DEPTH_MM
+from workbench.path.course import LEAST_DEPTH_MM, Poses, poses_of, turned_about_feed
 from workbench.path.displacement import Estimate, Prior, estimate
 from workbench.path.plan import KEY_POINT_MM, cut_stretches
-from workbench.path.poses import Poses, poses_of, turned_about_feed
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int, Shaped
 

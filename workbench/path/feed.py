@@ -16,9 +16,8 @@ from workbench.errors import InputError
 from workbench.geometry.distances import LineIndex, Stock, axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.moves import limit_acceleration, step_lengths_mm
 from workbench.geometry.stations import Cuts, frame_stations, standing_layers
-from workbench.path.course import Bevel, Course, finished, lower_course
+from workbench.path.course import Bevel, Course, Poses, cutter_ends, finished, lower_course, poses_of
 from workbench.path.obstacles import sections_of
-from workbench.path.poses import Poses, cutter_ends, poses_of
 from workbench.stage import stage
 from workbench.units import DEG, AnyArray, Bool, Float
 

@@ -19,8 +19,7 @@ from workbench.geometry.stations import (
     place,
     section_table,
 )
-from workbench.path.course import Course
-from workbench.path.poses import smoothstep
+from workbench.path.course import Course, smoothstep
 from workbench.units import Bool, Float, Int, Shaped
 
 BURR_MM = 3.0  # what stands out of the stock by less is its own: burrs, roughness, the ends of the plate

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Travel
 from workbench.errors import InputError
-from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course
+from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
 from workbench.path.obstacles import (
     Lift,
     clearance_heights,
@@ -22,7 +22,6 @@ from workbench.path.obstacles import (
     merged,
     sections_of,
 )
-from workbench.path.poses import bevel_normal, tool_quaternions
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 KEY_POINT_MM = 1.0

@@ -13,7 +13,7 @@ from workbench.artefacts import Cloud, Edge, Inspection, MilledEdge, Rework, Str
 from workbench.errors import InputError
 from workbench.geometry.stations import nearest_stations
 from workbench.path.check import check
-from workbench.path.course import Bevel, Course, bevel_of, layer_heights, lower_course, with_thickness
+from workbench.path.course import Bevel, Course, bevel_of, layer_heights, lower_course, poses_of, with_thickness
 from workbench.path.feed import feed
 from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
 from workbench.path.plan import (
@@ -27,7 +27,6 @@ from workbench.path.plan import (
     refuse_cutter,
     travels_of,
 )
-from workbench.path.poses import poses_of
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Shaped
 

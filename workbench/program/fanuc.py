@@ -34,10 +34,9 @@ from workbench.errors import InputError
 from workbench.program.krl import euler_deg
 from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
-from workbench.robot.cell import Cell
+from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.kinematics import Chain
-from workbench.robot.margins import DIGITS
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 from workbench.units import DEG, Float
 

@@ -6,7 +6,7 @@ tests. Collision is python-fcl's.
 
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
-from workbench.robot.cell import Cell, LoadingSetup, Turntable, within_margins
+from workbench.robot.cell import Cell, LoadingSetup, Margins, Turntable, dexterity, within_margins
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
@@ -21,7 +21,6 @@ from workbench.robot.kinematics import (
     motions,
     within_limits,
 )
-from workbench.robot.margins import Margins, dexterity
 from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.process import refusal, turntable_at_home

@@ -28,10 +28,9 @@ from workbench.robot.bound_kernels import (
     pairs_kernel,
     swept_kernel,
 )
-from workbench.robot.cell import Cell
+from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import CollisionModel, checked_pairs, turntable_pose
 from workbench.robot.kinematics import joint_axes, motions
-from workbench.robot.shapes import ON_TURNTABLE, Shape
 from workbench.units import Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing

@@ -11,10 +11,8 @@ import fcl
 import numpy as np
 
 from workbench.geometry.poses import pose_from
-from workbench.robot.cell import Cell
+from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape
 from workbench.robot.kinematics import motions
-from workbench.robot.margins import COVERAGE
-from workbench.robot.shapes import ON_TURNTABLE, Shape
 from workbench.units import Float, Shaped
 
 POINTS_FIT_MM = 0.1  # how exactly fcl's nearest points have to fit its distance

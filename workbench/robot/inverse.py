@@ -21,8 +21,17 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
-from workbench.robot.position import angle_about, general_position, parallel_position, rotation_about, wrapped
-from workbench.robot.wrist import OffsetWrist, SphericalWrist, offset_wrist, spherical_wrist
+from workbench.robot.wrist import (
+    OffsetWrist,
+    SphericalWrist,
+    angle_about,
+    general_position,
+    offset_wrist,
+    parallel_position,
+    rotation_about,
+    spherical_wrist,
+    wrapped,
+)
 from workbench.units import AnyArray, Bool, Float, Int
 
 BRANCHES = 8  # two for each of the up to four places of the first three joints

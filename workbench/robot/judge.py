@@ -15,14 +15,24 @@ import numpy as np
 
 from workbench.artefacts import Judgement, ProgramMoves, Violation
 from workbench.robot.bounds import SAFE_MM, Pairs, pair_bounds_mm
-from workbench.robot.cell import Cell, turntable_margin
+from workbench.robot.cell import Cell, dexterity, turntable_margin
 from workbench.robot.collision import CollisionModel, turntable_pose
-from workbench.robot.drive import Places, axis_name, between, first_look, joined, rated, timed_faults
 from workbench.robot.kinematics import forward_kinematics, motions
-from workbench.robot.margins import dexterity
 from workbench.robot.process import disorders, placed
 from workbench.robot.surface import Driven, Planned, deviations
-from workbench.robot.way import JOINTS, Way, WayError, way_of
+from workbench.robot.way import (
+    JOINTS,
+    Places,
+    Way,
+    WayError,
+    axis_name,
+    between,
+    first_look,
+    joined,
+    rated,
+    timed_faults,
+    way_of,
+)
 from workbench.units import Bool, Float, Int
 
 ROUNDS = 16  # of halving: 5 mm to 0.1 um, beyond any margin

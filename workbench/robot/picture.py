@@ -19,13 +19,11 @@ import numpy as np
 
 from workbench.children import environment
 from workbench.errors import InputError, OutputError, PipelineError
-from workbench.robot.cell import Cell
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
-from workbench.robot.position import arm_size_mm
 from workbench.robot.read import read_cell
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape
-from workbench.robot.wrist import spherical_wrist
+from workbench.robot.wrist import arm_size_mm, spherical_wrist
 from workbench.units import DEG, AnyArray, Float, Shaped
 
 STEP = np.radians(2.0)  # of the joints that the reach is looked for with

@@ -14,9 +14,8 @@ from workbench.artefacts import Cloud, PointSet, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import Cell
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
 from workbench.robot.collision import turntable_pose
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, named_file
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, AnyArray, Float
 

@@ -9,7 +9,18 @@ import numpy as np
 
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.parameters import check_parameters
-from workbench.robot.cell import Cell, Controller, LoadingSetup, Turntable, spindle_warning
+from workbench.robot.cell import (
+    ON_BASE,
+    ON_TURNTABLE,
+    Cell,
+    Controller,
+    LoadingSetup,
+    Margins,
+    Shape,
+    Turntable,
+    read_mesh,
+    spindle_warning,
+)
 from workbench.robot.cell_file import (
     CellPart,
     ControllerPart,
@@ -26,11 +37,9 @@ from workbench.robot.cell_file import (
     matrix_of,
 )
 from workbench.robot.kinematics import Chain
-from workbench.robot.margins import Margins
 from workbench.robot.plate import check_size, read_workpiece, scanned
 from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
-from workbench.robot.shapes import ON_BASE, ON_TURNTABLE, Shape, read_mesh
 from workbench.robot.urdf import read_urdf
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage

@@ -14,8 +14,8 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
+from workbench.robot.cell import Shape, read_mesh
 from workbench.robot.kinematics import Chain
-from workbench.robot.shapes import Shape, read_mesh
 from workbench.storage import regular_file
 from workbench.units import DEG, Float
 

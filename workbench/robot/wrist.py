@@ -1,10 +1,22 @@
-"""A robot's wrist: whether it leaves the inverse a closed form, and on which side of its singularities the arm stands.
+"""A robot's wrist: whether it leaves the inverse a closed form, how the arm stands there, which postures put it where.
 
 In closed form where axes 4, 5, 6 go through one point, which the first three move everywhere.
 
 ABB's `cfx`, KUKA's STATUS and FANUC's configuration string say the same three things: whether the wrist's centre is
 behind axis 1, whether it is below the line of the upper arm (the elbow is down), and whether the wrist is flipped.
 Here they follow from the geometry, so that neither zeros nor senses of a maker's joints matter.
+
+Where the first three joints put the wrist's centre is solved backwards. For axes that stand in any way to each other
+after Pieper (1968): joint 2 changes neither the height of the wrist's centre along axis 2 nor its distance from a point
+of it. Turned back by joint 1 the centre must have both as it has them turned on by joint 3: two equations, linear in
+the cosines and sines of joints 1 and 3. Newton's steps on the position itself take away what rounding left. Two such
+equations, vectorised over n problems:
+A a (cos alpha, sin alpha) = B b (cos beta, sin beta) + k, with matrices A, B (2, 2), radii a, b (n,) and k (n, 2).
+Where a matrix is singular, its angle drops out of a combination of the equations, and the other one is solved first.
+Else one angle is eliminated by cos^2 + sin^2 = 1, which leaves a polynomial of degree 4.
+
+For parallel axes 2 and 3 in closed form, by subproblems after Paden and Kahan (Murray, Li, Sastry 1994, section 3.3):
+shoulder from the wrist centre's distance along axis 2, elbow by the law of cosines. Lengths there in m.
 """
 
 from __future__ import annotations
@@ -14,12 +26,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.robot.kinematics import Chain, motions
-from workbench.robot.position import moves_everywhere
-from workbench.units import Bool, Float, Shaped
+from workbench.kernels import kernel
+from workbench.robot.kinematics import Chain, joint_axes, motions
+from workbench.units import AnyArray, Bool, Float, Shaped
 
 PARALLEL = 1e-9  # sine of an angle that still counts as zero
 MEETING_MM = 1e-4  # distance at which lines still count as meeting
+FLAT = 1e-7  # smallest singular value of a matrix that counts as singular
+DOUBLE = 1e-6  # imaginary part of a root that rounding may make of a real double one
+ALMOST = 1e-12
+REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
+STEPS = 3  # of Newton's: each squares what is missing
+GENERIC = np.array([[0.3, 0.7, 1.1], [-0.9, 0.4, -1.7], [1.9, -1.2, 2.6], [0.1, 2.2, 0.5]])  # no angle is special
+ROUNDING = 1e-13  # of a share
+SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,3 +163,251 @@ def free_joint_3(chain: Chain, joints: Float) -> Float:
     q = np.array(joints, float)
     q[..., 2] -= np.sign(chain.axes[1] @ chain.axes[2]) * q[..., 1]
     return q
+
+
+def two_angles(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
+    """alpha, beta (n, 4), NaN where there is no solution."""
+    flat_a, flat_b = (float(np.linalg.svd(matrix, compute_uv=False)[1]) for matrix in (a, b))
+    singular = min(flat_a, flat_b) < FLAT
+    if (flat_b < flat_a) if singular else (flat_b > flat_a):
+        beta, alpha = two_angles(b, radius_b, a, radius_a, -k)
+        return alpha, beta
+    solve = _one_after_the_other if singular else _by_elimination
+    return solve(a, radius_a, b, radius_b, k)
+
+
+def _one_after_the_other(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
+    """Where A is singular: beta from the combination without alpha, then alpha from what is left."""
+    left = np.linalg.svd(a)[0]
+    keep, without = left[:, 0], left[:, 1]
+    beta = np.repeat(_on_line(radius_b[:, None] * (without @ b), -k @ without), 2, axis=1)
+    rest = (radius_b[:, None, None] * _cosine_sine(beta)) @ (keep @ b)[..., None]
+    alpha = _on_line((radius_a[:, None] * (keep @ a))[:, None], rest[..., 0][:, ::2] + (k @ keep)[:, None])
+    return alpha.reshape(-1, 4), beta
+
+
+def _by_elimination(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
+    """Where A is regular: |A^-1 (B b (cos beta, sin beta) + k)| = a, then alpha from its direction."""
+    inverse = np.linalg.inv(a)
+    g, shift = radius_b[:, None, None] * (inverse @ b), k @ inverse.T
+    x, y = g[..., 0], g[..., 1]
+    wave = np.column_stack(
+        [
+            ((x**2).sum(axis=1) + (y**2).sum(axis=1)) / 2 + (shift**2).sum(axis=1) - radius_a**2,
+            2 * (shift * x).sum(axis=1),
+            2 * (shift * y).sum(axis=1),
+            ((x**2).sum(axis=1) - (y**2).sum(axis=1)) / 2,
+            (x * y).sum(axis=1),
+        ]
+    )
+    beta = _zeros(wave)
+    end = _cosine_sine(beta) @ np.swapaxes(g, 1, 2) + shift[:, None]
+    return np.arctan2(end[..., 1], end[..., 0]), beta
+
+
+def _cosine_sine(angle: Float) -> Float:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _on_line(normal: Float, value: Float) -> Float:
+    """Both angles t (..., 2) with normal . (cos t, sin t) = value; 0 where any will do."""
+    r = np.hypot(normal[..., 0], normal[..., 1])
+    reaches = np.abs(value) <= r * (1 + ALMOST) + ALMOST
+    middle = np.arctan2(normal[..., 1], normal[..., 0])
+    half = np.arctan2(np.sqrt(np.maximum(r**2 - value**2, 0.0)), value)
+    found = np.stack([middle + half, middle - half], axis=-1)
+    found = np.where((r < ALMOST)[..., None], 0.0, found)
+    return np.where(reaches[..., None], found, np.nan)
+
+
+def _zeros(wave: Float) -> Float:
+    """Zeros (n, 4) of w0 + w1 cos t + w2 sin t + w3 cos 2t + w4 sin 2t, w (n, 5); NaN: fewer.
+
+    In tan of half the angle from where the function is largest, so that the polynomial's degree is truly 4.
+    """
+    around = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    values = wave @ np.stack([np.ones(8), np.cos(around), np.sin(around), np.cos(2 * around), np.sin(2 * around)])
+    far = around[np.argmax(np.abs(values), axis=1)] + np.pi  # goes to infinity in the tangent
+    c, s = np.cos(far), np.sin(far)
+    w0, w1, w2 = wave[:, 0], c * wave[:, 1] + s * wave[:, 2], c * wave[:, 2] - s * wave[:, 1]
+    c, s = np.cos(2 * far), np.sin(2 * far)
+    w3, w4 = c * wave[:, 3] + s * wave[:, 4], c * wave[:, 4] - s * wave[:, 3]
+    leading = w0 - w1 + w3
+    companion = np.zeros((len(wave), 4, 4))
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
+    lower = np.stack([w0 + w1 + w3, 2 * w2 + 4 * w4, 2 * w0 - 6 * w3, 2 * w2 - 4 * w4], axis=-1)
+    companion[:, :, 3] = -lower / np.where(leading == 0.0, 1.0, leading)[:, None]
+    root = np.linalg.eigvals(companion)
+    real = np.abs(root.imag) <= DOUBLE * (1 + np.abs(root) ** 2)
+    return np.where(real, 2 * np.arctan(root.real) + far[:, None], np.nan)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circle:
+    """Points going round an axis, as seen from a point of axis 2: `middle + radius (cos(angle) e + sin(angle) f)`."""
+
+    foot: Shaped[Float, " 3"]  # a point on the axis
+    middle: Shaped[Float, "n 3"]
+    radius: Shaped[Float, " n"]
+    e: Shaped[Float, " 3"]
+    f: Shaped[Float, " 3"]
+    start: Shaped[Float, " n"]  # the angle at which each stands
+
+    def at(self, angle: Float) -> Float:
+        """Points (n, k, 3) at angles (n, k)."""
+        c, s = (self.radius[:, None] * part for part in (np.cos(angle), np.sin(angle)))
+        return self.middle[:, None] + c[..., None] * self.e + s[..., None] * self.f
+
+    def seen(self, axis: Float) -> tuple[Float, Float]:
+        """Height along `axis` and half the squared distance: (2, 2) times radius (cos, sin), and constants (n, 2)."""
+        square = (self.middle**2).sum(axis=1) + self.radius**2
+        linear = np.array([[row @ self.e, row @ self.f] for row in (axis, self.foot)])
+        return linear, np.column_stack([self.middle @ axis, square / 2])
+
+
+def general_position(chain: Chain, centre_mm: Float, wanted_mm: Float) -> Float:
+    """Angles (n, 4, 3) of joints 1 to 3 that bring the wrist's centre to `wanted_mm` (n, 3); NaN: no such branch.
+
+    `centre_mm` (3,) with all joints at zero, both in the base. Joint 1 is 0 where the wrist's centre stands on axis 1.
+    Branches come in no particular order, and coincide where the arm is singular.
+    """
+    h, size = chain.axes, arm_size_mm(chain, centre_mm)
+    feet = (chain.points_mm[:3] - chain.points_mm[1]) / size
+    back = _circle((wanted_mm - chain.points_mm[1]) / size, feet[0], h[0])
+    on = _circle(np.broadcast_to((centre_mm - chain.points_mm[1]) / size, (len(wanted_mm), 3)), feet[2], h[2])
+    (a, at_a), (b, at_b) = back.seen(h[1]), on.seen(h[1])
+    alpha, beta = two_angles(a, back.radius, b, on.radius, at_b - at_a)
+    alpha = np.where((back.radius < REACHED)[:, None] & np.isfinite(alpha), back.start[:, None], alpha)
+    q2 = _turn(h[1], on.at(beta), back.at(alpha))
+    q = np.stack([back.start[:, None] - alpha, q2, beta - on.start[:, None]], axis=-1)
+    return _polished(chain, centre_mm, wanted_mm, q, size)
+
+
+def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
+    """A length in which the arm's reach is about 1: from point to point of the first three axes to the wrist."""
+    points = np.vstack([chain.points_mm[:3], centre_mm])
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def moves_everywhere(chain: Chain, centre_mm: Float) -> bool:
+    """Whether joints 1 to 3 can move the wrist's centre in all directions, in some posture."""
+    _, _, slope = _centre(chain, centre_mm, GENERIC, arm_size_mm(chain, centre_mm))
+    return bool(np.abs(np.linalg.det(slope)).max() > 1e-9)
+
+
+def _circle(points: Float, foot: Float, axis: Float) -> Circle:
+    """The circles of points (n, 3) about the axis through `foot`."""
+    e = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    e /= np.linalg.norm(e)
+    f = np.cross(axis, e)
+    arm = points - foot
+    x, y = arm @ e, arm @ f
+    return Circle(foot, foot + (arm @ axis)[:, None] * axis, np.hypot(x, y), e, f, np.arctan2(y, x))
+
+
+def _turn(axis: Float, start: Float, end: Float) -> Float:
+    """Angles about `axis` that turn `start` to `end`, (..., 3)."""
+    across = np.cross(start, end) @ axis
+    return np.asarray(np.arctan2(across, (start * end).sum(axis=-1) - (start @ axis) * (end @ axis)))
+
+
+def _centre(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Float, Float, Float]:
+    """Six joint angles (..., 6), the wrist's centre (..., 3) there and its slopes (..., 3, 3), in units of `size`."""
+    six = np.concatenate([q, np.zeros_like(q)], axis=-1)
+    moved = motions(chain, six)[..., 3, :, :]
+    at = moved[..., :3, :3] @ centre_mm + moved[..., :3, 3]
+    axes, points = joint_axes(chain, six)
+    slope = np.cross(axes[..., :3, :], at[..., None, :] - points[..., :3, :])
+    return six, at / size, np.swapaxes(slope, -1, -2) / size
+
+
+def _polished(chain: Chain, centre_mm: Float, wanted_mm: Float, q: Float, size: float) -> Float:
+    """Newton's steps from `q` (n, k, 3), damped where the arm is singular; what does not arrive is no branch."""
+    best, missing = np.nan_to_num(q), np.full(q.shape[:-1], np.inf)
+    here = best
+    for _ in range(STEPS + 1):
+        _, at, slope = _centre(chain, centre_mm, here, size)
+        miss = wanted_mm[:, None] / size - at
+        now = np.linalg.norm(miss, axis=-1)
+        best = np.where((now < missing)[..., None], here, best)
+        missing = np.minimum(now, missing)
+        square = np.swapaxes(slope, -1, -2) @ slope + 1e-14 * np.eye(3)
+        here = here + np.linalg.solve(square, np.swapaxes(slope, -1, -2) @ miss[..., None])[..., 0]
+    there = np.isfinite(q).all(axis=-1) & (missing < REACHED)
+    return np.where(there[..., None], best, np.nan)
+
+
+@kernel
+def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Angles (n, 4, 3) of joints 1 to 3 that bring the wrist's centre to `wanted` (n, 3); NaN: no such branch.
+
+    Rows are 2 * shoulder + elbow. `h`, `o` (6, 3): axes and points on them, `centre` (3,), all at zero in the base. And
+    how far each is from where shoulder and elbow end (n, 4, 2), as shares, below 0 beyond: 0 with the arm stretched,
+    and for the shoulder with the wrist's centre on axis 1, where joint 1 turns at once.
+    """
+    out, room = np.full((len(wanted), 4, 3), np.nan), np.empty((len(wanted), 4, 2))
+    upper, fore = o[2] - o[1], centre - o[2]
+    upper, fore = upper - (upper @ h[1]) * h[1], fore - (fore @ h[1]) * h[1]
+    reach = np.sqrt(upper @ upper) + np.sqrt(fore @ fore)
+    for n in range(len(wanted)):
+        w = wanted[n]
+        off = np.cross(h[0], w - o[0]) / reach
+        shoulder, aside = _on_circle(h[1], h[0], w - o[0], h[1] @ (centre - o[0]), -1.0)
+        for a in range(2):
+            r1 = rotation_about(h[0], shoulder[a])
+            u = r1.T @ (w - o[0]) + o[0] - o[1]
+            u = u - (u @ h[1]) * h[1]
+            elbow, bent = _on_circle(upper, h[2], fore, (u @ u - upper @ upper - fore @ fore) / 2, 1.0)
+            for b in range(2):
+                room[n, 2 * a + b, 0], room[n, 2 * a + b, 1] = min(aside, off @ off), bent
+            if min(aside, bent) < -ROUNDING:
+                continue
+            for b in range(2):
+                row = out[n, 2 * a + b]
+                q2 = angle_about(h[1], upper + rotation_about(h[2], elbow[b]) @ fore, u)
+                row[0], row[1], row[2] = shoulder[a], q2, elbow[b]
+    return out, room
+
+
+@kernel
+def _on_circle(d: AnyArray, axis: AnyArray, p: AnyArray, wanted: float, sense: float) -> tuple[AnyArray, float]:
+    """Both angles t with d . Rot(axis, sense t) p = wanted, or where it comes nearest; and what is left to their end.
+
+    That is a share, below 0 where there are none.
+    """
+    along = (d @ axis) * (p @ axis)
+    a, b = d @ p - along, sense * (d @ np.cross(axis, p))
+    c, r = wanted - along, np.hypot(d @ p - along, d @ np.cross(axis, p))
+    angles = np.zeros(2)
+    if r <= SINGULAR:
+        return angles, 0.0 if abs(c) <= SINGULAR else -1.0
+    middle, half = np.arctan2(b, a), np.arctan2(np.sqrt(max(r * r - c * c, 0.0)), c)
+    angles[0], angles[1] = wrapped(middle + half), wrapped(middle - half)
+    return angles, 1.0 - abs(c) / r
+
+
+@kernel
+def angle_about(axis: AnyArray, start: AnyArray, end: AnyArray) -> float:
+    """The angle about `axis` that turns `start` to `end`, as seen along it; 0 where either lies on it."""
+    across, along = axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)
+    return float(np.arctan2(across, along)) if across != 0.0 or along != 0.0 else 0.0
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """The same angle in (-pi, pi]."""
+    return float(np.pi - (np.pi - angle) % (2 * np.pi))
+
+
+@kernel
+def rotation_about(axis: AnyArray, angle: float) -> AnyArray:
+    """The rotation (3, 3) about a unit axis (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = axis
+    return np.array(
+        [
+            [c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s],
+            [y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s],
+            [z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)],
+        ]
+    )

@@ -26,7 +26,7 @@ from workbench.robot import (
     turntable_pose,
     within_limits,
 )
-from workbench.robot.shapes import ON_BASE, Shape
+from workbench.robot.cell import ON_BASE, Shape
 from workbench.units import Float
 
 from .conftest import ROOT, K

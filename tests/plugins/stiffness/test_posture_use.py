@@ -20,8 +20,8 @@ from workbench.program import write
 from workbench.program.rapid_language import RapidProgram, RobTarget
 from workbench.program.rapid_reader import parse_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
+from workbench.robot.cell import ON_BASE, Shape
 from workbench.robot.process import drawn_back
-from workbench.robot.shapes import ON_BASE, Shape
 from workbench.twin.mill import read_deflections
 from workbench.units import Float
 

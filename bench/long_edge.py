@@ -16,8 +16,7 @@ from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Law, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import path_points
-from workbench.plugins.stiffness.search import search
-from workbench.plugins.stiffness.traversal import Examiner, lowest, sample, traversal
+from workbench.plugins.stiffness.traversal import Examiner, lowest, sample, search, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.robot import Margins, read_cell
 

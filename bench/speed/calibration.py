@@ -22,7 +22,7 @@ from bench.peers.genetic import genetic_hand_eye
 from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.plugins import calibration
-from workbench.plugins.calibration import bundle, signs
+from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.methods import BOX_MM, BOX_RAD, GENERATIONS, POPULATION, Centres, _Pairs
 from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, from_arrays
@@ -69,8 +69,8 @@ def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise
     weight = np.full(centres.P.shape, noise.pose_mm**-2)
     for _ in range(STEPS):
         N, g = np.zeros((9, 9)), np.zeros(9)
-        signs._equations(centres.P, weight, centres.r, off, R, t, C, N, g)
-        step = signs._solve(N, g)
+        bundle._equations(centres.P, weight, centres.r, off, R, t, C, N, g)
+        step = bundle._solve(N, g)
         t, R, C = t + step[:3], rotation_from_vector(step[3:6]) @ R, C + step[6:]
         if np.abs(step).max() < SETTLED:
             break

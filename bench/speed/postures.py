@@ -21,8 +21,7 @@ from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import BRANCHES, Arm, fast_arm
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
-from workbench.plugins.stiffness.search import search
-from workbench.plugins.stiffness.traversal import Examiner, flange_poses, sample, traversal
+from workbench.plugins.stiffness.traversal import Examiner, flange_poses, sample, search, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.robot import Cell, CollisionScreen, bounding_volumes, clearance_bound_mm, inverse_kinematics, read_cell
 from workbench.robot.cell import ON_BASE, Shape

@@ -34,11 +34,12 @@ from workbench.robot.cell_file import (
     UncertaintyPart,
     WorkObjectPart,
     WorkpiecePart,
+    bare_mm,
+    check_plausible,
     matrix_of,
 )
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
-from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.urdf import read_urdf
 from workbench.robot.wrist import offset_wrist, spherical_wrist

@@ -15,16 +15,16 @@ from workbench.plugins.stiffness.law import (
     Grid,
     Law,
     Limits,
+    best_law,
     constant_law,
     improved_law,
     nodes,
     relaxed_law,
     shift_of,
+    stepped,
 )
-from workbench.plugins.stiffness.law_kernel import best_law, stepped
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
-from workbench.plugins.stiffness.search import search
-from workbench.plugins.stiffness.traversal import Configuration, Examiner, traversal
+from workbench.plugins.stiffness.traversal import Configuration, Examiner, search, traversal
 from workbench.robot import Cell, CollisionModel, Margins, forward_kinematics, inverse_kinematics
 from workbench.units import Float
 

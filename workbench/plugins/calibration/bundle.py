@@ -1,22 +1,248 @@
-"""Maximum likelihood on (x_c, z_c, w): Gauss-Newton from an answer of the sign search, gross postures left out."""
+"""The hand-eye pose by maximum likelihood on (x_c, z_c, w), and the search for signs that gives it a start.
+
+The fit is Gauss-Newton's from an answer of that search, gross postures left out. On which side of the laser plane did
+the sphere's centre lie in each posture? A circle does not tell: all are tried.
+
+For every pattern of signs of h = c_y in a few postures, the hand-eye pose follows by least squares on the centres (9
+unknowns, Gauss-Newton from the design's pose, or from 24 orientations where there is no design). Each answer predicts
+all other postures without signs, and is judged by them with truncated squares, so that gross postures cannot spoil
+it. More seeds are tried until one explains the data.
+"""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from workbench.api import Bool, Float, Shaped
+from workbench.api import Bool, Float, Int, Shaped, kernel, vector_from_rotation
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Normal, linearise, normal_equations
 from workbench.plugins.calibration.observations import Observations, Passes
-from workbench.plugins.calibration.signs import GATE, distances
+
+SEED_SIZE = 5  # postures whose signs are tried exhaustively: 32 patterns
+SEEDS = 24  # sets of them: with 2 gross postures in 15, two in five have none
+KEPT = 24  # answers of a seed that are judged by all postures
+HOPELESS = 300.0  # chi-square of a seed's five postures, over four times the best: no answer
+GATE = 25.0  # squared Mahalanobis distance at which a posture stops counting against an answer
+SLACK = 9.0  # how much more than its noise a seed's answer may be off elsewhere: it is not refined yet
+DESIGN_MM, DESIGN_RAD = 50.0, 0.35  # how far the design may be off: a weak pull in the search only
+UNKNOWN_MM, UNKNOWN_RAD = 1000.0, 100.0  # the same without a design
 
 STEPS = 30
 CONVERGED = 1e-6  # of a step's length in standard deviations, squared
 GROSS = float(scipy.special.chdtri(3, 1e-5))  # squared distance of a posture, left out of the fit, that is no chance
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
+
+
+@kernel
+def _exp(v: Float) -> Float:
+    """Rotation matrix of a rotation vector (3,)."""
+    angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    a = np.sin(angle) / angle if angle > 1e-9 else 1.0
+    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-9 else 0.5
+    x, y, z = v[0], v[1], v[2]
+    out = np.empty((3, 3))
+    out[0, 0], out[0, 1], out[0, 2] = 1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+    out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x
+    out[2, 0], out[2, 1], out[2, 2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
+    return out
+
+
+@kernel
+def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
+    """Add the normal equations of the centres (m, 3) in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
+    chi2 = 0.0
+    J = np.empty(9)
+    for i in range(len(c)):
+        d0, d1, d2 = C[0] - b[i, 0], C[1] - b[i, 1], C[2] - b[i, 2]
+        l0 = A[i, 0, 0] * d0 + A[i, 1, 0] * d1 + A[i, 2, 0] * d2 - t[0]
+        l1 = A[i, 0, 1] * d0 + A[i, 1, 1] * d1 + A[i, 2, 1] * d2 - t[1]
+        l2 = A[i, 0, 2] * d0 + A[i, 1, 2] * d1 + A[i, 2, 2] * d2 - t[2]
+        for k in range(3):
+            r0, r1, r2 = R[0, k], R[1, k], R[2, k]
+            e = c[i, k] - (r0 * l0 + r1 * l1 + r2 * l2)
+            J[0], J[1], J[2] = -r0, -r1, -r2
+            J[3], J[4], J[5] = r1 * l2 - r2 * l1, r2 * l0 - r0 * l2, r0 * l1 - r1 * l0
+            for j in range(3):
+                J[6 + j] = A[i, j, 0] * r0 + A[i, j, 1] * r1 + A[i, j, 2] * r2
+            w = weight[i, k]
+            chi2 += w * e * e
+            for p in range(9):
+                g[p] += w * J[p] * e
+                for q in range(p + 1):
+                    N[p, q] += w * J[p] * J[q]
+    return chi2
+
+
+@kernel
+def _solve(N: Float, g: Float) -> Float:
+    """N x = g for a symmetric positive definite N (9, 9) given by its lower triangle: Cholesky in place."""
+    n = len(g)
+    for j in range(n):
+        for k in range(j):
+            N[j, j] -= N[j, k] * N[j, k]
+        N[j, j] = np.sqrt(max(N[j, j], 1e-12))
+        for i in range(j + 1, n):
+            for k in range(j):
+                N[i, j] -= N[i, k] * N[j, k]
+            N[i, j] /= N[j, j]
+    x = g.copy()
+    for i in range(n):
+        for k in range(i):
+            x[i] -= N[i, k] * x[k]
+        x[i] /= N[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= N[k, i] * x[k]
+        x[i] /= N[i, i]
+    return x
+
+
+@kernel
+def solve_patterns(
+    xz: Float, h: Float, weight: Float, A: Float, b: Float, start_R: Float, start_t: Float, pull: Float
+) -> tuple[Float, Float, Float, Float]:
+    """Least squares on the centres for all 2^m patterns of signs of `h` (m,), from each start (s, 3, 3), (s, 3).
+
+    `weight` (m, 3): inverse variances of the centres' x, y, z; `pull` (2,): inverse variances of translation and
+    rotation about the start. Returns R (s 2^m, 3, 3), t, C and chi-square.
+    """
+    m, starts = len(h), len(start_R)
+    total = starts << m
+    Rs, ts, Cs, chi2s = np.empty((total, 3, 3)), np.empty((total, 3)), np.empty((total, 3)), np.empty(total)
+    c, N, g = np.empty((m, 3)), np.empty((9, 9)), np.empty(9)
+    for index in range(total):
+        s, pattern = index >> m, index & ((1 << m) - 1)
+        R, t, C = start_R[s].copy(), start_t[s].copy(), np.zeros(3)
+        turned = np.zeros(3)  # away from the start, to first order
+        for i in range(m):
+            c[i, 0], c[i, 2] = xz[i, 0], xz[i, 1]
+            c[i, 1] = h[i] if (pattern >> i) & 1 else -h[i]
+            C += (A[i] @ (R @ c[i] + t) + b[i]) / m
+        chi2 = 1e300
+        for step in range(12):
+            N[:], g[:] = 0.0, 0.0
+            new = _equations(c, weight, A, b, R, t, C, N, g)
+            for p in range(3):
+                N[p, p] += pull[0]
+                g[p] -= pull[0] * (t[p] - start_t[s, p])
+                N[3 + p, 3 + p] += pull[1]
+                g[3 + p] -= pull[1] * turned[p]
+            done = step > 1 and abs(chi2 - new) < 0.05 + 1e-3 * new
+            chi2 = new
+            if done or (step > 4 and chi2 > 2000.0 * m):
+                break
+            x = _solve(N, g)
+            angle = np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
+            short = min(1.0, 0.7 / max(angle, 1e-12))
+            t += short * x[:3]
+            R = _exp(short * x[3:6]) @ R
+            C += short * x[6:]
+            turned += short * x[3:6]
+        Rs[index], ts[index], Cs[index], chi2s[index] = R, t, C, chi2
+    return Rs, ts, Cs, chi2s
+
+
+def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterator[list[tuple[float, Estimate]]]:
+    """For one seed of postures after the other: answers with their truncated score over all postures, best first."""
+    starts_R, starts_t, pull = _starts(design)
+    centre, weight = _centres(seen, noise)
+    A, b = seen.base_from_flange[:, :3, :3].copy(), seen.base_from_flange[:, :3, 3].copy()
+    middle = b.mean(axis=0)
+    for rows in _seeds(seen, centre):
+        R, t, C, chi2 = solve_patterns(
+            centre[rows][:, ::2].copy(),
+            centre[rows, 1],
+            weight[rows],
+            A[rows],
+            b[rows] - middle,
+            starts_R,
+            starts_t,
+            pull,
+        )
+        hopeless = 4 * np.nanmin(chi2) + HOPELESS
+        order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
+        answers = _distinct([Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order])[:KEPT]
+        yield sorted(((truncated(answer, seen, noise), answer) for answer in answers), key=lambda pair: pair[0])
+
+
+def truncated(estimate: Estimate, seen: Observations, noise: Noise, slack: float = SLACK) -> float:
+    """Sum over the postures of the squared Mahalanobis distance over `slack`, each at most `GATE`."""
+    return float(np.minimum(distances(estimate, seen, noise) / slack, GATE).sum())
+
+
+def distances(estimate: Estimate, seen: Observations, noise: Noise) -> Float:
+    """Squared Mahalanobis distance (k,) of each observation from the prediction."""
+    linear = linearise(estimate, seen, noise)
+    r = linear.residual
+    return np.asarray(np.sum(r * np.linalg.solve(linear.covariance, r[..., None])[..., 0], axis=1))
+
+
+def _centres(seen: Observations, noise: Noise) -> tuple[Float, Float]:
+    """Centres (k, 3) with h >= 0, and their inverse variances (k, 3): h is poorly known where it is small."""
+    x, z, w = seen.circle.T
+    variance = seen.covariance
+    h2 = noise.radius_mm**2 - w
+    h2_variance = variance[:, 2, 2] + (2 * noise.radius_mm * noise.radius_u_mm) ** 2
+    h = np.sqrt(np.maximum(h2, 0.0))
+    h_variance = h2_variance / np.maximum(4 * h**2, 2 * np.sqrt(h2_variance))
+    lever = np.linalg.norm(seen.base_from_flange[:, :3, 3] - seen.base_from_flange[:, :3, 3].mean(axis=0), axis=1)
+    pose = noise.pose_mm**2 + (np.radians(noise.pose_deg) * np.maximum(lever, 200.0)) ** 2
+    each = [variance[:, 0, 0] + pose, h_variance + pose, variance[:, 1, 1] + pose]
+    return np.stack([x, h, z], axis=1), 1.0 / np.stack(each, axis=1)
+
+
+def _starts(design: Float | None) -> tuple[Float, Float, Float]:
+    """Starts of the search and how weakly they pull: the design, or the 24 orientations of a cube."""
+    if design is not None:
+        return design[None, :3, :3].copy(), design[None, :3, 3].copy(), np.array([DESIGN_MM, DESIGN_RAD]) ** -2
+    turns = []
+    for axes in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = np.zeros((3, 3))
+            matrix[range(3), axes] = signs
+            if np.linalg.det(matrix) > 0:
+                turns.append(matrix)
+    return np.stack(turns), np.zeros((len(turns), 3)), np.array([UNKNOWN_MM, UNKNOWN_RAD]) ** -2
+
+
+def _seeds(seen: Observations, centre: Float) -> Iterator[Int]:
+    """Sets of postures to begin with: first those that lie farthest apart, then chosen at random."""
+    k = len(seen)
+    if k <= SEED_SIZE:
+        yield np.arange(k)
+        return
+    turns = seen.base_from_flange[0, :3, :3].T @ seen.base_from_flange[:, :3, :3]
+    feature = np.concatenate(
+        [vector_from_rotation(turns) * 40.0, centre], axis=1
+    )  # 40 mm a rad: about a sensor's reach
+    chosen = [int(np.argmax(centre[:, 1]))]
+    while len(chosen) < SEED_SIZE:
+        apart = np.linalg.norm(feature[:, None] - feature[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(apart)))
+    yield np.array(chosen)
+    rng = np.random.default_rng(0)
+    for _ in range(SEEDS - 1):
+        yield rng.choice(k, SEED_SIZE, replace=False)
+
+
+def _distinct(answers: list[Estimate]) -> list[Estimate]:
+    """Answers that differ: several starts and signs of small h lead to the same."""
+    kept: list[Estimate] = []
+    for one in answers:
+        if not any(same(one, other) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def same(one: Estimate, other: Estimate, within_mm: float = 0.5, within_rad: float = 0.02) -> bool:
+    """Whether two answers place the profiler alike."""
+    turn = np.abs(one.rotation - other.rotation).max()
+    return bool(turn < within_rad and np.abs(one.translation_mm - other.translation_mm).max() < within_mm)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ from workbench.api import (
 )
 from workbench.plugins.calibration import bundle, methods
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.determinacy import Demand, directions
 from workbench.plugins.calibration.model import (
     Estimate,
     Linear,
@@ -37,7 +36,16 @@ from workbench.plugins.calibration.model import (
 )
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
 from workbench.plugins.calibration.shared_errors import correlated
-from workbench.plugins.calibration.solve import Answer, asked, check_fit, check_scans, solve, solve_with_offset
+from workbench.plugins.calibration.solve import (
+    Answer,
+    Demand,
+    asked,
+    check_fit,
+    check_scans,
+    directions,
+    solve,
+    solve_with_offset,
+)
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,

@@ -40,7 +40,6 @@ from workbench.plugins.calibration.arm_errors import (
     corrected,
     pose_derivatives,
 )
-from workbench.plugins.calibration.determinacy import Demand, check_determined
 from workbench.plugins.calibration.model import (
     SIZE,
     Estimate,
@@ -53,7 +52,7 @@ from workbench.plugins.calibration.model import (
     volume_weight,
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.solve import solve
+from workbench.plugins.calibration.solve import Demand, check_determined, solve
 from workbench.plugins.calibration.tables import JOINTS, Table, enough, noisy, studentised, without_gross
 from workbench.plugins.calibration.tracker import chain_of, flange_poses, inverse_information
 from workbench.plugins.calibration.values import SphereProfiles

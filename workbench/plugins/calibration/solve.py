@@ -1,18 +1,24 @@
-"""From circles to the hand-eye pose: signs, maximum likelihood, gross postures, and whether it is the only answer."""
+"""From circles to the hand-eye pose: signs, maximum likelihood, gross postures, and whether it is the only answer.
+
+Whether the postures determine the answer is asked of the predicted uncertainty, and answered in words. The rank of a
+matrix does not tell (noise makes degenerate sets full rank) and the scatter of the sphere centres does not either (it
+is small along what nothing determines). The predicted uncertainty does: of the translation where the sphere was seen,
+and of the rotation as a displacement at the field's edge.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError, vector_from_rotation
-from workbench.plugins.calibration import bundle, signs
+from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
+from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.determinacy import Demand, check_determined, check_offset, check_postures
-from workbench.plugins.calibration.model import Estimate, Noise, View, linearise, view_of
-from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.plugins.calibration.model import Estimate, Noise, View, cross_matrix, linearise, view_of, volume_u
+from workbench.plugins.calibration.observations import Observations, Passes, distinct_postures
 from workbench.plugins.calibration.shared_errors import settled
 
 COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
@@ -24,6 +30,15 @@ FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict,
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 GROSS_ROUNDS = 3  # frames beside a gross one, which it had pulled the fit off, come back
 OFFSET_GRID_MM, MAX_OFFSETS = 1.0, 200  # how finely clock offsets are searched
+
+MIN_POSTURES = 4
+ALIKE_RAD = 3 * DEG  # orientations that differ by less hardly count
+OFFSET_MM = 0.2  # largest uncertainty of the clock's offset, as motion of the scans
+MOVE_DIFFERENTLY = (
+    "all scans move alike, so the clock's offset cannot be told from a shift along the motion: scan back and forth, "
+    "and across"
+)
+ALIKE_MM = 1.5  # sphere centres likewise
 
 
 @dataclass(frozen=True)
@@ -117,7 +132,7 @@ def solve_with_offset(
     blurred = dataclasses.replace(noise, pose_mm=float(np.hypot(noise.pose_mm, 0.3 * speed * (high - low) / count)))
     starts = []
     for offset in grid:
-        ranked = next(signs.candidates(passes.place(offset), blurred, design))[:2]
+        ranked = next(bundle.candidates(passes.place(offset), blurred, design))[:2]
         starts += [(score, dataclasses.replace(one, offset_s=float(offset))) for score, one in ranked]
     fits: list[Fit] = []
     for _, start in sorted(starts, key=lambda pair: pair[0])[:TRIED]:
@@ -125,7 +140,7 @@ def solve_with_offset(
         if not fits:  # what is not determined here is not determined anywhere near
             first = bundle.fit(coarse.estimate, passes, noise, with_offset=True, steps=1)
             check_scans(first, passes, noise, Demand(view, limit_mm, where))
-        if not any(signs.same(coarse.estimate, other.estimate) for other in fits):
+        if not any(bundle.same(coarse.estimate, other.estimate) for other in fits):
             fits.append(bundle.fit(coarse.estimate, passes, noise, with_offset=True))
     best = min(fits, key=lambda one: one.chi2)
     seen = passes.place(best.estimate.offset_s)
@@ -158,15 +173,15 @@ def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Esti
     for coarser in COARSER:
         rough = dataclasses.replace(noise, pose_mm=coarser * noise.pose_mm, pose_deg=coarser * noise.pose_deg)
         found: list[tuple[float, Estimate]] = []
-        for ranked in signs.candidates(seen, rough, design):
+        for ranked in bundle.candidates(seen, rough, design):
             found += ranked
-            apart = signs.distances(min(ranked, key=lambda pair: pair[0])[1], seen, rough) > signs.SLACK * signs.GATE
+            apart = bundle.distances(min(ranked, key=lambda pair: pair[0])[1], seen, rough) > bundle.SLACK * bundle.GATE
             if apart.mean() <= bundle.GROSS_SHARE:
                 break
         best = sorted(found, key=lambda pair: pair[0])
-        if (signs.distances(best[0][1], seen, rough) > signs.SLACK * signs.GATE).mean() <= bundle.GROSS_SHARE:
+        if (bundle.distances(best[0][1], seen, rough) > bundle.SLACK * bundle.GATE).mean() <= bundle.GROSS_SHARE:
             break
-    near = [one for score, one in best if score <= 4 * best[0][0] + 2 * signs.GATE / signs.SLACK]
+    near = [one for score, one in best if score <= 4 * best[0][0] + 2 * bundle.GATE / bundle.SLACK]
     return near[:TRIED]
 
 
@@ -175,9 +190,9 @@ def _refine(starts: list[Estimate], seen: Observations, noise: Noise) -> list[Fi
     kept: list[Fit] = []
     for start in starts:
         one = bundle.without_gross(start, seen, noise)
-        if not any(signs.same(one.estimate, other.estimate, 1e-3, 1e-5) for other in kept):
+        if not any(bundle.same(one.estimate, other.estimate, 1e-3, 1e-5) for other in kept):
             kept.append(one)
-    return sorted(kept, key=lambda one: signs.truncated(one.estimate, seen, noise, 1.0))
+    return sorted(kept, key=lambda one: bundle.truncated(one.estimate, seen, noise, 1.0))
 
 
 def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
@@ -256,3 +271,130 @@ def _mirrored(one: Fit, other: Fit, seen: Observations, noise: Noise) -> bool:
 def _within_reach(estimate: Estimate, design: Float) -> bool:
     turn = np.linalg.norm(vector_from_rotation(estimate.rotation @ design[:3, :3].T))
     return bool(turn < REACH_RAD and np.linalg.norm(estimate.translation_mm - design[:3, 3]) < REACH_MM)
+
+
+def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple[str, float], ...]:
+    """The six principal directions of the uncertainty, worst first: in words, and the uncertainty in mm.
+
+    From the hand-eye covariance (6, 6). Rotations are about the middle of the field of view and count by what they
+    move at the RMS distance of its points.
+    """
+    R = estimate.rotation
+    change = np.zeros((6, 6))  # to the profiler's axes: translation of the middle, rotation times lever
+    change[:3, :3] = R.T
+    change[:3, 3:] = -R.T @ cross_matrix(view.axes(R)[0])
+    change[3:, 3:] = view.lever_mm * R.T
+    values, vectors = np.linalg.eigh(change @ covariance @ change.T)
+    return tuple((_words(vectors[:, i]), float(np.sqrt(max(values[i], 0.0)))) for i in range(5, -1, -1))
+
+
+def check_postures(seen: Observations, where: str) -> None:
+    """Refuse fewer than four postures; frames of a scan are judged by the uncertainty alone."""
+    if seen.scans:
+        return
+    count = distinct_postures(seen.base_from_flange)
+    if count < MIN_POSTURES:
+        raise InputError(
+            where,
+            f"expected at least {MIN_POSTURES} distinct postures that see the sphere, found {count} (of {len(seen)} "
+            "passes; repeats of a posture do not count): the hand-eye pose and the sphere's centre remain "
+            "undetermined; turn the flange about two axes and move the sphere through the field of view",
+        )
+
+
+class Demand(NamedTuple):
+    """What the answer must be good for."""
+
+    view: View
+    limit_mm: float  # largest uncertainty of a point, RMS over the field
+    where: str  # the recording
+
+
+def check_determined(
+    covariance: Float,
+    estimate: Estimate,
+    seen: Observations,
+    noise: Noise,
+    demand: Demand,
+    *,
+    with_offset: bool = False,
+    raised: str = "",
+) -> None:
+    """Refuse a set that leaves a point of the field more uncertain than the limit: which direction, and why.
+
+    Args:
+        covariance: of the hand-eye pose, (6, 6).
+        estimate: the answer.
+        seen: the observations that it rests on.
+        noise: of these.
+        demand: what the answer must be good for.
+        with_offset: whether the clock's offset is unknown too.
+        raised: that the noise is larger than stated, in words.
+    """
+    view, limit_mm, where = demand
+    total = volume_u(covariance, estimate.rotation, view)
+    if total <= limit_mm:
+        return
+    found = directions(covariance, estimate, view)
+    also = sum(u > limit_mm for _, u in found[1:])
+    more = f" and {also} more direction{'s' * (also > 1)}" if also else ""
+    size = f"{total:.3g} mm" if total < 1000 else "more than a metre"
+    raise InputError(
+        where,
+        f"the postures do not determine {found[0][0]}{more} well enough: predicted uncertainty {size} over the field "
+        f"of view of {2 * view.half_mm[0]:.0f} by {2 * view.half_mm[1]:.0f} mm, allowed {limit_mm:g} mm (max_u_mm); "
+        f"{raised or _cause(seen, linearise(estimate, seen, noise).centre, with_offset)}",
+    )
+
+
+def check_offset(u_s: float, speed_mm_s: float, where: str) -> None:
+    """Refuse a clock offset that only the noise of the scans' motion tells: they move alike."""
+    if u_s * speed_mm_s > OFFSET_MM:
+        raise InputError(
+            where,
+            f"the scans do not determine the clock's offset: predicted uncertainty {1e3 * u_s:.3g} ms, "
+            f"{u_s * speed_mm_s:.2g} mm of motion, allowed {OFFSET_MM:g} mm; {MOVE_DIFFERENTLY}",
+        )
+
+
+def _words(v: Float) -> str:
+    """A direction (6,) of translation and scaled rotation in the profiler's axes, in words."""
+    turns = float(v[3:] @ v[3:]) > 0.5
+    part = v[3:] if turns else v[:3]
+    part = part / np.linalg.norm(part)
+    part = part * np.sign(part[np.argmax(np.abs(part))])
+    axis = "xyz"[int(np.argmax(np.abs(part)))]
+    along = (
+        f"the profiler's {axis}"
+        if np.abs(part).max() > 0.97
+        else "({:.2f}, {:.2f}, {:.2f}) in profiler axes".format(*part)
+    )
+    return f"the rotation about {along}" if turns else f"the translation along {along}"
+
+
+def _cause(seen: Observations, centre: Float, with_offset: bool) -> str:
+    """Why a set is weak, and what would mend it; the sphere's centre (k, 3) in the profiler frame."""
+    between = inverse(seen.base_from_flange[:1]) @ seen.base_from_flange
+    turns = vector_from_rotation(between[:, :3, :3])
+    turning = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
+    spread = np.linalg.svd(centre - centre.mean(axis=0), compute_uv=False) / np.sqrt(len(centre))
+    if turning[0] < ALIKE_RAD:
+        return "all postures have nearly the same orientation: turn the flange about two different axes"
+    if turning[1] < ALIKE_RAD:
+        if _two_clusters(turns):
+            return "there are only two orientations: add a third, turned about another axis"
+        return "all postures turn about one axis: turn the flange about a second one"
+    if spread[0] < ALIKE_MM:
+        return "the sphere lies at one point of the profile in all postures: move it through the field of view"
+    if spread[1] < ALIKE_MM:
+        return "the sphere's centres lie on one line of the field of view: spread them over its width and depth"
+    if with_offset:
+        return MOVE_DIFFERENTLY
+    return "add postures that differ in orientation and in where the sphere lies in the profile"
+
+
+def _two_clusters(turns: Float) -> bool:
+    """Whether rotation vectors (k, 3) gather in two places."""
+    far = np.linalg.norm(turns - turns[0], axis=1)
+    other = turns[np.argmax(far)]
+    return bool((np.minimum(far, np.linalg.norm(turns - other, axis=1)) < ALIKE_RAD).all())

@@ -13,11 +13,11 @@ from pydantic import Field
 from workbench.api import Document, Float, InputError, Int, Part, Recording, Shaped, frozen, stage
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
 from workbench.plugins.calibration.scanned import start_center
+from workbench.plugins.calibration.solve import MIN_POSTURES
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 

@@ -24,8 +24,7 @@ from workbench.plugins.stiffness.arm import BRANCHES
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
-from workbench.plugins.stiffness.search import Choice, PostureMap
-from workbench.plugins.stiffness.traversal import COLLISION, FREE, Configuration, Examiner
+from workbench.plugins.stiffness.traversal import COLLISION, FREE, Choice, Configuration, Examiner, PostureMap
 from workbench.plugins.stiffness.values import JointStiffness
 
 

@@ -30,8 +30,17 @@ from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, co
 from workbench.plugins.stiffness.law_postures import Case, Found, case_at, postures
 from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
 from workbench.plugins.stiffness.posture_chapter import posture_chapter
-from workbench.plugins.stiffness.search import Choice, PostureMap, search
-from workbench.plugins.stiffness.traversal import CAUSES, JUDGED, Examiner, lowest, sample, traversal
+from workbench.plugins.stiffness.traversal import (
+    CAUSES,
+    JUDGED,
+    Choice,
+    Examiner,
+    PostureMap,
+    lowest,
+    sample,
+    search,
+    traversal,
+)
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
 OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,7 +155,7 @@ def test_stray_ends_do_not_matter() -> None:
     ends = frames(drift, 2, 9.3)
     rng = np.random.default_rng(9202)
     wild = rng.random(ends.s.size) < 0.05
-    ends = replace(ends, low=ends.low + np.where(wild, rng.uniform(-1.0, 1.0, wild.size), 0.0))
+    ends = ends._replace(low=ends.low + np.where(wild, rng.uniform(-1.0, 1.0, wild.size), 0.0))
     end = found(ends).course
     assert np.abs(end.value(INSIDE) - drift(INSIDE)).max() < 0.5 * STEP_MM
     assert (np.abs(end.value(INSIDE) - drift(INSIDE)) < 4.0 * end.u(INSIDE)).all()
@@ -166,8 +165,7 @@ def test_corners_are_values() -> None:
     """Where a frame shows the corner itself, its step is 0, and the end is a weighted mean."""
     rng = np.random.default_rng(9203)
     ends = frames(drift, 3, 9.3)
-    corners = replace(
-        ends,
+    corners = ends._replace(
         low=drift(ends.s) + rng.normal(0.0, 0.01, ends.s.size),
         step=np.zeros(ends.s.size),
         sigma=np.full(ends.s.size, 0.01),
@@ -180,7 +178,7 @@ def test_corners_are_values() -> None:
 
 def test_frames_that_count_less_say_less() -> None:
     ends = frames(drift, 4, 9.3)
-    less = replace(ends, weight=0.05 * ends.weight)
+    less = ends._replace(weight=0.05 * ends.weight)
     assert found(less).course.u(INSIDE).mean() > 1.2 * found(ends).course.u(INSIDE).mean()
 
 
@@ -188,7 +186,7 @@ def test_a_gouge_contradicts_the_course() -> None:
     """An edge broken off over 3 mm is no wave: the course there is said to be contradicted."""
     ends = frames(constant, 5, 9.3)
     broken = np.abs(ends.s - 60.0) < 1.5
-    end = found(replace(ends, low=ends.low - np.where(broken, 0.8, 0.0)))
+    end = found(ends._replace(low=ends.low - np.where(broken, 0.8, 0.0)))
     near = np.abs(end.s - 60.0) < 0.9
     assert end.contradicted[near].all()
     assert not end.contradicted[np.abs(end.s - 60.0) > 6.0].any()
@@ -202,7 +200,7 @@ def test_a_stretch_that_lies_off_is_followed_or_told() -> None:
     for seed, length, change in itertools.product(range(20, 28), (4.0, 10.0, 20.0), (-0.8, -0.15, 0.15)):
         ends = frames(constant, seed, 9.3)
         off = np.where(np.abs(ends.s - 60.0) < 0.5 * length, change, 0.0)
-        end = found(replace(ends, low=ends.low + off))
+        end = found(ends._replace(low=ends.low + off))
         within = np.abs(end.s - 60.0) < 0.5 * length - 1.0
         error = np.abs(end.course.value(end.s) - 1.5 - change)[within]
         limit = np.maximum(4.0 * end.course.u(end.s)[within], 1.2 * np.abs(end.departure[within]) + 0.02)
@@ -212,7 +210,7 @@ def test_a_stretch_that_lies_off_is_followed_or_told() -> None:
 
 def test_the_place_of_the_count_does_not_matter() -> None:
     ends = frames(wave, 6, 9.3)
-    moved = found(replace(ends, low=ends.low + 100.0)).course
+    moved = found(ends._replace(low=ends.low + 100.0)).course
     one = found(ends).course
     np.testing.assert_allclose(moved.value(INSIDE) - 100.0, one.value(INSIDE), rtol=0, atol=1e-6)
     np.testing.assert_allclose(moved.u(INSIDE), one.u(INSIDE), rtol=1e-3)

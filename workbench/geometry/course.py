@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -530,6 +531,15 @@ def _inliers(values: Values) -> Bool:
     return kept
 
 
+class Windows(NamedTuple):
+    """Middles of b bins, and of each the bins about it that its parabola goes through."""
+
+    place: Shaped[Float, " b"]
+    middle: Shaped[Float, "b d"]
+    first: Shaped[Int, " b"]  # bin of the window
+    reach: Shaped[Float, " b"]  # from its first bin to its last
+
+
 def _parabolas(place: Float, middle: Float) -> tuple[Float, Float, Float]:
     """Parabolas (b, 3, d) of (s - place) / reach about each of the places (b,), through the NEIGHBOURS nearest it.
 
@@ -550,27 +560,18 @@ def _parabolas(place: Float, middle: Float) -> tuple[Float, Float, Float]:
     reach = np.maximum(place[first + count - 1] - place[first], 1e-9)
     weight, terms = np.ones(place.size), min(3, max(1, (count + 1) // 2))
     found = np.zeros((place.size, 3, middle.shape[1]))
-    known = as_input(place), middle, as_input(first), as_input(reach)
+    windows = Windows(as_input(place), middle, as_input(first), as_input(reach))
     for _ in range(RESETTLED):
         off = np.empty(place.size)
-        _fit_parabolas(*known, as_input(weight), count, terms, found, off)
+        _fit_parabolas(windows, as_input(weight), count, terms, found, off)
         weight = 1.0 / (1.0 + (off / max(2.0 * median(off), 1e-12)) ** 2)
-    return known[0], known[3], found
+    return windows.place, windows.reach, found
 
 
 @kernel
-def _fit_parabolas(
-    place: Float,
-    middle: Float,
-    first: Int,
-    reach: Float,
-    weight: Float,
-    count: int,
-    terms: int,
-    found: Float,
-    off: Float,
-) -> None:
+def _fit_parabolas(windows: Windows, weight: Float, count: int, terms: int, found: Float, off: Float) -> None:
     """Fill found (b, 3, d), and off (b,): how far each middle lies off its own."""
+    place, middle, first, reach = windows
     components = middle.shape[1]
     rows, powers = np.empty((3, 3 + components)), np.ones(3)
     for b in range(place.size):
@@ -623,12 +624,31 @@ def _off_parabolas(place: Float, reach: Float, found: Float, s: Float, y: Float,
         size[m] = math.sqrt(square / variance[m])
 
 
+class Binned(NamedTuple):
+    """Values in the order of their arc lengths, by bins."""
+
+    edges: Shaped[Int, " e"]
+    s: Shaped[Float, " m"]
+    y: Shaped[Float, "m d"]
+    variance: Shaped[Float, " m"]
+    kept: Shaped[Bool, " m"]
+
+
+class Lines(NamedTuple):
+    """The lines through the means of f bins that hold something."""
+
+    number: Shaped[Int, " b"]  # of each bin's line
+    place: Shaped[Float, " f"]
+    mean: Shaped[Float, "f d"]
+    slope: Shaped[Float, "f d"]
+
+
 def _means(values: Values, kept: Bool) -> Bins:
     """The bins of what is kept (m,)."""
     components = values.y.shape[1]
     sums = np.zeros((values.edges.size - 1, 4 + components))
-    known = values.edges, values.s, values.y, values.variance, as_input(kept)
-    _sum_up(*known, sums)
+    binned = Binned(values.edges, values.s, values.y, values.variance, as_input(kept))
+    _sum_up(binned, sums)
     full = sums[:, 0] > 0
     of = np.cumsum(full) - 1
     count, total, place, spread, mean = *sums[full, :4].T, sums[full, 4:]
@@ -638,7 +658,7 @@ def _means(values: Values, kept: Bool) -> Bins:
     both = np.where(joined[:, None], step, 0.0) / np.where(joined, near, 1.0)[:, None]
     slope = (both[:-1] + both[1:]) / np.maximum(joined[:-1].astype(float) + joined[1:], 1.0)[:, None]
     free = max(float((count - 1).sum()), 0.0) * components
-    scatter = _scatter(*known, as_input(of), as_input(place), as_input(mean), as_input(slope))
+    scatter = _scatter(binned, Lines(as_input(of), as_input(place), as_input(mean), as_input(slope)))
     factor = scatter / free if free >= 10 else math.nan
     all_kept = np.zeros(values.count, bool)
     all_kept[values.order] = kept
@@ -647,8 +667,9 @@ def _means(values: Values, kept: Bool) -> Bins:
 
 
 @kernel
-def _sum_up(edges: Int, s: Float, y: Float, variance: Float, kept: Bool, out: Float) -> None:
+def _sum_up(binned: Binned, out: Float) -> None:
     """Fill `out` (b, 4 + d): count, weight, mean and variance of s, means of y of each bin."""
+    edges, s, y, variance, kept = binned
     for b in range(out.shape[0]):
         for m in range(edges[b], edges[b + 1]):
             if kept[m]:
@@ -664,18 +685,10 @@ def _sum_up(edges: Int, s: Float, y: Float, variance: Float, kept: Bool, out: Fl
 
 
 @kernel
-def _scatter(
-    edges: Int,
-    s: Float,
-    y: Float,
-    variance: Float,
-    kept: Bool,
-    number: Int,
-    place: Float,
-    mean: Float,
-    slope: Float,
-) -> float:
-    """Sum of squares of what is kept about the line of its bin, over the variances; number (b,): of the bin's line."""
+def _scatter(binned: Binned, lines: Lines) -> float:
+    """Sum of squares of what is kept about the line of its bin, over the variances."""
+    edges, s, y, variance, kept = binned
+    number, place, mean, slope = lines
     total = 0.0
     for b in range(edges.size - 1):
         i = number[b]

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from workbench.kernels import kernel
 from workbench.units import AnyArray, Float, Float32, Int, Shaped
 
 Axis: TypeAlias = tuple[float, float, float, float, float, float, float]  # start, unit direction, length
+Node: TypeAlias = tuple[int, int, int]  # level of a block, and its place along frames and columns
 
 LEAF_FRAMES, LEAF_COLUMNS = 8, 16
 ALWAYS = 2**16 - 1  # layers for which a point stands that must remain
@@ -31,8 +32,7 @@ MOST_NODES = 128  # that wait at a time: less than four a level
 GROUP = 16  # neighbouring lines that share a sphere
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stock:
+class Stock(NamedTuple):
     """The points of a cloud as an index for distances."""
 
     x_mm: Shaped[Float32, "N M"]
@@ -42,6 +42,13 @@ class Stock:
     spheres: Shaped[Float, "b 4"]  # centre and radius of each block, level by level from the leaves; radius -1: empty
     block_stands: Shaped[AnyArray, " b"]  # uint16: the longest of its points
     shape: Shaped[Int, "levels 3"]  # first block, blocks along the frames, blocks along the columns
+
+
+class Stack(NamedTuple):
+    """Blocks that wait to be looked at, the nearest on top."""
+
+    nodes: Shaped[Int, "w 3"]  # level, and place along frames and columns
+    bounds: Shaped[Float, " w"]  # no point of the block is nearer
 
 
 def build_stock(
@@ -85,9 +92,7 @@ def axis_distances(
         flat: only points beside an axis count, as inside a cylinder with flat ends; else those beyond its ends too.
     """
     out = np.array(bound_mm, dtype=np.float64)
-    grid = (stock.x_mm, stock.z_mm, stock.base_from_profiler, stock.stands)
-    tree = (stock.spheres, stock.block_stands, stock.shape)
-    ask = partial(_ask, *grid, *tree, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), flat, out)
+    ask = partial(_ask, stock, as_input(start_mm), as_input(end_mm), as_input(layer.astype(np.int64)), flat, out)
     list(in_order(ask, len(out), QUERIES))
     return out
 
@@ -185,26 +190,12 @@ def _enclose(ball: Float, other: Float) -> None:
 
 
 @kernel
-def _ask(
-    x: Float32,
-    z: Float32,
-    poses: Float,
-    stands: AnyArray,
-    spheres: Float,
-    block_stands: AnyArray,
-    shape: Int,
-    start: Float,
-    end: Float,
-    layer: Int,
-    flat: bool,
-    out: Float,
-    first: int,
-    last: int,
-) -> None:
+def _ask(stock: Stock, start: Float, end: Float, layer: Int, flat: bool, out: Float, first: int, last: int) -> None:
+    spheres, block_stands, shape = stock.spheres, stock.block_stands, stock.shape
     levels = shape.shape[0]
     top = shape[levels - 1, 0]
     nodes, bounds = np.empty((MOST_NODES, 3), np.int64), np.empty(MOST_NODES)
-    warm = -1
+    stack, warm = Stack(nodes, bounds), -1
     for k in range(first, last):
         length = 0.0
         for c in range(3):
@@ -215,7 +206,7 @@ def _ask(
         axis = (start[k, 0], start[k, 1], start[k, 2], e0 * share, e1 * share, e2 * share, length)
         best = out[k]
         if warm >= 0 and block_stands[warm] > layer[k]:
-            best = _nearest(x, z, poses, stands, warm, shape[0, 2], axis, layer[k], flat, best)
+            best = _nearest(stock, warm, axis, layer[k], flat, best)
         waiting = 1
         nodes[0, 0], nodes[0, 1], nodes[0, 2] = levels - 1, 0, 0
         bounds[0] = _bound(spheres[top], axis)
@@ -223,33 +214,27 @@ def _ask(
             waiting -= 1
             if bounds[waiting] >= best:
                 continue
-            level, r, c = nodes[waiting, 0], nodes[waiting, 1], nodes[waiting, 2]
-            if level == 0:
-                leaf = r * shape[0, 2] + c
-                nearer = _nearest(x, z, poses, stands, leaf, shape[0, 2], axis, layer[k], flat, best)
+            node = nodes[waiting, 0], nodes[waiting, 1], nodes[waiting, 2]
+            if node[0] == 0:
+                leaf = node[1] * shape[0, 2] + node[2]
+                nearer = _nearest(stock, leaf, axis, layer[k], flat, best)
                 if nearer < best:
                     best, warm = nearer, leaf
                 continue
-            waiting = _open(spheres, block_stands, shape, axis, layer[k], best, level, r, c, nodes, bounds, waiting)
+            waiting = _open(stock, node, axis, layer[k], best, stack, waiting)
         out[k] = best
 
 
 @kernel
-def _open(
-    spheres: Float,
-    block_stands: AnyArray,
-    shape: Int,
-    axis: Axis,
-    layer: int,
-    best: float,
-    level: int,
-    r: int,
-    c: int,
-    nodes: Int,
-    bounds: Float,
-    waiting: int,
-) -> int:
-    """Put the children that may hold something nearer on the stack, the nearest on top; how many wait then."""
+def _open(stock: Stock, node: Node, axis: Axis, layer: int, best: float, stack: Stack, waiting: int) -> int:
+    """Put the node's children that may hold something nearer on the stack, the nearest on top; how many wait then."""
+    spheres, block_stands, shape, (nodes, bounds), (level, r, c) = (
+        stock.spheres,
+        stock.block_stands,
+        stock.shape,
+        stack,
+        node,
+    )
     below, rows, across = shape[level - 1, 0], shape[level - 1, 1], shape[level - 1, 2]
     floor = waiting
     for a in range(2 * r, min(2 * r + 2, rows)):
@@ -281,22 +266,12 @@ def _bound(sphere: Float, axis: Axis) -> float:
 
 
 @kernel
-def _nearest(
-    x: Float32,
-    z: Float32,
-    poses: Float,
-    stands: AnyArray,
-    leaf: int,
-    across: int,
-    axis: Axis,
-    layer: int,
-    flat: bool,
-    best: float,
-) -> float:
+def _nearest(stock: Stock, leaf: int, axis: Axis, layer: int, flat: bool, best: float) -> float:
     """The least of `best` and the distances of a leaf's points that still stand.
 
     In a frame both the place along the axis and the square of the distance from its start are polynomials of x and z.
     """
+    x, z, poses, stands, across = stock.x_mm, stock.z_mm, stock.base_from_profiler, stock.stands, stock.shape[0, 2]
     i0, j0 = leaf // across * LEAF_FRAMES, leaf % across * LEAF_COLUMNS
     i1, j1 = min(i0 + LEAF_FRAMES, x.shape[0]), min(j0 + LEAF_COLUMNS, x.shape[1])
     least = best * best

@@ -26,6 +26,15 @@ BACKWARDS = 1e-9  # rounding of the place along a move that still counts as the 
 CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle as one row of numbers
 
 
+class Run(NamedTuple):
+    """Poses in their order, as the kernels take them."""
+
+    position: Shaped[Float, "n 3"]
+    quaternion: Shaped[Float, "n 4"]
+    feed: Shaped[Float, "n 2"]  # towards each pose, and the share by which others may exceed it
+    length: Shaped[Float, " n"]  # of the path up to each
+
+
 class Tolerances(NamedTuple):
     """What a controller's move may leave out or turn."""
 
@@ -67,7 +76,7 @@ def merge_poses(
     feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
     most_turn = math.sqrt(8.0 * allowed.chord_mm / allowed.lever_mm) if allowed.lever_mm > 0 else math.inf
     tolerances = np.array([allowed.chord_mm, chord, most_turn / 2.0])  # the last: between quaternions
-    targets, circular, via = _merge(p, q, feeds, stop, length, tolerances, allowed.least_sweep)
+    targets, circular, via = _merge(Run(p, q, feeds, length), stop, tolerances, allowed.least_sweep)
     via_turn = np.full((len(targets), 4), np.nan)
     start, end = targets[:-1][circular[1:]], targets[circular]
     via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
@@ -75,20 +84,18 @@ def merge_poses(
 
 
 @kernel
-def _merge(
-    p: Float, q: Float, feed: Float, stop: Int, length: Float, tolerances: Float, least_sweep: float
-) -> tuple[Int, Bool, Float]:
+def _merge(run: Run, stop: Int, tolerances: Float, least_sweep: float) -> tuple[Int, Bool, Float]:
     """Targets, whether circular, and the middles of the arcs."""
-    n = len(p)
+    n = len(run.position)
     targets, circular, via = np.zeros(n, np.int64), np.zeros(n, np.bool_), np.full((n, 3), np.nan)
     circle = np.zeros(CIRCLE)
     k, i = 1, 0
     while i < n - 1:
-        end = _farthest(False, p, q, feed, length, i, stop[i + 1], tolerances, circle)
+        end = _farthest(False, run, i, stop[i + 1], tolerances, circle)
         if least_sweep < np.inf:
-            arc_end = _farthest(True, p, q, feed, length, i, stop[i + 1], tolerances, circle)
+            arc_end = _farthest(True, run, i, stop[i + 1], tolerances, circle)
             if arc_end > end:
-                sweep = _circle(p, i, _middle(length, i, arc_end), arc_end, circle)
+                sweep = _circle(run.position, i, _middle(run.length, i, arc_end), arc_end, circle)
                 if sweep >= least_sweep and 2.0 * circle[RADIUS] * math.sin(sweep / 2.0) >= LEAST_CHORD_MM:
                     end, circular[k] = arc_end, True
                     _on_circle(circle, sweep / 2.0, via, k)
@@ -98,19 +105,17 @@ def _merge(
 
 
 @kernel
-def _farthest(
-    arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, last: int, tolerances: Float, circle: Float
-) -> int:
+def _farthest(arc: bool, run: Run, i: int, last: int, tolerances: Float, circle: Float) -> int:
     """The farthest pose up to `last` that one move from pose i reaches: steps that double, then bisection."""
     reached, beyond, step = i + 1, last + 1, 2
     while i + step <= last:
-        if not _fits(arc, p, q, feed, length, i, i + step, tolerances, circle):
+        if not _fits(arc, run, i, i + step, tolerances, circle):
             beyond = i + step
             break
         reached, step = i + step, 2 * step
     while beyond - reached > 1:
         j = (reached + beyond) // 2
-        if _fits(arc, p, q, feed, length, i, j, tolerances, circle):
+        if _fits(arc, run, i, j, tolerances, circle):
             reached = j
         else:
             beyond = j
@@ -118,16 +123,15 @@ def _farthest(
 
 
 @kernel
-def _fits(
-    arc: bool, p: Float, q: Float, feed: Float, length: Float, i: int, j: int, tolerances: Float, circle: Float
-) -> bool:
+def _fits(arc: bool, run: Run, i: int, j: int, tolerances: Float, circle: Float) -> bool:
     """Whether one move from pose i to pose j passes all poses between them."""
+    p, q, feed = run.position, run.quaternion, run.feed
     slowest, fastest = feed[j, 0], feed[j, 0]
     for k in range(i + 1, j):
         slowest, fastest = min(slowest, feed[k, 0]), max(fastest, feed[k, 0])
     if fastest > (1.0 + feed[j, 1]) * slowest * (1.0 + 1e-12):
         return False
-    sweep = _circle(p, i, _middle(length, i, j), j, circle) if arc else 0.0
+    sweep = _circle(p, i, _middle(run.length, i, j), j, circle) if arc else 0.0
     if sweep > MOST_SWEEP:
         return False
     sign, turn = _turn(q, i, j)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -101,8 +102,7 @@ def _passed(column: Int) -> int:
     return np.unique(middle).size - 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ends:
+class Ends(NamedTuple):
     """The last return on a face in each of n frames, counted from some place in the frame, mm."""
 
     s: Shaped[Float, " n"]  # arc length, rising
@@ -151,19 +151,7 @@ def find_end(
     for number in range(MOST_ROUNDS):
         logs = np.zeros((place.size, GRID))
         low = ends.low - course.value(ends.s)
-        _add_up(
-            as_input(cell),
-            as_input(low),
-            as_input(ends.step),
-            as_input(ends.sigma),
-            as_input(ends.missing),
-            as_input(ends.weight),
-            as_input(ends.fill),
-            as_input(ends.fill_sigma),
-            _normal(),
-            grid,
-            logs,
-        )
+        _add_up(as_input(cell), Ends(*map(as_input, ends._replace(low=low))), _normal(), grid, logs)
         mean, variance = _sites(logs, grid, prior)
         together = said / course.u(place) ** 2
         said = variance * _overstated(logs, grid, variance, together)
@@ -317,23 +305,12 @@ def _off_course(ends: Ends, about: Float) -> Float:
 
 
 @kernel(error_model="numpy")
-def _add_up(
-    cell: Int,
-    low: Float,
-    step: Float,
-    sigma: Float,
-    missing: Float,
-    weight: Float,
-    fill: Float,
-    fill_sigma: Float,
-    normal: Float,
-    grid: Float,
-    out: Float,
-) -> None:
+def _add_up(cell: Int, ends: Ends, normal: Float, grid: Float, out: Float) -> None:
     """Add each frame's log-likelihood of an end at each place of the grid to the row of its cell (eq. (8)).
 
     normal: the standard normal distribution function at even steps from -FAR_SIGMAS to FAR_SIGMAS.
     """
+    low, step, sigma, fill, weight = ends.low, ends.step, ends.sigma, ends.fill, ends.weight
     chance = np.empty(grid.size)
     for i in range(cell.size):
         s, known = sigma[i], fill[i] == fill[i]
@@ -342,11 +319,11 @@ def _add_up(
                 z = (low[i] - grid[g]) / s
                 chance[g] = math.exp(-0.5 * z * z)
         else:
-            _pass_columns(low[i], step[i], s, missing[i], normal, grid, chance)
+            _pass_columns(low[i], step[i], s, ends.missing[i], normal, grid, chance)
             if known:
                 for g in range(grid.size):
                     full = min(max((grid[g] - low[i]) / step[i] + 0.5, 0.0), 1.0)
-                    z = (fill[i] - full) / math.hypot(fill_sigma[i], s / step[i])
+                    z = (fill[i] - full) / math.hypot(ends.fill_sigma[i], s / step[i])
                     chance[g] *= math.exp(-0.5 * z * z) + STRAY
         at_last, log_at_last = -1.0, 0.0
         for g in range(grid.size):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,8 +49,17 @@ class Camera:
         return replace(self, scale_px_mm=self.scale_px_mm * times, width_px=width, height_px=height)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class View(NamedTuple):
+    """A camera as the kernel takes it: lengths in pixels."""
+
+    screen: Shaped[Float, "3 3"]  # turns mm into pixels
+    centre: Shaped[Float, " 3"]  # mm
+    shape: Shaped[AnyArray, " 2"]  # width and height
+    closeness: float  # 1 / distance
+    depths: Shaped[Float, " 2"]  # between which all points lie
+
+
+class Picture(NamedTuple):
     """A drawn cloud: H x W pixels, the first row the uppermost."""
 
     rgb: Shaped[AnyArray, "H W 3"]  # uint8, on white
@@ -92,16 +102,14 @@ def spacing_px(points_mm: AnyArray, camera: Camera) -> float:
 def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     """(H, W) uint64: depth, the nearer the larger, in the upper half; number of the point + 1 in the lower; 0: none."""
     low, high = _depth_range(points_mm, camera)
-    work = partial(
-        _splat,
-        as_input(points_mm),
+    view = View(
         camera.screen * camera.scale_px_mm,
         camera.centre_mm,
         np.array([camera.width_px, camera.height_px]),
         1.0 / (camera.scale_px_mm * camera.distance_mm),
         np.array([low, high]) * camera.scale_px_mm,
-        size_px,
     )
+    work = partial(_splat, as_input(points_mm), view, size_px)
     step = max(1, -(-len(points_mm) // cores()))
     return reduce(
         _merged,
@@ -135,19 +143,10 @@ def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, flo
 
 
 @kernel
-def _splat(
-    points: AnyArray,
-    screen: Float,
-    centre: Float,
-    shape: AnyArray,
-    closeness: float,
-    depths: Float,
-    size: float,
-    first: int,
-    last: int,
-) -> AnyArray:
-    """Points [first, last) as discs of `size` pixels; `screen` turns mm into pixels, `closeness` is 1 / distance."""
-    width, height = shape[0], shape[1]
+def _splat(points: AnyArray, view: View, size: float, first: int, last: int) -> AnyArray:
+    """Points [first, last) as discs of `size` pixels."""
+    screen, centre, closeness, depths = view.screen, view.centre, view.closeness, view.depths
+    width, height = view.shape[0], view.shape[1]
     nearest = np.zeros((height, width), np.uint64)
     steps = 4294967040.0 / (depths[1] - depths[0])
     a, b, c = screen[0], screen[1], screen[2]
@@ -187,28 +186,28 @@ def _lit(nearest: AnyArray, colour: AnyArray, fine: Camera, depths_mm: tuple[flo
         FARTHEST * FINER, round(math.ceil(REACH * size_px))
     )  # a few discs: these are flat, surfaces need not be
     height, width = fine.height_px // FINER, fine.width_px // FINER
-    rgb, near = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
-    work = partial(_shade, nearest, colour, rgb, near, np.array(depths_mm), fine.scale_px_mm, reach)
+    picture = Picture(np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32))
+    work = partial(_shade, nearest, colour, picture, np.array(depths_mm), fine.scale_px_mm, reach)
     list(in_order(work, height, max(1, -(-height // (4 * cores())))))
-    return Picture(rgb, near)
+    return picture
 
 
 @kernel
 def _shade(
     nearest: AnyArray,
     colour: AnyArray,
-    rgb: AnyArray,
-    near: Float32,
+    picture: Picture,
     depths: Float,
     scale: float,
     reach: int,
     first: int,
     last: int,
 ) -> None:
-    """Rows [first, last) of the picture, each pixel the mean of its finer ones, white where there is no point.
+    """Fill rows [first, last) of the picture, each pixel the mean of its finer ones, white where there is no point.
 
     After eye-dome lighting (Boucheny 2009): dark where both neighbours across a pixel, taken together, stand before it.
     """
+    rgb, near = picture.rgb, picture.near_mm
     span = depths[1] - depths[0]
     to_mm = span / 4294967040.0
     for row in range(first, last):

@@ -37,22 +37,19 @@ class Scene(NamedTuple):
     pairs: AnyArray
 
 
-@kernel(error_model="numpy")
-def _place(
-    at: AnyArray,
-    placed: AnyArray,
-    middle: AnyArray,
-    motion: AnyArray,
-    link: AnyArray,
-    solid: AnyArray,
-    ends: AnyArray,
-    pose: AnyArray,
-    arm_only: bool,
-) -> None:
-    """Every volume where its link carries it: ends of capsules, poses of solids, the middles of both.
+class Standing(NamedTuple):
+    """The S volumes where their links carry them."""
 
-    `arm_only`: those of base and turntable stay where they are.
-    """
+    at: Shaped[AnyArray, "S 2 3"]  # ends of capsules
+    placed: Shaped[AnyArray, "S 3 4"]  # poses of solids
+    middle: Shaped[AnyArray, "S 3"]  # of both
+
+
+@kernel(error_model="numpy")
+def _place(standing: Standing, motion: AnyArray, scene: Scene, arm_only: bool) -> None:
+    """Every volume where its link carries it; `arm_only`: those of base and turntable stay where they are."""
+    at, placed, middle = standing
+    link, solid, ends, pose = scene.link, scene.solid, scene.ends, scene.pose
     for s in range(len(link)):
         if arm_only and not 1 <= link[s] <= 6:
             continue
@@ -65,25 +62,25 @@ def _place(
 
 
 @kernel(error_model="numpy")
-def _room(scene: Scene) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]:
+def _room(scene: Scene) -> tuple[AnyArray, AnyArray, Standing]:
     """Room for motions of links, for turns of joints and table, and for what `_place` places."""
     count = len(scene.link)
     motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
     turn[8] = scene.table[:3]
-    return motion, turn, np.empty((count, 2, 3)), np.empty((count, 3, 4)), np.empty((count, 3))
+    return motion, turn, Standing(np.empty((count, 2, 3)), np.empty((count, 3, 4)), np.empty((count, 3)))
 
 
 @kernel(error_model="numpy")
 def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) -> AnyArray:
     """See `clearance_bound_mm`; `most` is enough to know."""
     found = np.empty(len(joints))
-    motion, turn, at, placed, middle = _room(scene)
+    motion, turn, standing = _room(scene)
     # Taken out of the scene once: in the loop that would be counted for every posture.
-    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
+    axes, points = scene.axes, scene.points
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose, False)
-        found[n] = _smallest(at, placed, middle, scene, 0, len(scene.pairs), most)
+        _place(standing, motion, scene, False)
+        found[n] = _smallest(standing, scene, 0, len(scene.pairs), most)
     return found
 
 
@@ -91,14 +88,14 @@ def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) 
 def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
-    motion, turn, at, placed, middle = _room(scene)
-    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
+    motion, turn, standing = _room(scene)
+    axes, points = scene.axes, scene.points
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose, False)
-        middles[n] = middle
+        _place(standing, motion, scene, False)
+        middles[n] = standing.middle
         for i in range(len(scene.pairs)):
-            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, FAR_MM)
+            found[n, i] = _smallest(standing, scene, i, i + 1, FAR_MM)
     return found, middles
 
 
@@ -106,14 +103,14 @@ def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyA
 def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArray) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least` (P,)."""
     found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
-    motion, turn, at, placed, middle = _room(scene)
-    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
+    motion, turn, standing = _room(scene)
+    axes, points = scene.axes, scene.points
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, turned[n], n)
-        _place(at, placed, middle, motion, link, solid, ends, pose, False)
+        _place(standing, motion, scene, False)
         for i in range(len(scene.pairs)):
             start = least[i] + 1e-6  # what is farther apart need not be known
-            found[n, i] = _smallest(at, placed, middle, scene, i, i + 1, start) <= least[i]
+            found[n, i] = _smallest(standing, scene, i, i + 1, start) <= least[i]
     return found
 
 
@@ -129,8 +126,8 @@ def swept_kernel(
     """
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
-    motion, turn, at, placed, middle = _room(scene)
-    axes, points, link, solid, ends, pose = scene.axes, scene.points, scene.link, scene.solid, scene.ends, scene.pose
+    motion, turn, standing = _room(scene)
+    axes, points = scene.axes, scene.points
     step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
     asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
@@ -139,7 +136,7 @@ def swept_kernel(
     for n in range(count):
         _steps(joints, n, step)
         _move(motion, turn, axes, points, joints[n], turned[n], 0)
-        _place(at, placed, middle, motion, link, solid, ends, pose, False)
+        _place(standing, motion, scene, False)
         first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
         while waiting > 0:
             waiting -= 1
@@ -148,12 +145,12 @@ def swept_kernel(
             total, proven = _reach(joints, n, a, b, m, step, reach), 0
             if total < MOST_SWEPT:
                 _move(motion, turn, axes, points, joints[n], turned[n], m)
-                _place(at, placed, middle, motion, link, solid, ends, pose, True)
+                _place(standing, motion, scene, True)
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
-                    moved = _moved(carried[w], moves, w, lever, reach, middle, scene.around)
+                    moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around)
                     need[w] = moved / (1.0 - total)
-                proven = _proven(at, placed, middle, scene, need, by, least, asked, d, many[d])
+                proven = _proven(standing, scene, need, by, least, asked[d], many[d])
             left = many[d] - proven
             if left > 0 and a == b:
                 found[n, a] = True
@@ -169,26 +166,17 @@ def swept_kernel(
 
 @kernel(error_model="numpy")
 def _proven(
-    at: AnyArray,
-    placed: AnyArray,
-    middle: AnyArray,
-    scene: Scene,
-    need: AnyArray,
-    by: AnyArray,
-    least: AnyArray,
-    asked: AnyArray,
-    d: int,
-    many: int,
+    standing: Standing, scene: Scene, need: AnyArray, by: AnyArray, least: AnyArray, asked: AnyArray, many: int
 ) -> int:
-    """How many pairs of `asked[d, :many]` are farther apart than they need to be, before the first that may not be."""
-    pairs, around = scene.pairs, scene.around
+    """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be."""
+    pairs, around, middle = scene.pairs, scene.around, standing.middle
     for k in range(many):
-        i = asked[d, k]
+        i = asked[k]
         s, t, apart = pairs[i, 0], pairs[i, 1], least[i] + need[by[i]]
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
-        if x * x + y * y + z * z < reach * reach and _smallest(at, placed, middle, scene, i, i + 1, far) <= apart:
+        if x * x + y * y + z * z < reach * reach and _smallest(standing, scene, i, i + 1, far) <= apart:
             return k
     return many
 
@@ -254,15 +242,14 @@ def _moved(
 
 @kernel(error_model="numpy")
 def _smallest(
-    at: AnyArray,
-    placed: AnyArray,
-    middle: AnyArray,
+    standing: Standing,
     scene: Scene,
     first: int,
     last: int,
     best: float,
 ) -> float:
     """The smallest distance of pairs [first, last) below `best`, or one of 0 or less; what is farther is left out."""
+    at, placed, middle = standing
     radius, half, around, solid, pairs = scene.radius, scene.half, scene.around, scene.solid, scene.pairs
     for i in range(first, last):
         a, b = pairs[i, 0], pairs[i, 1]

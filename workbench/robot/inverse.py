@@ -15,6 +15,7 @@ on all six joints take away what is left.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from workbench.robot.wrist import (
     spherical_wrist,
     wrapped,
 )
-from workbench.units import AnyArray, Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 BRANCHES = 8  # two for each of the up to four places of the first three joints
 SINGULAR = 1e-13  # sine below which an angle is free and set to 0
@@ -160,6 +161,17 @@ def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
     return found
 
 
+class OffsetArm(NamedTuple):
+    """An arm with an offset wrist as the kernel takes it, all joints at zero in the base; lengths in m."""
+
+    axes: Shaped[Float, "6 3"]
+    points: Shaped[Float, "6 3"]  # on the axes
+    on_4: Shaped[Float, " 3"]  # where axes 4 and 5 meet
+    on_6: Shaped[Float, " 3"]  # where axes 5 and 6 meet
+    offset: float  # from the one to the other, along axis 5
+    turning: Shaped[Float, "3 3"]  # axis 5 as joint 6 turns it: what stays, what goes with the cosine and the sine
+
+
 class _Search:
     """The error of axis 4's angle to axis 5, over joint 6, for n poses and the four ways of joints 1 to 3."""
 
@@ -168,24 +180,17 @@ class _Search:
         self.moved = np.ascontiguousarray(poses @ np.linalg.inv(chain.base_from_flange_at_zero))  # of link 6, from zero
         h = chain.axes
         along = h[5] * (h[5] @ h[4])  # of axis 5, about axis 6
-        self.turning = np.array([along, h[4] - along, np.cross(h[5], h[4])])
+        turning = np.array([along, h[4] - along, np.cross(h[5], h[4])])
+        on_4, on_6, offset = wrist.on_4_mm / 1e3, wrist.on_6_mm / 1e3, wrist.offset_mm / 1e3
+        self.arm = OffsetArm(h, chain.points_mm / 1e3, on_4, on_6, offset, turning)
 
     def ways(self, pose: Int, angle: Float) -> tuple[Float, Float, Float, Float]:
         """Angles of joints 1 to 3 (m, 4, 3), error (m, 4), room (m, 4, 2), direction of axis 5 (m, 3), joint 6 at (m,).
 
         The room is that of `parallel_position`.
         """
-        wrist, chain = self.wrist, self.chain
         found: tuple[Float, Float, Float, Float] = ways_kernel(
-            chain.axes,
-            chain.points_mm / 1e3,
-            wrist.on_4_mm / 1e3,
-            wrist.on_6_mm / 1e3,
-            wrist.offset_mm / 1e3,
-            self.turning,
-            self.moved,
-            np.ascontiguousarray(pose),
-            np.ascontiguousarray(angle),
+            self.arm, self.moved, np.ascontiguousarray(pose), np.ascontiguousarray(angle)
         )
         return found
 
@@ -417,17 +422,10 @@ def _wrapped(angle: Float) -> Float:
 
 @kernel
 def ways_kernel(
-    h: AnyArray,
-    o: AnyArray,
-    on_4: AnyArray,
-    on_6: AnyArray,
-    offset: float,
-    turning: AnyArray,
-    moved: AnyArray,
-    pose: AnyArray,
-    angle: AnyArray,
+    arm: OffsetArm, moved: AnyArray, pose: AnyArray, angle: AnyArray
 ) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
     """See `_Search.ways`; lengths in m, but `moved`."""
+    h, turning, on_6 = arm.axes, arm.turning, arm.on_6
     direction, at = np.empty((len(pose), 3)), np.empty((len(pose), 3))
     for m in range(len(pose)):
         c, s = np.cos(angle[m]), np.sin(angle[m])
@@ -438,8 +436,8 @@ def ways_kernel(
                 direction[m, i] += turn * (turning[0, j] + c * turning[1, j] - s * turning[2, j])
                 at[m, i] += turn * on_6[j]
         for i in range(3):
-            at[m, i] -= offset * direction[m, i]
-    first, room = parallel_position(h, o, on_4, at)
+            at[m, i] -= arm.offset * direction[m, i]
+    first, room = parallel_position(h, arm.points, arm.on_4, at)
     error = np.empty((len(pose), 4))
     wanted = h[3, 0] * h[4, 0] + h[3, 1] * h[4, 1] + h[3, 2] * h[4, 2]
     for m in range(len(pose)):

@@ -15,6 +15,7 @@ from workbench.plugins.stiffness.law import (
     Grid,
     Law,
     Limits,
+    Nodes,
     best_law,
     constant_law,
     improved_law,
@@ -70,7 +71,14 @@ def test_the_way_is_the_cheapest_of_all(seed: int) -> None:
     joints = rng.normal(0, 0.2, (n, *window, 2)) + 0.05 * np.arange(3)[:, None]
     free, dt, speed = rng.random((n, *window)) > 0.1, rng.uniform(0.8, 1.2, n), np.array([0.5, 0.6])
     shift = rng.integers(-1, 2, (n, 2))
-    way = best_law(cost, joints, free, shift, dt, speed, np.full(2, ACCELERATION), STEP, np.array([1, 1]), RESTLESS)
+    way = best_law(
+        Nodes(cost, joints, free),
+        shift,
+        dt,
+        Limits(speed, np.full(2, ACCELERATION), STEP),
+        np.array([1, 1]),
+        RESTLESS,
+    )
     least = cheapest(cost, joints, free, shift, dt, speed)
     if way[0, 0] < 0:
         assert least == np.inf
@@ -88,14 +96,10 @@ def test_straight_on_is_always_a_way() -> None:
     joints = np.cumsum(rng.uniform(2, 3, (n, 1, 1, 1)), axis=0) + np.zeros((n, 3, 3, 2))
     cost = rng.uniform(0, 1, (n, 3, 3))
     way = best_law(
-        cost,
-        joints,
-        np.ones(cost.shape, bool),
+        Nodes(cost, joints, np.ones(cost.shape, bool)),
         np.zeros((n, 2), int),
         np.ones(n),
-        np.ones(2),
-        np.ones(2),
-        STEP,
+        Limits(np.ones(2), np.ones(2), STEP),
         np.array([1, 1]),
         RESTLESS,
     )

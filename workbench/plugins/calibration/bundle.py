@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -52,9 +53,19 @@ def _exp(v: Float) -> Float:
     return out
 
 
+class Centres(NamedTuple):
+    """Sphere centres in the profiler frame, and where the flange was, mm."""
+
+    at: Shaped[Float, "m 3"]
+    weight: Shaped[Float, "m 3"]  # inverse variances
+    turn: Shaped[Float, "m 3 3"]  # of the flange
+    shift: Shaped[Float, "m 3"]
+
+
 @kernel
-def _equations(c: Float, weight: Float, A: Float, b: Float, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
-    """Add the normal equations of the centres (m, 3) in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
+def _equations(centres: Centres, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
+    """Add the normal equations of the centres in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
+    c, weight, A, b = centres
     chi2 = 0.0
     J = np.empty(9)
     for i in range(len(c)):
@@ -126,7 +137,7 @@ def solve_patterns(
         chi2 = 1e300
         for step in range(12):
             N[:], g[:] = 0.0, 0.0
-            new = _equations(c, weight, A, b, R, t, C, N, g)
+            new = _equations(Centres(c, weight, A, b), R, t, C, N, g)
             for p in range(3):
                 N[p, p] += pull[0]
                 g[p] -= pull[0] * (t[p] - start_t[s, p])

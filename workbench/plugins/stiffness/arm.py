@@ -10,7 +10,7 @@ plane a point is the complex number z + i x, which a turn q about y multiplies b
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,15 @@ from workbench.api import (
     spherical_wrist,
     within_limits,
 )
-from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_kernel, lowest_kernel, traverse_kernel
+from workbench.plugins.stiffness.arm_kernels import (
+    Branch,
+    Vector,
+    Way,
+    displacement_kernel,
+    joints_kernel,
+    lowest_kernel,
+    traverse_kernel,
+)
 
 # The posture optimiser's calls for any arm that has an inverse: slower, by joint angles instead of algebra.
 #
@@ -40,6 +48,7 @@ from workbench.plugins.stiffness.arm_kernels import displacement_kernel, joints_
 # grid are ranked by the better one, so with `Choice` the optimum is proven among what one flip can do, not over both.
 
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
+NO_SPRINGS = np.ones(6)  # of which joint angles take no notice
 FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # indices of `arm.CAUSES`
 STRETCHED = 1e-6  # smallest singular value of the Jacobian, lengths in m, below which a posture is singular
 
@@ -256,8 +265,7 @@ def displacements(
         )
     )
     found, said = np.empty(len(wrist)), np.empty(len(wrist))
-    front, side = _signs(arm, shoulder, elbow)
-    displacement_kernel(arm.lengths, arm.limits, _springs(stiffness), w, a, p, f, front, side, found, said)  # type: ignore[no-untyped-call]
+    displacement_kernel(_branch(arm, stiffness, shoulder, elbow), w, a, p, f, found, said)
     return found, said.astype(np.uint8)
 
 
@@ -286,8 +294,8 @@ def traverse(
     """
     if isinstance(arm, GeneralArm):
         return arm.traverse(stiffness, path, angles, 4 * shoulder + 2 * elbow)
-    told = _in_arm_frame(arm, stiffness, path, angles)
-    return traverse_kernel(*(*told, *_signs(arm, shoulder, elbow)))  # type: ignore[no-untyped-call, no-any-return]
+    branch, way = _branch(arm, stiffness, shoulder, elbow), _in_arm_frame(arm, path)
+    return traverse_kernel(branch, way, np.cos(angles), np.sin(angles))
 
 
 def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
@@ -297,31 +305,32 @@ def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles
         found = [arm.traverse(stiffness, single, angles, 4 * s + 2 * e) for s, e in BRANCHES]
         least = [np.where(said == 0, mean, np.inf).min(axis=1) for mean, said in found]
         return np.asarray(np.min(least, axis=0).reshape(path.base_from_cutter.shape[:2]))
-    told = _in_arm_frame(arm, stiffness, path, angles)
+    way, cosine, sine = _in_arm_frame(arm, path), np.cos(angles), np.sin(angles)
     best = np.full(path.base_from_cutter.shape[:2], np.inf)
     for shoulder, elbow in BRANCHES:
-        lowest_kernel(*(*told, *_signs(arm, shoulder, elbow), best))  # type: ignore[no-untyped-call]
+        lowest_kernel(_branch(arm, stiffness, shoulder, elbow), way, cosine, sine, best)
     return best
 
 
-def _in_arm_frame(arm: Arm, stiffness: Float, path: LoadedPath, angles: Float) -> tuple[Any, ...]:
-    """The arguments of `traverse` as the kernels take them."""
+def _in_arm_frame(arm: Arm, path: LoadedPath) -> Way:
+    """A path as the kernels take it."""
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(path.flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
-    return (
-        arm.lengths,
-        arm.limits,
-        _springs(stiffness),
+    return Way(
         turn @ path.base_from_cutter[..., :3, :3],
         path.base_from_cutter[..., :3, 3] @ turn.T + shift,
         path.load_mm @ turn.T + shift,
         path.force_n @ turn.T,
-        (*map(float, wrist), *map(float, axis)),
-        np.cos(angles),
-        np.sin(angles),
+        _vector(wrist),
+        _vector(axis),
     )
+
+
+def _vector(values: Float) -> Vector:
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
@@ -342,16 +351,11 @@ def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elb
         )
     )
     found = np.empty((len(at), 6))
-    front, side = _signs(arm, shoulder, elbow)
-    joints_kernel(arm.lengths, arm.bend, w, a, b, front, side, 1.0 - 2.0 * flip, found)  # type: ignore[no-untyped-call]
+    joints_kernel(_branch(arm, NO_SPRINGS, shoulder, elbow), arm.bend, 1.0 - 2.0 * flip, w, a, b, found)
     return found
 
 
-def _signs(arm: Arm, shoulder: int, elbow: int) -> tuple[float, float]:
-    """Of a branch: x of the wrist in the arm's plane, and the elbow's side, which turns with the sense of axis 3."""
-    return 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * arm.lengths[9]
-
-
-def _springs(stiffness: Float) -> tuple[float, ...]:
-    """N mm/rad."""
-    return tuple(1e3 * float(k) for k in stiffness)
+def _branch(arm: Arm, stiffness: Float, shoulder: int, elbow: int) -> Branch:
+    """A branch as the kernels take it; the elbow's side turns with the sense of axis 3."""
+    springs = tuple(1e3 * float(k) for k in stiffness)  # N mm/rad
+    return Branch(arm.lengths, arm.limits, springs, 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * arm.lengths[9])

@@ -1,135 +1,118 @@
 """The compiled kernels of `workbench.plugins.stiffness.arm`; everything in the arm frame, mm, N, N mm/rad."""
 
-# mypy: disable-error-code="no-untyped-def, no-untyped-call"
-
 from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from workbench.api import kernel
+from workbench.api import AnyArray, kernel
 
 FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSES`
 
 
+Vector: TypeAlias = tuple[float, float, float]
+
+
+class Branch(NamedTuple):
+    """An arm in one of its branches."""
+
+    lengths: tuple[float, ...]  # 11, mm: see `posture`
+    limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
+    springs: tuple[float, ...]  # 6, N mm/rad
+    front: float  # 1: the arm reaches forward, -1: over its back
+    side: float  # of the elbow, 1 or -1
+
+
+class Way(NamedTuple):
+    """Where the cutter stands at p path points for each of a turntable angles, and what pushes it there."""
+
+    turn: AnyArray  # (a, p, 3, 3), at rotation 0
+    at: AnyArray  # (a, p, 3)
+    load: AnyArray  # (a, p, 3), where the force acts
+    force: AnyArray  # (a, p, 3)
+    wrist: Vector  # its centre in the cutter's frame
+    axis: Vector  # of joint 6, likewise
+
+
+class Found(NamedTuple):
+    """Of each of t rotations of the cutter."""
+
+    total: AnyArray  # displacements of the points so far
+    worst: AnyArray  # what is said of them
+    flipped: AnyArray  # likewise, the wrist flipped
+
+
 @kernel(error_model="numpy")
-def traverse_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side):
+def traverse_kernel(branch: Branch, way: Way, cosine: AnyArray, sine: AnyArray) -> tuple[AnyArray, AnyArray]:
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
-    tables, points, steps = at.shape[0], at.shape[1], len(cosine)
+    tables, points, steps = way.at.shape[0], way.at.shape[1], len(cosine)
     total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
     for i in range(tables):
+        found = Found(total[i], worst[i], flipped[i])
         for j in range(points):
-            r, p = turn[i, j], at[i, j]
-            _turn_cutter(
-                lengths,
-                limits,
-                k,
-                r,
-                p,
-                load[i, j],
-                force[i, j],
-                tool,
-                cosine,
-                sine,
-                front,
-                side,
-                total[i],
-                worst[i],
-                flipped[i],
-            )
+            _turn_cutter(branch, way, i, j, cosine, sine, found)
     return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
 @kernel(error_model="numpy")
-def lowest_kernel(lengths, limits, k, turn, at, load, force, tool, cosine, sine, front, side, best):
+def lowest_kernel(branch: Branch, way: Way, cosine: AnyArray, sine: AnyArray, best: AnyArray) -> None:
     """As `traverse_kernel`: the least displacement (a, p) over the rotations that nothing is said of, inf: none."""
     total, worst, flipped = np.empty(len(cosine)), np.empty(len(cosine)), np.empty(len(cosine))
+    found = Found(total, worst, flipped)
     for i in range(best.shape[0]):
         for j in range(best.shape[1]):
-            r, p, q, f = turn[i, j], at[i, j], load[i, j], force[i, j]
             total[:], worst[:], flipped[:] = 0.0, FREE, FREE
-            _turn_cutter(lengths, limits, k, r, p, q, f, tool, cosine, sine, front, side, total, worst, flipped)
+            _turn_cutter(branch, way, i, j, cosine, sine, found)
             for t in range(len(cosine)):
                 if min(worst[t], flipped[t]) == FREE:
                     best[i, j] = min(best[i, j], total[t])
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def _turn_cutter(lengths, limits, k, r, p, load, force, tool, cosine, sine, front, side, total, worst, flipped):
+def _turn_cutter(branch: Branch, way: Way, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: Found) -> None:
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
-    vx, vy, vz, ux, uy, uz = tool
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
-        r[0, 0],
-        r[0, 1],
-        r[0, 2],
-        r[1, 0],
-        r[1, 1],
-        r[1, 2],
-        r[2, 0],
-        r[2, 1],
-        r[2, 2],
-    )
+    (vx, vy, vz), (ux, uy, uz) = way.wrist, way.axis
+    r, p, load, force = way.turn[i, j], way.at[i, j], way.load[i, j], way.force[i, j]
+    total, worst, flipped = found
+    r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
+    r10, r11, r12 = r[1, 0], r[1, 1], r[1, 2]
+    r20, r21, r22 = r[2, 0], r[2, 1], r[2, 2]
     cx, cy, cz = p[0] + r02 * vz, p[1] + r12 * vz, p[2] + r22 * vz
     ax, ay, az = r00 * vx + r01 * vy, r10 * vx + r11 * vy, r20 * vx + r21 * vy
     bx, by, bz = r01 * vx - r00 * vy, r11 * vx - r10 * vy, r21 * vx - r20 * vy
     dx, dy, dz = r02 * uz, r12 * uz, r22 * uz
     ex, ey, ez = r00 * ux + r01 * uy, r10 * ux + r11 * uy, r20 * ux + r21 * uy
     gx, gy, gz = r01 * ux - r00 * uy, r11 * ux - r10 * uy, r21 * ux - r20 * uy
-    px, py, pz, fx, fy, fz = load[0], load[1], load[2], force[0], force[1], force[2]
+    at, acts = (load[0], load[1], load[2]), (force[0], force[1], force[2])
     for t in range(len(cosine)):
         c, s = cosine[t], sine[t]
-        moved, said, other = posture(
-            lengths,
-            limits,
-            k,
-            cx + c * ax + s * bx,
-            cy + c * ay + s * by,
-            cz + c * az + s * bz,
-            dx + c * ex + s * gx,
-            dy + c * ey + s * gy,
-            dz + c * ez + s * gz,
-            px,
-            py,
-            pz,
-            fx,
-            fy,
-            fz,
-            front,
-            side,
-        )
+        wrist = cx + c * ax + s * bx, cy + c * ay + s * by, cz + c * az + s * bz
+        axis = dx + c * ex + s * gx, dy + c * ey + s * gy, dz + c * ez + s * gz
+        moved, said, other = posture(branch, wrist, axis, at, acts)
         total[t] += moved
         worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def displacement_kernel(lengths, limits, k, w, a, p, f, front, side, found, said):
+def displacement_kernel(
+    branch: Branch, w: AnyArray, a: AnyArray, p: AnyArray, f: AnyArray, found: AnyArray, said: AnyArray
+) -> None:
     """Columns (3, n) in the arm frame."""
     for n in range(w.shape[1]):
-        found[n], one, other = posture(
-            lengths,
-            limits,
-            k,
-            w[0, n],
-            w[1, n],
-            w[2, n],
-            a[0, n],
-            a[1, n],
-            a[2, n],
-            p[0, n],
-            p[1, n],
-            p[2, n],
-            f[0, n],
-            f[1, n],
-            f[2, n],
-            front,
-            side,
-        )
+        wrist, axis = (w[0, n], w[1, n], w[2, n]), (a[0, n], a[1, n], a[2, n])
+        at, acts = (p[0, n], p[1, n], p[2, n]), (f[0, n], f[1, n], f[2, n])
+        found[n], one, other = posture(branch, wrist, axis, at, acts)
         said[n] = min(one, other)
 
 
 @kernel(error_model="numpy")
-def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):
+def joints_kernel(
+    branch: Branch, bend: float, flip: float, w: AnyArray, a: AnyArray, b: AnyArray, found: AnyArray
+) -> None:
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
-    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
+    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = branch.lengths
+    front, side = branch.front, branch.side
     l2, l3 = ur * ur + ui * ui, fr * fr + fi * fi
     for n in range(w.shape[1]):
         wx, wy, wz, ax, ay, az = w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n]
@@ -160,12 +143,15 @@ def joints_kernel(lengths, bend, w, a, b, front, side, flip, found):
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
-def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, front, side):
+def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vector) -> tuple[float, float, float]:
     """Displacement of one posture and what is said of it and of the one with its wrist flipped.
 
-    Without a jump, so that several run side by side once inlined.
+    Without a jump, so that several run side by side once inlined. Given are the wrist's centre, joint 6's axis, and the
+    force with the point that it acts at.
     """
-    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = lengths
+    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = branch.lengths
+    limits, k, front, side = branch.limits, branch.springs, branch.front, branch.side
+    (wx, wy, wz), (ax, ay, az), (px, py, pz), (fx, fy, fz) = wrist, axis, at, acts
     # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
     flat = wx * wx + wy * wy
     x2 = flat - d * d
@@ -220,9 +206,9 @@ def posture(lengths, limits, k, wx, wy, wz, ax, ay, az, px, py, pz, fx, fy, fz, 
     )
     turned = across * limits[9] + up * limits[10]
     straight, sideways = c5 * limits[12], bent * limits[13]
-    wrist = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])
+    kept = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])
     flipped = (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
     missed = (x2 < 0.0) | (height2 < 0.0)
-    said = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & wrist else LIMIT))
+    said = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & kept else LIMIT))
     other = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & flipped else LIMIT))
     return np.sqrt(dx * dx + dy * dy + dz * dz), said, other

@@ -221,43 +221,35 @@ def milling_force(
     table = np.array([[c.ktc_n_mm2, c.kte_n_mm], [c.krc_n_mm2, c.kre_n_mm], [c.kac_n_mm2, c.kae_n_mm]])
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
     feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
-    return np.asarray(_revolutions(table, offset, radius, float(np.tan(teeth.helix)), feed, radial, axial, steps))
+    edges = Edges(table, offset, radius, float(np.tan(teeth.helix)))
+    return np.asarray(_revolutions(edges, feed, radial, axial, steps))
+
+
+class Edges(NamedTuple):
+    """A cutter's edges as the kernels take them, mm and N."""
+
+    table: Shaped[AnyArray, "3 2"]  # coefficients of chip and edge: tangential, radial, axial
+    offset: Shaped[AnyArray, " flutes"]  # of each tooth's radius
+    radius: float
+    lag: float  # of the helix, towards the shank: tangent of its angle
 
 
 @kernel
-def _revolutions(
-    table: AnyArray,
-    offset: AnyArray,
-    radius: float,
-    lag: float,
-    feed: AnyArray,
-    radial: AnyArray,
-    axial: AnyArray,
-    steps: int,
-) -> AnyArray:
+def _revolutions(edges: Edges, feed: AnyArray, radial: AnyArray, axial: AnyArray, steps: int) -> AnyArray:
     force = np.zeros((len(feed), steps, 3))
     for k in range(len(feed)):
         if radial[k] > 0.0 and axial[k] > 0.0:
-            last = np.arccos(max(1.0 - radial[k] / radius, -1.0))
+            last = np.arccos(max(1.0 - radial[k] / edges.radius, -1.0))
             for step in range(steps):
                 turned = 2 * np.pi * (step + 0.5) / steps
-                _add_teeth(force[k, step], table, offset, radius, lag, feed[k], last, axial[k], turned)
+                _add_teeth(force[k, step], edges, feed[k], last, axial[k], turned)
     return force
 
 
 @kernel
-def _add_teeth(
-    force: AnyArray,
-    table: AnyArray,
-    offset: AnyArray,
-    radius: float,
-    lag: float,
-    feed: float,
-    last: float,
-    axial: float,
-    turned: float,
-) -> None:
-    """Forces of all elements that cut when the first tooth's tip stands at `turned`; helix lags towards the shank."""
+def _add_teeth(force: AnyArray, edges: Edges, feed: float, last: float, axial: float, turned: float) -> None:
+    """Forces of all elements that cut when the first tooth's tip stands at `turned`."""
+    table, offset, radius, lag = edges
     flutes, db = len(offset), axial / SLICES
     for j in range(flutes):
         for i in range(SLICES):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -117,12 +118,20 @@ NEAR = 1e-3  # relative: a law so near its bound is good enough
 EQUAL = 1e-9  # relative: two costs that are the same but for rounding
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Limits:
-    """What joints and turntable may do between points."""
+class Limits(NamedTuple):
+    """What m coordinates, joints and turntable, may do between points."""
 
-    speed: Shaped[Float, " 7"]  # rad/s, the turntable's last
-    acceleration: Shaped[Float, " 7"]  # rad/s^2, likewise
+    speed: Shaped[Float, " m"]  # rad/s, the turntable's last
+    acceleration: Shaped[Float, " m"]  # rad/s^2, likewise
+    step: float = MOST_STEP  # rad, of any coordinate
+
+
+class Nodes(NamedTuple):
+    """The nodes of n windows of a x t."""
+
+    cost: Shaped[Float, "n a t"]
+    joints: Shaped[Float, "n a t m"]  # coordinates; angles, rad
+    free: Shaped[Bool, "n a t"]  # whether the node may be used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,25 +194,15 @@ def _better(
         return best
     way, reached = relaxed.way, np.inf
     for _ in range(ROUNDS):
-        around, joints, cost, free = window(examiner, stiffness, configuration, way, grid)
-        held = best_law(
-            cost,
-            joints,
-            free,
-            shift_of(way, grid),
-            examiner.points.time_steps_s,
-            limits.speed,
-            limits.acceleration,
-            MOST_STEP,
-            grid.bands,
-            grid.step_cost_mm,
-        )
+        around, found = window(examiner, stiffness, configuration, way, grid)
+        steps = shift_of(way, grid)
+        held = best_law(found, steps, examiner.points.time_steps_s, limits, grid.bands, grid.step_cost_mm)
         if held[0, 0] < 0:
             return best
         at = (np.arange(len(way)), *held.T)
         way = np.column_stack([part[at] for part in around])
         steps = shift_of(way, grid)
-        total = float(cost[at].sum() + grid.step_cost_mm * (steps**2).sum())
+        total = float(found.cost[at].sum() + grid.step_cost_mm * (steps**2).sum())
         if total >= reached * (1 - EQUAL):
             break
         reached = total
@@ -253,8 +252,8 @@ def nodes(
 
 def window(
     examiner: Examiner, stiffness: Float, configuration: Configuration, way: Int, grid: Grid
-) -> tuple[tuple[AnyArray, AnyArray], Float, Float, Bool]:
-    """Indices (n, a, t) of turntable and cutter angle around a way, seven joints, cost, whether feasible."""
+) -> tuple[tuple[AnyArray, AnyArray], Nodes]:
+    """Indices (n, a, t) of turntable and cutter angle around a way, and the nodes there, seven joints each."""
     half = np.where(grid.bands > 0, HALF, 0)
     counts = len(grid.tables), len(grid.rotations)
     offsets = np.meshgrid(*(np.arange(-h, h + 1) for h in half), indexing="ij")
@@ -266,7 +265,7 @@ def window(
         inside &= (rotation >= 0) & (rotation < counts[1])
     table, rotation = (np.clip(part, 0, c - 1) for part, c in zip((table, rotation), counts, strict=True))
     cost, joints, free = nodes(examiner, stiffness, configuration, grid.rotations[rotation], grid.tables[table])
-    return (table, rotation), joints, cost, free & inside
+    return (table, rotation), Nodes(cost, joints, free & inside)
 
 
 def closed_off(examiner: Examiner, stiffness: Float, configuration: Configuration, grid: Grid) -> Callable[[int], Bool]:
@@ -342,35 +341,23 @@ def _turned(value: AnyArray, band: int, restless: float, closed: bool, along: An
 
 @kernel
 def best_law(
-    cost: AnyArray,
-    joints: AnyArray,
-    free: AnyArray,
-    shift: AnyArray,
-    dt: AnyArray,
-    speed: AnyArray,
-    acceleration: AnyArray,
-    most_step: float,
-    bands: AnyArray,
-    restless: float,
+    windows: Nodes, shift: AnyArray, dt: AnyArray, limits: Limits, bands: AnyArray, restless: float
 ) -> AnyArray:
     """Indices (n, 2) of the cheapest way through n windows of a x t nodes; -1 where there is no way.
 
-    A step is allowed if each of m coordinates moves by at most `most_step`, within `speed` (m,), and changes its
-    speed within `acceleration` (m,); a row that the way goes straight through (no step before and after) is always
-    allowed.
+    A step is allowed if each coordinate keeps its limits; a row that the way goes straight through (no step before and
+    after) is always allowed.
 
     Args:
-        cost: (n, a, t) of each node.
-        joints: (n, a, t, m) coordinates; angles, rad.
-        free: (n, a, t) whether the node may be used.
+        windows: their nodes.
         shift: (n, 2) how far each window lies from the one before, in nodes.
         dt: (n,) time from the row before.
-        speed: (m,)
-        acceleration: (m,)
-        most_step: of any coordinate.
+        limits: of the coordinates.
         bands: (2,) largest step along a and t, in nodes.
         restless: cost of a step, times its size in nodes squared.
     """
+    cost, joints, free = windows
+    speed, acceleration, most_step = limits
     n, rows, columns, m = joints.shape
     e_most, d_most = 2 * bands[0] + 1, 2 * bands[1] + 1
     value, fresh = np.full((rows, columns, e_most, d_most), np.inf), np.full((rows, columns, e_most, d_most), np.inf)

@@ -29,10 +29,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramTool
-from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.program.krl import euler_deg
-from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
+from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.cell_file import ProcessPart
@@ -65,11 +64,8 @@ TERMINATION = r"(FINE|CR(\d+))"
 
 
 @dataclass
-class Fanuc:
+class Fanuc(CellDialect):
     """The dialect of FANUC's controllers."""
-
-    job: ProgramJob
-    cell: Cell
 
     def __post_init__(self) -> None:
         """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
@@ -86,11 +82,6 @@ class Fanuc:
         if home is not None and (not re.fullmatch(r"PR\[\d+\]", home) or home == f"PR[{REGISTER}]"):
             where = f"{self.cell.source}: $.process.home.controller_name"
             raise InputError(where, f"expected a position register PR[n] but {REGISTER} for FANUC, found {home!r}")
-
-    @functools.cached_property
-    def skeleton(self) -> Skeleton | None:
-        """What the cell's process asks for around the milling."""
-        return skeleton_of(self.job, self.cell)
 
     def event(self, kind: EventKind, value: str) -> list[str]:
         """What happens between moves: DO[n], WAIT DI[n], WAIT (sec), PAUSE, LBL, CALL.
@@ -110,9 +101,6 @@ class Fanuc:
         switched = {"on": "ON", "off": "OFF"}.get(kind.rpartition("_")[2])
         return [f"DO[{value}]={switched}"] if switched else words[kind]
 
-    def _said(self, events: Iterable[Event]) -> list[str]:
-        return [line for event in events for line in self.event(*event)]
-
     @property
     def _numbers(self) -> list[str]:
         """Of frame and tool: hold until others are said."""
@@ -124,7 +112,7 @@ class Fanuc:
         controller = self.cell.controller
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
         feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, 0.1)
-        ends = [f"CR{region}" if blends and region else "FINE" for blends in blends_of(self.job, self.skeleton)]
+        ends = [f"CR{region}" if blends and region else "FINE" for blends in self.blends]
         return [f"{feed:.1f}mm/sec {end}" for feed, end in zip(feeds.tolist(), ends, strict=True)]
 
     @functools.cached_property
@@ -142,7 +130,7 @@ class Fanuc:
         """Remarks; frame and tool, as far as the program declares them; their numbers."""
         job, (frame, tool) = self.job, self.frame
         yield from (self.remark(remark) for remark in job.remarks)
-        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        yield from self.said(self.skeleton.first) if self.skeleton else ()
         if job.work_object_name is None:
             yield from _declared(f"UFRAME[{frame}]", *job.work_object)
         if job.tool_name is None:
@@ -155,7 +143,7 @@ class Fanuc:
         if self.skeleton is None:
             return [start]
         first = f"L P[{self.numbers[-1] + 2}] {self.ends[0]}"
-        return [self._home, start, *self._said(self.skeleton.on), first]
+        return [self._home, start, *self.said(self.skeleton.on), first]
 
     @property
     def _home(self) -> str:
@@ -163,17 +151,13 @@ class Fanuc:
         place = self.skeleton.process.home.controller_name or f"P[{self.numbers[-1] + 1}]"
         return f"J {place} {JOINT_PERCENT}% FINE"
 
-    def _layer(self, i: int) -> list[str]:
-        """What stands before move i where a layer begins with it."""
-        return self._said(self.skeleton.layer(i)) if self.skeleton else []
-
     def straight(self, i: int) -> Iterable[str]:
         """L."""
-        return [*self._layer(i), f"L P[{self.numbers[i]}] {self.ends[i]}"]
+        return [*self.layer(i), f"L P[{self.numbers[i]}] {self.ends[i]}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """C."""
-        return [*self._layer(i), f"C P[{self.numbers[i] - 1}]", f"P[{self.numbers[i]}] {self.ends[i]}"]
+        return [*self.layer(i), f"C P[{self.numbers[i] - 1}]", f"P[{self.numbers[i]}] {self.ends[i]}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line; FANUC takes 32 characters."""
@@ -185,7 +169,7 @@ class Fanuc:
         if skeleton is None:
             return []
         retract = f"L P[{self.numbers[-1] + 3}] {self.ends[-1]}"
-        return [retract, *self._said(skeleton.off), self._home, *self._said(skeleton.last)]
+        return [retract, *self.said(skeleton.off), self._home, *self.said(skeleton.last)]
 
     @functools.cached_property
     def numbers(self) -> list[int]:

@@ -36,19 +36,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramTool
-from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
 from workbench.program.skeleton import (
-    Event,
-    Skeleton,
-    blends_of,
+    CellDialect,
     check_standing_turntable,
     check_words,
     limited,
-    skeleton_of,
 )
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
@@ -76,11 +72,8 @@ EVENT = rf"DOUT OT#\((\d+)\) (ON|OFF)|WAIT IN#\((\d+)\)=ON|TIMER T=(\d+\.\d\d)|(
 
 
 @dataclass
-class Inform:
+class Inform(CellDialect):
     """The dialect of Yaskawa's controllers."""
-
-    job: ProgramJob
-    cell: Cell
 
     def __post_init__(self) -> None:
         """Refuse what a job cannot say."""
@@ -108,11 +101,6 @@ class Inform:
         if home is not None and not re.fullmatch(r"P\d{3,5}", home):
             where = f"{self.cell.source}: $.process.home.controller_name"
             raise InputError(where, f"expected a position variable, P000 to P99999, for Yaskawa, found {home!r}")
-
-    @functools.cached_property
-    def skeleton(self) -> Skeleton | None:
-        """What the cell's process asks for around the milling."""
-        return skeleton_of(self.job, self.cell)
 
     @functools.cached_property
     def tool(self) -> int:
@@ -160,9 +148,6 @@ class Inform:
         switched = {"on": "ON", "off": "OFF"}.get(kind.rpartition("_")[2])
         return [f"DOUT OT#({value}) {switched}"] if switched else words[kind]
 
-    def _said(self, events: Iterable[Event]) -> list[str]:
-        return [line for event in events for line in self.event(*event)]
-
     @functools.cached_property
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed, and how near it is reached."""
@@ -170,7 +155,7 @@ class Inform:
         corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
         rounds = corner >= LEAST_CORNER_MM
         feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, SLOWEST_MM_S)
-        blends = blends_of(self.job, self.skeleton)
+        blends = self.blends
         arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
         near = [
             f"CR={corner:.1f}" if free and rounds and not arc else "PL=0"
@@ -186,7 +171,7 @@ class Inform:
             for axis, angle in zip("SLURBT", self._first_deg.tolist(), strict=True)
         )
         yield self.remark(f"C00000 on the pendant, deg: {said}")
-        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        yield from self.said(self.skeleton.first) if self.skeleton else ()
         if self.job.turntable_deg is not None:
             yield from (f'MSG "TURNTABLE AT {self.job.turntable_deg[0] + 0.0:.4f} DEG?"', "PAUSE")
 
@@ -195,7 +180,7 @@ class Inform:
         start = f"MOVJ C00000 VJ={JOINT_PERCENT:.2f} PL=0"
         if self.skeleton is None:
             return [start]
-        return [self._home, start, *self._said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
+        return [self._home, start, *self.said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
 
     @property
     def _home(self) -> str:
@@ -203,17 +188,13 @@ class Inform:
         place = self.skeleton.process.home.controller_name or self._around[0]
         return f"MOVJ {place} VJ={JOINT_PERCENT:.2f} PL=0"
 
-    def _layer(self, i: int) -> list[str]:
-        """What stands before move i where a layer begins with it."""
-        return self._said(self.skeleton.layer(i)) if self.skeleton else []
-
     def straight(self, i: int) -> Iterable[str]:
         """MOVL."""
-        return [*self._layer(i), f"MOVL {self._name(i)} {self.ends[i]}"]
+        return [*self.layer(i), f"MOVL {self._name(i)} {self.ends[i]}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """MOVC over the middle to the end, which FPT ends; the first of several says its start once more."""
-        said, (speed, near) = self._layer(i), self.ends[i].split(" ")
+        said, (speed, near) = self.layer(i), self.ends[i].split(" ")
         begins = not self.job.moves.circular[i - 1] or bool(said)
         start = [f"MOVC {self._name(i - 1)} {speed} PL=0"] if begins else []
         via = f"MOVC C{self.numbers[i] - 1:05d} {speed}"
@@ -229,7 +210,7 @@ class Inform:
         if skeleton is None:
             return ["END"]
         retract = f"MOVL {self._around[2]} {self.ends[-1]}"
-        return [retract, *self._said(skeleton.off), self._home, *self._said(skeleton.last), "END"]
+        return [retract, *self.said(skeleton.off), self._home, *self.said(skeleton.last), "END"]
 
     @functools.cached_property
     def numbers(self) -> list[int]:

@@ -34,10 +34,10 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramTool
-from workbench.dialect import ProgramJob, rounded_feeds
+from workbench.dialect import rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, limited, skeleton_of
+from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
@@ -54,11 +54,8 @@ FIXED = ("$IPO_MODE=#BASE", "$ORI_TYPE=#VAR", "$CIRC_TYPE=#BASE", "BAS (#INITMOV
 
 
 @dataclass
-class Krl:
+class Krl(CellDialect):
     """The dialect of KUKA's controllers."""
-
-    job: ProgramJob
-    cell: Cell
 
     def __post_init__(self) -> None:
         """Refuse names that are none of the controller's."""
@@ -67,11 +64,6 @@ class Krl:
                 raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for KUKA, found {name!r}")
         if self.cell.process is not None:
             check_words(self.cell, self.cell.process, "KUKA", signals="both")
-
-    @functools.cached_property
-    def skeleton(self) -> Skeleton | None:
-        """What the cell's process asks for around the milling."""
-        return skeleton_of(self.job, self.cell)
 
     def event(self, kind: EventKind, value: str) -> list[str]:
         """What happens between moves: $OUT, WAIT FOR $IN, WAIT SEC, HALT, labels, subprograms.
@@ -89,26 +81,18 @@ class Krl:
         switched = {"on": "TRUE", "off": "FALSE"}.get(kind.rpartition("_")[2])
         return [f"  {line}" for line in ([f"{_signal('$OUT', value)}={switched}"] if switched else words[kind])]
 
-    def _said(self, events: Iterable[Event]) -> list[str]:
-        return [line for event in events for line in self.event(*event)]
-
     @functools.cached_property
     def feeds(self) -> list[float]:
         """Of the moves, mm/s."""
         rounded: list[float] = rounded_feeds(limited(self.job.moves.feed_mm_s, self.cell)).tolist()
         return rounded
 
-    @functools.cached_property
-    def blends(self) -> list[bool]:
-        """Where the next move may blend in."""
-        return blends_of(self.job, self.skeleton)
-
     def head(self) -> Iterator[str]:
         """Remarks, tool, load, base and how to move."""
         job = self.job
         yield from ("&ACCESS RVP", f"DEF {job.name} ( )")
         yield from (f"  ; {remark}" for remark in job.remarks)
-        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        yield from self.said(self.skeleton.first) if self.skeleton else ()
         yield from (f"  {line}" for line in self._modes())
 
     def _modes(self) -> Iterator[str]:
@@ -130,7 +114,7 @@ class Krl:
         """By the axes to the first posture; with a process from home, and straight to the first target."""
         if self.skeleton is None:
             return ["  PTP XSTART"]
-        on = self._said(self.skeleton.on)
+        on = self.said(self.skeleton.on)
         return [f"  PTP {self._home}", "  PTP XSTART", *on, self._velocity(0), "  LIN XP1"]
 
     @property
@@ -140,7 +124,7 @@ class Krl:
 
     def _begin(self, i: int) -> list[str]:
         """What stands before a move: where a layer begins, and its feed if it is another than before."""
-        layer = self._said(self.skeleton.layer(i)) if self.skeleton else []
+        layer = self.layer(i)
         changed = i == 1 or bool(layer) or self.feeds[i] != self.feeds[i - 1]
         return [*layer, *([self._velocity(i)] if changed else [])]
 
@@ -161,7 +145,7 @@ class Krl:
         skeleton = self.skeleton
         if skeleton is None:
             return ["END"]
-        return ["  LIN XRETRACT", *self._said(skeleton.off), f"  PTP {self._home}", *self._said(skeleton.last), "END"]
+        return ["  LIN XRETRACT", *self.said(skeleton.off), f"  PTP {self._home}", *self.said(skeleton.last), "END"]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""

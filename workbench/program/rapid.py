@@ -20,7 +20,7 @@ from workbench.artefacts import EventKind, Moves, ProgramMoves
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.program.rapid_reader import read_rapid
-from workbench.program.skeleton import Event, Skeleton, blends_of, check_words, skeleton_of
+from workbench.program.skeleton import CellDialect, check_words
 from workbench.program.words import free_name
 from workbench.robot.cell import Cell
 from workbench.robot.wrist import arm_sides
@@ -33,11 +33,9 @@ UNLIMITED = "    VelSet 100,5000;"  # as the controller starts with it
 
 
 @dataclass
-class Rapid:
+class Rapid(CellDialect):
     """The dialect of ABB's controllers."""
 
-    job: ProgramJob
-    cell: Cell
     procedure: str
     tool_name: str
     work_object_name: str
@@ -63,11 +61,6 @@ class Rapid:
                 raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
         check_words(self.cell, process, "ABB", signals="names", units=True)
 
-    @functools.cached_property
-    def skeleton(self) -> Skeleton | None:
-        """What the cell's process asks for around the milling."""
-        return skeleton_of(self.job, self.cell)
-
     def event(self, kind: EventKind, value: str) -> list[str]:
         """What happens between moves (ABB, RAPID Instructions: ActUnit, SetDO, Stop, VelSet, WaitDI, WaitTime).
 
@@ -89,9 +82,6 @@ class Rapid:
         }
         return [f"    {words[kind]};"]
 
-    def _said(self, events: Iterable[Event]) -> list[str]:
-        return [line for event in events for line in self.event(*event)]
-
     @functools.cached_property
     def feeds(self) -> tuple[Float, Int]:
         """The distinct feeds in mm/s, and which of them each move has."""
@@ -102,7 +92,7 @@ class Rapid:
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
-        zones = ["zonePath" if blends else "fine" for blends in blends_of(self.job, self.skeleton)]
+        zones = ["zonePath" if blends else "fine" for blends in self.blends]
         tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
         tail = f"{tool}\\WObj:={place};"
         return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
@@ -149,7 +139,7 @@ class Rapid:
                 "retract", np.array([0]), place, turn, last, configurations(self.cell, skeleton.retract_joints[None])
             )
         yield f"  PROC {self.procedure}()"
-        yield from self._said(skeleton.first) if skeleton else ()
+        yield from self.said(skeleton.first) if skeleton else ()
         yield from MODES
 
     def _home(self, end: str) -> str:
@@ -159,13 +149,9 @@ class Rapid:
     def start(self) -> Iterable[str]:
         """By the axes to the first posture, and exactly to the first target."""
         end, skeleton = self.ends[0], self.skeleton
-        before = [*self._said(skeleton.settings), self._home(end)] if skeleton else []
-        behind = self._said(skeleton.on) if skeleton else []
+        before = [*self.said(skeleton.settings), self._home(end)] if skeleton else []
+        behind = self.said(skeleton.on) if skeleton else []
         return [*before, f"    MoveAbsJ jStart\\NoEOffs,{end}", *behind, f"    MoveL p1,{end}"]
-
-    def _layer(self, i: int) -> list[str]:
-        """What stands before move i where a layer begins with it."""
-        return self._said(self.skeleton.layer(i)) if self.skeleton else []
 
     def _start_posture(self) -> Iterator[str]:
         """Joint angles of the first target."""
@@ -175,11 +161,11 @@ class Rapid:
 
     def straight(self, i: int) -> Iterable[str]:
         """MoveL."""
-        return [*self._layer(i), f"    MoveL p{i + 1},{self.ends[i]}"]
+        return [*self.layer(i), f"    MoveL p{i + 1},{self.ends[i]}"]
 
     def circular(self, i: int) -> Iterable[str]:
         """MoveC."""
-        return [*self._layer(i), f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
+        return [*self.layer(i), f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
@@ -193,9 +179,9 @@ class Rapid:
             if skeleton is None
             else [
                 f"    MoveL retract1,{end}",
-                *self._said(skeleton.off),
+                *self.said(skeleton.off),
                 self._home(end),
-                *self._said(skeleton.last),
+                *self.said(skeleton.last),
                 *([UNLIMITED] if skeleton.process.feed else []),
             ]
         )

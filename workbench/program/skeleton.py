@@ -11,6 +11,8 @@ Events follow moves that reach their target only: controllers run ahead of moves
 from __future__ import annotations
 
 import functools
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,21 +145,41 @@ class Skeleton:
         return [("hook", hook) for hook in self.process.after]
 
 
-def skeleton_of(job: ProgramJob, cell: Cell) -> Skeleton | None:
-    """What the cell's process asks for around the milling; None: its file has none."""
-    return None if cell.process is None else Skeleton(job, cell, cell.process)
+@dataclass
+class CellDialect(ABC):
+    """What the languages share that know a cell's process: a dialect (`workbench.dialect`) but for its words."""
+
+    job: ProgramJob
+    cell: Cell
+
+    @abstractmethod
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """What happens between moves, in the language's own lines."""
+
+    @functools.cached_property
+    def skeleton(self) -> Skeleton | None:
+        """What the cell's process asks for around the milling; None: its file has none."""
+        return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
+
+    @functools.cached_property
+    def blends(self) -> list[bool]:
+        """Whether the next move may blend in before each target (k,): not where something is switched behind it."""
+        stops = self.skeleton.stops if self.skeleton else set()
+        return [blends and i not in stops for i, blends in enumerate(self.job.blends)]
+
+    def said(self, events: Iterable[Event]) -> list[str]:
+        """The lines of several events."""
+        return [line for event in events for line in self.event(*event)]
+
+    def layer(self, i: int) -> list[str]:
+        """What stands before move i where a layer begins with it."""
+        return self.said(self.skeleton.layer(i)) if self.skeleton else []
 
 
 def limited(feed_mm_s: Float, cell: Cell) -> Float:
     """Feeds (k,) within the process' limits, for languages in which a program cannot limit them otherwise."""
     feed = None if cell.process is None else cell.process.feed
     return feed_mm_s if feed is None else np.minimum(feed_mm_s * feed.override_percent / 100, feed.most_mm_s)
-
-
-def blends_of(job: ProgramJob, skeleton: Skeleton | None) -> list[bool]:
-    """Whether the next move may blend in before each target (k,): not where something is switched behind it."""
-    stops = skeleton.stops if skeleton else set()
-    return [blends and i not in stops for i, blends in enumerate(job.blends)]
 
 
 def check_words(cell: Cell, process: ProcessPart, what: str, *, signals: str, units: bool = False) -> None:

@@ -29,17 +29,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramTool
-from workbench.dialect import ProgramJob, rounded_feeds
+from workbench.dialect import rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
 from workbench.program.skeleton import (
-    Event,
-    Skeleton,
-    blends_of,
+    CellDialect,
     check_standing_turntable,
     check_words,
     limited,
-    skeleton_of,
 )
 from workbench.program.words import NAME, NUMBER, Events, Lines, numbers, one_file
 from workbench.robot.cell import Cell
@@ -57,11 +54,8 @@ STOP = r'popup\("[^"]*", title="Stop", blocking=True\)'
 
 
 @dataclass
-class UrScript:
+class UrScript(CellDialect):
     """The dialect of Universal Robots' controllers."""
-
-    job: ProgramJob
-    cell: Cell
 
     def __post_init__(self) -> None:
         """Refuse what the controller cannot do."""
@@ -75,11 +69,6 @@ class UrScript:
             raise InputError(
                 where, f"expected null for UR: programs say home themselves, found {process.home.controller_name!r}"
             )
-
-    @functools.cached_property
-    def skeleton(self) -> Skeleton | None:
-        """What the cell's process asks for around the milling."""
-        return skeleton_of(self.job, self.cell)
 
     def event(self, kind: EventKind, value: str) -> list[str]:
         """What happens between moves: digital outputs and inputs, sleep, popup, functions of the installation.
@@ -99,9 +88,6 @@ class UrScript:
         }
         return words[kind]
 
-    def _said(self, events: Iterable[Event]) -> list[str]:
-        return [line for event in events for line in self.event(*event)]
-
     @functools.cached_property
     def targets(self) -> list[str]:
         """Poses of the moves' ends, in the base."""
@@ -118,7 +104,7 @@ class UrScript:
         moves = self.job.moves
         chord = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
         room = SHARE * np.minimum(np.append(0.0, chord), np.append(chord, 0.0))
-        blend = np.where(blends_of(self.job, self.skeleton), np.minimum(self.job.zone_mm, room), 0.0)
+        blend = np.where(self.blends, np.minimum(self.job.zone_mm, room), 0.0)
         feed = rounded_feeds(limited(moves.feed_mm_s, self.cell)) / 1000
         rows = zip(feed.tolist(), (np.floor(blend * 1000) / 1e6).tolist(), strict=True)
         return [f"a={ACCELERATION_M_S2:g}, v={feed:.9g}, r={r:.6f}" for feed, r in rows]
@@ -128,7 +114,7 @@ class UrScript:
         job, tool = self.job, self.job.tool
         yield f"def {job.name}():"
         yield from (self.remark(one) for one in job.remarks)
-        yield from self._said(self.skeleton.first) if self.skeleton else ()
+        yield from self.said(self.skeleton.first) if self.skeleton else ()
         turn = rotation_from_quaternion(tool.quaternion_wxyz)
         yield f"  set_tcp({poses(job.tool_centre_point_mm[None], turn[None])[0]})"
         x, y, z = tool.centre_of_gravity_mm / 1000
@@ -143,19 +129,15 @@ class UrScript:
         if skeleton is None:
             return [by_joints(self.job.moves.joints_deg[0])]
         first = f"  movel({self.targets[0]}, {self.ends[0]})"
-        return [by_joints(skeleton.home_deg[0]), by_joints(skeleton.start_deg[0]), *self._said(skeleton.on), first]
-
-    def _layer(self, i: int) -> list[str]:
-        """What stands before move i where a layer begins with it."""
-        return self._said(self.skeleton.layer(i)) if self.skeleton else []
+        return [by_joints(skeleton.home_deg[0]), by_joints(skeleton.start_deg[0]), *self.said(skeleton.on), first]
 
     def straight(self, i: int) -> Iterable[str]:
         """Movel."""
-        return [*self._layer(i), f"  movel({self.targets[i]}, {self.ends[i]})"]
+        return [*self.layer(i), f"  movel({self.targets[i]}, {self.ends[i]})"]
 
     def circular(self, i: int) -> Iterable[str]:
         """Movec."""
-        return [*self._layer(i), f"  movec({self.vias[i]}, {self.targets[i]}, {self.ends[i]}, mode=0)"]
+        return [*self.layer(i), f"  movec({self.vias[i]}, {self.targets[i]}, {self.ends[i]}, mode=0)"]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
@@ -167,7 +149,7 @@ class UrScript:
         if skeleton is None:
             return end
         retract = f"  movel({poses(*self._in_base(*skeleton.retracted))[0]}, {self.ends[-1]})"
-        return [retract, *self._said(skeleton.off), by_joints(skeleton.home_deg[0]), *self._said(skeleton.last), *end]
+        return [retract, *self.said(skeleton.off), by_joints(skeleton.home_deg[0]), *self.said(skeleton.last), *end]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""

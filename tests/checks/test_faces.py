@@ -32,8 +32,7 @@ from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
-from workbench.checks.bends import Bend, _corner
-from workbench.checks.corners import ledge_takes_mm
+from workbench.checks.corners import Bend, _corner, ledge_takes_mm
 from workbench.checks.faces import Shown, judge_faces, require_bevel
 from workbench.cloud import denoise
 from workbench.cloud import read as read_cloud

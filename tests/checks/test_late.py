@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.checks.late import UNSEEN_S, FaceAlong, Late, late_check, late_of
+from workbench.checks.residuals import UNSEEN_S, FaceAlong, Late, late_check, late_of
 from workbench.units import DEG, Float
 
 FRAMES = 300

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.bends import bend_of
-from workbench.checks.corners import StandsOut, frames_with, stands_out, thinning
+from workbench.checks.corners import StandsOut, bend_of, frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
+from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
-from workbench.checks.root_step import beside_check
+from workbench.checks.profiles import solve_three
 from workbench.checks.sensor import column_pitch_mm
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, median_of
@@ -345,46 +345,42 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
 def _bowed(x: Float, z: Float) -> tuple[float, float]:
     """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
     size = x.size
-    x0, z0, xx, xz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        x0, z0 = x0 + x[i] / size, z0 + z[i] / size
-    for i in range(size):
-        xx, xz, zz = xx + (x[i] - x0) ** 2, xz + (x[i] - x0) * (z[i] - z0), zz + (z[i] - z0) ** 2
-    turn = 0.5 * math.atan2(2.0 * xz, xx - zz)  # of the line through the points
-    u, v, off = np.empty(size), np.empty(size), np.zeros(size)
-    first, last = np.inf, -np.inf
-    for i in range(size):
-        u[i] = (x[i] - x0) * math.cos(turn) + (z[i] - z0) * math.sin(turn)
-        v[i] = (z[i] - z0) * math.cos(turn) - (x[i] - x0) * math.sin(turn)
-        first, last = min(first, u[i]), max(last, u[i])
-    half = 0.5 * (last - first)
+    u, v, off, rows, powers, limit = np.empty(size), np.empty(size), np.zeros(size), np.empty((3, 4)), np.ones(4), 1.0
+    half = _along(x, z, u, v)
     if half <= 0.0:
         return 0.0, 0.0
-    fit, rows, powers, limit = np.zeros(3), np.empty((3, 4)), np.ones(4), 1.0
     for _ in range(3):
-        for k in range(3):
-            for m in range(4):
-                rows[k, m] = 0.0
+        rows[:, :] = 0.0
         for i in range(size):
             if off[i] < limit:
                 powers[1], powers[2], powers[3] = u[i] / half, (u[i] / half) ** 2, v[i]
                 for k in range(3):
                     for m in range(4):
                         rows[k, m] += powers[k] * powers[m]
-        for k in range(3):  # Gauss
-            for m in range(k + 1, 3):
-                share = rows[m, k] / max(rows[k, k], 1e-12)
-                for n in range(k, 4):
-                    rows[m, n] -= share * rows[k, n]
-        for k in range(2, -1, -1):
-            fit[k] = rows[k, 3] / max(rows[k, k], 1e-12)
-            for m in range(k):
-                rows[m, 3] -= rows[m, k] * fit[k]
+        solve_three(rows)
         for i in range(size):
             t = u[i] / half
-            off[i] = abs(v[i] - fit[0] - t * (fit[1] + t * fit[2]))
+            off[i] = abs(v[i] - rows[0, 3] - t * (rows[1, 3] + t * rows[2, 3]))
         limit = 4.0 * median_of(off.copy(), size) + 1e-9
-    return fit[2], 2.0 * half
+    return rows[2, 3], 2.0 * half
+
+
+@kernel
+def _along(x: Float, z: Float, u: Float, v: Float) -> float:
+    """Fill u and v (n,): points along the line through them and across it; returns half their extent along it."""
+    size = x.size
+    x0, z0, xx, xz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(size):
+        x0, z0 = x0 + x[i] / size, z0 + z[i] / size
+    for i in range(size):
+        xx, xz, zz = xx + (x[i] - x0) ** 2, xz + (x[i] - x0) * (z[i] - z0), zz + (z[i] - z0) ** 2
+    turn = 0.5 * math.atan2(2.0 * xz, xx - zz)
+    first, last = np.inf, -np.inf
+    for i in range(size):
+        u[i] = (x[i] - x0) * math.cos(turn) + (z[i] - z0) * math.sin(turn)
+        v[i] = (z[i] - z0) * math.cos(turn) - (x[i] - x0) * math.sin(turn)
+        first, last = min(first, u[i]), max(last, u[i])
+    return 0.5 * (last - first)
 
 
 @kernel

@@ -9,15 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
-from workbench.checks.clock import clock_offset
+from workbench.checks.clock import clock_offset, jump_mm
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
-from workbench.checks.jumps import jump_mm
 from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency
-from workbench.checks.passes import disagreement_mm
-from workbench.checks.profiles import Chain, Few, chains
-from workbench.checks.repeats import Repeats, find_repeats
-from workbench.checks.rough import rough_mm
+from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
+from workbench.checks.profiles import Chain, Few, chains, rough_mm
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
 from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, hidden_columns, returned
 from workbench.errors import InputError
@@ -58,22 +55,17 @@ TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
 
-def judge_recording(
-    recording: Recording,
-    flange_from_profiler: Float | None = None,
-    limits: Mapping[str, Bound] | None = None,
-) -> tuple[Check, ...]:
+def judge_recording(recording: Recording, limits: Mapping[str, Bound] | None = None) -> tuple[Check, ...]:
     """Every check of a recording, passed or not; none raises. docs/checks.md tells each with its reason.
 
     Args:
         recording: as read: times, poses and grid are there and finite.
-        flange_from_profiler: the hand-eye pose (4, 4) to judge with; None: the recording's own, if it has one.
         limits: limits to set instead of those of the table; a value that only these allow is marked as loosened.
 
     Example:
         >>> failed = [check for check in judge_recording(recording) if not check.passed]  # doctest: +SKIP
     """
-    return judged(recording, flange_from_profiler, limits)[0]
+    return judged(recording, limits=limits)[0]
 
 
 def judged(
@@ -86,7 +78,8 @@ def judged(
     Without frames and passes that are there already, and without columns in which the sensor measures nothing.
 
     Args:
-        recording, flange_from_profiler, limits: see there.
+        recording, limits: see there.
+        flange_from_profiler: the hand-eye pose (4, 4) to judge with; None: the recording's own, if it has one.
 
     Example:
         >>> from pathlib import Path
@@ -97,7 +90,7 @@ def judged(
     """
     hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
     recording = as_delivered(recording)
-    repeats = find_repeats(recording.x_mm, recording.z_mm, recording.pass_index)
+    repeats = find_repeats(recording.z_mm, recording.pass_index)
     once = _without_copies(recording, repeats)
     return tuple(_checks(recording, repeats, once, hand_eye, limits or {})), once
 
@@ -155,29 +148,24 @@ def _without_copies(recording: Recording, repeats: Repeats) -> Recording:
     )
 
 
-def consistent_conventions(
-    recording: Recording, flange_from_profiler: Float | None = None, most_deg: float = SMALL_DEG
-) -> tuple[tuple[Convention, Consistency], ...]:
+def consistent_conventions(recording: Recording) -> tuple[tuple[Convention, Consistency], ...]:
     """The readings of poses and hand-eye under which neighbouring profiles agree, the likeliest first.
 
     The recording as it is read is among those tried, as `AS_READ`. A reading counts if the laser plane is then within
-    `most_deg` of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a tenth of
+    12 deg of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a tenth of
     what they leave as read. A single straight pass in one orientation can agree with several.
 
     Args:
         recording: as read.
-        flange_from_profiler: the hand-eye pose (4, 4); None: the recording's own.
-        most_deg: greatest obliquity.
 
     Example:
         >>> [reading.name for reading, _ in consistent_conventions(recording)]  # doctest: +SKIP
         ['quaternions are stored x y z w, not w x y z']
     """
-    hand_eye = recording.flange_from_profiler if flange_from_profiler is None else flange_from_profiler
-    if hand_eye is None:
+    if recording.flange_from_profiler is None:
         return ()
     found = chains(recording.x_mm, recording.z_mm, recording.pass_index)
-    return _consistent(recording, found, hand_eye, most_deg)
+    return _consistent(recording, found, recording.flange_from_profiler, SMALL_DEG)
 
 
 def _consistent(
@@ -456,7 +444,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
         only = oblique.passed and varies.passed and twist.passed and unsteady.passed
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
-        explained = [one.name for one, c in readings if one is not AS_READ and _explains(one, c, now)]
+        explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
     hint = f"; suspicion: {_listed(suspected)}" if suspected else ""
     hint += "; or other orientations, axes or a hand-eye pose that are wrong" if suspected else UNKNOWN
@@ -529,7 +517,7 @@ def _turned_deg(quaternion: Float) -> float:
     return float(np.degrees(2.0 * np.arccos(np.clip(np.abs(quaternion @ quaternion[0]).min(), 0.0, 1.0))))
 
 
-def _explains(reading: Convention, there: Consistency, now: Consistency) -> bool:
+def _explains(there: Consistency, now: Consistency) -> bool:
     """Whether a reading makes better what is bad as read.
 
     A small twist may be the plate's own: it counts against what was read only if the reading that explains it also

@@ -1,12 +1,18 @@
-"""Single returns of many frames that stand on one level beside a face, beyond its end: what a step shows of itself."""
+"""Returns beside a face that run as it does beyond its end: a step of it, an undercut, a strip below."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.units import Float
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
+from workbench.checks.corners import face_columns, fitted_line, frames_with, off_line
+from workbench.checks.limits import Bound, check
+from workbench.geometry.blocks import as_input
+from workbench.kernels import kernel
+from workbench.units import AnyArray, Bool, Float, Float32
 
 # Within how much, of each frame's next ones, times as many as right beside it, how far from the face across and along
 # it, how many at least, leaning by how much to it.
@@ -37,3 +43,94 @@ def one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
             lean = abs(float(np.polyfit(away[on], across[on], 1)[0])) if spread > 0.0 else 0.0
             best = (share, abs(low + 0.5 * LEVEL_MM)) if lean < LEVEL_LEAN else best
     return best
+
+
+FRAMES, LEAST_FRAMES, LEAST_POINTS = 120, 4, 8  # evenly, that show the root face; its returns
+FROM_MM, FROM_SIGMAS, TO_MM = 0.04, 5.0, 3.0  # beside its line
+FAR_MM, COLUMNS = 3.0, 60  # beyond its end
+RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to the face: a rounded edge falls steeper
+
+
+def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
+    rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
+    level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
+    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _levels(x, z, keep, as_input(labels[rows]), level, first)
+    beside = np.isfinite(level)
+    share = float(beside.mean()) if len(rows) >= LEAST_FRAMES else None
+    at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
+    if share is not None:  # a step of which a frame shows two or three returns
+        ends = [(of[np.isfinite(of[:, 0]), 0], of[np.isfinite(of[:, 0]), 1]) for of in first]
+        share, at_mm = max((share, at_mm), one_level(ends, len(rows)))
+    told = (
+        f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
+    )
+    told += "it, beyond its lower end: a step or an undercut in it, a second plate, a backing strip?"
+    return check("root_step_share", share, told, given=limits)
+
+
+@kernel
+def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, level: Float, first: Float) -> None:
+    """Fill in for some frames how far beside the root face's line the first such run lies (n,), mm; NaN: none.
+
+    And first (n, k, 2): how far the next returns beyond its end lie along the face from there, and beside it.
+    """
+    columns = x.shape[1]
+    on, off, line = np.empty(columns, np.int64), np.empty(columns), np.empty(5)
+    for i in range(len(x)):
+        size = face_columns(keep[i], labels[i], BEVEL_FACE, on)
+        bevel = on[size // 2]
+        size = face_columns(keep[i], labels[i], ROOT_FACE, on)
+        if size < LEAST_POINTS:
+            continue
+        fitted_line(x[i], z[i], on[:size], off, line)
+        way = 1 if on[size // 2] > bevel else -1
+        end = on[size - 1] if way > 0 else on[0]
+        level[i] = _first_run(x[i], z[i], keep[i], end, way, line)
+        count, j = 0, end + way
+        while count < first.shape[1] and 0 <= j < columns and abs(j - end) <= COLUMNS:
+            if keep[i, j]:
+                a, b = float(x[i, j]), float(z[i, j])
+                first[i, count, 0] = abs((a - x[i, end]) * line[2] + (b - z[i, end]) * line[3])
+                first[i, count, 1] = off_line(line, a, b)
+                count += 1
+            j += way
+
+
+@kernel
+def _first_run(x: Float32, z: Float32, keep: Bool, end: int, way: int, line: Float) -> float:
+    """Distance from a line (see `fitted_line`) of the first run parallel to it beyond column `end`, mm; NaN: none."""
+    least = max(FROM_MM, FROM_SIGMAS * line[4])
+    count, last = 0, 0.0
+    sums = np.zeros(4)
+    for k in range(1, COLUMNS + 1):
+        j = end + k * way
+        if j < 0 or j >= x.size:
+            break
+        if not keep[j]:
+            continue
+        a, b = float(x[j]), float(z[j])
+        along = abs((a - x[end]) * line[2] + (b - z[end]) * line[3])
+        across = off_line(line, a, b)
+        if count > 0 and abs(across - last) > least:
+            if _is_level(sums, count, least):
+                return float(sums[1] / count)
+            count = 0
+        if count == 0:
+            sums[:] = 0.0
+        if abs(across) < TO_MM and along < FAR_MM:
+            count, last = count + 1, across
+            sums[0], sums[1] = sums[0] + along, sums[1] + across
+            sums[2], sums[3] = sums[2] + along * along, sums[3] + along * across
+    return float(sums[1] / count) if count > 0 and _is_level(sums, count, least) else np.nan
+
+
+@kernel
+def _is_level(sums: Float, count: int, least: float) -> bool:
+    """Whether a run, by its sums of along, across and their products, is parallel to the face and beside it."""
+    if count < RUN_POINTS:
+        return False
+    spread = sums[2] - sums[0] ** 2 / count
+    lean = (sums[3] - sums[0] * sums[1] / count) / max(spread, 1e-12)
+    return bool(abs(sums[1] / count) > least and math.sqrt(12.0 * spread / count) > RUN_MM and abs(lean) < LEAN)

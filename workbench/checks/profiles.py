@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,12 +14,88 @@ from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
+RUNS, RUN_FRAMES = 8, 24  # of a pass, evenly: frames next to each other, which show a rough face at nearly one place
+# Of how a place goes from profile to profile, that frames next to each other may differ by: on rough faces they do by
+# 0.01 to 0.03 of it, out of order by as much as profiles.
+SMOOTH = 0.05
+WHOLE = 1.5  # times what a face waves within its height, it waves as a whole: 0.4 to 1.8 on ten rough ones
+SURFACE_MM = 0.6  # farther lies another surface
+LEAST_BENDS = 8  # third differences that tell
+THIRD, RAYLEIGH = math.sqrt(20.0), 1.1774  # of 1, -3, 3, -1; the median length of two normal numbers
+
+
+def rough_mm(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, found: Mapping[int, Chain]) -> float:
+    """What rough faces make of the wiggle (`Consistency.wiggle_mm`), mm; the least of all passes.
+
+    Of a section that wanders across its way two more things are looked at. Frames next to each other all but agree
+    where the face waves along the edge, and differ as much as any where they are out of order. And what waves as a
+    whole does so from place to place within its height too, while a part that moves keeps its shape.
+    """
+    shares = (_of_pass(x_mm, z_mm, np.flatnonzero(pass_index == number), found[number]) for number in found)
+    return min(shares, default=0.0)
+
+
+def _of_pass(x_mm: AnyArray, z_mm: AnyArray, frames: Int, chain: Chain) -> float:
+    bends = _bends(chain)
+    if len(bends) < LEAST_BENDS:
+        return 0.0
+    size = np.linalg.norm(bends, axis=1)
+    usual = bends[size <= 5.0 * np.median(size)]
+    across = np.linalg.eigh(usual.T @ usual)[1][:, -1]  # the way in which the place wanders
+    waves = float(np.median(np.abs(bends @ across))) / 0.6745
+    beside, within = [], []
+    for x, z, one in _neighbours(x_mm, z_mm, frames):
+        beside.append(np.abs(_bends(one) @ across))
+        within.append(_left(x, z, one, across))
+    jumps = np.concatenate(beside) if beside else np.zeros(0)
+    if jumps.size < LEAST_BENDS or not np.percentile(jumps, 95.0) < 1.96 * SMOOTH * waves:
+        return 0.0
+    shape2 = _left(x_mm, z_mm, chain, across) ** 2 - float(np.median(within)) ** 2  # the sensor's noise taken off
+    share = min(1.0, WHOLE**2 * max(shape2, 0.0) / waves**2)
+    return math.sqrt(share) * float(np.median(size)) / RAYLEIGH
+
+
+def _bends(chain: Chain) -> Float:
+    """Third differences (b, 2) of the section's place, as large as the noise of single places, mm."""
+    point, _, stretch = chain.track
+    return np.asarray(np.diff(point, n=3, axis=0)[stretch[3:] == stretch[:-3]] / THIRD)
+
+
+def _neighbours(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Iterator[tuple[AnyArray, AnyArray, Chain]]:
+    """Chains of frames next to each other, with their profiles."""
+    for start in np.unique(np.linspace(0, max(len(frames) - RUN_FRAMES, 0), RUNS).astype(np.int64)):
+        run = frames[start : start + RUN_FRAMES]
+        for one in chains(x_mm[run], z_mm[run], np.zeros(run.size, np.int64)).values():
+            yield x_mm[run], z_mm[run], one
+
+
+def _left(x_mm: AnyArray, z_mm: AnyArray, chain: Chain, across: Float) -> float:
+    """What profiles laid on each other leave, mm: rms (the median) of surfaces that tell their place `across` (2,)."""
+    surface, at = on_grid(*(of[chain.frames].astype(np.float64) for of in (x_mm, z_mm)))
+    before, after = surface[:-1], surface[1:]
+    pitch = at[1] - at[0]
+    x0, z0 = chain.centre
+    there = (at + chain.shift_x[:, None] + chain.turn[:, None] * (after - z0) - at[0]) / pitch
+    cell = np.clip(np.nan_to_num(there), 0.0, GRID - 2.0).astype(np.int64)
+    row = np.arange(len(before))[:, None]
+    slope = slopes(before, pitch)[row, cell]
+    left = before[row, cell] + (there - cell) * (before[row, cell + 1] - before[row, cell])
+    left -= after + chain.shift_z[:, None] - chain.turn[:, None] * (at - x0)
+    flat = 1.0 / np.sqrt(1.0 + slope**2)
+    left = left * flat
+    told = chain.good[:, None] & (there >= 0.0) & (there <= GRID - 1.0) & (np.abs(left) < SURFACE_MM)
+    weight = np.where(told, ((across[0] * slope - across[1]) * flat) ** 2, 0.0)
+    square = (weight * np.where(told, left, 0.0) ** 2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12)
+    return float(np.sqrt(np.median(square[chain.good]))) if chain.good.any() else 0.0
+
+
 FRAMES = (24, 400)  # least and most profiles of a pass that are looked at
 EVERY = 12  # frames between two of them, unless that gives too few or too many
 GRID = 256  # places across the view
 NOISY_STEPS = 5.0  # of the usual difference of neighbouring returns, that noise alone hardly makes
 JUMP_STEPS = 8.0  # slope beyond which two neighbouring returns are not one surface
 ROUNDS = 8  # of Gauss and Newton, at most
+RIDGE = 1e-3  # of a place, mm^2: what profiles do not show stays 0
 SETTLED = (1e-4, 1e-4, 1e-6)  # mm, mm, rad: motions are then known better than noise lets them
 MOST_STEP = (2.0, 2.0, 0.05)  # mm, mm, rad: of one round
 SHARE = 0.5  # of the places that must agree
@@ -44,7 +121,6 @@ class Chain:
     shift_z: Float  # (k - 1,)
     turn: Float  # (k - 1,) rad
     good: Bool  # (k - 1,) the two profiles agree on at least half of what both show
-    misfit_mm: Float  # (k - 1,) robust standard deviation of what is left, normal to the profile
     turn_u: Float  # (k - 1,) standard uncertainty of the turn by the noise of the profiles, rad; large on round shapes
 
     def few(self) -> Few:
@@ -160,18 +236,16 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     pitch = at[1] - at[0]
     if not np.isfinite(surface).any():
         return None
-    z0 = float(np.nanmedian(surface))
-    x0 = float(at[GRID // 2])
+    centre = np.array([at[GRID // 2], np.nanmedian(surface)])
     before, after = surface[:-1], surface[1:]
     slope = slopes(before, pitch)
     lines = _noise_alone(slope)
     slope[lines] = np.where(np.isfinite(slope[lines]), row_medians(slope[lines])[:, None], np.nan)
     pairs = len(before)
     motion = np.zeros((pairs, 3))  # shift_x, shift_z, turn
-    ridge = np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2]) * 1e-3
     spread, normal, agreeing = np.full(pairs, np.inf), np.zeros((pairs, 3, 3)), np.zeros(pairs, np.int64)
-    known = as_input(surface), as_input(slope), as_input(at), as_input(ridge.diagonal())
-    _lay(*known, x0, z0, motion, spread, normal, agreeing)
+    known = as_input(surface), as_input(slope), as_input(at), as_input(centre)
+    _lay(*known, motion, spread, normal, agreeing)
     both = np.minimum(np.isfinite(before).sum(axis=1), np.isfinite(after).sum(axis=1))
     usual = max(float(np.median(spread)), LEAST_MISFIT_MM)
     moved = np.hypot(motion[:, 0], motion[:, 1])
@@ -179,10 +253,9 @@ def _registered(surface: Float, at: Float, frames: Int) -> Chain | None:
     good &= moved < max(LEAST_STEP_MM, STEPS * float(np.median(moved)))
     turned = np.abs(motion[:, 2])
     good &= turned < max(LEAST_TURN, STEPS * float(np.median(turned)))
+    ridge = RIDGE * np.diag([1.0, 1.0, (at[-1] - at[0]) ** 2])
     variance = np.linalg.inv(normal + 1e-9 * ridge)[:, 2, 2]
-    return Chain(
-        frames, np.array([x0, z0]), motion[:, 0], motion[:, 1], motion[:, 2], good, spread, spread * np.sqrt(variance)
-    )
+    return Chain(frames, centre, motion[:, 0], motion[:, 1], motion[:, 2], good, spread * np.sqrt(variance))
 
 
 def slopes(surface: Float, pitch: float) -> Float:
@@ -212,72 +285,89 @@ def _noise_alone(slope: Float) -> Bool:
 
 @kernel(error_model="numpy")
 def _lay(
-    surface: Float,
-    slope: Float,
-    at: Float,
-    ridge: Float,
-    x0: float,
-    z0: float,
-    motion: Float,
-    spread: Float,
-    normal: Float,
-    agreeing: Int,
+    surface: Float, slope: Float, at: Float, centre: Float, motion: Float, spread: Float, normal: Float, agreeing: Int
 ) -> None:
     """Lay each row of `surface` (k, m) on the one before, by Gauss and Newton with Huber's weights.
 
     Fills motion (k - 1, 3), spread (k - 1,): robust standard deviation of what is left, normal (k - 1, 3, 3): the
     normal equations, agreeing (k - 1,): places at which no more is left than noise. slope (k - 1, m): of the rows.
     """
-    m, pitch = at.size, at[1] - at[0]
-    off, work, jacobian, rows = np.empty(m), np.empty(m), np.empty((m, 3)), np.empty((3, 4))
+    off, work, jacobian, rows = np.empty(at.size), np.empty(at.size), np.empty((at.size, 3)), np.empty((3, 4))
+    ridge = RIDGE, RIDGE, RIDGE * (at[-1] - at[0]) ** 2
     for p in range(motion.shape[0]):
         for _ in range(ROUNDS):
-            used = 0
-            for j in range(m):
-                z = surface[p + 1, j]
-                there = (at[j] + motion[p, 0] + motion[p, 2] * (z - z0) - at[0]) / pitch
-                if not 0.0 <= there <= m - 1:
-                    continue
-                cell = min(int(there), m - 2)
-                share = there - cell
-                g = slope[p, cell]
-                left = (1.0 - share) * surface[p, cell] + share * surface[p, cell + 1]
-                left -= z + motion[p, 1] - motion[p, 2] * (at[j] - x0)
-                if not (np.isfinite(left) and np.isfinite(g)):
-                    continue
-                flat = 1.0 / math.sqrt(1.0 + g * g)  # to normal distances
-                off[used], work[used] = left * flat, abs(left * flat)
-                jacobian[used, 0], jacobian[used, 1] = g * flat, -flat
-                jacobian[used, 2] = (g * (z - z0) + at[j] - x0) * flat
-                used += 1
-            spread[p] = select(work, used, (used - 1) // 2) / 0.6745 if used else np.inf
-            cut = HUBER_SIGMAS * max(spread[p], 1e-6)
-            for a in range(3):
-                for b in range(4):
-                    rows[a, b] = 0.0
-            agreeing[p] = 0
+            used = _offsets(surface[p], slope[p], surface[p + 1], at, centre, motion[p], off, jacobian)
             for j in range(used):
-                weight = min(1.0, cut / max(abs(off[j]), 1e-12))
-                agreeing[p] += abs(off[j]) < 4.0 * max(spread[p], 0.01)
-                for a in range(3):
-                    for b in range(3):
-                        rows[a, b] += weight * jacobian[j, a] * jacobian[j, b]
-                    rows[a, 3] -= weight * jacobian[j, a] * off[j]
+                work[j] = abs(off[j])
+            spread[p] = select(work, used, (used - 1) // 2) / 0.6745 if used else np.inf
+            agreeing[p] = _equations(off[:used], jacobian, spread[p], rows)
             for a in range(3):
                 for b in range(3):
                     normal[p, a, b] = rows[a, b]
                 rows[a, a] += ridge[a]
+            solve_three(rows)
             settled = True
-            for a in range(3):  # Gauss: with the ridge the matrix is positive definite
-                for b in range(a + 1, 3):
-                    share = rows[b, a] / rows[a, a]
-                    for c in range(a, 4):
-                        rows[b, c] -= share * rows[a, c]
-            for a in range(2, -1, -1):
-                for b in range(a + 1, 3):
-                    rows[a, 3] -= rows[a, b] * rows[b, 3]
-                rows[a, 3] /= rows[a, a]
+            for a in range(3):
                 settled &= abs(rows[a, 3]) < SETTLED[a]
                 motion[p, a] += min(max(rows[a, 3], -MOST_STEP[a]), MOST_STEP[a])
             if settled:
                 break
+
+
+@kernel(error_model="numpy")
+def _offsets(
+    before: Float, slope: Float, after: Float, at: Float, centre: Float, motion: Float, off: Float, jacobian: Float
+) -> int:
+    """Fill off (m,), what a motion leaves between two profiles (m,) along their normals, and its derivatives (m, 3).
+
+    Only places that both show are filled in, from the first on; returns how many.
+    """
+    m, pitch, used = at.size, at[1] - at[0], 0
+    x0, z0 = centre
+    for j in range(m):
+        z = after[j]
+        there = (at[j] + motion[0] + motion[2] * (z - z0) - at[0]) / pitch
+        if not 0.0 <= there <= m - 1:
+            continue
+        cell = min(int(there), m - 2)
+        share = there - cell
+        g = slope[cell]
+        left = (1.0 - share) * before[cell] + share * before[cell + 1]
+        left -= z + motion[1] - motion[2] * (at[j] - x0)
+        if not (np.isfinite(left) and np.isfinite(g)):
+            continue
+        flat = 1.0 / math.sqrt(1.0 + g * g)  # to normal distances
+        off[used] = left * flat
+        jacobian[used, 0], jacobian[used, 1] = g * flat, -flat
+        jacobian[used, 2] = (g * (z - z0) + at[j] - x0) * flat
+        used += 1
+    return used
+
+
+@kernel(error_model="numpy")
+def _equations(off: Float, jacobian: Float, spread: float, rows: Float) -> int:
+    """Fill rows (3, 4): the normal equations of what is left (n,). Returns at how many places that is noise alone."""
+    cut, agreeing = HUBER_SIGMAS * max(spread, 1e-6), 0
+    rows[:, :] = 0.0
+    for j in range(off.size):
+        weight = min(1.0, cut / max(abs(off[j]), 1e-12))
+        agreeing += abs(off[j]) < 4.0 * max(spread, 0.01)
+        for a in range(3):
+            for b in range(3):
+                rows[a, b] += weight * jacobian[j, a] * jacobian[j, b]
+            rows[a, 3] -= weight * jacobian[j, a] * off[j]
+    return agreeing
+
+
+@kernel(error_model="numpy")
+def solve_three(rows: Float) -> None:
+    """Replace the last column of three equations (3, 4), whose matrix is positive definite, by their solution."""
+    for a in range(3):
+        for b in range(a + 1, 3):
+            share = rows[b, a] / max(rows[a, a], 1e-12)
+            for c in range(a, 4):
+                rows[b, c] -= share * rows[a, c]
+    for a in range(2, -1, -1):
+        for b in range(a + 1, 3):
+            rows[a, 3] -= rows[a, b] * rows[b, 3]
+        rows[a, 3] /= max(rows[a, a], 1e-12)

@@ -1,15 +1,19 @@
-"""What frames leave of a smooth edge together: a step within a pass, every second frame beside the others, waves."""
+"""What frames leave of a smooth edge together: steps, every second frame, waves; and poses that come late."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from workbench.geometry.medians import median, row_medians
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.artefacts import Check
+from workbench.checks.limits import Bound, check
+from workbench.checks.motion import twisted
+from workbench.geometry.medians import median, medians, row_medians
+from workbench.geometry.poses import vector_from_rotation
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 BINS, FRAMES_A_BIN = 96, 3  # of a pass at the most; frames of each at the least, whose median withstands strays
 # Bins on each side of a step: looked at, and left out right beside it, for one that is sudden and one that takes a
@@ -165,3 +169,249 @@ def _over(value: Float, window: int) -> Float:
     total = np.concatenate([[0.0], np.cumsum(value)])
     first = np.maximum(np.arange(value.size) - window // 2, 0)
     return np.asarray(total[np.minimum(first + window, value.size)] - total[first])
+
+
+SPAN_S = 0.04  # for the rate of the poses: over less it is their noise
+LATE_BINS, FRAMES_A_LATE_BIN = (
+    96,
+    3,
+)  # of a pass at the most; frames of each at the least, whose median withstands strays
+LEAST_BINS = 24
+DEGREE = 3  # in arc length, of how a face may be twisted, or bend, without going with the clock
+WALK = 4  # degree, in time, of an offset that walks
+# How many times more of the turn a constant offset, or one that walks, explains than noise does, each of its unknowns:
+# 60 good raw edges of both simulators reach 8.3 and 4.0, half of those with late poses 8 to 100.
+SURE_LATE, SURE_WALK = 20.0, 7.0
+USUAL_S = 0.1  # standard deviation of what an offset may be, and of how it may walk: one of seconds is no clock's
+SHEARED = 0.05  # of what the orientation turns, that a face may seem to turn with it: of a hand-eye pose 3 deg off
+MOST_SWAY = 7.0 * DEG  # a scanner that turns by more may follow how the plate is twisted: all may go with it then
+SETTLED = 4  # rounds, in which the noise and what goes with the rate settle
+UNSEEN_S, UNSEEN_TURN = 0.01, 0.005 * DEG  # an offset that is no fault to have; what it may turn without being named
+SMOOTHED = 5  # bins over which a flow is averaged before its change is told
+MOST_ALIKE = 0.9  # correlation of neighbouring bins that noise is freed of
+
+
+class FaceAlong(NamedTuple):
+    """A face as N frames show it along an edge; NaN in s or angle: it is not seen."""
+
+    s: Shaped[Float, " N"]  # arc length, mm
+    angle: Shaped[Float, " N"]  # its direction about the edge, rad
+    tangent: Shaped[Float, "N 3"]  # of the edge
+    normal: Shaped[Float, "N 3"]  # of the face
+    place_mm: Shaped[Float, "N 3"]  # of its middle in the base
+
+
+class Late(NamedTuple):
+    """What N frames tell of an offset between the clocks, and what it makes of them."""
+
+    offset_s: Shaped[Float, " N"]  # profile time less pose time, where it is certain; else 0
+    unsure_s: Shaped[Float, " N"]  # standard uncertainty of it, where one of UNSEEN_S would not show
+    by_turn: Shaped[Float, " N"]  # 1 where the face's turn shows it, 0 where its place alone does: edges wave, too
+    rate: Shaped[Float, " N"]  # with which the face turns about the edge in the view, rad/s
+    # with which laser plane and edge turn against each other, and the edge bends with its place: rms of a pass, rad/s
+    oblique_rate: Shaped[Float, " N"]
+    flow_mm_s: Shaped[Float, "N 3"]  # with which they carry the face across the edge
+    slow_mm_s: Shaped[Float, "N 3"]  # what of it is slow, and would look like a bend of the edge
+    passes: Shaped[Int, " N"]
+
+    @property
+    def off_s(self) -> Float:
+        """By how much poses may come late (N,)."""
+        return np.hypot(self.offset_s, self.unsure_s)
+
+    @property
+    def turn_u(self) -> Float:
+        """What that turns the face by (N,), rad: over a pass, since where it is nothing is no better known."""
+        return self._over_pass(self.off_s * self.rate)
+
+    def place_u_mm(self, axis: Float) -> Float:
+        """What that moves the edge by along unit vectors (N, 3), (N,), likewise."""
+        told, hidden = ((of * axis).sum(axis=1) for of in (self.flow_mm_s, self.slow_mm_s))
+        return self._over_pass(np.hypot(self.offset_s * told, self.unsure_s * hidden))
+
+    def _over_pass(self, value: Float) -> Float:
+        number = np.unique(self.passes, return_inverse=True)[1]
+        return np.asarray(np.sqrt(np.bincount(number, value**2) / np.bincount(number))[number])
+
+
+def late_of(face: FaceAlong, pose: Float, time_s: Float, passes: Int) -> Late:
+    """What a face tells of an offset of the clocks, by poses (N, 4, 4) at time_s (N,) in passes (N,).
+
+    A plate does not turn or bend to and fro as a scanner does. What the face's direction leaves of a slow twist, and of
+    what goes with the orientation itself, is compared with the rate at which the poses turn about the edge, and what
+    its place leaves of a slow bend with the rate at which they carry it: by a constant offset, and by one that walks.
+    """
+    offset, unsure, by_turn, rate, oblique = np.zeros((5, face.s.size))
+    still_mm = np.zeros((face.s.size, 3))
+    found = Late(offset, unsure, by_turn, rate, oblique, still_mm, still_mm.copy(), passes)
+    for number in np.unique(passes):
+        mine = np.flatnonzero((passes == number) & np.isfinite(face.s) & np.isfinite(face.angle))
+        if mine.size < LEAST_BINS * FRAMES_A_LATE_BIN:
+            continue
+        edges = np.linspace(0, mine.size, min(LATE_BINS, mine.size // FRAMES_A_LATE_BIN) + 1).astype(np.int64)
+        here = FaceAlong(*(of[mine] for of in face))
+        rotation, span = pose[mine, :3, :3], _span(time_s[mine], mine.size // (edges.size - 1))
+        spin, flow = _rates(pose[mine], here.place_mm, span)
+        rate = (spin * here.tangent).sum(axis=1)
+        turning = _turning(here, rate, vector_from_rotation(rotation[0].T @ rotation), edges)
+        moving = _moving(here, flow, edges)
+        turns, coefficient = _told(turning)
+        moves, still = _told_still(moving)
+        if turns or moves:  # by what is more certain
+            found.offset_s[mine] = still if moves > turns else _walk(mine.size) @ coefficient
+        found.by_turn[mine], found.unsure_s[mine] = turns > 0.0, _unsure(mine.size, (turning, moving))
+        along = np.einsum("nji,nj->ni", rotation, np.cross(here.normal, here.tangent))
+        found.rate[mine] = (_turned(rotation, here.normal, span) * along).sum(axis=1)
+        across = flow - (flow * here.tangent).sum(axis=1, keepdims=True) * here.tangent
+        slow, bends = twisted(here.s, DEGREE), _rms(_bending(_mean(across, edges), _mean(here.s, edges)))
+        found.flow_mm_s[mine], found.slow_mm_s[mine] = across, slow @ (slow.T @ across)
+        oblique = np.linalg.norm(_turned(rotation, here.tangent, span), axis=1)
+        found.oblique_rate[mine] = _rms(oblique) + bends
+    return found
+
+
+def late_check(late: Late, limits: Mapping[str, Bound] | None = None) -> Check:
+    """The check that the face does not turn with the rate of the poses; root mean square of the frames."""
+    turn = _rms(late.offset_s * late.rate * late.by_turn) / DEG
+    hidden = _rms(late.unsure_s * late.rate)
+    low, high = 1e3 * float(late.offset_s.min()), 1e3 * float(late.offset_s.max())
+    told = "the face turns to and fro by nothing that goes with the rate of the poses"
+    if turn > 0.0:
+        told = f"the face turns by {turn:.2g} deg (rms) as it would if poses came {low:+.0f} to {high:+.0f} ms late: a "
+        told += "delay left out, frames that are lost and not stamped, clocks that run at different rates, a hand-eye "
+        told += "pose that is off; or does the part vibrate, or something (tape?) cover its face here and there?"
+    elif late.offset_s.any():
+        told = f"the face moves to and fro as it would if poses came {low:+.0f} to {high:+.0f} ms late"
+    elif hidden > UNSEEN_TURN:
+        told = f"the scanner sways slowly, and does not show whether the clocks agree: {1e3 * UNSEEN_S:.0f} ms would "
+        told += f"turn the face by {hidden / DEG:.2g} deg (rms), as a plate may be twisted; nothing tells which"
+    return check("late_turn_deg", turn, told, given=limits)
+
+
+def _rms(of: Float) -> float:
+    return float(np.sqrt(np.mean(of**2)))
+
+
+class _Span(NamedTuple):
+    """From which frame to which one, and in how many seconds, rates at n frames are told."""
+
+    before: Shaped[Int, " n"]
+    after: Shaped[Int, " n"]
+    took_s: Shaped[Float, "n 1"]
+
+
+def _span(time_s: Float, least_frames: int) -> _Span:
+    """Over `least_frames` to each side: what noise of a pose moves its own bin is then in no rate of that."""
+    half = max(1, math.ceil(0.5 * SPAN_S / max(float(np.median(np.diff(time_s))), 1e-6)), least_frames)
+    at = np.arange(time_s.size)
+    before, after = np.maximum(at - half, 0), np.minimum(at + half, time_s.size - 1)
+    return _Span(before, after, np.maximum(time_s[after] - time_s[before], 1e-6)[:, None])
+
+
+def _rates(pose: Float, place_mm: Float, span: _Span) -> tuple[Float, Float]:
+    """How fast poses (n, 4, 4) turn, rad/s, and carry places (n, 3) with them, mm/s; both (n, 3) in the base."""
+    first, last = pose[span.before], pose[span.after]
+    local = np.einsum("nji,nj->ni", pose[:, :3, :3], place_mm - pose[:, :3, 3])
+    turn = vector_from_rotation(np.swapaxes(first[:, :3, :3], 1, 2) @ last[:, :3, :3])
+    moved = np.einsum("nij,nj->ni", last[:, :3, :3] - first[:, :3, :3], local) + last[:, :3, 3] - first[:, :3, 3]
+    return np.einsum("nij,nj->ni", first[:, :3, :3], turn) / span.took_s, moved / span.took_s
+
+
+def _turned(rotation: Float, direction: Float, span: _Span) -> Float:
+    """Rate (n, 3), 1/s, at which directions (n, 3) in the base change in the view: what follows an edge turns none."""
+    local = np.einsum("nji,nj->ni", rotation, direction)
+    return np.asarray((local[span.after] - local[span.before]) / span.took_s)
+
+
+def _bending(flow: Float, s: Float) -> Float:
+    """Rate (b,), 1/s, at which places carried by `flow` (b, 3), mm/s, at s (b,) slope against the edge."""
+    smooth = np.stack([np.convolve(one, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid") for one in flow.T], axis=1)
+    inner = s[SMOOTHED // 2 : s.size - SMOOTHED // 2]
+    step = np.abs(np.diff(inner))
+    return np.asarray(np.linalg.norm(np.diff(smooth, axis=0), axis=1) / np.maximum(step, 0.5 * np.median(step)))
+
+
+class _Channel(NamedTuple):
+    """What b bins show, and what of it a walk's terms would make; less what is slow of both."""
+
+    shown: Shaped[Float, " b"]
+    by_rate: Shaped[Float, "b k"]  # over USUAL_S
+    beside: Shaped[Float, "b j"]  # what else may go with the scanner, by as much as is usual
+    free: int  # of the bins
+
+
+def _mean(of: Float, edges: Int) -> Float:
+    """Means of (n, ...) by bins."""
+    return np.asarray(np.add.reduceat(of, edges[:-1], axis=0) / np.diff(edges).reshape(-1, *[1] * (of.ndim - 1)))
+
+
+def _walk(count: int) -> Float:
+    """The terms (count, k) of an offset that walks in time."""
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), WALK))
+
+
+def _turning(face: FaceAlong, rate: Float, orientation: Float, edges: Int) -> _Channel:
+    """By the face's direction, against how fast (n,) the poses turn about the edge."""
+    known = twisted(_mean(face.s, edges), DEGREE)
+    by_rate = USUAL_S * _walk(edges.size - 1) * _mean(rate, edges)[:, None]
+    sways = np.ptp(orientation, axis=0).max() < MOST_SWAY
+    beside, left = (SHEARED if sways else 1.0) * _mean(orientation, edges), medians(face.angle, edges)
+    left, by_rate, beside = (of - known @ (known.T @ of) for of in (left, by_rate, beside))
+    return _Channel(left, by_rate, beside, len(left) - known.shape[1])
+
+
+def _moving(face: FaceAlong, flow: Float, edges: Int) -> _Channel:
+    """By the face's place along its normal, against how fast (n, 3) the poses carry it."""
+    known = twisted(_mean(face.s, edges), DEGREE)
+    normal, place = _mean(face.normal, edges), np.stack([medians(one, edges) for one in face.place_mm.T], axis=1)
+    by_rate = _walk(edges.size - 1)[:, :, None] * _mean(flow, edges)[:, None]
+    place -= known @ (known.T @ place)
+    by_rate -= np.tensordot(known, np.tensordot(known, by_rate, (0, 0)), (1, 0))
+    along = np.einsum("bwi,bi->bw", by_rate, normal)
+    return _Channel((place * normal).sum(axis=1), USUAL_S * along, along[:, :0], len(place) - known.shape[1])
+
+
+def _told(channel: _Channel) -> tuple[float, Float]:
+    """How many times more than noise an offset explains, 0 where none is certain, and the terms (k,) of its walk, s."""
+    (_, none, _), (_, one, _), (walk, all_, noise) = (_fitted(channel, terms) for terms in (0, 1, WALK + 1))
+    walks = (none - all_) / (WALK + 1) / noise > SURE_WALK
+    more = (one - all_) / WALK / noise > SURE_WALK
+    certain, still = _told_still(channel)
+    if walks and (more or not certain):
+        return (none - all_) / noise, walk
+    return certain, np.array([still, *np.zeros(WALK)])
+
+
+def _told_still(channel: _Channel) -> tuple[float, float]:
+    """The same of a constant offset, and that, s. Waves of an edge look like one that walks."""
+    (_, none, _), (still, one, noise) = (_fitted(channel, terms) for terms in (0, 1))
+    certain = (none - one) / noise
+    return (certain if certain > SURE_LATE else 0.0), float(still[0])
+
+
+def _fitted(channel: _Channel, terms: int) -> tuple[Float, float, float]:
+    """Coefficients (terms,) s, the sum of squares that they leave, and its noise: what a bin errs by, squared."""
+    columns = np.concatenate([channel.by_rate[:, :terms], channel.beside], axis=1)
+    left, size, right = np.linalg.svd(columns, full_matrices=False)
+    along, noise = left.T @ channel.shown, 0.0
+    for _ in range(SETTLED):
+        share = size / np.maximum(size**2 + noise, 1e-30)
+        off = channel.shown - left @ (size * share * along)
+        square = float(off @ off)
+        alike = min(max(float(off[1:] @ off[:-1]) / max(square, 1e-30), 0.0), MOST_ALIKE)
+        noise = max(square / (channel.free - size.size) * (1.0 + alike) / (1.0 - alike), 1e-30)
+    cost = square + noise * float(((share * along) ** 2).sum())
+    return USUAL_S * (right.T @ (share * along))[:terms], cost, noise
+
+
+def _unsure(count: int, channels: tuple[_Channel, ...]) -> Float:
+    """Standard uncertainty (count,) of an offset that may be, and walk by, UNSEEN_S, by all that is shown."""
+    known = np.eye(WALK + 1) / UNSEEN_S**2
+    for channel in channels:
+        noise = _fitted(channel, WALK + 1)[2]
+        beside = channel.beside.T @ channel.beside / noise + np.eye(channel.beside.shape[1])
+        mixed = channel.beside.T @ channel.by_rate / noise
+        shown = channel.by_rate.T @ channel.by_rate / noise - mixed.T @ np.linalg.solve(beside, mixed)
+        known += shown / USUAL_S**2
+    walk = _walk(count)
+    return np.asarray(np.sqrt(((walk @ np.linalg.inv(known)) * walk).sum(axis=1)))

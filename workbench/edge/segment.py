@@ -14,8 +14,7 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
-from workbench.checks.late import FaceAlong, late_of
-from workbench.checks.residuals import together_u
+from workbench.checks.residuals import FaceAlong, late_of, together_u
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces

@@ -14,8 +14,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Check, Cloud, RawEdge
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
-from workbench.checks.late import FaceAlong, Late, late_check, late_of
-from workbench.checks.residuals import every_second, steps_mm
+from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of, steps_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of

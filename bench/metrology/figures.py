@@ -29,9 +29,9 @@ def told(causes: Iterable[tuple[str, str, str | None, Any]]) -> list[str]:
 
 
 def _brief(cause: str) -> str:
-    """What was found, without the file's name and the questions and parameters that advise a user."""
+    """What was found, without the file's name, details, and the questions and parameters that advise a user."""
     asked = r": [^:?()]*(?:\([^()]*\)[^:?()]*)*\?"
-    return re.sub(rf"{asked}|; [\w.]+ sets it", "", cause.removeprefix("synthetic: "))
+    return re.sub(rf"{asked}|; [\w.]+ sets it|(?<=\)): .*", "", cause.removeprefix("synthetic: "))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ LATER = 30  # of those after it
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 THOUSANDS = re.compile(r",(?=\d)")
 NUMBERS = re.compile(r"[-+\d., ]+|\d+ of \d+")
+INTERVAL = re.compile(r" \((?:95 % interval|[-\d.]+ to [-\d.]+)\)")
 ASIDE = re.compile(r" \(.*\)| ±.*|\*\*")  # intervals, uncertainties, what is bold
 HEAD = 2  # lines of a table above its rows
 ALL = "all"  # the row of all together
@@ -41,19 +42,19 @@ def fold(page: Path, text: str) -> str:
 def extremes(head: list[str], rows: Rows) -> list[str]:
     """A table of the smallest and the largest value of each column of numbers with its row; empty where there is none.
 
-    Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides. A last row
-    named `all` has a column of its own.
+    Of several numbers in a cell (median, 95th percentile, worst; mean and RMS error) the last one decides. Intervals
+    are left to the CSV. A last row named `all` has a column of its own.
     """
     keys = 1 if len({row[0] for row in rows}) == len(rows) else 2
     whole = rows[-1] if rows[-1][0] == ALL else None
     lines = ["| | smallest | largest |" + f" {ALL} |" * bool(whole), "| --- | --- | --- |" + " --- |" * bool(whole)]
     for k, name in enumerate(head[keys:], keys):
-        known = [(abs(value), row) for row in rows if row is not whole and (value := _value(row[k])) is not None]
+        known = [(value, row) for row in rows if row is not whole and (value := _value(row[k]))]
         if not known:
             continue
         ends = (min(known, key=lambda one: one[0])[1], max(known, key=lambda one: one[0])[1])
         told = [f"{row[k]} ({', '.join(row[:keys])})" for row in ends] + ([whole[k]] if whole else [])
-        lines.append(f"| {' | '.join([name, *told])} |")
+        lines.append(f"| {' | '.join(INTERVAL.sub('', one) for one in (name, *told))} |")
     return lines if len(lines) > HEAD else []
 
 
@@ -72,10 +73,11 @@ def _parts(cell: str, count: int) -> list[str]:
     return parts if len(parts) == count else [cell, *[""] * (count - 1)]
 
 
-def _value(cell: str) -> float | None:
+def _value(cell: str) -> tuple[float, ...]:
+    """Sizes of its numbers, the last one first; empty where it has none."""
     plain = THOUSANDS.sub("", ASIDE.sub("", cell))
     found = NUMBER.findall(plain) if NUMBERS.fullmatch(plain) else []
-    return float(found[-1]) if found else None
+    return tuple(abs(float(one)) for one in reversed(found))
 
 
 def _blocks(lines: list[str]) -> Iterator[list[str]]:

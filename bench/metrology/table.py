@@ -14,7 +14,7 @@ from bench.metrology.summary import Summary
 
 INTERVAL = "95 % interval"
 LEAST_ALIKE = 4  # rows, from which on a column that says the same in all of them is said once
-FEW = 4  # one row in so many may differ from that
+FEW, NAMED = 4, 3  # one row in so many may differ from that, and so many in all
 PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
 
 
@@ -184,7 +184,7 @@ def markdown(head: list[str], rows: list[list[str]]) -> list[str]:
 def _mostly(name: str, rows: list[list[str]], column: int, keys: int) -> str | None:
     """What a column says in all rows, with those few that differ; None where they are more than few."""
     [(usual, count)] = Counter(row[column] for row in rows).most_common(1) or [("", 0)]
-    if len(rows) < LEAST_ALIKE or (len(rows) - count) * FEW > len(rows):
+    if len(rows) < LEAST_ALIKE or len(rows) - count > min(len(rows) / FEW, NAMED):
         return None
     others = ", ".join(f"{' '.join(row[:keys])} {row[column] or 'none'}" for row in rows if row[column] != usual)
     said = f"{name} {usual or 'none'}"

@@ -10,8 +10,16 @@ import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
-from workbench.pipeline.catalogue import ParameterText, makes, parameter_texts, prose, source_text, summary
-from workbench.pipeline.registry import BUILT_IN, every_stage
+from workbench.pipeline.catalogue import (
+    BUILT_IN,
+    ParameterText,
+    every_stage,
+    makes,
+    parameter_texts,
+    prose,
+    source_text,
+    summary,
+)
 from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"

@@ -68,7 +68,7 @@ def followed(options: argparse.Namespace, pipeline: Any, inputs: dict[str, Any],
 def load_plugins(options: argparse.Namespace) -> None:
     """Make the stages of `--plugin FILE.py` known."""
     if options.plugin:
-        from workbench.pipeline.registry import load_file
+        from workbench.pipeline.catalogue import load_file
 
         for path in options.plugin:
             load_file(path)
@@ -116,8 +116,7 @@ def stages(options: argparse.Namespace) -> int:
     """List the stages, or describe one."""
     load_plugins(options)
     from workbench.errors import one_line
-    from workbench.pipeline.catalogue import catalogue, print_stages
-    from workbench.pipeline.registry import find
+    from workbench.pipeline.catalogue import catalogue, find, print_stages
 
     if options.name:
         from workbench.pipeline.tables import print_stage

@@ -20,7 +20,7 @@ from scripts.pictures.panels import drawn, titled
 from scripts.stage_pages import DIRECTORY, PICTURES
 from workbench import pieces
 from workbench.artefacts import Chapter, Document
-from workbench.pipeline.registry import every_stage
+from workbench.pipeline.catalogue import every_stage
 from workbench.report.plot import FONT
 
 MOST_BYTES = 60_000  # of a picture

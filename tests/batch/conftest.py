@@ -84,7 +84,7 @@ def breaking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (info / "entry_points.txt").write_text("[workbench.stages]\nbreaking = breaking\n")
     monkeypatch.setenv("PYTHONPATH", str(site))
     monkeypatch.syspath_prepend(str(site))
-    from workbench.pipeline.registry import families
+    from workbench.pipeline.catalogue import families
     from workbench.stage import REGISTRY
     from workbench.user_folder import package_digest
 

@@ -9,8 +9,18 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.batch.fleet import MOST_PARTS, cover, fleet_files, page, without_folders, worst_counts, worst_text
-from workbench.batch.fleet_table import characteristics, least_margin, worst_first
+from workbench.batch.fleet import (
+    MOST_PARTS,
+    characteristics,
+    cover,
+    fleet_files,
+    least_margin,
+    page,
+    without_folders,
+    worst_counts,
+    worst_first,
+    worst_text,
+)
 from workbench.batch.part import Record
 
 NEEDS = {

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from pydantic_core import to_jsonable_python
 
-from workbench.pipeline.catalogue import parameter_texts, said_in_docstring, summary, unit_of
-from workbench.pipeline.registry import every_stage, families
+from workbench.pipeline.catalogue import every_stage, families, parameter_texts, said_in_docstring, summary, unit_of
 from workbench.pipeline.run import run_files
 from workbench.result_files import RESULT_FILES
 from workbench.stage import Role, Stage

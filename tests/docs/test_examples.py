@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.pipeline.registry import every_stage
+from workbench.pipeline.catalogue import every_stage
 
 ROOT = Path(__file__).parents[2]
 STAGES = every_stage()[0]

@@ -14,7 +14,7 @@ from scripts.pictures.__main__ import MOST_BYTES, chart, picture, text
 from scripts.pictures.panels import Curve, Panel, Picture, drawn
 from workbench.artefacts import Chapter, Document
 from workbench.pieces import figure_html
-from workbench.pipeline.registry import every_stage
+from workbench.pipeline.catalogue import every_stage
 from workbench.stage import Stage
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ import pytest
 
 from workbench import Pipeline
 from workbench.errors import PipelineError
-from workbench.pipeline import registry
+from workbench.pipeline import catalogue
 
 PLUGIN = '''
 """A stranger's plug-in."""
@@ -28,13 +28,13 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     site = tmp_path / "site"
     site.mkdir()
     monkeypatch.syspath_prepend(str(site))
-    registry.families.cache_clear()
+    catalogue.families.cache_clear()
     yield site
-    registry.families.cache_clear()
+    catalogue.families.cache_clear()
     sys.modules.pop("plate_plugin", None)
-    for name, known in list(registry.REGISTRY.items()):
+    for name, known in list(catalogue.REGISTRY.items()):
         if known.function.__module__ == "plate_plugin":
-            del registry.REGISTRY[name]
+            del catalogue.REGISTRY[name]
 
 
 def install(site: Path, module: str, family: str, text: str) -> None:
@@ -43,7 +43,7 @@ def install(site: Path, module: str, family: str, text: str) -> None:
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(f"[workbench.stages]\n{family} = {module}\n")
-    registry.families.cache_clear()
+    catalogue.families.cache_clear()
 
 
 def test_plugin_comes_by_the_same_door(site: Path, tmp_path: Path) -> None:
@@ -51,20 +51,20 @@ def test_plugin_comes_by_the_same_door(site: Path, tmp_path: Path) -> None:
     results = Pipeline({"version": 1, "stages": [{"stage": "plate.stamp", "depth_mm": 0.3}]}).run(tmp_path / "out")
     assert (tmp_path / "out" / "stamp.txt").read_text() == "0.3"
     assert results["plate.stamp"].name == "stamp.txt"
-    assert "plate.stamp" in registry.every_stage()[0]
+    assert "plate.stamp" in catalogue.every_stage()[0]
 
 
 def test_plugin_may_add_to_a_family_of_the_project(site: Path) -> None:
     install(site, "plate_plugin", "cloud", PLUGIN.replace("plate.stamp", "cloud.stamp"))
-    assert registry.families()["cloud"] == ("workbench.cloud", "plate_plugin")
-    assert registry.find("cloud.stamp", "here").doc == "Stamp a depth."
+    assert catalogue.families()["cloud"] == ("workbench.cloud", "plate_plugin")
+    assert catalogue.find("cloud.stamp", "here").doc == "Stamp a depth."
 
 
 def test_broken_plugin_is_one_line_and_harms_no_other(site: Path) -> None:
     install(site, "broken_plugin", "broken", "import a_package_that_is_not_there\n")
     with pytest.raises(PipelineError, match=r"'broken\.\*' \(broken_plugin\): cannot be imported: ModuleNotFoundError"):
-        registry.find("broken.verb", "here")
-    stages, broken = registry.every_stage()
+        catalogue.find("broken.verb", "here")
+    stages, broken = catalogue.every_stage()
     assert list(broken) == ["broken"]
     assert "scan.read" in stages
 
@@ -72,7 +72,7 @@ def test_broken_plugin_is_one_line_and_harms_no_other(site: Path) -> None:
 def test_only_the_named_family_is_imported(tmp_path: Path) -> None:
     """In a fresh interpreter: resolving `scan.*` must not import the report's or the plug-ins' packages."""
     code = (
-        "import sys; from workbench.pipeline.registry import find; find('scan.read', '');"
+        "import sys; from workbench.pipeline.catalogue import find; find('scan.read', '');"
         "heavy = ('open3d', 'pyvista', 'matplotlib', 'workbench.report', 'fcl', 'pinocchio');"
         "print([name for name in heavy if name in sys.modules])"
     )
@@ -81,9 +81,9 @@ def test_only_the_named_family_is_imported(tmp_path: Path) -> None:
 
 
 def test_without_metadata_the_projects_own_families_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "entry_points", lambda group: ())
-    registry.families.cache_clear()
+    monkeypatch.setattr(catalogue, "entry_points", lambda group: ())
+    catalogue.families.cache_clear()
     try:
-        assert registry.find("scan.read", "here").name == "scan.read"
+        assert catalogue.find("scan.read", "here").name == "scan.read"
     finally:
-        registry.families.cache_clear()
+        catalogue.families.cache_clear()

@@ -10,8 +10,7 @@ from pydantic import Field
 from scripts.stage_pages import main, pages
 from workbench import Pipeline
 from workbench.errors import WorkbenchError
-from workbench.pipeline.catalogue import parameter_texts, pipeline_schema, unit_of
-from workbench.pipeline.registry import every_stage
+from workbench.pipeline.catalogue import every_stage, parameter_texts, pipeline_schema, unit_of
 from workbench.stage import InputFile, Seed, Stage
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ import pytest
 from workbench.artefacts import Part, Uncertainty, UncertaintySource
 from workbench.report import html
 from workbench.report.html import dated, identity_html, identity_rows, page
-from workbench.report.inspection_text import MOST_ROWS, budget, certificate_html, least_favourable, small
+from workbench.report.tables import MOST_ROWS, budget, certificate_html, least_favourable, small
 
 
 def test_what_is_unknown_is_said_and_how_to_set_it(elements):

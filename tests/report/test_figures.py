@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from workbench.report import along
-from workbench.report.inspection_text import decision_rule
 from workbench.report.plot import Figure
 from workbench.report.section_drawing import deviations, laid_out, section_drawings
-from workbench.report.tables import set_aside
+from workbench.report.tables import decision_rule, set_aside
 
 
 @pytest.fixture

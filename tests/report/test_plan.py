@@ -17,7 +17,7 @@ from workbench.artefacts import Engagement, Gate, LayerEngagement, Moves, Part
 from workbench.errors import InputError
 from workbench.report import html, plan
 from workbench.report.plan import stepped_section, stepping_drawing
-from workbench.report.plan_tables import duration
+from workbench.report.planned import duration
 from workbench.report.plot import Figure
 
 PASSED = Gate(True, "frames, spacing and clearances hold")

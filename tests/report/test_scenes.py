@@ -204,7 +204,7 @@ def test_each_chapter_of_the_house_has_its_scene_and_its_place(part, planned, by
 
 def test_the_closed_loop_is_shown_on_the_milled_part_only(part, planned, by_formula):
     made, raw, path = part(frames=60, columns=80), planned(frames=60, columns=60), by_formula()
-    from workbench.report.plan_tables import compared
+    from workbench.report.planned import compared
 
     rows = compared(made.inspection, path)
     assert len(loop_scene(made.inspection, path, rows, made.cloud, made.edge, 5_000).points_mm) > 1_000

@@ -18,7 +18,6 @@ from rich.table import Table
 from rich.text import Text
 
 from workbench.artefacts.showing import shown
-from workbench.batch.fleet_table import worst_first
 from workbench.batch.part import OUTCOMES, RECORDING, Job, Record
 from workbench.batch.store import is_remote, joined, listed, local_path, refuse_credentials, write_file
 from workbench.batch.workers import Workers, here
@@ -328,6 +327,8 @@ COLOURS = {"passed": "green", "rejected": "red"}
 
 def print_batch(made: Batch) -> None:
     """The parts that did not pass, worst first; the counts; the files."""
+    from workbench.batch.fleet import worst_first  # which the page has loaded
+
     console = Console(highlight=False)
     worth = [record for record in worst_first(made.records) if record.outcome != "passed" or record.verdict != "pass"]
     if worth:
@@ -342,8 +343,8 @@ def print_batch(made: Batch) -> None:
 def summary(records: tuple[Record, ...]) -> str:
     """Parts by outcome, and by verdict where there is one."""
     words = [f"{len(records)} parts"]
-    for kind in dict.fromkeys(record.outcome for record in worst_first(records)):
-        words.append(f"{sum(record.outcome == kind for record in records)} {kind}")
+    counts = [(sum(record.outcome == kind for record in records), kind) for kind in OUTCOMES]
+    words += [f"{count} {kind}" for count, kind in counts if count]
     verdicts = [record.verdict for record in records if record.verdict]
     told = ", ".join(f"{verdicts.count(one)} {one}" for one in ("fail", "undecided", "pass") if one in verdicts)
     skipped = sum(record.skipped for record in records)

@@ -8,6 +8,7 @@ file system), or be URLs.
 from __future__ import annotations
 
 import os
+import queue
 import signal
 import subprocess
 import sys
@@ -17,13 +18,12 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from workbench.batch.part import Job, Record, fail, run_part
-from workbench.batch.worker import READY
 from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.geometry.blocks import cores
 
@@ -42,7 +42,7 @@ class Worker:
         home = str(Path(__file__).resolve().parents[2])  # this copy of the package, from whatever directory
         path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "workbench.batch.worker", str(other.fileno())],
+            [sys.executable, "-m", "workbench.batch.workers", str(other.fileno())],
             pass_fds=[other.fileno()],
             cwd=working_dir,
             env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads)), "PYTHONPATH": path},
@@ -241,3 +241,30 @@ def run_supervised(job: Job, time_limit_s: float) -> Record:
         workers = _local.workers = Workers(1, time_limit_s=time_limit_s, working_dir=job.working_dir)
     (record,) = workers.run([job])
     return record
+
+
+READY = "ready"  # sent once, after the imports
+
+
+def main(descriptor: int) -> None:
+    """Work until the connection ends."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # temporary folders go
+    connection = Connection(descriptor)
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(connection, jobs), daemon=True).start()
+    connection.send(READY)
+    while True:
+        connection.send(run_part(jobs.get()))
+
+
+def _listen(connection: Connection, jobs: queue.SimpleQueue[Job]) -> None:
+    """Jobs as they come; the end of the connection is the end of this process and of what it has started."""
+    try:
+        while True:
+            jobs.put(connection.recv())
+    except (EOFError, OSError):
+        os.killpg(os.getpgid(0), signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

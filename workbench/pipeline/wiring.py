@@ -10,8 +10,8 @@ from typing import Any
 from workbench.artefacts import Chapter, Document, Provenance
 from workbench.artefacts.showing import shown
 from workbench.errors import ArgumentError, InputError, PipelineError, nearest
+from workbench.pipeline.catalogue import find
 from workbench.pipeline.document import Copied, FromCaller, PipelineDocument, from_caller, references, substitute
-from workbench.pipeline.registry import find
 from workbench.pipeline.results import file_of
 from workbench.stage import RESERVED, Role, Source, Stage
 

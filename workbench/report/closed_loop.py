@@ -8,8 +8,7 @@ import numpy as np
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.plan_tables import Compared, compared, duration, loop_chart
-from workbench.report.planned import whole_run
+from workbench.report.planned import Compared, compared, duration, loop_chart, whole_run
 from workbench.report.scenes import loop_scene
 from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage

@@ -10,8 +10,7 @@ from workbench.artefacts import Chapter, Inspection, PathCorrection
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
-from workbench.report.along import gaps
-from workbench.report.chart_parts import hatch_hidden, svg
+from workbench.report.along import gaps, hatch_hidden, svg
 from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_texts

@@ -19,12 +19,10 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
-from workbench.report.along import gaps
-from workbench.report.chart_parts import TEXT_SIZE, hatch_hidden, mark_sections, svg
+from workbench.report.along import TEXT_SIZE, gaps, hatch_hidden, mark_sections, svg
 from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
-from workbench.report.inspection_text import STATEMENTS, decision_rule, small
 from workbench.report.plot import Axes, Figure
-from workbench.report.tables import check_rows
+from workbench.report.tables import STATEMENTS, check_rows, decision_rule, small
 from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render
 from workbench.stage import stage
 from workbench.units import DEG, Float

@@ -10,10 +10,10 @@ from pydantic import Field
 from workbench.artefacts import Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
 from workbench.report.along import angle_chart, plan_view, root_chart
-from workbench.report.inspection_text import certificate_html, inspection_html
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
 from workbench.report.section_drawing import section_drawings, section_views
+from workbench.report.tables import certificate_html, inspection_html
 from workbench.stage import stage
 
 

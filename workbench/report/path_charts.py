@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
-from workbench.report.along import hidden_stretches
-from workbench.report.chart_parts import hatch_hidden, svg
+from workbench.report.along import hatch_hidden, hidden_stretches, svg
 from workbench.report.colours import FACES, GREY, INK, LIMIT, LOWER_EDGE, MEASURED, PALE, TOOL_AXES, UPPER_EDGE, rgb
 from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm
 from workbench.report.plot import Axes, Figure, Lettering

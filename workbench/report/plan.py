@@ -11,10 +11,16 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Layer, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.along import axes_at, developed
-from workbench.report.chart_parts import dimension_angle, dimension_gap, dimension_height, dimension_radius, svg
+from workbench.report.along import (
+    axes_at,
+    developed,
+    dimension_angle,
+    dimension_gap,
+    dimension_height,
+    dimension_radius,
+    svg,
+)
 from workbench.report.colours import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
-from workbench.report.inspection_text import faces_seen
 from workbench.report.path_charts import (
     AXIS_MM,
     TOOL_AXIS_MM,
@@ -25,33 +31,31 @@ from workbench.report.path_charts import (
     procedure_views,
     shown_stretch,
 )
-from workbench.report.plan_tables import (
-    duration,
-    layer_rows,
-    move_rows,
-    plan_rows,
-    refused,
-    required,
-    thickness,
-)
 from workbench.report.planned import (
     LOCAL_MM,
     Run,
+    duration,
     feed_scale,
     frames_in_base,
     layer_colours,
+    layer_rows,
     layer_scale,
     local_turn_deg,
     middle_of_cut_mm,
+    move_rows,
+    plan_rows,
     planned_bevel,
     planned_u,
+    refused,
+    required,
+    thickness,
     thickness_mm,
     whole_run,
 )
 from workbench.report.plot import Axes, Figure, Lettering
 from workbench.report.scene import around, frame_arc_length_mm, pictures
 from workbench.report.scenes import plan_scene
-from workbench.report.tables import facts
+from workbench.report.tables import faces_seen, facts
 from workbench.report.text import data_address, decimals, measured, render
 from workbench.stage import stage
 from workbench.units import Float, Shaped

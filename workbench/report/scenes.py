@@ -27,12 +27,20 @@ from workbench.artefacts import (
 )
 from workbench.report.along import developed
 from workbench.report.colours import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
-from workbench.report.inspection_text import faces_seen
 from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
-from workbench.report.plan_tables import Compared, layer_rows
-from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm, planned_bevel
+from workbench.report.planned import (
+    Compared,
+    Run,
+    feed_colours,
+    frames_in_base,
+    layer_colours,
+    layer_rows,
+    middle_of_cut_mm,
+    planned_bevel,
+)
 from workbench.report.scene import Points, at_places, frame_arc_length_mm, overview
 from workbench.report.section_drawing import faces_extent, of_interest, outside_mm, plane_corners, round_limit
+from workbench.report.tables import faces_seen
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Float, Int
 

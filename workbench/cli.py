@@ -14,8 +14,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn, TextIO
 
-from workbench.arguments import build_parser, parse
-from workbench.commands import COMMANDS
+from workbench.commands import COMMANDS, build_parser, parse
 
 
 def set_aside(argv: list[str]) -> None:

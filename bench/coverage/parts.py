@@ -22,7 +22,7 @@ from workbench.synthetic import (
     random_recipe,
     simulate_recording,
 )
-from workbench.synthetic.draws import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
+from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
 from workbench.synthetic.swept import simulate_swept
 
 SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"

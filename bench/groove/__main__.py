@@ -26,8 +26,8 @@ from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.groove import GROOVES
 from workbench.synthetic.swept.recipe import GrooveRecipe
+from workbench.synthetic.swept.sweep import GROOVES
 from workbench.units import DEG, Float
 
 BOUND = (FACES, RETURNS)  # sources that no evaluation can leave out

@@ -9,10 +9,10 @@ import numpy as np
 
 from bench.coverage.conditions import Document, Generator, course
 from workbench.errors import InputError, nearest
-from workbench.synthetic.draws import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
-from workbench.synthetic.prism_recipe import TYPES, PrismRecipe
-from workbench.synthetic.swept.groove import GROOVES
+from workbench.synthetic.conditions import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
+from workbench.synthetic.recipe import TYPES, PrismRecipe
 from workbench.synthetic.swept.recipe import GrooveRecipe
+from workbench.synthetic.swept.sweep import GROOVES
 from workbench.units import DEG
 
 BEVEL_DEG = {"U": (8, 20), "J": (10, 20), "HV": (30, 50), "HY": (30, 50), "K": (35, 50)}  # others 25 to 35

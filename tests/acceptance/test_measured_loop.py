@@ -10,7 +10,7 @@ import pytest
 
 from workbench.artefacts import Inspection, PathCorrection
 from workbench.pipeline import Pipeline
-from workbench.synthetic.truth import milled_truth
+from workbench.synthetic.workpiece import milled_truth
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOL_ERROR_MM, TURN_DEG = [0.25, -0.2, 0.25], [0.15, 0.1, 0.0]

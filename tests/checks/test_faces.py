@@ -43,7 +43,7 @@ from workbench.inspect import gate, sections
 from workbench.scan import fuse
 from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
 from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.groove import GROOVES
+from workbench.synthetic.swept.sweep import GROOVES
 from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.importing import grid, table
+from workbench.importing import grid
+from workbench.importing import text as texts
 from workbench.importing.mapping import Mapping
 from workbench.importing.tables import read
 from workbench.importing.text import stretches
@@ -38,8 +39,8 @@ def test_stretches_and_blocks_change_nothing(
 ) -> None:
     path = ragged(tmp_path / "a.csv")
     whole = read(path, MAPPING).profiles
-    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
-    monkeypatch.setattr(table, "HEAD_BYTES", 64)
+    monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(texts, "HEAD_BYTES", 64)
     monkeypatch.setattr(grid, "BLOCK_POINTS", max(block_points, 200))
     pieces = read(path, MAPPING).profiles
     assert whole is not None
@@ -58,8 +59,8 @@ def test_a_time_that_changes_within_a_frame_names_its_line(
 ) -> None:
     path = tmp_path / "a.csv"
     path.write_text("n,t,x,z,i\n" + "1,0.5,1,1,1\n" * 20 + "1,0.6,1,1,1\n")
-    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
-    monkeypatch.setattr(table, "HEAD_BYTES", 64)
+    monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(texts, "HEAD_BYTES", 64)
     with pytest.raises(InputError, match=r"line 22: column 't': expected one value a frame, found 0.6"):
         read(path, MAPPING)
 
@@ -121,5 +122,5 @@ def test_memory_beyond_the_result(tmp_path: Path) -> None:
         points, peak = map(int, done.stdout.split())
         assert points == frames * columns
         taken.append(peak - 8 * points)
-    assert taken[0] < 21 * table.SLAB_BYTES, f"{taken[0] / 1e6:.0f} MB"
+    assert taken[0] < 21 * texts.SLAB_BYTES, f"{taken[0] / 1e6:.0f} MB"
     assert (taken[1] - taken[0]) / 3e6 < 20, f"{(taken[1] - taken[0]) / 3e6:.1f} bytes a point"

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.importing import table
+from workbench.importing import text as texts
 from workbench.importing.mapping_parts import TextPart
+from workbench.importing.text import read_table
 
 FORM = TextPart(length_unit="mm")
 TEXT = "\n\na,b\n1,2\n\n\n3,4\n5,\n\n7,8\n\n"
@@ -17,10 +18,10 @@ TEXT = "\n\na,b\n1,2\n\n\n3,4\n5,\n\n7,8\n\n"
 
 @pytest.mark.parametrize("slab_bytes", [1, 4, 5, 6, 7, 9, 12, 1000])
 def test_stretches(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
     (tmp_path / "t.csv").write_text(TEXT)
     form = FORM.model_copy(update={"skip_lines": 2})
-    read = table.read_table(tmp_path / "t.csv", form, {"first": "a", "second": 1})
+    read = read_table(tmp_path / "t.csv", form, {"first": "a", "second": 1})
     np.testing.assert_array_equal(read.columns["first"], [1, 3, 5, 7])
     np.testing.assert_array_equal(read.columns["second"], [2, 4, np.nan, 8])
     np.testing.assert_array_equal(read.line, [4, 7, 8, 10])
@@ -31,7 +32,7 @@ def test_stretches(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("slab_bytes", [1, 7, 1000])
 def test_the_line_of_a_mistake(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table, "SLAB_BYTES", slab_bytes)
+    monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
     (tmp_path / "t.csv").write_text("a,b\n1,2\n\n\n3,4\n5,x\n")
     with pytest.raises(InputError, match=r"line 6, cell 2: expected a number .* found 'x'"):
-        table.read_table(tmp_path / "t.csv", FORM, {"b": "b"})
+        read_table(tmp_path / "t.csv", FORM, {"b": "b"})

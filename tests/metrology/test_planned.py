@@ -12,7 +12,7 @@ from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import MOST_TURNED_DEG, measure_plan, rough_upper_side
 from bench.metrology.planning.summary import GOALS
 from workbench.synthetic import RAW_CONDITIONS, parse_recipe, random_recipe, simulate_recording
-from workbench.synthetic.truth import build_truth
+from workbench.synthetic.workpiece import build_truth
 from workbench.units import DEG
 
 WIDE = 3.0  # times the goal

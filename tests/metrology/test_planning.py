@@ -17,7 +17,7 @@ from bench.metrology.true_edge import best_plane_turn_deg
 from workbench.artefacts import Cutter, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.synthetic import RAW_CONDITIONS, parse_recipe
-from workbench.synthetic.truth import build_truth
+from workbench.synthetic.workpiece import build_truth
 
 BETA, ROOT = math.radians(40), 1.5
 

@@ -8,7 +8,7 @@ import pytest
 from workbench.errors import InputError
 from workbench.synthetic import CONDITIONS, RAW_CONDITIONS, random_recipe, raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
-from workbench.synthetic.truth import build_truth
+from workbench.synthetic.workpiece import build_truth
 
 MANY = range(40)
 

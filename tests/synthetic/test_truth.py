@@ -9,7 +9,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.synthetic import parse_recipe, read_truth, simulate_recording
-from workbench.synthetic.truth import build_truth
+from workbench.synthetic.workpiece import build_truth
 
 PART = {
     "length_mm": 60,

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from workbench.artefacts import Cutter, Layer, Toolpath, Travel
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.synthetic import parse_recipe
-from workbench.synthetic.truth import build_truth
+from workbench.synthetic.workpiece import build_truth
 from workbench.units import DEG
 
 PLACE = {"position_mm": [1400, -300, 700], "rpy_deg": [35, 12, -20]}

@@ -17,8 +17,7 @@ from workbench.geometry.poses import (
     rotation_from_quaternion,
     rotation_from_vector,
 )
-from workbench.synthetic.truth import build_truth, milled_truth
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic.workpiece import Workpiece, build_truth, milled_truth
 from workbench.twin import mill
 from workbench.units import DEG
 

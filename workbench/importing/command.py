@@ -15,7 +15,7 @@ from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
-from workbench.importing.tracker_table import joined, write_table
+from workbench.importing.tracker import joined, write_table
 from workbench.scan.write import write
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"

@@ -22,7 +22,7 @@ from workbench.importing.roles import ANGLES, LENGTHS, TIMES, TURN_DEG, TURN_RAD
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
 from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
-from workbench.importing.tracker_table import joined as joined_with_postures
+from workbench.importing.tracker import joined as joined_with_postures
 from workbench.storage import regular_file
 from workbench.units import Float
 

@@ -11,7 +11,7 @@ from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import TextPart
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.table import Table, header_names, read_table
+from workbench.importing.text import Table, header_names, read_table
 from workbench.units import AnyArray, Int
 
 NAME = "GoPxL profile"

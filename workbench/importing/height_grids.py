@@ -12,8 +12,7 @@ from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TextPart
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.table import slabs
-from workbench.importing.text import cells, first_bytes, head_text
+from workbench.importing.text import cells, first_bytes, head_text, slabs
 
 NAME = "height grid (y/x)"
 CORNER = re.compile(r'^\s*"?\s*y\s*(?:\[(\w+)\])?\s*[/\\|]\s*x\s*(?:\[(\w+)\])?\s*"?\s*([,;\t])', re.IGNORECASE)

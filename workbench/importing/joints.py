@@ -17,7 +17,7 @@ from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, Robot
 from workbench.importing.neutral import Imported, JointStream, PoseStream
-from workbench.importing.table import header_names, read_table
+from workbench.importing.text import header_names, read_table
 from workbench.units import DEG, Float
 
 MM = 1e3  # mm per m

@@ -13,8 +13,7 @@ from workbench.importing import joints, kistler, organised, poses, tables, track
 from workbench.importing.mapping import Mapping, claimed_by
 from workbench.importing.mapping_parts import Column, TextPart
 from workbench.importing.neutral import Imported
-from workbench.importing.table import otherwise_separated
-from workbench.importing.text import first_bytes, head_text
+from workbench.importing.text import first_bytes, head_text, otherwise_separated
 from workbench.storage import regular_file
 
 KINDS = (  # modules of workbench.importing

@@ -9,8 +9,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.mapping_parts import TextPart
-from workbench.importing.table import read_table
-from workbench.importing.text import first_bytes, head_text
+from workbench.importing.text import first_bytes, head_text, read_table
 from workbench.units import Float, Shaped
 
 NAME = "Kistler DynoWare"

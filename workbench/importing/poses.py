@@ -20,8 +20,7 @@ from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, BagPart, PosesPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.suspicions import check_angles
-from workbench.importing.table import Table, header_names, read_table
-from workbench.importing.text import first_bytes
+from workbench.importing.text import Table, first_bytes, header_names, read_table
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.units import DEG, Float
 

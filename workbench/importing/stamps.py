@@ -10,7 +10,7 @@ from workbench.errors import InputError
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import TIME_S
 from workbench.importing.neutral import Imported
-from workbench.importing.table import read_table
+from workbench.importing.text import read_table
 
 NAME = "table of times (by the mapping)"
 

@@ -12,8 +12,16 @@ from workbench.importing.grid import Points, bounded, without
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, ProfileFrames
-from workbench.importing.table import Table, header_names, slabs
-from workbench.importing.text import cells, first_bytes, numbered, numbers, read_lines_as_bytes
+from workbench.importing.text import (
+    Table,
+    cells,
+    first_bytes,
+    header_names,
+    numbered,
+    numbers,
+    read_lines_as_bytes,
+    slabs,
+)
 from workbench.units import Bool, Float
 
 NAME = "table of profiles (by the mapping)"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench.result_files.base import ResultFile
 from workbench.result_files.contract import (
     BatchPartFile,
     CorrectionFile,
@@ -19,6 +18,7 @@ from workbench.result_files.contract import (
     PostureFile,
     PreparationFile,
     ProgramCheckFile,
+    ResultFile,
     ReworkFile,
     RunFile,
     StiffnessFile,

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from workbench.result_files.base import (
+from workbench.result_files.contract import (
     Matrix,
     Matrix6,
     NotNegative,

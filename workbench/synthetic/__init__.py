@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from workbench.artefacts.showing import shown_all
 from workbench.synthetic.conditions import CONDITIONS, RAW_CONDITIONS, random_recipe
-from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.recipe import Recipe, SphereRecipe
+from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import (
     parse_groove_recipe,
     parse_prism_recipe,
@@ -27,8 +26,7 @@ from workbench.synthetic.swept import (
     simulate_groove,
     simulate_swept,
 )
-from workbench.synthetic.truth import Truth, milled_truth, read_truth
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic.workpiece import Truth, Workpiece, milled_truth, read_truth
 
 __all__ = [
     "CONDITIONS",

@@ -9,11 +9,10 @@ import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.geometry.poses import inverse
-from workbench.synthetic.prism_recipe import SQUARE, PrismGroove, PrismRecipe
 from workbench.synthetic.raycast import Sensor
-from workbench.synthetic.recipe import Course
+from workbench.synthetic.recipe import SQUARE, Course, PrismGroove, PrismRecipe
 from workbench.synthetic.scan import column_offsets, disturb, generator, intensities, move, recorded_hand_eye, sensor_of
-from workbench.synthetic.swept.groove import GrooveSizes
+from workbench.synthetic.swept.sweep import GrooveSizes
 from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Bool, Float, Shaped

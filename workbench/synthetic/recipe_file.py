@@ -10,8 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from workbench.errors import InputError, nearest
 from workbench.strict_json import read_any_json
-from workbench.synthetic.prism_recipe import PrismRecipe
-from workbench.synthetic.recipe import Recipe, SphereRecipe
+from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
 
 M = TypeVar("M", bound=BaseModel)

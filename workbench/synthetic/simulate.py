@@ -12,9 +12,8 @@ import numpy as np
 from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.storage import beside, require_space
-from workbench.synthetic.prism_recipe import PrismRecipe
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.recipe import Recipe, SphereRecipe
+from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
 from workbench.synthetic.sphere import SphereTruth, write_sphere
@@ -26,8 +25,7 @@ from workbench.synthetic.swept import (
     simulate_groove,
     simulate_swept,
 )
-from workbench.synthetic.truth import Truth, build_truth
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic.workpiece import Truth, Workpiece, build_truth
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from workbench.errors import InputError, nearest
-from workbench.synthetic.draws import Document, Generator
+from workbench.synthetic.conditions import Document, Generator
 from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
 

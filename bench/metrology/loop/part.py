@@ -20,8 +20,7 @@ from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
-from workbench.synthetic.truth import milled_truth
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
 

@@ -27,8 +27,7 @@ from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.robot import read_cell
 from workbench.scan import fuse
 from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
-from workbench.synthetic.truth import milled_truth
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
 

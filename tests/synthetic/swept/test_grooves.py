@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.scan import read
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import parse_groove_recipe, simulate_file, simulate_groove
-from workbench.synthetic.swept.groove import GROOVES
+from workbench.synthetic.swept.sweep import GROOVES
 from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.units import Float
 

@@ -11,7 +11,6 @@ import scipy
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import InputError
-from workbench.synthetic.swept.groove import RIGHT, groove_chains, groove_sizes, is_square
 from workbench.synthetic.swept.mesh import (
     OTHER,
     Hits,
@@ -48,7 +47,18 @@ from workbench.synthetic.swept.scanner import (
     recorded_hand_eye,
     see,
 )
-from workbench.synthetic.swept.sweep import BEVEL, ROOT, UPPER, UPPER_BEVEL, Curve, curve_of
+from workbench.synthetic.swept.sweep import (
+    BEVEL,
+    RIGHT,
+    ROOT,
+    UPPER,
+    UPPER_BEVEL,
+    Curve,
+    curve_of,
+    groove_chains,
+    groove_sizes,
+    is_square,
+)
 from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
 from workbench.units import AnyArray, Bool, Float, Float32
 

@@ -10,11 +10,18 @@ import numpy as np
 import scipy
 
 from workbench.synthetic.recipe import Strict
-from workbench.synthetic.swept.groove import GrooveSizes, groove_sizes
 from workbench.synthetic.swept.mesh import Relief
 from workbench.synthetic.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
 from workbench.synthetic.swept.scanner import placed
-from workbench.synthetic.swept.sweep import Curve, along, preparation_sizes, shape_of, virtual_edges
+from workbench.synthetic.swept.sweep import (
+    Curve,
+    GrooveSizes,
+    along,
+    groove_sizes,
+    preparation_sizes,
+    shape_of,
+    virtual_edges,
+)
 from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.25

@@ -16,8 +16,7 @@ import pytest
 
 from workbench.errors import InputError, OutputError
 from workbench.report.html import script_source, viewer_script
-from workbench.view import ResultServer, address_of
-from workbench.view.server import HEADERS
+from workbench.view import HEADERS, ResultServer, address_of
 
 SECRET = "not for the browser"
 

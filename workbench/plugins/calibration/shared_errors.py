@@ -5,7 +5,13 @@ is another matter. So a pose has two errors: one new in every recorded pose, tol
 the whole scan, told only by how the scans contradict each other. Both come from the residuals by restricted likelihood
 (Patterson and Thompson 1971). Few scans tell the second badly, so the stated repeatability, which is both together, is
 taken for right within a factor, and the answer is the mean over a grid of the second and its covariance the mixture's,
-widened until its 95 % ellipsoid is that of the mixture too.
+widened until its 95 % ellipsoid is that of the mixture too. With errors a (a scan's) and b (a pose's), both over the
+stated repeatability, each pair k of a grid has an answer x_k, covariance C_k and restricted likelihood L_k:
+
+    p_k ~ L_k exp(-(ln sqrt(a^2 + b^2) / ln 1.5)^2 / 2),    x = sum p_k x_k,
+    C = q sum p_k (C_k + (x_k - x)(x_k - x)^T),    q = max(1, Q95[(y - x)^T C(q=1)^-1 (y - x)] / chi2(6; 0.95)),
+
+the percentile Q95 over y from the mixture of the normal distributions (x_k, C_k) of the hand-eye pose.
 
 Systematic errors are smooth in the posture, so that near postures share them and repeats do not show them. A further
 position error of each posture, in the base, is a Gaussian process over the flange's poses: covariance s^2 exp(-d^2 / 2

@@ -6,8 +6,9 @@ otherwise within the zone is bounded by `Way.rounding`.
 
 The robot stands at places so near each other that all between them is bounded. Between two places every joint stays
 near the middle one by at most `reach`: the larger distance to either end and what a parabola through the three bulges
-out. A point of a body then moves by at most its distance from each axis times that joint's reach (Schwarzer, Saha,
-Latombe, IEEE Trans. Robotics 21 (2005) 338: exact collision checking of paths).
+out. A point of a body then moves by at most its distance r_j from each axis times that joint's reach rho_j,
+sum r_j rho_j / (1 - sum rho_j) (Schwarzer, Saha, Latombe, IEEE Trans. Robotics 21 (2005) 338: exact collision checking
+of paths); exact to the third order in a stretch.
 
 Of joint moves whose time the program says, what they ask of each joint is told between their rows and across them.
 """

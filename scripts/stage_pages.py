@@ -31,6 +31,7 @@ nothing else is said."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
+NUMBERS = re.compile(r"\[number(?:, number)+\]")
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PARSER = doctest.DocTestParser()
 LONG = 12  # words of a description
@@ -121,10 +122,16 @@ def _item(one: ParameterText) -> str:
     """One parameter on a line, as Python has it; what a default shows by itself (a number) is not said again."""
     required = one.default == "required"
     of_type = one.type.removesuffix(" or null") if one.default == "null" else one.type
-    kind = "" if of_type in IMPLIED and of_type == one.type and not required else f" ({of_type})"
+    kind = "" if of_type in IMPLIED and of_type == one.type and not required else f" ({_short(of_type)})"
     name = one.name if required else f"{one.name}={EMPTY.sub('{}', one.default)}"
     bounds = f", {_interval(one.range)}" if one.range else ""
     return f"- `{name}`{kind}{bounds}: {_line(one.description)}"
+
+
+def _short(of_type: str) -> str:
+    """A choice as a list, many numbers by their count."""
+    listed = of_type.replace('" or "', '", "')
+    return NUMBERS.sub(lambda found: f"{found[0].count('number')} numbers", listed)
 
 
 def _interval(bounds: str) -> str:

@@ -102,7 +102,7 @@ def _stiffness(path: Path) -> object:
 
 
 def _loads(path: Path) -> object:
-    from workbench.plugins.stiffness.loads import read_loads
+    from workbench.plugins.stiffness.read import read_loads
 
     return read_loads(path)
 

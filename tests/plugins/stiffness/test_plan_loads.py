@@ -10,8 +10,8 @@ from workbench import Pipeline
 from workbench.errors import InputError
 from workbench.plugins.stiffness import plan_loads, simulate_loads
 from workbench.plugins.stiffness.identify import identify_from
-from workbench.plugins.stiffness.loads import read_loads
 from workbench.plugins.stiffness.plan_loads import choose, choose_postures, cost, relative_u
+from workbench.plugins.stiffness.read import read_loads
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, CollisionModel
 

@@ -1,4 +1,6 @@
-"""`stiffness.read`: a file's stiffness, or given numbers; nothing that is no stiffness."""
+"""`stiffness.read`: a file's stiffness, or given numbers; loading tests; what is refused of both."""
+
+from __future__ import annotations
 
 import dataclasses
 import json
@@ -10,11 +12,16 @@ import pytest
 
 from workbench.errors import InputError, PipelineError
 from workbench.plugins.stiffness import read
-from workbench.plugins.stiffness.read import stiffness_document
+from workbench.plugins.stiffness.read import read_loads, stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell
 
 from .conftest import K
+
+HEAD = "posture,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+SIX = HEAD + ",dx_mm,dy_mm,dz_mm,rx_deg,ry_deg,rz_deg"
+ROW = "a,1,2,3,4,5,6,10,20,30,1,2,3"
+POINTS = HEAD + ",p1x_mm,p1y_mm,p1z_mm,p2x_mm,p2y_mm,p2z_mm"
 
 
 def test_stiffness_is_the_cells_or_nobodys(cell: Cell) -> None:
@@ -61,3 +68,64 @@ def test_what_is_no_stiffness_is_refused(tmp_path: Path, change: Any, message: s
 def test_numbers_given_are_checked() -> None:
     with pytest.raises(PipelineError, match="greater than 0"):
         read(joint_stiffness_nm_per_rad=(1e6, 1e6, 0, 1e6, 1e6, 1e6))
+
+
+def write(path: Path, *lines: str) -> Path:
+    (path / "loads.csv").write_text("\n".join(lines) + "\n")
+    return path / "loads.csv"
+
+
+def test_six_dimensions(tmp_path: Path) -> None:
+    tests = read_loads(write(tmp_path, "# comment", SIX, "", ROW + ",0.1,0.2,0.3,0.01,0.02,0.03", "  # another"))
+    assert tests.labels == ("a",)
+    assert tests.lines == (4,)
+    assert np.allclose(np.degrees(tests.joints), [[1, 2, 3, 4, 5, 6]])
+    assert np.allclose(tests.wrench, [[10, 20, 30, 1, 2, 3]])
+    assert tests.displacement is not None
+    assert np.allclose(tests.displacement[0, :3], [0.1, 0.2, 0.3])
+    assert np.allclose(np.degrees(tests.displacement[0, 3:]), [0.01, 0.02, 0.03])
+
+
+def test_points_with_missing_cells(tmp_path: Path) -> None:
+    tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,,3,4,5,6", ROW + ",1,2,3,4,5,6"))
+    assert tests.targets_mm is not None
+    seen = np.isfinite(tests.targets_mm).all(axis=2)
+    assert seen.tolist() == [[True, False], [False, True], [True, True]]
+
+
+def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:
+    names, cells = (SIX + ",temperature_c").split(","), (ROW + ",0.1,0.2,0.3,0.01,0.02,0.03,21").split(",")
+    turned = read_loads(write(tmp_path, ",".join(names[::-1]), ",".join(cells[::-1])))
+    assert np.allclose(turned.wrench, [[10, 20, 30, 1, 2, 3]])
+    assert "temperature_c" in turned.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([HEAD, ROW], "loads without displacement"),
+        ([SIX.replace("fz_n,", ""), ROW], "expected the column 'fz_n'"),
+        ([SIX + POINTS.removeprefix(HEAD), ROW + ",0" * 12], "not both"),
+        ([SIX], "one row a load"),
+        ([SIX, ROW], "line 2: expected 19 cells, found 13"),
+        ([SIX, ROW + ",0.1,0.2,,0,0,0"], "line 2: dz_mm: expected a number, found ''"),
+        ([SIX, ROW + ",0.1,0.2,nan,0,0,0"], "expected a number, found 'nan'"),
+        ([SIX, ROW.replace("20", "2O") + ",1,2,3,0,0,0"], "line 2: fy_n"),
+        ([POINTS, ROW + ",,,,,,"], "line 2: a load without displacement"),
+        ([SIX + ",dx_mm", ROW + ",0" * 7], "stands twice"),
+        ([SIX.replace("rz_deg", "rz_rad"), ROW + ",0" * 6], "loads without displacement"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_loads(write(tmp_path, *lines))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path: Path) -> None:
+    (tmp_path / "loads.csv").write_bytes(b"\xff\xfe\x00posture")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_loads(tmp_path / "loads.csv")
+    with pytest.raises(InputError, match="no such file"):
+        read_loads(tmp_path / "none.csv")

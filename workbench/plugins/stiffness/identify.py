@@ -44,8 +44,7 @@ from workbench.plugins.stiffness.load_checks import (
     explain,
     rounded,
 )
-from workbench.plugins.stiffness.loads import read_loads
-from workbench.plugins.stiffness.read import stiffness_document
+from workbench.plugins.stiffness.read import read_loads, stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 GROSS = 1e-4  # chance that a sound set of loads loses a point

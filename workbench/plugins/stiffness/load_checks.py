@@ -39,7 +39,7 @@ from workbench.plugins.stiffness.equations import (
     solve,
     unobserved,
 )
-from workbench.plugins.stiffness.loads import DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.read import DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend

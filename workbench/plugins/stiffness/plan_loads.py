@@ -25,7 +25,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.equations import covariances, equations
-from workbench.plugins.stiffness.loads import ANGLES, WRENCH
+from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 
 # Postures and loads that a loading test could use, and what each would tell.

@@ -27,9 +27,8 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.arm import arm_of
 from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, constant_law, improved_law
-from workbench.plugins.stiffness.law_postures import Case, Found, case_at, postures
+from workbench.plugins.stiffness.outcome import Case, Found, case_at, posture_chapter, postures
 from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
-from workbench.plugins.stiffness.posture_chapter import posture_chapter
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
     JUDGED,

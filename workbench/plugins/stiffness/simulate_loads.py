@@ -20,7 +20,7 @@ from workbench.api import (
     vector_from_rotation,
 )
 from workbench.plugins.stiffness.elastic import balance, wrench_at
-from workbench.plugins.stiffness.loads import ANGLES, DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.read import ANGLES, DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 
 

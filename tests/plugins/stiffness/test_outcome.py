@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from workbench.path import read
-from workbench.plugins.stiffness.posture_chapter import PLATE_MM, plate_triangles, robot_picture, seen
+from workbench.plugins.stiffness.outcome import PLATE_MM, plate_triangles, robot_picture, seen
 from workbench.robot import Cell, cell_triangles
 from workbench.units import DEG
 

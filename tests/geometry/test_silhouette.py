@@ -18,6 +18,9 @@ LENGTH_MM, PITCH_MM, STEP_MM, SIGMA_MM = 120.0, 0.3, 0.05, 0.005
 INSIDE = np.linspace(5.0, 115.0, 111)
 RISK = 1e-3  # that a sound estimator fails one of these tests
 
+COLUMN_MM, FRAME_MM, EDGE_MM = 0.05, 0.2, 100.0
+S = np.arange(0, EDGE_MM, FRAME_MM)
+
 
 def constant(s: Float) -> Float:
     return np.full(np.shape(s), 1.5)
@@ -258,3 +261,58 @@ def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:
     assert off.std() < 0.15 * STEP_MM  # its shape; where in the step it lies nothing shows
     assert np.abs(off / course.u(s)).max() < 2.5
     assert course.u(s).max() < 0.5 * STEP_MM
+
+
+def noisy_corner(rng: np.random.Generator, noise_mm: float) -> tuple[Float, Float, Float, Float]:
+    """A constant end 1.52 seen in drifting columns: low with and without the corner's noise, its step, the column."""
+    phase = 0.0031 * S + 0.3 * COLUMN_MM
+    column = np.floor((1.52 - phase) / COLUMN_MM)
+    exact = phase + COLUMN_MM * column
+    return exact + rng.normal(0, noise_mm, S.size), exact, np.full(S.size, COLUMN_MM), column.astype(np.int64)
+
+
+def test_noise_that_the_columns_do_not_share_is_taken_off() -> None:
+    """What the noise explains is taken off each frame; `low` and `step` keep room for what neighbours share of it."""
+    for noise in (0.004, 0.012):
+        low, exact, step, column = noisy_corner(np.random.default_rng(8), noise)
+        group = np.zeros(S.size, np.int64)
+        freed = settled(S, low, step, np.full(S.size, noise), column, group)
+        made, wide, sigma, weight = freed.low, freed.step, freed.sigma, freed.weight
+        assert np.std(made + 0.5 * wide - exact - 0.5 * step) < 0.4 * noise
+        assert (sigma < noise).all()
+        assert np.std(made + 0.5 * wide - exact - 0.5 * step) < 2.0 * np.median(sigma)  # what is left is stated
+        assert ((weight > 0) & (weight <= 1)).all()
+        within = (made - 2 * sigma < 1.52) & (made + wide + 2 * sigma > 1.52)
+        assert within.mean() > 0.97
+
+
+def test_vibration_of_the_columns_is_left_alone() -> None:
+    """It moves the columns against the face: other phases, which do tell where the end lies."""
+    rng = np.random.default_rng(9)
+    phase = 0.0031 * S + rng.normal(0, 0.05, S.size)
+    column = np.floor((1.52 - phase) / COLUMN_MM)
+    low = phase + COLUMN_MM * column
+    freed = settled(
+        S, low, np.full(S.size, COLUMN_MM), np.full(S.size, 0.002), column.astype(np.int64), np.zeros(S.size, np.int64)
+    )
+    made, wide, weight = freed.low, freed.step, freed.weight
+    np.testing.assert_allclose(made, low, rtol=0, atol=0.002)
+    np.testing.assert_allclose(wide, COLUMN_MM, rtol=0, atol=0.002)
+    assert (weight > 0.9).all()
+
+
+def test_corners_unseen_frames_and_short_passes_stay_as_they_are() -> None:
+    rng = np.random.default_rng(10)
+    low, _, step, column = noisy_corner(rng, 0.01)
+    sigma, group = np.full(S.size, 0.01), np.zeros(S.size, np.int64)
+    low[7] = np.nan
+    step[100:110] = 0.0
+    group[-20:] = 5
+    freed = settled(S, low, step, sigma, column, group)
+    made, wide, left, weight = freed.low, freed.step, freed.sigma, freed.weight
+    same = np.r_[7, 100:110, S.size - 20 : S.size]
+    np.testing.assert_array_equal(made[same], low[same])
+    for value, before in ((wide, step), (left, sigma), (weight, np.ones(S.size))):
+        np.testing.assert_array_equal(value[same], before[same])
+    assert (made[20:90] != low[20:90]).all()
+    np.testing.assert_array_equal(sigma, 0.01)

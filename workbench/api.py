@@ -70,7 +70,7 @@ from workbench.artefacts import (
 )
 from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError, nearest
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.poses import (
     interpolate_poses,
     inverse,

@@ -12,7 +12,7 @@ from workbench.edge.directions import LOCAL_MM, go_together
 from workbench.edge.raw_local import local_mean
 from workbench.edge.raw_measure import _in_patches, running_median, unevenness
 from workbench.edge.sizes import changes, off_commonest
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 
 RNG = np.random.default_rng(8)
 S = np.sort(RNG.uniform(0.0, 120.0, 400))

@@ -16,7 +16,7 @@ from workbench.edge.segment_cloud import _noise_slope
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.errors import InputError
 from workbench.export.cloud import organised_pcd
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.scan_grid import MARGIN
 from workbench.inspect import sections
 from workbench.units import Float

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, fit_curve
-from workbench.geometry.faces import FaceLines
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
 from workbench.units import DEG, Float
 

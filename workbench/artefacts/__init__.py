@@ -75,7 +75,7 @@ from workbench.artefacts.paths import (
 )
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
 from workbench.artefacts.showing import shown_all
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.units import frozen
 
 __all__ = [

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
 from workbench.artefacts.showing import AlongTheEdge, along_chart, rows_table
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 # Face labels of a grid point, in `Edge.labels` (uint8).

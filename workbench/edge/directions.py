@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.medians import medians
 from workbench.units import Float, Int
 

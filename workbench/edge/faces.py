@@ -12,8 +12,7 @@ from workbench.edge.identify import Candidate, candidates, contradicted, reading
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
-from workbench.geometry.chains import noise_sigma, straight_faces
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines, noise_sigma, straight_faces
 from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 

@@ -16,8 +16,8 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.end_face import BROKEN_MM
-from workbench.geometry.faces import FaceLines
 from workbench.geometry.medians import median, row_medians
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped

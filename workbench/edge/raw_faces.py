@@ -10,7 +10,7 @@ from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.errors import InputError
 from workbench.geometry import end_face
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 LABELS = np.array([ROOT_FACE, UPPER_SURFACE, LOWER_SURFACE])  # in the order of geometry.end_face

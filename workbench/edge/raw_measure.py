@@ -21,10 +21,10 @@ from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
 from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
 from workbench.errors import InputError
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
-from workbench.geometry.faces import FaceLines
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled

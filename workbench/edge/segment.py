@@ -35,8 +35,8 @@ from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, Ro
 from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import covered, doubtful_slope
-from workbench.geometry.faces import FaceLines
 from workbench.kernels import kernel
 from workbench.stage import stage
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int

@@ -23,8 +23,8 @@ from workbench.edge.segment_cloud_passes import passes_shown
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.edge.segment_raw import segment_raw
 from workbench.errors import InputError
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
-from workbench.geometry.faces import FaceLines
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.splines import Spline
 from workbench.stage import stage

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.gridless import Laid, Traces, seen_from, traces
 from workbench.units import Float, Int
 

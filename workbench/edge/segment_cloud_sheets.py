@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import FACE_NAMES, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.errors import InputError
-from workbench.geometry.faces import FaceLines
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.gridless import SPAN_MM, Sheets, two_sheets
 from workbench.units import Float, Int
 

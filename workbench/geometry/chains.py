@@ -1,4 +1,4 @@
-"""One profile as a chain of straight faces: the optimal partition of its points into lines z = k x + c.
+"""Straight faces: a profile as a chain of them, by an optimal partition into lines z = k x + c; one face as lines.
 
 Noise acts along the range axis z, so lines are regressions of z on x (docs/paper.md, eq. (10)). The partition minimises
 the sum of squared residuals over the noise variance, plus a price a line and a price a point left out (dynamic
@@ -8,6 +8,7 @@ programming over all breakpoints; Jackson et al., "An algorithm for optimal part
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +25,22 @@ MAX_BREAKS = 700  # candidate breakpoints a profile; more points share one
 
 # Columns of a chain, the array of lines that `straight_faces` returns.
 X0, X1, SLOPE, OFFSET, COUNT, FIRST, LAST = range(7)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceLines:
+    """One face as straight lines z(x), one a frame, in the profiler frame.
+
+    `count` is 0 where the face is not seen in the frame; all other entries are then NaN.
+    """
+
+    count: Shaped[Int, " N"]  # points used
+    x_mean: Shaped[Float, " N"]  # mm
+    z_mean: Shaped[Float, " N"]  # mm
+    sxx: Shaped[Float, " N"]  # sum (x - x_mean)^2, mm^2
+    sxz: Shaped[Float, " N"]  # sum (x - x_mean)(z - z_mean), mm^2
+    szz: Shaped[Float, " N"]  # sum (z - z_mean)^2, mm^2
+    columns: Shaped[Int, "N 2"]  # first and last column of the face; -1 where not seen
 
 
 def noise_sigma(z: Float) -> float:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.geometry.blocks import as_input
+from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, foot, frame_at
-from workbench.geometry.faces import FaceLines
 from workbench.geometry.splines import derivatives, piece_of
 from workbench.kernels import kernel
 from workbench.units import Float, Shaped

@@ -299,6 +299,9 @@ def _nearest(stock: Stock, leaf: int, axis: Axis, layer: int, flat: bool, best: 
     return math.sqrt(max(least, 0.0)) if least < best * best else best
 
 
+# Segments from each other.
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LineIndex:
     """Segments in an order in which neighbours are near each other, and a sphere around every 16 of them."""

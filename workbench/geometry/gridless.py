@@ -120,6 +120,9 @@ def _chosen(frame: Int, column: Int, z: Float, off_middle: Float, frames: int, c
     return chosen
 
 
+# Patches of points.
+
+
 def traces(x_mm: Float, s_mm: Float) -> Traces:
     """Which lines the points (n,) of a patch of about a millimetre show; x across the edge and s along it, in the face.
 

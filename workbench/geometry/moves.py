@@ -301,6 +301,9 @@ def _mirrored(chord: Float, way: Float) -> Float:
     return np.asarray(2.0 * (along * chord).sum(axis=1, keepdims=True) * along - chord)
 
 
+# Times of a path, and its feeds.
+
+
 def step_lengths_mm(position_mm: Float) -> Float:
     """(k,) distance of each point (k, 3) from the one before it; 0 for the first."""
     steps = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)

@@ -306,6 +306,9 @@ def cut(text: str, longest: int) -> list[str]:
     return pieces
 
 
+# The reader.
+
+
 class Position(NamedTuple):
     """One P: joint angles in deg or a pose; the turntable in deg."""
 

@@ -317,6 +317,9 @@ def inform_configuration(chain: Chain, joints: Float) -> Configuration:
     return (int(not flip), int(down), int(behind), *beyond)
 
 
+# The reader.
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Arm:
     """A robot with the controller's tool, and the frame of its positions."""

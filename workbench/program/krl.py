@@ -240,6 +240,9 @@ def frame(position_mm: Float, quaternion_wxyz: Float) -> str:
     return frames(position_mm[None], quaternion_wxyz[None])[0]
 
 
+# The reader.
+
+
 def read_krl(files: Mapping[str, str], process: ProcessPart | None = None) -> ProgramMoves:
     """Read a KRL program from its two files, name -> text.
 

@@ -187,6 +187,9 @@ def poses(position_mm: Float, rotation: Float) -> list[str]:
     return ["p[" + ", ".join(f"{x:.9g}" for x in row) + "]" for row in values.tolist()]
 
 
+# The reader.
+
+
 def read_urscript(
     files: Mapping[str, str], speeds: Shaped[Float, " 6"], process: ProcessPart | None = None
 ) -> ProgramMoves:

@@ -343,6 +343,9 @@ def matrix_of(pose: Pose) -> Float | None:
     return matrix if is_rigid(matrix) else None
 
 
+# Whether the numbers can be what their names say.
+
+
 def check_plausible(part: CellPart, where: str) -> None:
     """Refuse a cell whose numbers show another unit or sense than their names; `where` is the file and '$'.
 

@@ -310,6 +310,9 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
     )
 
 
+# The robot driven along the way.
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
     """n places on a way, and how the robot stands there."""

@@ -165,6 +165,9 @@ def free_joint_3(chain: Chain, joints: Float) -> Float:
     return q
 
 
+# The wrist's centre, solved backwards.
+
+
 def two_angles(a: Float, radius_a: Float, b: Float, radius_b: Float, k: Float) -> tuple[Float, Float]:
     """alpha, beta (n, 4), NaN where there is no solution."""
     flat_a, flat_b = (float(np.linalg.svd(matrix, compute_uv=False)[1]) for matrix in (a, b))

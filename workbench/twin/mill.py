@@ -313,6 +313,9 @@ def _number(where: str, row: Mapping[str, Any], name: str) -> float:
     return value
 
 
+# The milling cell at work.
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanics:
     """Errors of a milling cell; all zero: a perfect one. Lengths in mm, vectors (3,)."""

@@ -256,6 +256,9 @@ def same(one: Estimate, other: Estimate, within_mm: float = 0.5, within_rad: flo
     return bool(turn < within_rad and np.abs(one.translation_mm - other.translation_mm).max() < within_mm)
 
 
+# Maximum likelihood.
+
+
 @dataclass(frozen=True)
 class Fit:
     """A fit and what it rests on: k observations, P unknowns."""

@@ -273,6 +273,9 @@ def _within_reach(estimate: Estimate, design: Float) -> bool:
     return bool(turn < REACH_RAD and np.linalg.norm(estimate.translation_mm - design[:3, 3]) < REACH_MM)
 
 
+# Whether the postures determine the answer.
+
+
 def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple[str, float], ...]:
     """The six principal directions of the uncertainty, worst first: in words, and the uncertainty in mm.
 

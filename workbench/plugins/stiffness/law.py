@@ -289,6 +289,9 @@ def shift_of(way: Int, grid: Grid) -> Int:
     return steps
 
 
+# The compiled kernels.
+
+
 @kernel
 def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, least: AnyArray, came: AnyArray) -> None:
     """Least cost (a, t) of reaching each node from a neighbour: at most `bands` (2,) steps along each axis.

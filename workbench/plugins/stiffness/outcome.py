@@ -166,6 +166,9 @@ def _feeds(points: PathPoints, position_mm: Float) -> Float:
     return np.append(points.feed_mm_s[:1], points.feed_mm_s[1:] * ratio)
 
 
+# The report's chapter.
+
+
 def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
     """Before and after, from the same point of view: the cell, and close to the path."""
     made = found.postures

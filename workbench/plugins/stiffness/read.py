@@ -123,6 +123,9 @@ def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:
     )
 
 
+# Loading tests.
+
+
 @dataclass(frozen=True)
 class _Row:
     line: int

@@ -348,6 +348,9 @@ def followed(chain: Chain, joints: Float) -> tuple[Float, Bool]:
     return q + turn * shift[:, None], (least <= most).all(axis=1)
 
 
+# The best cell of the grid.
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
     """The best constant cutter rotation and turntable angle."""

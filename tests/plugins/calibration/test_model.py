@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.plugins.calibration.conftest import CENTER, RADIUS, TRUE, cell, circles, postures, scan_recording, scans_over
+from tests.plugins.calibration.conftest import (
+    CENTER,
+    RADIUS,
+    TRUE,
+    cell,
+    circles,
+    postures,
+    scan_recording,
+    scans_over,
+    whole_covariance,
+)
 from workbench.api import rotation_from_vector
 from workbench.plugins import calibration
 from workbench.plugins.calibration.model import (
@@ -91,23 +101,8 @@ def test_frames_of_a_scan_share_errors(rng: np.random.Generator, common: float) 
     seen = by_pass(calibration.circles(made), made).place()
     noise = Noise(common=common)
     linear = linearise(TRUTH, seen, noise, with_offset=True)
-    spread = linear.by_pose * np.repeat([noise.pose_mm, np.radians(noise.pose_deg)], 3)
     k = len(seen)
-    whole = np.zeros((k, 3, k, 3))
-    for scan in seen.scans:
-        W = np.zeros((len(scan.rows), scan.nodes))
-        W[np.arange(len(scan.rows)), scan.node] = 1 - scan.fraction
-        W[np.arange(len(scan.rows)), scan.node + 1] += scan.fraction
-        alike = (1 - common) * W @ W.T + common
-        shared = np.einsum("ab,aip,bjp->aibj", alike, spread[scan.rows], spread[scan.rows])
-        whole[np.ix_(scan.rows, range(3), scan.rows, range(3))] = shared
-        bent = linear.bent[scan.rows] * common / (common + (1 - common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
-        whole[np.ix_(scan.rows, [2], scan.rows, [2])] += np.outer(bent, bent)[:, None, :, None]
-        whole[scan.rows, 2, scan.rows, 2] -= bent**2
-    own = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
-    for i in range(k):
-        whole[i, :, i, :] += own[i]
-    inverse = np.linalg.inv(whole.reshape(3 * k, 3 * k))
+    inverse = np.linalg.inv(whole_covariance(linear, seen, noise))
     J, r = linear.jacobian.reshape(3 * k, -1), linear.residual.ravel()
     found = normal_equations(linear, seen, noise, RADIUS)
     expected = J.T @ inverse @ J
@@ -115,4 +110,3 @@ def test_frames_of_a_scan_share_errors(rng: np.random.Generator, common: float) 
     np.testing.assert_allclose(found.matrix, expected, rtol=1e-6, atol=1e-6 * expected.max())
     np.testing.assert_allclose(found.side, J.T @ inverse @ r, rtol=1e-5, atol=1e-6 * np.abs(found.side).max())
     assert found.chi2 == pytest.approx(float(r @ inverse @ r), rel=1e-6)
-    assert found.log_size == pytest.approx(-np.linalg.slogdet(inverse)[1], rel=1e-9)

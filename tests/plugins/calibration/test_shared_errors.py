@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.plugins.calibration.conftest import CENTER, TRUE, scan_recording, scans_over
+from tests.plugins.calibration.conftest import CENTER, TRUE, scan_recording, scans_over, whole_covariance
 from workbench.plugins.calibration import bundle, circles
 from workbench.plugins.calibration.model import Estimate, Noise, linearise, normal_equations
 from workbench.plugins.calibration.observations import Passes, by_pass
@@ -33,10 +33,12 @@ def test_answers_are_those_of_the_normal_equations(
 
     def asked(a: float, b: float) -> tuple[float, np.ndarray, np.ndarray]:
         noise, seen = likely.noise(a, b), passes.place()
-        now = normal_equations(linearise(found.estimate, seen, noise), seen, noise, found.estimate.radius_mm)
+        linear = linearise(found.estimate, seen, noise)
+        now = normal_equations(linear, seen, noise, found.estimate.radius_mm)
         covariance = np.linalg.inv(now.matrix)
         step = covariance @ now.side
-        log = -0.5 * (now.chi2 - now.side @ step + np.linalg.slogdet(now.matrix)[1] + now.log_size)
+        size = np.linalg.slogdet(whole_covariance(linear, seen, noise))[1]
+        log = -0.5 * (now.chi2 - now.side @ step + np.linalg.slogdet(now.matrix)[1] + size)
         return log, step, covariance
 
     here = likely.along(np.array([whole]), own)

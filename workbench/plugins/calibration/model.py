@@ -115,15 +115,11 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
 
 @dataclass(frozen=True)
 class Normal:
-    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares.
-
-    `log_size` is the logarithm of the determinant of the observations' covariance: what a likelihood adds.
-    """
+    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares."""
 
     matrix: Float
     side: Float
     chi2: float
-    log_size: float
 
 
 def normal_equations(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> Normal:
@@ -131,18 +127,16 @@ def normal_equations(linear: Linear, seen: Observations, noise: Noise, radius_mm
     both = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=-1)
     own, at_rest = both[seen.still], linear.covariance[seen.still]
     joined = np.tensordot(own, np.linalg.solve(at_rest, own), axes=([0, 1], [0, 1]))
-    log_size = float(np.linalg.slogdet(at_rest)[1].sum())
     for scan in seen.scans:
-        more, log = _scan_equations(linear, both, scan, noise)
-        joined, log_size = joined + more, log_size + log
+        joined = joined + _scan_equations(linear, both, scan, noise)
     pull, off = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
     joined[SIZE - 1, SIZE - 1] += pull
     joined[SIZE - 1, -1] += pull * off
-    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2), log_size)
+    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2))
 
 
-def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> tuple[Float, float]:
-    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames and log det S, S = D + U U^T + V V^T (Woodbury, twice).
+def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> Float:
+    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames, S = D + U U^T + V V^T (Woodbury, twice).
 
     D are the circles' covariances; U carries the errors that each recorded pose has of its own, in standard deviations,
     to the frames, V the errors that all of them share.
@@ -154,9 +148,8 @@ def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> t
     alone = linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
     own, shared = spread * np.sqrt(1 - noise.common), spread * np.sqrt(noise.common)
     columns = np.concatenate([both[scan.rows], shared, bent], axis=-1)
-    joined, log_size = within_scan(columns, alone, own, scan)
-    rest, log_more = with_shared(joined, shared.shape[2] + 1)
-    return rest, log_size + float(log_more)
+    joined, _ = within_scan(columns, alone, own, scan)
+    return with_shared(joined, shared.shape[2] + 1)[0]
 
 
 def within_scan(columns: Float, alone: Float, own: Float, scan: Group) -> tuple[Float, float]:

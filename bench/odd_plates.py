@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.outside import BEYOND, FAR_MM, Errors, Part, Section, inspected, planned, simulate
+from bench.outside import BEYOND, FAR_MM, Errors, Part, Section, between, inspected, planned, simulate
 from workbench.errors import WorkbenchError
 from workbench.units import DEG, Float
 
@@ -76,13 +76,9 @@ def deburred_plate(seed: int, is_raw: bool) -> Part:
     rng = np.random.default_rng([780, seed])
     sizes = plain(rng, is_raw)
     turn = rng.uniform(25.0, 65.0) * DEG
-    chamfer = min(_even_in_log(rng, 0.05, 0.5), 0.4 * (sizes.thick_mm if is_raw else sizes.root_mm))
+    chamfer = min(between(rng, 0.05, 0.5), 0.4 * (sizes.thick_mm if is_raw else sizes.root_mm))
     below = ((0.0, chamfer), (-chamfer * np.tan(turn), 0.0), (-FAR_MM, 0.0))
     return simulate(seed, is_raw, sizes.drawn((plate(sizes.root_mm, sizes.above(), below),), chamfer))
-
-
-def _even_in_log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _double_bevel(rng: np.random.Generator, sizes: Sizes) -> Section:
@@ -111,27 +107,27 @@ def _rail(rng: np.random.Generator, sizes: Sizes) -> Section:
 
 def _on_table(rng: np.random.Generator, sizes: Sizes) -> Section:
     """A plate on a table, or close above it."""
-    sizes = sizes._replace(table_mm=float(rng.choice([0.0, _even_in_log(rng, 0.05, 3.0)])))
+    sizes = sizes._replace(table_mm=float(rng.choice([0.0, between(rng, 0.05, 3.0)])))
     return sizes.drawn((plate(sizes.root_mm, sizes.above()),))
 
 
 def _rounded(rng: np.random.Generator, sizes: Sizes) -> Section:
     """A rounding larger than any that the view may hide by default."""
-    radius = min(_even_in_log(rng, 0.15, 1.2), 0.45 * sizes.root_mm)
+    radius = min(between(rng, 0.15, 1.2), 0.45 * sizes.root_mm)
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, sizes.table_mm)
 
 
 def _undercut(rng: np.random.Generator, sizes: Sizes) -> Section:
     """The lower part of the root face stands back, as a second cut leaves it."""
-    back, from_mm = _even_in_log(rng, 0.05, 0.6), rng.uniform(0.2, 0.6) * sizes.root_mm
+    back, from_mm = between(rng, 0.05, 0.6), rng.uniform(0.2, 0.6) * sizes.root_mm
     below = ((0.0, from_mm), (-back, from_mm), (-back, 0.0), (-FAR_MM, 0.0))
     return sizes.drawn((plate(sizes.root_mm, sizes.above(), below),))
 
 
 def _near_table(rng: np.random.Generator, sizes: Sizes) -> Section:
     """A plate on a table, or on what lifts it a little; its lower edge rounded."""
-    radius = float(rng.choice([0.0, min(_even_in_log(rng, 0.05, 0.5), 0.45 * sizes.root_mm)]))
-    gap = float(rng.choice([0.0, _even_in_log(rng, 0.02, 0.8)]))
+    radius = float(rng.choice([0.0, min(between(rng, 0.05, 0.5), 0.45 * sizes.root_mm)]))
+    gap = float(rng.choice([0.0, between(rng, 0.02, 0.8)]))
     return Section(sizes.root_mm, 0.0, sizes.bevel, sizes.thick_mm, radius, gap)
 
 

@@ -123,11 +123,11 @@ class Wide(Usual):
         radius = rng.choice([0.0, 0.0, rng.uniform(0.02, 0.15)])
         table = None if rng.random() < 0.5 else rng.uniform(2, 60)
         if is_raw:
-            thick = _between(rng, 1.0, 30.0)
+            thick = between(rng, 1.0, 30.0)
             return Section(thick - 1e-3, 0.0, np.pi / 4.0, thick, min(radius, thick / 5.0), table)
-        root = _between(rng, 0.25, 10.0)
+        root = between(rng, 0.25, 10.0)
         drift, bevel = rng.choice([0.0, rng.uniform(-2e-3, 2e-3)]), np.radians(rng.uniform(10, 75))
-        return Section(root, drift, bevel, root + _between(rng, 0.5, 20.0), min(radius, root / 5.0), table)
+        return Section(root, drift, bevel, root + between(rng, 0.5, 20.0), min(radius, root / 5.0), table)
 
     def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
         return float(rng.uniform(15, 55) if is_raw else rng.uniform(10, 80))
@@ -138,11 +138,11 @@ class Wide(Usual):
         return columns, rng.uniform(max(8.0, 1.6 * thick_mm), max(12.0, 5.0 * thick_mm))
 
     def stand_off_mm(self, rng: np.random.Generator) -> float:
-        return _between(rng, 40.0, 900.0)
+        return between(rng, 40.0, 900.0)
 
     def frames(self, rng: np.random.Generator) -> tuple[int, float]:
-        step = _between(rng, 0.03, 4.0)
-        return int(np.clip(_between(rng, 8.0, 900.0) / step, 8, 900)), step
+        step = between(rng, 0.03, 4.0)
+        return int(np.clip(between(rng, 8.0, 900.0) / step, 8, 900)), step
 
     def digit_mm(self, rng: np.random.Generator) -> float:
         return float(rng.choice([1e-6, 1e-4, 1e-3, 5e-3, 2e-2]))
@@ -151,7 +151,7 @@ class Wide(Usual):
         return float(rng.choice([0.0, 0.01, 0.03, 0.1, 0.3]))
 
 
-def _between(rng: np.random.Generator, low: float, high: float) -> float:
+def between(rng: np.random.Generator, low: float, high: float) -> float:
     """Evenly in the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from bench.recipes import Document, Generator, anywhere, course, held, noise, robot, scanner
 from workbench.errors import InputError, nearest
 from workbench.synthetic.swept.recipe import SweptRecipe
 from workbench.units import DEG
 
-Document: TypeAlias = dict[str, Any]
-Generator: TypeAlias = np.random.Generator
 Condition: TypeAlias = Callable[[Generator, Document], None]
 
 
@@ -41,10 +40,7 @@ def _document(rng: Generator, condition: str, seed: int, raw: bool) -> Document:
         "kind": "raw" if raw else "milled",
         "spine": {"length_mm": rng.uniform(100, 140)},
         "thickness_mm": course(rng, thickness, 0.1, 0.05),
-        "base_from_part": {
-            "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
-            "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-90, 90), rng.uniform(-180, 180)],
-        },
+        "base_from_part": anywhere(rng, 90, 180),
     }
     if not raw:
         part["root_mm"] = course(rng, rng.uniform(1.08, min(2.72, thickness - 3)), 0.25, 0.15)
@@ -55,35 +51,16 @@ def _document(rng: Generator, condition: str, seed: int, raw: bool) -> Document:
         "title": condition,
         "seed": seed,
         "part": part,
-        "scanner": {
-            "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
-            "x_rises": bool(rng.random() < 0.5),
-            "z_away": bool(rng.random() < 0.8),
-            "zero_range_mm": float(rng.choice([0.0, standoff])),
-            "standoff_mm": standoff,
-            "near_mm": standoff - 30,
-            "far_mm": standoff + 40,
-            "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
+        "scanner": scanner(rng, standoff, (-30, 40))
+        | {
             "footprint": rng.uniform(0.5, 1),
             "mixed_share": rng.uniform(0.2, 0.8),
-            "noise": {"sd_mm": 0.012, "grazing_power": rng.uniform(0, 1), "speckle": rng.uniform(0.1, 0.3)},
+            "noise": noise(rng, 0.012),
             "intensity": bool(rng.random() < 0.5),
         },
         "losses": {"single_share": 0.005, "outlier_share": 0.003, "outlier_reach_mm": rng.uniform(1, 8)},
-        "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
+        "robot": robot(rng),
         "way": {},  # what a condition asks of the passes
-    }
-
-
-def course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
-    """A value about `mean` that drifts by up to `drift` from end to end, and waves by up to `wave` each way."""
-    change = rng.uniform(-drift, drift)
-    return {
-        "start": mean - change / 2,
-        "end": mean + change / 2,
-        "amplitude": rng.uniform(0, wave),
-        "wavelength_mm": rng.uniform(60, 200),
-        "phase_deg": rng.uniform(0, 360),
     }
 
 
@@ -96,7 +73,6 @@ def _look(rng: Generator, document: Document) -> None:
     places = asked.pop("places", [0.0, 1.0])  # shares of the way from low to high
     way = [low + share * (high - low) for share in places]
     count = asked.pop("passes", 1)
-    straight = part["spine"].get("shape", "straight") == "straight"
     skew = asked.pop("skew", rng.uniform(-1.5, 1.5))
     passes = []
     for number in range(count):
@@ -107,14 +83,11 @@ def _look(rng: Generator, document: Document) -> None:
             {
                 "way_mm": there,
                 "elevation_deg": elevation,
-                "oblique_deg": rng.uniform(-4, 4),
-                "lead_deg": rng.uniform(-6, 6),
                 "aim_mm": [-math.sin(elevation * DEG) * lateral, math.cos(elevation * DEG) * lateral],
                 "skew_mm": [-skew, skew],
-                "upside_down": bool(rng.random() < 0.5),
-                "follow": "line" if straight else "edge",
                 "motion": "stream",
             }
+            | held(rng, part["spine"])
             | asked
         )
     document["passes"] = passes

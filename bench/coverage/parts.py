@@ -26,7 +26,7 @@ from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pa
 from workbench.synthetic.swept import simulate_swept
 
 SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
-DRAWN = Path(__file__), Path(__file__).with_name("conditions.py")
+DRAWN = Path(__file__), Path(__file__).with_name("conditions.py"), Path(__file__).parents[1] / "recipes.py"
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from bench.coverage.conditions import Document, Generator, course
+from bench.recipes import Document, anywhere, course, held, noise, robot, scanner, spine, way
 from workbench.errors import InputError, nearest
 from workbench.synthetic.conditions import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
 from workbench.synthetic.recipe import TYPES, PrismRecipe
@@ -90,7 +90,7 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
         "kind": "groove",
         "groove": groove,
         "bevelled": str(rng.choice(["left", "right"])),
-        "spine": _spine(rng, length),
+        "spine": spine(rng, length, 1.0),
         "thickness_mm": course(rng, thickness, 0.05, 0.05),
         "gap_mm": course(rng, rng.uniform(0.9, 3.5), 0.5, 0.2),
         "root_face_left_mm": course(rng, root, 0.1, 0.05),
@@ -102,10 +102,7 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
         "misalignment_mm": course(rng, rng.uniform(-0.8, 0.8), 0.3, 0.1),
         "background_mm": None if rng.random() < 0.4 else rng.uniform(2, 20),
         "upper_radius_mm": 0.0 if rng.random() < 0.5 else rng.uniform(0, 0.3),
-        "base_from_part": {
-            "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
-            "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-40, 40), rng.uniform(-40, 40)],
-        },
+        "base_from_part": anywhere(rng, 40, 40),
     }
     if clutter:
         part["tacks"] = [
@@ -134,24 +131,11 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
             "title": groove,
             "seed": seed,
             "part": part,
-            "scanner": {
-                "columns": columns,
-                "pitch_mm": pitch,
-                "apex_mm": None if rng.random() < 0.3 else rng.uniform(10, 100),
-                "x_rises": bool(rng.random() < 0.5),
-                "z_away": bool(rng.random() < 0.8),
-                "zero_range_mm": float(rng.choice([0.0, standoff])),
-                "standoff_mm": standoff,
-                "near_mm": standoff - 40,
-                "far_mm": standoff + 60,
-                "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
+            "scanner": {"columns": columns, "pitch_mm": pitch}
+            | scanner(rng, standoff, (-40, 60))
+            | {
                 "mixed_share": rng.uniform(0.2, 0.8),
-                "noise": {
-                    "sd_mm": 0.015,
-                    "grazing_power": rng.uniform(0, 1),
-                    "speckle": rng.uniform(0.1, 0.3),
-                    "column_correlation": float(rng.choice([0, rng.uniform(0, 0.8)])),
-                },
+                "noise": noise(rng, 0.015, 0.8),
                 "intensity": bool(rng.random() < 0.5),
             },
             "losses": {
@@ -160,32 +144,15 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
                 "outlier_reach_mm": rng.uniform(1, 8),
                 "block_share": float(rng.choice([0.0, 0.05])),
             },
-            "robot": {"pose_noise_mm": rng.uniform(0, 0.02), "pose_noise_deg": rng.uniform(0, 0.003)},
+            "robot": robot(rng),
             "passes": [
                 {
-                    "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
+                    "way_mm": way(rng, length),
                     "elevation_deg": 90 + lean,
-                    "oblique_deg": rng.uniform(-4, 4),
-                    "lead_deg": rng.uniform(-6, 6),
                     "aim_mm": [lateral, 0.7 * thickness],
                     "skew_mm": [-1.0, 1.0],
-                    "upside_down": bool(rng.random() < 0.5),
-                    "follow": "line" if part["spine"]["shape"] == "straight" else "edge",
                 }
+                | held(rng, part["spine"])
             ],
         }
     )
-
-
-def _spine(rng: Generator, length: float) -> Document:
-    shape = str(rng.choice(["straight", "straight", "arc", "wavy"]))
-    spine: Document = {"shape": shape, "length_mm": length}
-    if shape == "arc":
-        spine |= {"radius_mm": rng.uniform(150, 1500), "sense": str(rng.choice(["convex", "concave"]))}
-    if shape == "wavy":
-        spine |= {
-            "amplitude_mm": rng.uniform(0.3, 2),
-            "height_amplitude_mm": rng.uniform(0, 1),
-            "wavelength_mm": rng.uniform(120, 300),
-        }
-    return spine

@@ -17,6 +17,7 @@ import numpy as np
 from bench.groove.table import FAR, print_table
 from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
 from bench.outside import FAR_MM, simulate
+from bench.recipes import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
 from workbench.artefacts import PreparationInspection, Recording, u_name
 from workbench.artefacts.grooves import PREPARATION_TERMS
 from workbench.cloud import denoise
@@ -41,11 +42,7 @@ def swept_plate(kind: str, seed: int) -> SweptRecipe:
     land = rng.uniform(0.6, 3.0) if kind == "nose" else float(rng.choice([0.0, rng.uniform(0.3, 2.0)]))
     radius = rng.uniform(2.0, 0.55 * (thickness - root))
     rounded = 0.0 if rng.random() < 0.6 else rng.uniform(0.0, 0.3)
-    spine = {"shape": str(rng.choice(["straight", "straight", "arc", "wavy"])), "length_mm": length}
-    if spine["shape"] == "arc":
-        spine |= {"radius_mm": rng.uniform(150, 1500), "sense": str(rng.choice(["convex", "concave"]))}
-    if spine["shape"] == "wavy":
-        spine |= {"amplitude_mm": rng.uniform(0.3, 2), "wavelength_mm": rng.uniform(120, 300)}
+    along = spine(rng, length)
     width = (thickness - root) * math.tan(max(bevel, upper if kind == "compound" else 0.0) * DEG) + land + 3.0
     standoff = rng.uniform(120, 250)
     return SweptRecipe.model_validate(
@@ -54,7 +51,7 @@ def swept_plate(kind: str, seed: int) -> SweptRecipe:
             "seed": seed,
             "part": {
                 "preparation": kind,
-                "spine": spine,
+                "spine": along,
                 "thickness_mm": _course(rng, thickness, 0.05),
                 "root_mm": _course(rng, root, 0.1),
                 "bevel_deg": _course(rng, bevel, 0.3),
@@ -66,53 +63,31 @@ def swept_plate(kind: str, seed: int) -> SweptRecipe:
                 "upper_radius_mm": rounded,
                 "texture": {"sd_mm": rng.uniform(0, 0.008), "correlation_mm": rng.uniform(0.1, 0.8)},
                 "twist_deg": {"start": 0.0, "end": float(rng.choice([0.0, rng.uniform(-4, 4)]))},
-                "base_from_part": {
-                    "position_mm": [rng.uniform(800, 1800), rng.uniform(-800, 800), rng.uniform(300, 1200)],
-                    "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-40, 40), rng.uniform(-40, 40)],
-                },
+                "base_from_part": anywhere(rng, 40, 40),
             },
-            "scanner": {
-                "columns": 800,
-                "pitch_mm": max(0.03, (width + thickness + 8) / 800),
-                "apex_mm": None if rng.random() < 0.3 else rng.uniform(30, 150),
-                "x_rises": bool(rng.random() < 0.5),
-                "z_away": bool(rng.random() < 0.8),
-                "zero_range_mm": float(rng.choice([0.0, standoff])),
-                "standoff_mm": standoff,
-                "near_mm": standoff - 40,
-                "far_mm": standoff + 40,
-                "baseline_mm": float(rng.choice([-1, 1])) * rng.uniform(30, 80),
-                "mixed_share": rng.uniform(0.2, 0.8),
-                "noise": {
-                    "sd_mm": rng.uniform(0.003, 0.015),
-                    "grazing_power": rng.uniform(0, 1),
-                    "speckle": rng.uniform(0.1, 0.3),
-                    "column_correlation": float(rng.choice([0, rng.uniform(0, 0.6)])),
-                },
-            },
+            "scanner": {"columns": 800, "pitch_mm": max(0.03, (width + thickness + 8) / 800)}
+            | scanner(rng, standoff, (-40, 40), apex_mm=(30, 150))
+            | {"mixed_share": rng.uniform(0.2, 0.8), "noise": noise(rng, rng.uniform(0.003, 0.015), 0.6)},
             "losses": {
                 "single_share": 0.005,
                 "outlier_share": float(rng.choice([0.0, 0.003])),
                 "block_share": float(rng.choice([0.0, 0.03])),
             },
-            "robot": {
-                "frame_pitch_mm": 0.3,
-                "pose_noise_mm": rng.uniform(0, 0.02),
-                "pose_noise_deg": rng.uniform(0, 0.003),
-            },
+            "robot": {"frame_pitch_mm": 0.3} | robot(rng),
             "passes": [
                 {
-                    "way_mm": [2.0, length - 2.0] if rng.random() < 0.5 else [length - 2.0, 2.0],
+                    "way_mm": way(rng, length),
                     "elevation_deg": rng.uniform(40.0, 60.0),
-                    "oblique_deg": rng.uniform(-4, 4),
-                    "lead_deg": rng.uniform(-6, 6),
                     "aim_mm": [-0.45 * width, 0.5 * thickness],
-                    "upside_down": bool(rng.random() < 0.5),
-                    "follow": "line" if spine["shape"] == "straight" else "edge",
                 }
+                | held(rng, along)
             ],
         }
     )
+
+
+def _course(rng: Generator, mean: float, change: float) -> Document:
+    return course(rng, mean, change, 0.2 * change)
 
 
 def odd_plate(kind: str, seed: int) -> SweptRecipe:
@@ -142,17 +117,6 @@ def odd_plate(kind: str, seed: int) -> SweptRecipe:
     scanner["columns"] = int(rng.choice([400, 640, 800, 1280]))
     scanner["pitch_mm"] = max(0.02, (depth * math.tan(bevel * DEG) + root + depth + land + 12.0) / scanner["columns"])
     return SweptRecipe.model_validate(recipe)
-
-
-def _course(rng: np.random.Generator, mean: float, change: float) -> dict[str, float]:
-    drift = rng.uniform(-change, change)
-    return {
-        "start": mean - drift / 2,
-        "end": mean + drift / 2,
-        "amplitude": rng.uniform(0, 0.2 * change),
-        "wavelength_mm": rng.uniform(60, 200),
-        "phase_deg": rng.uniform(0, 360),
-    }
 
 
 def outside_plate(kind: str, seed: int) -> tuple[Recording, Truth]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ import numpy as np
 
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
+from bench.mutation.reach import KEPT, record, selection
 
 TESTS = {
     "workbench/edge": ["tests/edge", "tests/inspect", "tests/metrology/test_coverage.py"],
@@ -43,10 +45,8 @@ class Mutant(NamedTuple):
 
     @property
     def tests(self) -> list[str]:
-        """The tests of its room, the one of its own name first."""
-        room = next(one for one in TESTS if self.path.is_relative_to(one))
-        own = [str(one.relative_to(ROOT)) for one in (ROOT / "tests").rglob(f"test_{self.path.stem}.py")]
-        return [*own, *TESTS[room]]
+        """The tests of its room."""
+        return TESTS[next(one for one in TESTS if self.path.is_relative_to(one))]
 
 
 def drawn(room: str, rng: np.random.Generator) -> Mutant:
@@ -75,6 +75,8 @@ def main() -> None:
     parser.add_argument("--log", type=Path, default=Path("out/mutation.jsonl"), help="a line a mutant; read on restart")
     chosen = parser.parse_args()
     os.nice(10)
+    if not KEPT.exists():
+        record(sorted({one for tests in TESTS.values() for one in tests}))
     chosen.log.parent.mkdir(parents=True, exist_ok=True)
     done = [json.loads(line) for line in chosen.log.read_text().splitlines()] if chosen.log.exists() else []
     mine = {(row["room"], row["trial"]) for row in done if row["seed"] == chosen.seed}
@@ -85,7 +87,11 @@ def main() -> None:
         mutant = drawn(room, np.random.default_rng([chosen.seed, trial, list(TESTS).index(room)]))
         row = {"seed": chosen.seed, "room": room, "trial": trial}
         row |= {"where": f"{mutant.path}:{mutant.number}", "was": mutant.was.strip(), "line": mutant.line.strip()}
-        row["killed"] = fails(mutant.path, mutant.source, mutant.tests)
+        started = time.monotonic()
+        tests, only = selection(mutant.path, mutant.number, mutant.tests)
+        row["tests"] = len(only["tests"])
+        row["killed"] = bool(tests) and fails(mutant.path, mutant.source, tests, only)
+        row["seconds"] = round(time.monotonic() - started, 1)
         done.append(row)
         with open(chosen.log, "a", encoding="utf-8") as log:
             print(json.dumps(row), file=log)

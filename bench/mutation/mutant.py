@@ -1,7 +1,12 @@
-"""A copy of the project with one source changed, and the tests that are run on it."""
+"""A copy of the project with one source changed, and the tests that are run on it.
+
+What it compiles goes into a copy of the user's folder: kernels that the change does not reach are not made again, and
+those of mutants are not kept.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -9,6 +14,9 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+from workbench.user_folder import folder as users
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("workbench", "bench", "tests", "pipelines", "data", "docs", "README.md", "pyproject.toml")
@@ -16,15 +24,24 @@ ENDLESS_S = 1200.0  # a mutant that runs longer is killed: the slowest set of te
 FAILED, INTERRUPTED = 1, 2  # status of pytest: tests failed; a module could not be imported
 
 
-def fails(path: Path, source: str, tests: Sequence[str]) -> bool:
-    """Whether the tests fail, or do not end, where the file `path` (relative) has another source."""
+def fails(path: Path, source: str, tests: Sequence[str], only: dict[str, Any] | None = None) -> bool:
+    """Whether the tests fail, or do not end, where the file `path` (relative) has another source.
+
+    `only`, of `bench.mutation.reach`, says which of them are run, in which order.
+    """
     with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
         for item in COPIED:
             copy = shutil.copytree if (ROOT / item).is_dir() else shutil.copy
             copy(ROOT / item, Path(folder) / item)
         (Path(folder) / path).write_text(source, encoding="utf-8")
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-        environment = {**os.environ, "PYTHONPATH": folder}
+        environment = {**os.environ, "PYTHONPATH": folder, "NUMBA_CACHE_DIR": folder}
+        if kept := users().path:
+            shutil.copytree(kept, Path(folder) / f"workbench-{os.getuid()}")
+        if only is not None:
+            environment["REACH_RUN"] = f"{folder}/only.json"
+            Path(environment["REACH_RUN"]).write_text(json.dumps(only), encoding="utf-8")
+            command += ["-p", "bench.mutation.reach"]
         try:
             done = subprocess.run(
                 command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=ENDLESS_S

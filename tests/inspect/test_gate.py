@@ -58,3 +58,57 @@ def test_what_was_not_measured_is_not_judged(u_mm: float | None, words: str) -> 
     one = Section(1, 10.0, at, at, at, at, value, u_mm, value, u_mm and 0.1, "undecided", "", np.empty(0, int))
     with pytest.raises(InputError, match=words):
         gate(replace(inspection("undecided"), sections=(one,)))
+
+
+def measured(root_u_mm: float | None, bevel_u_deg: float | None, **tolerances: tuple[float, float]) -> Inspection:
+    """Three sections of such u, the third ten times as uncertain."""
+    at = np.zeros(3)
+
+    def section(times: float) -> Section:
+        us = [None if u is None else times * u for u in (root_u_mm, bevel_u_deg)]
+        return Section(1, 10.0, at, at, at, at, 1.5, us[0], 40.0, us[1], "pass", "", np.empty(0, int))
+
+    required = replace(Requirements(), **tolerances)
+    return replace(inspection("pass"), sections=(section(1.0), section(1.0), section(10.0)), requirements=required)
+
+
+@pytest.mark.parametrize(
+    ("root_u_mm", "bevel_u_deg", "words"),
+    [
+        (4.9, 0.1, None),
+        (5.1, 0.1, "its root face is known to 10.2 mm only, the tolerance is 1 mm wide"),
+        (0.1, 9.9, None),
+        (0.1, 10.1, "its bevel angle is known to 20.2 deg only, the tolerance is 2 deg wide"),
+        (0.1, None, "none of 3 sections could be measured"),
+        (None, 0.1, "none of 3 sections could be measured"),
+    ],
+)
+def test_a_median_u_of_ten_times_the_tolerance_is_no_measure(
+    root_u_mm: float | None, bevel_u_deg: float | None, words: str | None
+) -> None:
+    part = measured(root_u_mm, bevel_u_deg, root_tolerance_mm=(-0.4, 0.6), bevel_tolerance_deg=(-1.5, 0.5))
+    if words is None:
+        assert gate(part).passed
+        return
+    with pytest.raises(InputError, match=words):
+        gate(part)
+
+
+def test_a_tolerance_of_no_width_asks_nothing_of_u() -> None:
+    assert gate(measured(1.0, 1.0, root_tolerance_mm=(0.0, 0.0), bevel_tolerance_deg=(0.0, 0.0))).passed
+
+
+def test_both_sizes_must_be_measured_over_the_share() -> None:
+    root, bevel = (np.where(here, 1.5, np.nan) for here in (np.arange(10) < 8, np.arange(10) >= 2))
+    profile = EdgeProfile(np.arange(10.0), np.zeros((10, 3)), root, root, bevel, bevel)
+    part = replace(inspection("pass"), profile=profile)
+    assert "only 60 % of the edge was measured, 67 % are required" in gate(part).reason
+    assert gate(part, least_measured_share=0.6).passed
+    assert not gate(part, least_measured_share=0.61).passed
+
+
+def test_two_thirds_of_the_edge_are_enough_without_a_word() -> None:
+    seen = np.where(np.arange(9) < 6, 1.5, np.nan)
+    profile = EdgeProfile(np.arange(9.0), np.zeros((9, 3)), seen, seen, seen, seen)
+    made = gate(replace(inspection("pass"), profile=profile))
+    assert (made.passed, made.warnings) == (True, ())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.artefacts import Inspection, MilledEdge
+from workbench.artefacts import DIRECTIONS, END, TANGENT, Inspection, MilledEdge, Quantity
 from workbench.inspect import sections
 from workbench.units import DEG, Float
 
@@ -134,3 +134,85 @@ def test_the_budget_adds_up_to_the_largest_section(edge: Maker) -> None:
         assert np.sqrt(sum(getattr(one, key) ** 2 for one in made.uncertainty.sources)) == pytest.approx(
             whole, rel=1e-6
         )
+
+
+def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None:
+    def growing(first: float, last: float) -> Quantity:
+        at = np.arange(91.0)
+        return Quantity(1.5 + at / 900.0, {END: np.interp(at, [0, 90], [first, last]), DIRECTIONS: 0.004 + 0 * at})
+
+    part = replace(edge(), root=growing(0.003, 0.009))
+    bevel = Quantity(part.bevel.value, {DIRECTIONS: np.linspace(0.3, 0.1, 91) * DEG, TANGENT: 0.2 * DEG + np.zeros(91)})
+    made = sections(replace(part, bevel=bevel), sections=3)
+    for one, s in zip(made.sections, [15.0, 45.0, 75.0], strict=True):
+        assert one.root_mm == pytest.approx(1.5 + s / 900.0)
+        assert one.root_u_mm == pytest.approx(np.hypot(0.003 + 0.006 * s / 90.0, 0.004))
+        assert one.bevel_u_deg == pytest.approx(np.hypot(0.3 - 0.2 * s / 90.0, 0.2))
+    told = {one.name: (one.root_u_mm, one.bevel_u_deg) for one in made.uncertainty.sources}
+    assert told[END] == pytest.approx((0.008, 0.0))  # the root face is known worst in the last section,
+    assert told[DIRECTIONS] == pytest.approx((0.004, 0.3 - 0.2 / 6.0))  # the angle in the first
+    assert told[TANGENT] == pytest.approx((0.0, 0.2))
+
+
+def test_the_profile_states_what_each_source_adds_in_degrees_where_the_edge_is_seen(edge: Maker) -> None:
+    profile = sections(edge(hidden_mm=(41.1, 51.7))).profile
+    seen = np.isfinite(profile.root_mm)
+    for u, by_source in (
+        (profile.root_u_mm, profile.root_u_by_source_mm),
+        (profile.bevel_u_deg, profile.bevel_u_by_source_deg),
+    ):
+        assert u[seen] == pytest.approx(0.005 if u is profile.root_u_mm else 0.05)
+        parts = np.array(list(by_source.values()))
+        assert np.hypot(*parts[:, seen]) == pytest.approx(u[seen])
+        assert np.isnan(parts[:, ~seen]).all()
+
+
+def test_frames_drawn_with_a_section_are_those_within_10_mm(edge: Maker) -> None:
+    part = edge()
+    (one,) = sections(part, sections=1).sections
+    assert part.frame_arc_length_mm[one.frames] == pytest.approx(np.arange(35.0, 55.1, 0.2))
+
+
+def test_axes_between_stations_are_of_unit_length(edge: Maker) -> None:
+    part = edge()
+    turn = 0.4 * part.arc_length_mm
+    turning = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    for one in sections(replace(part, tangent=turning), sections=4).sections:  # half way between two stations
+        assert np.linalg.norm(one.tangent) == pytest.approx(1.0)
+        assert one.tangent[:2] == pytest.approx(
+            [np.cos(0.4 * one.arc_length_mm), np.sin(0.4 * one.arc_length_mm)], abs=0.02
+        )
+
+
+@pytest.mark.parametrize(
+    ("root", "bevel_deg", "measured"),
+    [(0.01, 40.0, True), (-0.01, 40.0, False), (1.5, 84.0, True), (1.5, 86.0, False), (1.5, -1.0, False)],
+)
+def test_what_a_bevel_can_have(edge: Maker, root: float, bevel_deg: float, measured: bool) -> None:
+    made = sections(edge(root=lambda s: root + 0 * s, bevel=lambda s: bevel_deg * DEG + 0 * s))
+    assert all((one.root_mm is not None) is measured for one in made.sections)
+    assert any("that no bevel has" in warning for warning in made.warnings) is not measured
+
+
+def test_where_what_is_no_bevel_lies_and_where_it_fails_between_sections_is_told(edge: Maker) -> None:
+    odd = sections(edge(root=lambda s: np.where((s > 20) & (s < 30), -1.0, 1.5)), sections=2)
+    assert "between arc length 21.0 and 29.0 mm" in odd.warnings[0]
+    thin = sections(edge(root=lambda s: np.where((s > 40) & (s < 50), 0.5, 1.5)), sections=2)
+    assert "at 9 places of the profile from arc length 41.0 to 49.0 mm" in thin.warnings[0]
+    both = sections(edge(root=lambda s: np.where(s < 50, 0.5, 1.5)), sections=2)
+    assert both.verdict == "fail"
+    assert both.warnings == ()
+
+
+def test_the_reason_counts_and_names_the_first_section(edge: Maker) -> None:
+    failing = sections(edge(root=lambda s: np.where(s > 40, 0.5, np.where(s < 12, 2.0, 1.5))), sections=9)
+    assert failing.reason.startswith("5 of 9 sections fail: section 5: root face out of tolerance")
+    open_ = sections(edge(root=lambda s: np.where(s > 40, 2.0, 1.5)), sections=9)
+    assert open_.reason.startswith("5 of 9 sections undecided: section 5: root face too near a limit")
+
+
+def test_that_the_hand_eye_pose_is_exact_is_told_unless_its_u_is_known(edge: Maker) -> None:
+    part = edge()
+    unknown = sections(part).uncertainty.not_included
+    known = sections(replace(part, part=replace(part.part, hand_eye_u_mm=0.05))).uncertainty.not_included
+    assert ["hand-eye" in one for one in unknown if one not in known] == [True]

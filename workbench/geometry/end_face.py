@@ -237,9 +237,9 @@ def _spread_out(p: Float, chosen: Bool, n: int, weight: Float) -> None:
         weight[k] = 0.0
         if chosen[k]:
             if before >= 0:
-                half = 0.5 * abs(p[k] - p[before])
-                weight[before], weight[k] = weight[before] + half, half
-                total += 2.0 * half
+                gap = abs(p[k] - p[before])
+                weight[before], weight[k] = weight[before] + gap, gap
+                total += 2.0 * gap
             before, m = k, m + 1.0
     for k in range(n):
         weight[k] *= m / max(total, 1e-9)

@@ -260,7 +260,7 @@ def _overstated(logs: Float, grid: Float, variance: Float, together: Float) -> F
     total = np.concatenate([np.zeros((1, grid.size)), np.cumsum(logs, axis=0)])
     claimed = np.concatenate([[0.0], np.cumsum(1.0 / variance)])
     number, free = np.arange(len(logs)), np.full(len(logs), np.inf)
-    for cells in LEAST_TOGETHER * 2 ** np.arange(max(1, len(logs).bit_length())):
+    for cells in LEAST_TOGETHER * 2 ** np.arange(len(logs).bit_length()):
         here = number[(cells == LEAST_TOGETHER) | (together > cells // 4)]
         first, last = np.maximum(here - cells // 2, 0), np.minimum(here + cells // 2, len(logs))
         known = _moments(total, first, last, free[here], grid)[1]

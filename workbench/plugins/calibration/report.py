@@ -80,7 +80,7 @@ def _answer(found: Calibration) -> str:
         ("Predicted RMS error of a point over the field of view", f"{found.volume_u_mm:.3f} mm"),
         (
             "Translation tx, ty, tz",
-            ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u, strict=False)) + " mm",
+            ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True)) + " mm",
         ),
         ("Rotation roll, pitch, yaw", angles),
         ("u of the rotation about the flange's axes", ", ".join(f"{s / DEG:.4f}°" for s in u[3:])),

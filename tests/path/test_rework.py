@@ -18,7 +18,7 @@ from workbench.geometry.poses import rotation_from_quaternion
 from workbench.inspect import sections
 from workbench.path import layers, rework
 from workbench.path.obstacles import LEAST_CUT_MM
-from workbench.path.rework import _between
+from workbench.path.rework import _between, unmilled
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
 from workbench.units import DEG
@@ -140,3 +140,19 @@ def test_the_cutter_rises_between_two_stretches_where_there_is_room(spare_mm: fl
     inside = [one for one in _between([(0.0, first), (begin, second)], 30.0, ramp_mm) if math.isfinite(one.from_mm)]
     between = [one for one in inside if one.to_mm < second]
     assert [(one.from_mm, one.to_mm) for one in between] == [(first + ramp_mm, begin - ramp_mm)] * lifts
+
+
+def test_what_the_cutter_left_is_unmilled_within_its_radius(plan: Toolpath, request: pytest.FixtureRequest) -> None:
+    edge = request.getfixturevalue("raw")(**LENGTH).edge
+    final = plan.layers[-1]
+    s, cutting = final.arc_length_mm, final.cutting & ((final.arc_length_mm < 30.0) | (final.arc_length_mm > 45.0))
+    part = replace(plan, layers=(*plan.layers[:-1], replace(final, cutting=cutting)))
+    left = s[(s >= 0.0) & (s <= plan.edge_length_mm) & ~cutting]
+    runs = np.split(left, np.flatnonzero(np.diff(left) > 5.0) + 1)  # the edge's ends are left too
+    radius = plan.cutter.diameter_mm / 2.0
+    at = edge.arc_length_mm
+    expected = np.any([(at > run[0] - radius) & (at < run[-1] + radius) for run in runs], axis=0)
+    found = unmilled(edge, part)
+    assert (found != expected).sum() <= 2 * len(runs)  # a millimetre of the edge's own arc length
+    assert found[(at > 31.0 - radius) & (at < 44.0 + radius)].all()
+    assert not unmilled(edge, replace(plan, layers=(replace(final, cutting=np.ones(s.size, bool)),))).any()

@@ -98,3 +98,12 @@ def test_joint_moves_without_times_go_at_the_controllers_own_speed(cell: Cell) -
     made = rows(cell, (1e-3, 3, 2.0), (1e-3, 3, 2.0))
     untimed = tuple(dataclasses.replace(move, time_s=None) for move in made.moves)
     assert judge(quick, dataclasses.replace(made, moves=untimed)).passed
+
+
+def test_where_untimed_moves_follow_the_robot_stands(cell: Cell) -> None:
+    """From 2 deg/s to 5 deg/s within a second, and from there to the standstill within half a second."""
+    made = rows(cell, (1.0, 4, 2.0), (1.0, 4, 5.0), (1.0, 4, 3.0))
+    moves = dataclasses.replace(made, moves=(*made.moves[:3], dataclasses.replace(made.moves[3], time_s=None)))
+    slack, tight = (dataclasses.replace(cell, accelerations=np.radians(np.full(6, a))) for a in (10.0, 10.0 / 1.5))
+    assert judge(slack, moves).passed
+    assert told(judge(tight, moves)) == [(3, "acceleration", "joint 4 would need 1.50 times its largest acceleration")]

@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from scripts.site.__main__ import main
-from scripts.site.commands import ROOT, PageError
+from scripts.site.commands import ROOT, PageError, lay_out
 from scripts.site.gallery import hang
 from scripts.site.navigation import chapters_of, toctree
 
@@ -116,3 +116,10 @@ def test_a_gallery_hangs_the_pictures_that_its_page_asks_for(tmp_path):
     page.write_text(GALLERY.format("A mop"))
     with pytest.raises(PageError, match="has no picture 'A mop'"):
         hang(page, tmp_path)
+
+
+@pytest.mark.slow
+def test_the_gallery_finds_its_pictures_in_the_reports(tmp_path):
+    page = tmp_path / "README.md"
+    page.write_text((ROOT / "docs/gallery/README.md").read_text())
+    assert hang(page, lay_out(tmp_path / "project")) >= 15

@@ -109,3 +109,8 @@ def test_rays_that_go_down_between_the_face_and_a_rail_below_it_are_in_the_uncer
     error, u = inspected(odd_plate("a rail in front", 3503, False))["root, mm"]
     assert error.min() > 0.5
     assert (error < 2.0 * u).all()
+
+
+def test_a_rail_whose_corner_only_few_frames_show_is_none() -> None:
+    """Those frames lie apart: no direction of what joins the root face's end comes of them (once a traceback)."""
+    assert judged("a rail in front", range(3613, 3614), False) == (0, 1, [])

@@ -126,6 +126,8 @@ def _lower_corner(
         root.s,
     )
     apparent = wrapped(lower.angle - tilt)
+    if not np.isfinite(lower.s + apparent + lower.angle_variance).any():
+        return np.full(s.size, np.nan), np.full(s.size, np.nan)  # corners of a few frames, whose neighbours show none
     course = fit_course(lower.s, apparent, lower.angle_variance, cloud.pass_index)
     lean = course.value(np.where(np.isfinite(lower.s), lower.s, 0.0))
     return crossing(root.place, tilt, lower.place, tilt + lean), lean

@@ -69,7 +69,7 @@ def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise
     weight = np.full(centres.P.shape, noise.pose_mm**-2)
     for _ in range(STEPS):
         N, g = np.zeros((9, 9)), np.zeros(9)
-        bundle._equations(bundle.Centres(centres.P, weight, centres.r, off), R, t, C, N, g)
+        bundle._equations(bundle.WeightedCentres(centres.P, weight, centres.r, off), R, t, C, N, g)
         step = bundle._solve(N, g)
         t, R, C = t + step[:3], rotation_from_vector(step[3:6]) @ R, C + step[6:]
         if np.abs(step).max() < SETTLED:

@@ -634,7 +634,7 @@ class Binned(NamedTuple):
     kept: Shaped[Bool, " m"]
 
 
-class Lines(NamedTuple):
+class BinLines(NamedTuple):
     """The lines through the means of f bins that hold something."""
 
     number: Shaped[Int, " b"]  # of each bin's line
@@ -658,7 +658,7 @@ def _means(values: Values, kept: Bool) -> Bins:
     both = np.where(joined[:, None], step, 0.0) / np.where(joined, near, 1.0)[:, None]
     slope = (both[:-1] + both[1:]) / np.maximum(joined[:-1].astype(float) + joined[1:], 1.0)[:, None]
     free = max(float((count - 1).sum()), 0.0) * components
-    scatter = _scatter(binned, Lines(as_input(of), as_input(place), as_input(mean), as_input(slope)))
+    scatter = _scatter(binned, BinLines(as_input(of), as_input(place), as_input(mean), as_input(slope)))
     factor = scatter / free if free >= 10 else math.nan
     all_kept = np.zeros(values.count, bool)
     all_kept[values.order] = kept
@@ -685,7 +685,7 @@ def _sum_up(binned: Binned, out: Float) -> None:
 
 
 @kernel
-def _scatter(binned: Binned, lines: Lines) -> float:
+def _scatter(binned: Binned, lines: BinLines) -> float:
     """Sum of squares of what is kept about the line of its bin, over the variances."""
     edges, s, y, variance, kept = binned
     number, place, mean, slope = lines

@@ -26,7 +26,7 @@ BACKWARDS = 1e-9  # rounding of the place along a move that still counts as the 
 CENTRE, RADIUS, ALONG, INWARD, NORMAL, CIRCLE = 0, 3, 4, 7, 10, 13  # a circle as one row of numbers
 
 
-class Run(NamedTuple):
+class PoseRun(NamedTuple):
     """Poses in their order, as the kernels take them."""
 
     position: Shaped[Float, "n 3"]
@@ -76,7 +76,7 @@ def merge_poses(
     feeds = np.stack([feed, np.broadcast_to(feed_share, len(p))], axis=1)
     most_turn = math.sqrt(8.0 * allowed.chord_mm / allowed.lever_mm) if allowed.lever_mm > 0 else math.inf
     tolerances = np.array([allowed.chord_mm, chord, most_turn / 2.0])  # the last: between quaternions
-    targets, circular, via = _merge(Run(p, q, feeds, length), stop, tolerances, allowed.least_sweep)
+    targets, circular, via = _merge(PoseRun(p, q, feeds, length), stop, tolerances, allowed.least_sweep)
     via_turn = np.full((len(targets), 4), np.nan)
     start, end = targets[:-1][circular[1:]], targets[circular]
     via_turn[circular] = slerp(q[start], q[end], np.full(len(end), 0.5))
@@ -84,7 +84,7 @@ def merge_poses(
 
 
 @kernel
-def _merge(run: Run, stop: Int, tolerances: Float, least_sweep: float) -> tuple[Int, Bool, Float]:
+def _merge(run: PoseRun, stop: Int, tolerances: Float, least_sweep: float) -> tuple[Int, Bool, Float]:
     """Targets, whether circular, and the middles of the arcs."""
     n = len(run.position)
     targets, circular, via = np.zeros(n, np.int64), np.zeros(n, np.bool_), np.full((n, 3), np.nan)
@@ -105,7 +105,7 @@ def _merge(run: Run, stop: Int, tolerances: Float, least_sweep: float) -> tuple[
 
 
 @kernel
-def _farthest(arc: bool, run: Run, i: int, last: int, tolerances: Float, circle: Float) -> int:
+def _farthest(arc: bool, run: PoseRun, i: int, last: int, tolerances: Float, circle: Float) -> int:
     """The farthest pose up to `last` that one move from pose i reaches: steps that double, then bisection."""
     reached, beyond, step = i + 1, last + 1, 2
     while i + step <= last:
@@ -123,7 +123,7 @@ def _farthest(arc: bool, run: Run, i: int, last: int, tolerances: Float, circle:
 
 
 @kernel
-def _fits(arc: bool, run: Run, i: int, j: int, tolerances: Float, circle: Float) -> bool:
+def _fits(arc: bool, run: PoseRun, i: int, j: int, tolerances: Float, circle: Float) -> bool:
     """Whether one move from pose i to pose j passes all poses between them."""
     p, q, feed = run.position, run.quaternion, run.feed
     slowest, fastest = feed[j, 0], feed[j, 0]

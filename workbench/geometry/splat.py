@@ -49,7 +49,7 @@ class Camera:
         return replace(self, scale_px_mm=self.scale_px_mm * times, width_px=width, height_px=height)
 
 
-class View(NamedTuple):
+class Projection(NamedTuple):
     """A camera as the kernel takes it: lengths in pixels."""
 
     screen: Shaped[Float, "3 3"]  # turns mm into pixels
@@ -102,7 +102,7 @@ def spacing_px(points_mm: AnyArray, camera: Camera) -> float:
 def _nearest(points_mm: AnyArray, camera: Camera, size_px: float) -> AnyArray:
     """(H, W) uint64: depth, the nearer the larger, in the upper half; number of the point + 1 in the lower; 0: none."""
     low, high = _depth_range(points_mm, camera)
-    view = View(
+    view = Projection(
         camera.screen * camera.scale_px_mm,
         camera.centre_mm,
         np.array([camera.width_px, camera.height_px]),
@@ -143,7 +143,7 @@ def _box(points: AnyArray) -> tuple[tuple[float, float, float], tuple[float, flo
 
 
 @kernel
-def _splat(points: AnyArray, view: View, size: float, first: int, last: int) -> AnyArray:
+def _splat(points: AnyArray, view: Projection, size: float, first: int, last: int) -> AnyArray:
     """Points [first, last) as discs of `size` pixels."""
     screen, centre, closeness, depths = view.screen, view.centre, view.closeness, view.depths
     width, height = view.shape[0], view.shape[1]

@@ -53,7 +53,7 @@ def _exp(v: Float) -> Float:
     return out
 
 
-class Centres(NamedTuple):
+class WeightedCentres(NamedTuple):
     """Sphere centres in the profiler frame, and where the flange was, mm."""
 
     at: Shaped[Float, "m 3"]
@@ -63,7 +63,7 @@ class Centres(NamedTuple):
 
 
 @kernel
-def _equations(centres: Centres, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
+def _equations(centres: WeightedCentres, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
     """Add the normal equations of the centres in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
     c, weight, A, b = centres
     chi2 = 0.0
@@ -137,7 +137,7 @@ def solve_patterns(
         chi2 = 1e300
         for step in range(12):
             N[:], g[:] = 0.0, 0.0
-            new = _equations(Centres(c, weight, A, b), R, t, C, N, g)
+            new = _equations(WeightedCentres(c, weight, A, b), R, t, C, N, g)
             for p in range(3):
                 N[p, p] += pull[0]
                 g[p] -= pull[0] * (t[p] - start_t[s, p])

@@ -31,9 +31,9 @@ from workbench.api import (
     within_limits,
 )
 from workbench.plugins.stiffness.arm_kernels import (
+    ArmPath,
     Branch,
     Vector,
-    Way,
     displacement_kernel,
     joints_kernel,
     lowest_kernel,
@@ -294,8 +294,8 @@ def traverse(
     """
     if isinstance(arm, GeneralArm):
         return arm.traverse(stiffness, path, angles, 4 * shoulder + 2 * elbow)
-    branch, way = _branch(arm, stiffness, shoulder, elbow), _in_arm_frame(arm, path)
-    return traverse_kernel(branch, way, np.cos(angles), np.sin(angles))
+    branch, told = _branch(arm, stiffness, shoulder, elbow), _in_arm_frame(arm, path)
+    return traverse_kernel(branch, told, np.cos(angles), np.sin(angles))
 
 
 def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
@@ -305,20 +305,20 @@ def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles
         found = [arm.traverse(stiffness, single, angles, 4 * s + 2 * e) for s, e in BRANCHES]
         least = [np.where(said == 0, mean, np.inf).min(axis=1) for mean, said in found]
         return np.asarray(np.min(least, axis=0).reshape(path.base_from_cutter.shape[:2]))
-    way, cosine, sine = _in_arm_frame(arm, path), np.cos(angles), np.sin(angles)
+    told, cosine, sine = _in_arm_frame(arm, path), np.cos(angles), np.sin(angles)
     best = np.full(path.base_from_cutter.shape[:2], np.inf)
     for shoulder, elbow in BRANCHES:
-        lowest_kernel(_branch(arm, stiffness, shoulder, elbow), way, cosine, sine, best)
+        lowest_kernel(_branch(arm, stiffness, shoulder, elbow), told, cosine, sine, best)
     return best
 
 
-def _in_arm_frame(arm: Arm, path: LoadedPath) -> Way:
+def _in_arm_frame(arm: Arm, path: LoadedPath) -> ArmPath:
     """A path as the kernels take it."""
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     cutter_from_flange = inverse(path.flange_from_cutter)
     wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
     axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
-    return Way(
+    return ArmPath(
         turn @ path.base_from_cutter[..., :3, :3],
         path.base_from_cutter[..., :3, 3] @ turn.T + shift,
         path.load_mm @ turn.T + shift,

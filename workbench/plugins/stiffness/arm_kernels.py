@@ -24,7 +24,7 @@ class Branch(NamedTuple):
     side: float  # of the elbow, 1 or -1
 
 
-class Way(NamedTuple):
+class ArmPath(NamedTuple):
     """Where the cutter stands at p path points for each of a turntable angles, and what pushes it there."""
 
     turn: AnyArray  # (a, p, 3, 3), at rotation 0
@@ -35,7 +35,7 @@ class Way(NamedTuple):
     axis: Vector  # of joint 6, likewise
 
 
-class Found(NamedTuple):
+class PerRotation(NamedTuple):
     """Of each of t rotations of the cutter."""
 
     total: AnyArray  # displacements of the points so far
@@ -44,36 +44,38 @@ class Found(NamedTuple):
 
 
 @kernel(error_model="numpy")
-def traverse_kernel(branch: Branch, way: Way, cosine: AnyArray, sine: AnyArray) -> tuple[AnyArray, AnyArray]:
+def traverse_kernel(branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray) -> tuple[AnyArray, AnyArray]:
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
-    tables, points, steps = way.at.shape[0], way.at.shape[1], len(cosine)
+    tables, points, steps = path.at.shape[0], path.at.shape[1], len(cosine)
     total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
     for i in range(tables):
-        found = Found(total[i], worst[i], flipped[i])
+        found = PerRotation(total[i], worst[i], flipped[i])
         for j in range(points):
-            _turn_cutter(branch, way, i, j, cosine, sine, found)
+            _turn_cutter(branch, path, i, j, cosine, sine, found)
     return total / points, np.minimum(worst, flipped).astype(np.uint8)
 
 
 @kernel(error_model="numpy")
-def lowest_kernel(branch: Branch, way: Way, cosine: AnyArray, sine: AnyArray, best: AnyArray) -> None:
+def lowest_kernel(branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray, best: AnyArray) -> None:
     """As `traverse_kernel`: the least displacement (a, p) over the rotations that nothing is said of, inf: none."""
     total, worst, flipped = np.empty(len(cosine)), np.empty(len(cosine)), np.empty(len(cosine))
-    found = Found(total, worst, flipped)
+    found = PerRotation(total, worst, flipped)
     for i in range(best.shape[0]):
         for j in range(best.shape[1]):
             total[:], worst[:], flipped[:] = 0.0, FREE, FREE
-            _turn_cutter(branch, way, i, j, cosine, sine, found)
+            _turn_cutter(branch, path, i, j, cosine, sine, found)
             for t in range(len(cosine)):
                 if min(worst[t], flipped[t]) == FREE:
                     best[i, j] = min(best[i, j], total[t])
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def _turn_cutter(branch: Branch, way: Way, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: Found) -> None:
+def _turn_cutter(
+    branch: Branch, path: ArmPath, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: PerRotation
+) -> None:
     """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
-    (vx, vy, vz), (ux, uy, uz) = way.wrist, way.axis
-    r, p, load, force = way.turn[i, j], way.at[i, j], way.load[i, j], way.force[i, j]
+    (vx, vy, vz), (ux, uy, uz) = path.wrist, path.axis
+    r, p, load, force = path.turn[i, j], path.at[i, j], path.load[i, j], path.force[i, j]
     total, worst, flipped = found
     r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
     r10, r11, r12 = r[1, 0], r[1, 1], r[1, 2]

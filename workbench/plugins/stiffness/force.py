@@ -221,11 +221,11 @@ def milling_force(
     table = np.array([[c.ktc_n_mm2, c.kte_n_mm], [c.krc_n_mm2, c.kre_n_mm], [c.kac_n_mm2, c.kae_n_mm]])
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
     feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
-    edges = Edges(table, offset, radius, float(np.tan(teeth.helix)))
+    edges = CutterEdges(table, offset, radius, float(np.tan(teeth.helix)))
     return np.asarray(_revolutions(edges, feed, radial, axial, steps))
 
 
-class Edges(NamedTuple):
+class CutterEdges(NamedTuple):
     """A cutter's edges as the kernels take them, mm and N."""
 
     table: Shaped[AnyArray, "3 2"]  # coefficients of chip and edge: tangential, radial, axial
@@ -235,7 +235,7 @@ class Edges(NamedTuple):
 
 
 @kernel
-def _revolutions(edges: Edges, feed: AnyArray, radial: AnyArray, axial: AnyArray, steps: int) -> AnyArray:
+def _revolutions(edges: CutterEdges, feed: AnyArray, radial: AnyArray, axial: AnyArray, steps: int) -> AnyArray:
     force = np.zeros((len(feed), steps, 3))
     for k in range(len(feed)):
         if radial[k] > 0.0 and axial[k] > 0.0:
@@ -247,7 +247,7 @@ def _revolutions(edges: Edges, feed: AnyArray, radial: AnyArray, axial: AnyArray
 
 
 @kernel
-def _add_teeth(force: AnyArray, edges: Edges, feed: float, last: float, axial: float, turned: float) -> None:
+def _add_teeth(force: AnyArray, edges: CutterEdges, feed: float, last: float, axial: float, turned: float) -> None:
     """Forces of all elements that cut when the first tooth's tip stands at `turned`."""
     table, offset, radius, lag = edges
     flutes, db = len(offset), axial / SLICES

@@ -20,7 +20,7 @@ from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import from_arrays
-from workbench.report.colours import FACES, GREY, MEASURED
+from workbench.report.marks import FACES, GREY, MEASURED
 from workbench.synthetic import random_sphere_recipe
 from workbench.units import DEG, Float
 

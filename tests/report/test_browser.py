@@ -13,7 +13,7 @@ from PIL import Image
 
 from workbench.pipeline.results import inspection_document
 from workbench.report import closed_loop, html, inspection, plan
-from workbench.report.colours import FACES, rgb
+from workbench.report.marks import FACES, rgb
 
 playwright = pytest.importorskip("playwright.sync_api", reason="pages are not looked at in a browser: no playwright")
 BEVEL, ROOT = rgb(FACES[2]), rgb(FACES[1])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.report import path_charts
-from workbench.report.colours import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
+from workbench.report.marks import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
 
 BETA = np.radians(40.0)
 

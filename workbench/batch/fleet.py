@@ -21,7 +21,7 @@ from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capa
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.pieces import styled, svg
-from workbench.report.colours import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
+from workbench.report.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
 from workbench.units import Float, Int, Shaped
 
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet

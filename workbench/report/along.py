@@ -14,8 +14,8 @@ from itertools import product
 import numpy as np
 
 from workbench.artefacts import UNLABELLED, Cloud, Edge, Inspection, Section
-from workbench.report.colours import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS
-from workbench.report.plot import Axes, Figure, Lettering
+from workbench.report.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
+from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import COVERAGE, alike
 from workbench.units import DEG, Bool, Float, Int, Shaped
@@ -273,9 +273,6 @@ def _draw_measured(axes: Axes, what: Characteristic, s: Float) -> None:
             section.arc_length_mm,
             value,
             COVERAGE * u,
-            markersize=4,
-            capsize=2.5,
-            linewidth=1.0,
             color=VERDICTS[section.verdict],
             zorder=4,
         )

@@ -11,7 +11,7 @@ from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
 from workbench.report.along import gaps, hatch_hidden, svg
-from workbench.report.colours import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
+from workbench.report.marks import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import check_texts
 from workbench.report.text import COVERAGE, data_address, render, signed, span

@@ -20,7 +20,7 @@ from workbench.artefacts import (
 from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
 from workbench.report.along import TEXT_SIZE, gaps, hatch_hidden, mark_sections, svg
-from workbench.report.colours import GREY, INK, LIMIT, MEASURED, TOLERANCE
+from workbench.report.marks import GREY, INK, LIMIT, MEASURED, TOLERANCE
 from workbench.report.plot import Axes, Figure
 from workbench.report.tables import STATEMENTS, check_rows, decision_rule, small
 from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render

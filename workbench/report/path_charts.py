@@ -9,9 +9,21 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.report.along import hatch_hidden, hidden_stretches, svg
-from workbench.report.colours import FACES, GREY, INK, LIMIT, LOWER_EDGE, MEASURED, PALE, TOOL_AXES, UPPER_EDGE, rgb
+from workbench.report.marks import (
+    FACES,
+    GREY,
+    INK,
+    LIMIT,
+    LOWER_EDGE,
+    MEASURED,
+    PALE,
+    TOOL_AXES,
+    UPPER_EDGE,
+    Lettering,
+    rgb,
+)
 from workbench.report.planned import Run, feed_colours, frames_in_base, layer_colours, middle_of_cut_mm
-from workbench.report.plot import Axes, Figure, Lettering
+from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, View, around, face_ends, joined, overview, towards
 from workbench.units import AnyArray, Bool, Float, Int
 

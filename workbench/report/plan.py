@@ -20,7 +20,7 @@ from workbench.report.along import (
     dimension_radius,
     svg,
 )
-from workbench.report.colours import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE
+from workbench.report.marks import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
 from workbench.report.path_charts import (
     AXIS_MM,
     TOOL_AXIS_MM,
@@ -52,7 +52,7 @@ from workbench.report.planned import (
     thickness_mm,
     whole_run,
 )
-from workbench.report.plot import Axes, Figure, Lettering
+from workbench.report.plot import Axes, Figure
 from workbench.report.scene import around, frame_arc_length_mm, pictures
 from workbench.report.scenes import plan_scene
 from workbench.report.tables import faces_seen, facts

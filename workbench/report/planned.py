@@ -12,7 +12,7 @@ from workbench.errors import one_line
 from workbench.geometry.moves import step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.report.along import axes_at, developed, gaps, hatch_hidden, hidden_stretches, mark_sections, svg
-from workbench.report.colours import AIR, INK, LIMIT, MEASURED, VERDICTS, rgb
+from workbench.report.marks import AIR, INK, LIMIT, MEASURED, VERDICTS, rgb
 from workbench.report.plot import Axes, Figure
 from workbench.report.text import COVERAGE, alike, decimals, span
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
@@ -371,9 +371,6 @@ def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name
                 at,
                 value - asked,
                 COVERAGE * (getattr(row.section, u_name) or 0.0),
-                markersize=4,
-                capsize=2.5,
-                linewidth=1.0,
                 color=VERDICTS[row.section.verdict],
                 zorder=4,
             )

@@ -7,32 +7,42 @@ lower left corner. The bytes depend on the data alone.
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from html import escape
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from workbench.report.colours import GREY, INK, PALE, rgb
+from workbench.report.marks import (
+    GREY,
+    INK,
+    PALE,
+    PLAIN,
+    UPRIGHT,
+    Colour,
+    Lettering,
+    arrow_head,
+    code,
+    dots,
+    filled,
+    markers,
+    path_data,
+    pt,
+    stroke,
+    text_element,
+    text_width,
+)
 from workbench.units import AnyArray, Float
 
 FONT = "DejaVu Sans, Verdana, Arial, sans-serif"
 SIZE = 9.0  # of text
+CAP = 2.5  # half the width of an uncertainty's ends
 TICK, PAD = 3.5, 3.5  # length of ticks, distance of their labels
 MARGIN = 0.05  # of the data's span, free on both sides of it
-DOTS_PX = 200.0 / 72.0  # pixels a point, of dots drawn as a picture
-FARTHEST_PT = 1e6  # from the sheet, of what is drawn
-SHADES = 31  # of a dot's opacity
-PACKED = 3  # zlib's level: a third of the time of level 6 for a tenth more bytes
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
-HEAD = (3.2, 1.3)  # of an arrow: length and half its width
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
-Colour: TypeAlias = str | Sequence[float] | AnyArray
 Limits: TypeAlias = tuple[float, float]
 
 
@@ -50,18 +60,6 @@ class Text:
 
     text: str
     place: Callable[[], tuple[float, float, float, float]]  # left, top, right, bottom on paper, about: fonts differ
-
-
-class Lettering(NamedTuple):
-    """How a text looks."""
-
-    ink: Colour = INK
-    weight: str = "normal"
-    rotation: float = 0.0  # deg
-    box: bool = False  # on white
-
-
-PLAIN, UPRIGHT = Lettering(), Lettering(rotation=90.0)
 
 
 class Figure:
@@ -118,11 +116,11 @@ class Figure:
 
     def supxlabel(self, text: str, fontsize: float = SIZE) -> None:
         """A label below all axes."""
-        self._labels.append(_text(text, self.width / 2, self.height - 3, fontsize, "center", "bottom"))
+        self._labels.append(text_element(text, self.width / 2, self.height - 3, fontsize, "center", "bottom"))
 
     def supylabel(self, text: str, fontsize: float = SIZE, x: float = 0.0) -> None:
         """A label left of all axes."""
-        self._labels.append(_text(text, x * self.width, self.height / 2, fontsize, "center", "top", UPRIGHT))
+        self._labels.append(text_element(text, x * self.width, self.height / 2, fontsize, "center", "top", UPRIGHT))
 
     def svg(self) -> bytes:
         """The file."""
@@ -133,14 +131,14 @@ class Figure:
         clips, parts = [hatch], []
         for k, one in enumerate(self.axes):
             if one.visible:
-                left, top, width, height = map(_n, one.box)
+                left, top, width, height = map(pt, one.box)
                 clips.append(
                     f'<clipPath id="c{k}"><rect x="{left}" y="{top}" width="{width}" height="{height}"/></clipPath>'
                 )
                 parts.append(one.drawn(f"c{k}"))
         return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(self.width)}pt" height="{_n(self.height)}pt" '
-            f'viewBox="0 0 {_n(self.width)} {_n(self.height)}" font-family="{FONT}">\n'
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{pt(self.width)}pt" height="{pt(self.height)}pt" '
+            f'viewBox="0 0 {pt(self.width)} {pt(self.height)}" font-family="{FONT}">\n'
             f"<defs>{''.join(clips)}</defs>\n" + "\n".join([*parts, *self._labels]) + "\n</svg>\n"
         ).encode()
 
@@ -294,12 +292,12 @@ class Axes:
         zorder: float = 2.0,
     ) -> None:
         """A line, broken where a point is not finite."""
-        xy, ink = self._taken(x, y, ""), _colour(color)
+        xy, ink = self._taken(x, y, ""), code(color)
         if label is not None:
             self._legend.append((label, ink))
 
         def drawn() -> str:
-            return f'<path d="{_path(self._place(xy))}" fill="none" {_stroke(ink, linewidth, dashes)}/>'
+            return f'<path d="{path_data(self._place(xy))}" fill="none" {stroke(ink, linewidth, dashes)}/>'
 
         self._later.append((zorder, True, drawn))
 
@@ -316,13 +314,13 @@ class Axes:
         clip_on: bool = True,
     ) -> None:
         """A marker at each point that is finite: '.' (one picture of all), o, ^, x."""
-        xy, ink = self._taken(x, y, marker), _colour(color)
+        xy, ink = self._taken(x, y, marker), code(color)
 
         def drawn() -> str:
             at = self._place(xy)
             if marker == ".":
-                return _dots(at, self.box, ink, markersize / 4.0, alpha)  # matplotlib's "." is half as wide as its "o"
-            return _markers(at[np.isfinite(at).all(axis=1)], marker, ink, markersize)
+                return dots(at, self.box, ink, markersize / 4.0, alpha)  # matplotlib's "." is half as wide as its "o"
+            return markers(at[np.isfinite(at).all(axis=1)], marker, ink, markersize)
 
         self._later.append((zorder, clip_on, drawn))
 
@@ -343,7 +341,9 @@ class Axes:
         """A polygon, filled or hatched."""
         xy = np.column_stack([x, y])
         self._take(xy[:, 0], xy[:, 1])
-        self._later.append((zorder, True, lambda: f'<path d="{_path(self._place(xy))}Z" {_filled(facecolor, hatch)}/>'))
+        self._later.append(
+            (zorder, True, lambda: f'<path d="{path_data(self._place(xy))}Z" {filled(facecolor, hatch)}/>')
+        )
 
     def fill_between(
         self, x: Any, low: Any, high: Any, *, color: Colour, alpha: float = 1.0, zorder: float = 1.0
@@ -357,22 +357,22 @@ class Axes:
 
         def drawn() -> str:
             rings = (np.vstack([p[:, [0, 1]], p[::-1, [0, 2]]]) for p in whole if len(p) > 1)
-            d = "".join(f"{_path(self._place(ring))}Z" for ring in rings)
-            return f'<path d="{d}" fill="{_colour(color)}" fill-opacity="{_n(alpha)}"/>'
+            d = "".join(f"{path_data(self._place(ring))}Z" for ring in rings)
+            return f'<path d="{d}" fill="{code(color)}" fill-opacity="{pt(alpha)}"/>'
 
         self._later.append((zorder, True, drawn))
 
     def axhspan(self, low: float, high: float, *, color: Colour, zorder: float = 1.0) -> None:
         """A band across the axes."""
         self.shared["y"].take(np.array([low, high]))
-        self._later.append((zorder, True, lambda: self._rect(None, (low, high), _filled(color))))
+        self._later.append((zorder, True, lambda: self._rect(None, (low, high), filled(color))))
 
     def axvspan(
         self, low: float, high: float, *, facecolor: Colour = "none", hatch: str = "", zorder: float = 1.0
     ) -> None:
         """A band up the axes."""
         self.shared["x"].take(np.array([low, high]))
-        self._later.append((zorder, True, lambda: self._rect((low, high), None, _filled(facecolor, hatch))))
+        self._later.append((zorder, True, lambda: self._rect((low, high), None, filled(facecolor, hatch))))
 
     def axhline(
         self,
@@ -388,8 +388,8 @@ class Axes:
 
         def drawn() -> str:
             left, _, width, _ = self.box
-            y = _n(self._y(at))
-            return f'<path d="M{_n(left)} {y}H{_n(left + width)}" {_stroke(_colour(color), linewidth, dashes)}/>'
+            y = pt(self._y(at))
+            return f'<path d="M{pt(left)} {y}H{pt(left + width)}" {stroke(code(color), linewidth, dashes)}/>'
 
         self._later.append((zorder, True, drawn))
 
@@ -398,7 +398,7 @@ class Axes:
 
         def drawn() -> str:
             _, top, _, height = self.box
-            return f'<path d="M{_n(self._x(at))} {_n(top)}V{_n(top + height)}" {_stroke(_colour(color), linewidth)}/>'
+            return f'<path d="M{pt(self._x(at))} {pt(top)}V{pt(top + height)}" {stroke(code(color), linewidth)}/>'
 
         self._later.append((zorder, True, drawn))
 
@@ -409,7 +409,7 @@ class Axes:
         def drawn() -> str:
             low, high = self.get_ylim()
             up = (low, low + share * (high - low))
-            return "".join(self._rect(span, up, _filled(color)) for span in self.bars)
+            return "".join(self._rect(span, up, filled(color)) for span in self.bars)
 
         self._later.append((2.0, True, drawn))
 
@@ -420,8 +420,8 @@ class Axes:
             left, top, width, height = self.box
             one = width / len(colours)
             return "".join(
-                f'<rect x="{_n(left + k * one)}" y="{_n(top)}" width="{_n(one + 0.3)}" height="{_n(height)}" '
-                f'fill="{_colour(colour)}"/>'
+                f'<rect x="{pt(left + k * one)}" y="{pt(top)}" width="{pt(one + 0.3)}" height="{pt(height)}" '
+                f'fill="{code(colour)}"/>'
                 for k, colour in enumerate(colours)
             )
 
@@ -434,9 +434,6 @@ class Axes:
         half: float,
         *,
         color: Colour,
-        markersize: float = 4.0,
-        capsize: float = 2.5,
-        linewidth: float = 1.0,
         zorder: float = 2.0,
     ) -> None:
         """A value with its uncertainty."""
@@ -444,10 +441,10 @@ class Axes:
 
         def drawn() -> str:
             at, low, high = self._x(x), self._y(y - half), self._y(y + half)
-            caps = "".join(f"M{_n(at - capsize)} {_n(v)}H{_n(at + capsize)}" for v in (low, high))
-            ink = _colour(color)
-            return f'<path d="M{_n(at)} {_n(low)}V{_n(high)}{caps}" fill="none" {_stroke(ink, linewidth)}/>' + _markers(
-                np.array([[at, self._y(y)]]), "o", ink, markersize
+            caps = "".join(f"M{pt(at - CAP)} {pt(v)}H{pt(at + CAP)}" for v in (low, high))
+            ink = code(color)
+            return f'<path d="M{pt(at)} {pt(low)}V{pt(high)}{caps}" fill="none" {stroke(ink, 1.0)}/>' + markers(
+                np.array([[at, self._y(y)]]), "o", ink, 4.0
             )
 
         self._later.append((zorder, True, drawn))
@@ -468,7 +465,7 @@ class Axes:
 
         def place() -> tuple[float, float, float, float]:
             x, y = self._anchor(at, xycoords)
-            wide, high = _width(text, fontsize), 1.2 * fontsize * (text.count("\n") + 1)
+            wide, high = text_width(text, fontsize), 1.2 * fontsize * (text.count("\n") + 1)
             left = x + offset[0] - {"left": 0.0, "center": 0.5, "right": 1.0}[ha] * wide
             top = y - offset[1] - {"top": 0.0, "center": 0.5}.get(va, 1.0) * high
             return left, top, left + wide, top + high
@@ -477,7 +474,7 @@ class Axes:
 
         def drawn() -> str:
             x, y = self._anchor(at, xycoords)
-            return _text(
+            return text_element(
                 text,
                 x + offset[0],
                 y - offset[1],
@@ -503,9 +500,9 @@ class Axes:
 
         def drawn() -> str:
             (x0, y0), (x1, y1) = self._place(ends)
-            ink = _colour(INK)
-            heads = _head(x1, y1, x1 - x0, y1 - y0) + (_head(x0, y0, x0 - x1, y0 - y1) if both else "")
-            line = f'<path d="M{_n(x0)} {_n(y0)}L{_n(x1)} {_n(y1)}" {_stroke(ink, linewidth)}/>' if linewidth else ""
+            ink = code(INK)
+            heads = arrow_head(x1, y1, x1 - x0, y1 - y0) + (arrow_head(x0, y0, x0 - x1, y0 - y1) if both else "")
+            line = f'<path d="M{pt(x0)} {pt(y0)}L{pt(x1)} {pt(y1)}" {stroke(ink, linewidth)}/>' if linewidth else ""
             return f'{line}<path d="{heads}" fill="{ink}"/>'
 
         self._later.append((3.0, False, drawn))
@@ -569,7 +566,7 @@ class Axes:
         left, top, width, height = self.box
         x0, x1 = (self._x(v) for v in across) if across else (left, left + width)
         y0, y1 = (self._y(v) for v in up[::-1]) if up else (top, top + height)
-        return f'<rect x="{_n(x0)}" y="{_n(y0)}" width="{_n(x1 - x0)}" height="{_n(y1 - y0)}" {filled}/>'
+        return f'<rect x="{pt(x0)}" y="{pt(y0)}" width="{pt(x1 - x0)}" height="{pt(y1 - y0)}" {filled}/>'
 
     def _ticks(self, axis: str) -> tuple[list[float], list[str]]:
         if axis in self.ticks:
@@ -581,38 +578,42 @@ class Axes:
         """Left and lower border, ticks, their labels, and what the axes show."""
         left, top, width, height = self.box
         bottom = top + height
-        border = f"M{_n(left)} {_n(top)}V{_n(bottom)}" + ("" if self.spine_hidden else f"H{_n(left + width)}")
+        border = f"M{pt(left)} {pt(top)}V{pt(bottom)}" + ("" if self.spine_hidden else f"H{pt(left + width)}")
         marks, names = "", ""
         at, texts = self._ticks("x")
         for value, text in zip(at, texts, strict=True):
             x = self._x(value)
-            marks += f"M{_n(x)} {_n(bottom)}v{_n(self.tick_length)}"
+            marks += f"M{pt(x)} {pt(bottom)}v{pt(self.tick_length)}"
             if self.labelled["x"]:
-                names += _text(text, x, bottom + self.tick_length + self.tick_pad, self.tick_size, "center", "top")
+                names += text_element(
+                    text, x, bottom + self.tick_length + self.tick_pad, self.tick_size, "center", "top"
+                )
         at, texts = self._ticks("y")
         widest = 0.0
         for value, text in zip(at, texts, strict=True):
             y = self._y(value)
-            marks += f"M{_n(left)} {_n(y)}h{_n(-self.tick_length)}"
+            marks += f"M{pt(left)} {pt(y)}h{pt(-self.tick_length)}"
             if self.labelled["y"]:
-                widest = max(widest, _width(text, self.tick_size))
-                names += _text(text, left - self.tick_length - self.tick_pad, y, self.tick_size, "right", "center")
+                widest = max(widest, text_width(text, self.tick_size))
+                names += text_element(
+                    text, left - self.tick_length - self.tick_pad, y, self.tick_size, "right", "center"
+                )
         below = self.tick_length + self.tick_pad + self.tick_size + 4.0
         if self.labels["x"] and self.labelled["x"]:
-            names += _text(self.labels["x"], left + width / 2, bottom + below, SIZE, "center", "top")
+            names += text_element(self.labels["x"], left + width / 2, bottom + below, SIZE, "center", "top")
         if self.labels["y"]:
             off = self.tick_length + self.tick_pad + widest + 4.0
             x = left - off if self.y_label_at is None else left + self.y_label_at * width
-            names += _text(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", UPRIGHT)
+            names += text_element(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", UPRIGHT)
         return f'<path d="{border}{marks}" fill="none" stroke="{GREY}" stroke-width="0.7"/>{names}'
 
     def _drawn_legend(self) -> str:
         left, top, width, _ = self.box
         x, out = left + width, ""
         for name, ink in reversed(self._legend):
-            x -= _width(name, SIZE)
-            out += _text(name, x, top - 7, SIZE, "left", "center")
-            out += f'<path d="M{_n(x - 24)} {_n(top - 7)}h18" {_stroke(ink, 1.5)}/>'
+            x -= text_width(name, SIZE)
+            out += text_element(name, x, top - 7, SIZE, "left", "center")
+            out += f'<path d="M{pt(x - 24)} {pt(top - 7)}h18" {stroke(ink, 1.5)}/>'
             x -= 36
         return out
 
@@ -632,127 +633,3 @@ def nice_ticks(limits: Limits, most: int, *, integer: bool = False) -> tuple[lis
     at = [k * step for k in range(first, last + 1)]
     places = next((p for p in range(12) if abs(round(step, p) - step) < 1e-9 * step), 12)
     return at, [f"{value:.{places}f}".replace("-", "−") if value else f"{0:.{places}f}" for value in at]
-
-
-def _n(value: float) -> str:
-    """A number of a path, as short as a hundredth of a point allows."""
-    text = f"{value:.2f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
-
-
-def _colour(colour: Colour) -> str:
-    """'#rrggbb' of a name, or of shares of red, green and blue."""
-    return (
-        colour
-        if isinstance(colour, str)
-        else "#{:02x}{:02x}{:02x}".format(*(round(255 * float(c)) for c in colour[:3]))
-    )
-
-
-def _stroke(ink: str, width: float, dashes: Sequence[float] = ()) -> str:
-    dashed = f' stroke-dasharray="{" ".join(_n(width * d) for d in dashes)}"' if dashes else ""
-    return f'stroke="{ink}" stroke-width="{_n(width)}" stroke-linejoin="round"{dashed}'
-
-
-def _filled(colour: Colour, hatch: str = "") -> str:
-    return 'fill="url(#h)"' if hatch else f'fill="{_colour(colour)}"'
-
-
-def _path(at: Float) -> str:
-    """Lines through places (n, 2) on paper, begun anew after each that is not finite."""
-    known = np.asarray(np.isfinite(at).all(axis=1)).tolist()
-    rounded = np.round(np.clip(at, -FARTHEST_PT, FARTHEST_PT), 2)
-    out, pen = [], False
-    for (x, y), there in zip(rounded.tolist(), known, strict=True):
-        if there:
-            out.append(f"{'L' if pen else 'M'}{x:g} {y:g}")
-        pen = there
-    return "".join(out)
-
-
-def _markers(at: Float, marker: str, ink: str, size: float) -> str:
-    r = size / 2
-    if marker == "o":
-        return "".join(f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}" fill="{ink}"/>' for x, y in at)
-    if marker == "^":
-        d = "".join(f"M{_n(x)} {_n(y - r)}l{_n(r)} {_n(2 * r)}h{_n(-2 * r)}Z" for x, y in at)
-        return f'<path d="{d}" fill="{ink}"/>'
-    d = "".join(
-        f"M{_n(x - r)} {_n(y - r)}l{_n(2 * r)} {_n(2 * r)}m0 {_n(-2 * r)}l{_n(-2 * r)} {_n(2 * r)}" for x, y in at
-    )
-    return f'<path d="{d}" fill="none" {_stroke(ink, 1.0)}/>'
-
-
-def _head(x: float, y: float, dx: float, dy: float) -> str:
-    """An arrow's head at a place, in a direction."""
-    long, wide = HEAD
-    size = math.hypot(dx, dy) or 1.0
-    ux, uy = dx / size, dy / size
-    left = (x - long * ux - wide * uy, y - long * uy + wide * ux)
-    right = (x - long * ux + wide * uy, y - long * uy - wide * ux)
-    return f"M{_n(x)} {_n(y)}L{_n(left[0])} {_n(left[1])}L{_n(right[0])} {_n(right[1])}Z"
-
-
-def _width(text: str, size: float) -> float:
-    """About how wide a text is."""
-    return 0.62 * size * max(map(len, text.split("\n")))
-
-
-def _text(
-    text: str,
-    x: float,
-    y: float,
-    size: float,
-    ha: str,
-    va: str,
-    look: Lettering = PLAIN,
-) -> str:
-    """A text of one line or several, aligned about (x, y)."""
-    rows, step = text.split("\n"), 1.2 * size
-    first = {"baseline": 0.0, "bottom": -0.24 * size, "top": 0.78 * size, "center": 0.36 * size}[va]
-    first -= {"baseline": 1.0, "bottom": 1.0, "top": 0.0, "center": 0.5}[va] * step * (len(rows) - 1)
-    anchor = {"left": "start", "center": "middle", "right": "end"}[ha]
-    bold = f' font-weight="{look.weight}"' if look.weight != "normal" else ""
-    halo = ' stroke="white" stroke-width="3" paint-order="stroke"' if look.box else ""
-    lines = "".join(f'<tspan x="0" y="{_n(first + k * step)}">{escape(row)}</tspan>' for k, row in enumerate(rows))
-    turned = f" rotate({_n(-look.rotation)})" if look.rotation else ""
-    return (
-        f'<text transform="translate({_n(x)} {_n(y)}){turned}" font-size="{_n(size)}" text-anchor="{anchor}" '
-        f'fill="{_colour(look.ink)}"{bold}{halo}>{lines}</text>'
-    )
-
-
-def _dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: float, alpha: float) -> str:
-    """Many dots of one colour as a picture: where several lie on each other it is the more opaque."""
-    from PIL import Image
-
-    left, top, width, height = box
-    columns, rows = max(1, round(width * DOTS_PX)), max(1, round(height * DOTS_PX))
-    place = (np.clip(at, -FARTHEST_PT, FARTHEST_PT) - (left, top)) * DOTS_PX
-    place = place[(np.abs(place) < 2 * max(rows, columns)).all(axis=1)]  # not a number is left out as well
-    r = radius * DOTS_PX
-    off = np.mgrid[-math.ceil(r) : math.ceil(r) + 1, -math.ceil(r) : math.ceil(r) + 1].reshape(2, -1)
-    cover = np.clip(r + 0.5 - np.hypot(*off), 0.0, 1.0)  # of the pixels about a dot
-    off, cover = off[:, cover > 0.0], cover[cover > 0.0]
-    x, y = (np.floor(place[:, k]).astype(np.int64)[:, None] + off[1 - k] for k in (0, 1))
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    weights, x, y = np.broadcast_to(cover, x.shape)[inside], x[inside], y[inside]
-    if not len(x):
-        return ""
-    x0, y0 = int(x.min()), int(y.min())  # the picture holds what has dots, no more
-    wide, high = int(x.max()) + 1 - x0, int(y.max()) + 1 - y0
-    weight = np.bincount((y - y0) * wide + (x - x0), weights, minlength=high * wide)
-    opacity = 1.0 - (1.0 - min(alpha, 0.999)) ** weight
-    image = Image.frombytes("P", (wide, high), np.round(SHADES * opacity).astype(np.uint8).tobytes())
-    image.putpalette(rgb(ink) * (SHADES + 1))
-    out = io.BytesIO()
-    image.save(
-        out, "png", compress_level=PACKED, transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1))
-    )
-    data = base64.b64encode(out.getvalue()).decode()
-    across, down = width / columns, height / rows
-    return (
-        f'<image x="{_n(left + x0 * across)}" y="{_n(top + y0 * down)}" width="{_n(wide * across)}" '
-        f'height="{_n(high * down)}" preserveAspectRatio="none" '
-        f'href="data:image/png;base64,{data}"/>'
-    )

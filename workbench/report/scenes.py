@@ -26,7 +26,7 @@ from workbench.artefacts import (
     Toolpath,
 )
 from workbench.report.along import developed
-from workbench.report.colours import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
+from workbench.report.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
 from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
 from workbench.report.planned import (
     Compared,

@@ -15,8 +15,8 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, Section
 from workbench.report.along import dimension_angle, dimension_height, in_section, svg
-from workbench.report.colours import FACES, GREY, INK, SIGNS, VERDICTS, face_shades, rgb
-from workbench.report.plot import Axes, Figure, Lettering
+from workbench.report.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering, face_shades, rgb
+from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, View, around, frame_arc_length_mm, of_section, overview, towards
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Bool, Float, Shaped

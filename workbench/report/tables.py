@@ -25,7 +25,7 @@ from workbench.artefacts import (
 )
 from workbench.errors import one_line
 from workbench.report.along import PlanView, hidden_stretches
-from workbench.report.colours import FACES, REJECTED, VERDICTS
+from workbench.report.marks import FACES, REJECTED, VERDICTS
 from workbench.report.section_drawing import of_interest
 from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render, source
 from workbench.units import Float

@@ -7,36 +7,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.metrology.calibration.part import measure_calibration
-from bench.metrology.calibration.result import CalibrationResult
+from bench.metrology.calibration.part import CalibrationResult, measure_calibration
 from bench.metrology.calibration.summary import (
     CALIBRATION_CONDITIONS,
+    calibration_tables,
     summarise_calibrations,
     worst_calibrations,
 )
-from bench.metrology.calibration.table import calibration_tables
 from bench.metrology.clouds.part import CloudResult, measure_clouds
-from bench.metrology.clouds.summary import CLOUD_CONDITIONS, summarise_clouds, worst_clouds
-from bench.metrology.clouds.table import cloud_tables
-from bench.metrology.loop.part import measure_loop
-from bench.metrology.loop.result import LoopResult
-from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
-from bench.metrology.loop.table import loop_tables
-from bench.metrology.measured.part import measure_measured
-from bench.metrology.measured.result import MeasuredResult
-from bench.metrology.measured.summary import MEASURED_CONDITIONS, summarise_measured, worst_measured
-from bench.metrology.measured.table import measured_tables
+from bench.metrology.clouds.summary import CLOUD_CONDITIONS, cloud_tables, summarise_clouds, worst_clouds
+from bench.metrology.loop.part import LoopResult, measure_loop
+from bench.metrology.loop.summary import LOOP_CONDITIONS, loop_tables, summarise_loops, worst_loops
+from bench.metrology.measured.part import MeasuredResult, measure_measured
+from bench.metrology.measured.summary import MEASURED_CONDITIONS, measured_tables, summarise_measured, worst_measured
 from bench.metrology.part import measure_part
 from bench.metrology.part_result import PartResult
-from bench.metrology.planning.part import measure_plan
-from bench.metrology.planning.result import PlanResult
-from bench.metrology.planning.summary import summarise_plans, worst_plans
-from bench.metrology.planning.table import plan_tables
+from bench.metrology.planning.part import PlanResult, measure_plan
+from bench.metrology.planning.summary import plan_tables, summarise_plans, worst_plans
 from bench.metrology.run import ROOT, Measurement
-from bench.metrology.stiffness.part import measure_stiffness
-from bench.metrology.stiffness.result import StiffnessResult
-from bench.metrology.stiffness.summary import STIFFNESS_CONDITIONS, summarise_stiffness, worst_stiffness
-from bench.metrology.stiffness.table import stiffness_tables
+from bench.metrology.stiffness.part import StiffnessResult, measure_stiffness
+from bench.metrology.stiffness.summary import (
+    STIFFNESS_CONDITIONS,
+    stiffness_tables,
+    summarise_stiffness,
+    worst_stiffness,
+)
 from bench.metrology.summary import summarise, worst_sections
 from bench.metrology.table import tables
 from workbench.synthetic import CONDITIONS, RAW_CONDITIONS

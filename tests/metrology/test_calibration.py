@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.calibration.part import measure_calibration, recorded
-from bench.metrology.calibration.result import CalibrationResult
-from bench.metrology.calibration.summary import CALIBRATION_CONDITIONS, Share, named, summarise_calibrations
-from bench.metrology.calibration.table import calibration_tables
+from bench.metrology.calibration.part import CalibrationResult, measure_calibration, recorded
+from bench.metrology.calibration.summary import (
+    CALIBRATION_CONDITIONS,
+    Share,
+    calibration_tables,
+    named,
+    summarise_calibrations,
+)
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.table import not_met
 from bench.peers.genetic import evolve

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bench.metrology.loop.result import LoopResult
-from bench.metrology.loop.summary import LOOP_CONDITIONS, summarise_loops, worst_loops
-from bench.metrology.loop.table import loop_tables
+from bench.metrology.loop.part import LoopResult
+from bench.metrology.loop.summary import LOOP_CONDITIONS, loop_tables, summarise_loops, worst_loops
 from workbench.synthetic import RAW_CONDITIONS
 
 

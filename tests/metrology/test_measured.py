@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from bench.metrology.measured.result import MeasuredResult
-from bench.metrology.measured.summary import MEASURED_CONDITIONS, SINE, summarise_measured, worst_measured
-from bench.metrology.measured.table import measured_tables
+from bench.metrology.measured.part import MeasuredResult
+from bench.metrology.measured.summary import (
+    MEASURED_CONDITIONS,
+    SINE,
+    measured_tables,
+    summarise_measured,
+    worst_measured,
+)
 
 
 def part(

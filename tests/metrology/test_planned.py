@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.loop.part import HAND_EYE_ERROR_MM, close_loop, compare, injected_offset_mm, measure_loop
-from bench.metrology.loop.result import LoopResult
+from bench.metrology.loop.part import (
+    HAND_EYE_ERROR_MM,
+    LoopResult,
+    close_loop,
+    compare,
+    injected_offset_mm,
+    measure_loop,
+)
 from bench.metrology.loop.summary import BEVEL_GOAL_DEG, LOOP_CONDITIONS, ROOT_GOAL_MM
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import MOST_TURNED_DEG, measure_plan, rough_upper_side

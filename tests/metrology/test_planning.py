@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from bench.metrology.figures import cover, spread
-from bench.metrology.planning.part import compare_edge, compare_path
-from bench.metrology.planning.result import PlanResult
-from bench.metrology.planning.summary import GOALS, summarise_plans
-from bench.metrology.planning.table import plan_tables
+from bench.metrology.planning.part import PlanResult, compare_edge, compare_path
+from bench.metrology.planning.summary import GOALS, plan_tables, summarise_plans
 from bench.metrology.true_edge import best_plane_turn_deg
 from workbench.artefacts import Cutter, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation

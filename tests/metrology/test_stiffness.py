@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.stiffness.part import measure_stiffness
-from bench.metrology.stiffness.result import StiffnessResult
-from bench.metrology.stiffness.summary import summarise_stiffness, worst_stiffness
-from bench.metrology.stiffness.table import stiffness_tables
+from bench.metrology.stiffness.part import StiffnessResult, measure_stiffness
+from bench.metrology.stiffness.summary import stiffness_tables, summarise_stiffness, worst_stiffness
 from bench.metrology.stiffness.truth import K, known, noisy
 from workbench.plugins.stiffness.equations import covariances, equations
 

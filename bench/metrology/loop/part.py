@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from bench.metrology.bound import WINDOW_MM
-from bench.metrology.loop.result import LoopResult
 from bench.metrology.part import Clock
 from bench.metrology.part_result import Numbers, numbers
 from bench.metrology.planning.part import plan_as_a_user
@@ -23,6 +23,22 @@ from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
 from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
+
+
+@dataclass(slots=True)
+class LoopResult:
+    """Sections as inspected and as milled, by case: 'perfect' mechanics, and 'errors' of hand-eye and robot."""
+
+    condition: str
+    seed: int
+    refused: str | None = None  # a stage's error, in one line
+    crashed: str | None = None  # any other exception: a defect
+    seen_share: float = 1.0  # of the raw edge, by truth
+    cases: dict[str, dict[str, Numbers]] = field(default_factory=dict)  # case -> see `loop.part.compare`
+    cut: dict[str, list[bool]] = field(default_factory=dict)  # case -> whether the plan cuts all about each section
+    warnings: dict[str, list[str]] = field(default_factory=dict)  # case -> of the mill
+    seconds: dict[str, float] = field(default_factory=dict)
+
 
 HAND_EYE_ERROR_MM = 0.4  # in a random direction
 ROBOT_NOISE_MM = 0.1

@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from bench.metrology.measured.result import MeasuredResult
 from bench.metrology.part import Clock
 from bench.metrology.part_result import Numbers, numbers
 from bench.metrology.planning.part import rough_upper_side
@@ -30,6 +29,27 @@ from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
 from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
+
+
+@dataclass(slots=True)
+class MeasuredResult:
+    """Finished part and blind one by their truth, beside inspection and correction.
+
+    `places`: every 2 mm of the edge where the finishing pass cuts; `sections`: as inspected.
+    """
+
+    condition: str
+    seed: int
+    refused: str | None = None  # a stage's error, or a check that refused a path, in one line
+    beyond: str | None = None  # `path.correct` refused: more than the allowance allows
+    crashed: str | None = None  # any other exception: a defect
+    seen_share: float = 1.0  # of the raw edge, by truth
+    shape: str = ""
+    error_mm: float = 0.0  # of tool and hand-eye together, along the bevel's normal, mean along the edge
+    places: dict[str, Numbers] = field(default_factory=dict)  # see `measured.part.compare`
+    sections: dict[str, Numbers] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
 
 SHAPES = ("raw_straight", "raw_arc", "raw_wavy", "raw_twist")
 ALLOWANCE_MM = 0.5

@@ -1,4 +1,4 @@
-"""From the results of the measured loop to the figures of one condition."""
+"""From the results of the measured loop to the figures of one condition, and these as tables."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.metrology.figures import Cover, cover
-from bench.metrology.measured.part import CELLS
-from bench.metrology.measured.result import MeasuredResult
+from bench.metrology.figures import Cover, cover, told
+from bench.metrology.measured.part import CELLS, MeasuredResult
+from bench.metrology.planning.summary import covered, covered_head
 from bench.metrology.quantity import percentile
+from bench.metrology.table import markdown, study_text
 from workbench.artefacts import Requirements
 from workbench.units import DEG, Float
 
@@ -142,3 +143,73 @@ def worst_measured(results: list[MeasuredResult], count: int) -> Iterator[str]:
     known = [(float(np.nanmax(np.abs(off))), r) for r in results if (off := _column(r, "places", "root_mm") - 1.5).size]
     for most, r in sorted(known, key=lambda pair: -pair[0])[:count]:
         yield f"{r.condition}, seed {r.seed}, {r.shape}: root off by up to {most:.3f} mm"
+
+
+def measured_tables(summaries: list[MeasuredSummary], command: str) -> str:
+    """All tables, and what fell short."""
+    parts = [
+        (
+            "Blind and corrected: all places of the finished parts; median, 95th percentile, worst",
+            accuracy(summaries),
+        ),
+        ("What the uncertainties are worth", uncertainty(summaries)),
+    ]
+    return study_text(command, parts, causes(summaries), summaries)
+
+
+def accuracy(summaries: list[MeasuredSummary]) -> list[str]:
+    head = ["condition", "parts", "finished", "beyond the allowance", "refused", "blind, abs(root - 1.5), mm"]
+    head += ["corrected, abs(root - 1.5), mm", "goal (95 %)", "the robot alone (95 %)"]
+    head += [
+        "blind, abs(bevel - 40), deg",
+        f"corrected, abs(bevel - 40), deg (goal {BEVEL_P95_DEG:g})",
+        "too deep: blind, corrected",
+        "s a part",
+    ]
+    rows = []
+    for s in summaries:
+        row = [s.condition, f"{s.parts}", f"{s.finished}", f"{len(s.beyond)}", f"{len(s.refused)}", three(s.blind, 3)]
+        row += [three(s.corrected, 3), f"{s.goal_mm:g}", f"{s.floor_mm:.3f}", three(s.blind_bevel, 3)]
+        rows.append([*row, three(s.bevel, 3), f"{s.blind_too_deep}, {len(s.too_deep)}", f"{s.seconds:.1f}"])
+    return markdown(head, rows)
+
+
+def uncertainty(summaries: list[MeasuredSummary]) -> list[str]:
+    head = ["condition"]
+    for name, unit in (
+        ("finished, along b", "mm"),
+        ("finished, bevel", "deg"),
+        ("inspected root", "mm"),
+        ("inspected root, edge declared sharp", "mm"),
+        ("inspected bevel", "deg"),
+    ):
+        head += covered_head(name, unit)
+    rows = [
+        [
+            s.condition,
+            *covered(s.predicted, 3),
+            *covered(s.predicted_turn, 3),
+            *covered(s.root_cover, 4),
+            *covered(s.sharp_cover, 4),
+            *covered(s.bevel_cover, 3),
+        ]
+        for s in summaries
+    ]
+    return markdown(head, rows)
+
+
+def causes(summaries: list[MeasuredSummary]) -> list[str]:
+    """Every part that was refused or crashed, with the cause; those beyond the allowance are only counted."""
+    found = [
+        (s.condition, word, cause, r)
+        for s in summaries
+        for word, cause, r in (
+            *(("refused", r.refused, r) for r in s.refused),
+            *(("**crashed**", r.crashed, r) for r in s.crashed),
+        )
+    ]
+    return told(found)
+
+
+def three(values: Float, digits: int) -> str:
+    return ", ".join(f"{v:.{digits}f}" for v in values)

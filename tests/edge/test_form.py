@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from bench.coverage.conditions import random_swept_recipe
 from workbench.artefacts import FORM, ROUNDING
@@ -25,6 +26,7 @@ from workbench.edge.form import (
     _excess,
     _groups,
     _known_depths,
+    _log_likelihoods,
     _nothing_known,
     _odd_columns,
     levels_mm,
@@ -229,3 +231,17 @@ def test_a_proven_rounding_makes_no_doubt_of_the_root_faces_direction() -> None:
     assert any("rounded" in one for one in edge.warnings)
     assert np.nanmedian(u) < 0.2
     assert np.nanmax(np.abs(off) / u) < 3.0
+
+
+def test_shapes_that_reach_differently_far_have_their_own_likelihoods() -> None:
+    """As scipy's normal density, whatever the shape before left of the Cholesky rows."""
+    rng = np.random.default_rng(8)
+    groups, shapes = 12, 40
+    wide = rng.normal(size=(groups, groups))
+    covariance, mean = wide @ wide.T + np.eye(groups), rng.normal(size=groups)
+    fall, u, found = np.zeros((shapes, groups)), np.zeros((shapes, groups)), np.empty(shapes)
+    for n, reach in enumerate(rng.integers(0, groups + 1, shapes)):
+        fall[n, :reach], u[n, :reach] = rng.normal(size=(2, reach)) ** 2
+    _log_likelihoods(mean, covariance, fall, u, found)
+    plain = [stats.multivariate_normal(fall[n], covariance + np.diag(u[n] ** 2)).logpdf(mean) for n in range(shapes)]
+    np.testing.assert_allclose(found - 0.5 * groups * math.log(2.0 * math.pi), plain, rtol=0, atol=1e-9)

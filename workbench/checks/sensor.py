@@ -301,7 +301,7 @@ def _series(z_mm: AnyArray, pass_index: Int) -> Float:
     at = np.flatnonzero(pass_index == np.bincount(pass_index - pass_index.min()).argmax() + pass_index.min())
     start = max(len(at) - BLOCK, 0) // 2
     columns = np.unique(np.linspace(0, z_mm.shape[1] - 1, SERIES).astype(int))
-    return np.asarray(z_mm[at[start : start + BLOCK]][:, columns].T.astype(np.float64))
+    return np.asarray(z_mm[at[None, start : start + BLOCK], columns[:, None]].astype(np.float64))
 
 
 def _unbent(series: Float) -> Float:

@@ -531,22 +531,33 @@ def _nothing_known(groups: int) -> Depths:
 
 @kernel
 def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, out: Float) -> None:
-    """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u."""
+    """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
+
+    Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
+    lies there stand first, and are kept from shape to shape.
+    """
     size = len(mean)
-    lower, white = np.empty((size, size)), np.empty(size)
+    lower, white, log = np.zeros((size, size)), np.empty(size), np.zeros(size + 1)
+    same = 0  # rows behind the last shape
     for n in range(len(expected)):
-        out[n] = 0.0
-        for i in range(size):  # Cholesky, and the forward substitution with it
+        behind = size
+        for i in range(size):
+            if u[n, i] != 0.0 or expected[n, i] != 0.0:
+                behind = size - 1 - i
+        for i in range(min(same, behind), size):  # Cholesky, and the forward substitution with it
+            row = size - 1 - i
             for j in range(i + 1):
-                rest = covariance[i, j]
+                rest = covariance[row, size - 1 - j]
                 for k in range(j):
                     rest -= lower[i, k] * lower[j, k]
-                lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(rest + u[n, i] ** 2)
-            rest = mean[i] - expected[n, i]
+                lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(rest + u[n, row] ** 2)
+            rest = mean[row] - expected[n, row]
             for k in range(i):
                 rest -= lower[i, k] * white[k]
             white[i] = rest / lower[i, i]
-            out[n] -= 0.5 * white[i] ** 2 + math.log(lower[i, i])
+            log[i + 1] = log[i] - 0.5 * white[i] ** 2 - math.log(lower[i, i])
+        same = behind
+        out[n] = log[size]
 
 
 class _Shapes(NamedTuple):

@@ -427,6 +427,27 @@ def _groups(columns: float) -> Float:
 
 
 @kernel
+def _one_surface(along: Float, below: Float, order: Int, step: float, fallen: float) -> tuple[float, float]:
+    """How many returns go on in one surface, without gap of columns or jump, from an end `fallen` deep; how far."""
+    reach, level, further = 0.0, fallen, 0
+    for j in order:
+        if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
+            break
+        further += 1
+        reach, level = along[j], max(below[j], 0.0)
+    return float(further), reach
+
+
+@kernel
+def _group_of(place: float, edges: Float) -> int:
+    """Number of the group between `edges` (g + 1,) in which a place lies; -1 before them."""
+    group = -1
+    while group + 1 < edges.size and edges[group + 1] <= place:
+        group += 1
+    return group
+
+
+@kernel
 def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, last: Float) -> None:
     """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
 
@@ -456,23 +477,13 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
         # Where the end is told on a rounding, what falls to it and what follows it lie deep.
         fallen = last[i, 1] if last[i, 1] > 0.0 else 0.0
         deep = STEP_MM + fallen
-        reach, level, further = 0.0, fallen, 0
-        for k in range(outside):  # one surface: no gap of columns, no jump
-            j = order[k]
-            if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
-                break
-            further += 1
-            reach, level = along[j], max(below[j], 0.0)
-        last[i, 0] = further
+        last[i, 0], reach = _one_surface(along, below, order[:outside], step, fallen)
         total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
         for j in range(columns):
             on_line = -edges[-1] * step < along[j] <= 1e-6
             on_line &= -STEP_MM < below[j] < (deep if along[j] > -LAST * step else STEP_MM)
             if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):
-                place = (reach - along[j]) / step + 0.5
-                group = -1
-                while group + 1 < edges.size and edges[group + 1] <= place:
-                    group += 1
+                group = _group_of((reach - along[j]) / step + 0.5, edges)
                 if 0 <= group < total.size:
                     total[group] += below[j]
                     count[group] += 1.0

@@ -38,7 +38,6 @@ LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had se
 NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 LEAST_SIGMA_MM = 1e-3
-ROOT_SHOWS = 0.5  # share of the profiles that show a root face, for there to be one
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 STRAY_SIGMAS = 3.5
 LEAST_ACROSS = 0.5  # of an error along the rays, that counts across a face: steeper ones show other errors
@@ -354,6 +353,21 @@ def _line(points: Float, ray: Float) -> tuple[Float, float, float, float, float,
     )
 
 
+def _median_or(values: Float, otherwise: float) -> float:
+    """The median of values (n,) less their NaN; of nothing else the other."""
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else otherwise
+
+
+def _hidden_lever(fillets: Fillets, k: int, arc: Float, ray: Float, noise_mm: float) -> float:
+    """By how much an error across the arc of profile k moves its radius; NaN: no circle, else it joins the fillets."""
+    circle = fit_circle(arc, ray, noise_mm)
+    if circle is None:
+        return math.nan
+    fillets.add(k, circle)
+    half = math.asin(min(1.0, 0.5 * float(np.linalg.norm(arc[-1] - arc[0])) / circle.radius_mm))
+    return 1.0 / (1.0 - math.cos(half))
+
+
 def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Float, which: int) -> Lines:
     """The left (0) or right (1) plate of every profile."""
     n, mirror = s.size, (1.0, -1.0)[which]
@@ -397,8 +411,6 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         points, at = section_points(cloud, read, curve, s, turn, k, np.concatenate(take), mirror)
         cuts = np.cumsum([part.size for part in take])[:-1]
         upper, face, arc, end, below, beside = np.split(points, cuts)
-        if face.size:
-            value["face_s"][k] = float(np.split(at, cuts)[1].mean())
         held.append((k, upper, face, arc, ray, np.split(at, cuts)[:2], beside))
         ends[k], last[k], value["step"][k] = end[0], end[1], side.step_mm * beyond_last[k]
         columns = read.columns[k]
@@ -407,7 +419,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         spacing = float(np.median(np.hypot(*np.diff(upper[-30:], axis=0).T)))
         value["missing"][k] = spacing * _without_return(columns, side.last, which)
         value["edge_step"][k], value["grazing"][k] = spacing * beyond_end[k], side.step_mm / spacing
-        if below.shape[0] >= 2:
+        if len(below) >= 2:
             low = below[np.argmin(below[:, 1])]
             beneath[k] = np.abs(low - end[1])
             lowest[k] = np.nan if side.covered else low
@@ -423,13 +435,12 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         of_plate.add(read.columns[k][side.upper[on]], off[on])
         if face.size:
             value["width_f"][k] = math.dist(face[0], face[-1])
+            value["face_s"][k] = float(np.split(at, cuts)[1].mean())
             place, value["rms_f"][k], level, *_, value["share"][k] = _line(face, ray)
             off = (face - place) @ np.array([-math.sin(level), math.cos(level)]) / value["share"][k]
             on = np.abs(off) < STRAY_SIGMAS * value["rms_f"][k]
             of_face.add(read.columns[k][side.face[on]], off[on])
-    noise_p, noise_f = (
-        float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else 0.02 for name in ("rms_p", "rms_f")
-    )
+    noise_p, noise_f = _median_or(value["rms_p"], 0.02), _median_or(value["rms_f"], 0.02)
     guess, told = 4.0, np.mean(beyond_end == 1) > COVERED  # beside blind columns, or a gap that looks like these
     for k, upper, face, arc, ray, cuts_at, beside in held:
         centre, _, angle, angle_v, off_v, _ = _line(upper, ray)
@@ -438,15 +449,9 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         plate = (centre, angle, value["plate_v"][k], off_v * noise_p**2)
         if kind in ("edge", "hidden") and not (beyond_end[k] > 1 and told):
             corner[k], corner_v[k] = _end_corner(plate, ends[k], value["edge_step"][k])
-        if kind == "edge":
-            continue
         if kind == "hidden":
-            circle = fit_circle(arc, ray, noise_p)
-            if circle is not None:
-                fillets.add(k, circle)
-                chord = float(np.linalg.norm(arc[-1] - arc[0]))
-                half = math.asin(min(1.0, 0.5 * chord / circle.radius_mm))
-                value["lever"][k] = 1.0 / (1.0 - math.cos(half))
+            value["lever"][k] = _hidden_lever(fillets, k, arc, ray, noise_p)
+        if kind in ("edge", "hidden"):
             continue
         middle, _, way, way_v, face_off_v, share = _line(face, ray)
         way = _downwards(way)
@@ -462,14 +467,10 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         value["face_way"][k] = _way_along(face, cuts_at[1], way)
         corner[k], corner_v[k] = _crossing(plate, (middle, way, way_v, face_off_v))
         form.add_strip(beside, plate, corner[k])
-    width_p, width_f = (
-        float(np.nanmedian(value[name])) if np.isfinite(value[name]).any() else math.nan
-        for name in ("width_p", "width_f")
-    )
+    width_p, width_f = _median_or(value["width_p"], math.nan), _median_or(value["width_f"], math.nan)
     is_covered = bool(np.mean([side.covered for side in read.sides[which]]) > COVERED)
-    if is_covered:
-        last[:], lowest[:] = np.nan, np.nan
-    across = float(np.nanmedian(value["share"])) if np.isfinite(value["share"]).any() else 1.0
+    last[is_covered], lowest[is_covered] = np.nan, np.nan  # all or none
+    across = _median_or(value["share"], 1.0)
     return Lines(
         kind,
         value["plate"],

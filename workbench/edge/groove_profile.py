@@ -197,18 +197,13 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
             break
         if not -ASIDE_OF_EDGE_MM < x[end] - cross < NEAR_MM:
             break  # the other plate's face
-        trim = TRIM_MM  # a rounding takes as much off both faces
-        if rounded >= 0:
-            away = math.hypot(x[rounded] - corner[0], y[rounded] - corner[1])
-            trim = max(trim, away + max(0.5 * TRIM_MM, ROUND_MORE * away))
+        trim = _trim_mm(x, y, corner, rounded)
         upper = on[x[on] < cross - trim]
         if upper.size < LEAST_PLATE_POINTS:
             return None
         last, off = _followed(x, y, line, last)
         arc = _fillet(x, y, lines, number, level, fall, last)
-        other = None if arc.size else _goes_on(x, y, lines, falls, number, last)
-        if other is None and not arc.size and _flattens(x, y, level, fall, last):
-            other = "unread"  # the face of a fillet of which too little is seen is no bevel
+        other = None if arc.size else _no_bevel(x, y, lines, falls, number, last, level)
         if other is not None:
             return Side(other, math.nan, corner, upper, nothing, nothing, end, last, _step(x, y, upper), 0.0, nothing)
         face = np.arange(first, last + 1)
@@ -224,6 +219,34 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
         step = _step(x, y, face if not arc.size else arc)
         below = nothing if kind == "square" else _root_face(x, y, level, innermost)
         return Side(kind, fall, corner, upper, face, arc, end, innermost, step, 0.0, below)
+    return _without_face(x, y, above, lines, plate, on, end)
+
+
+def _trim_mm(x: Float, y: Float, corner: Float, rounded: int) -> float:
+    """What is left out of both faces beside their corner: a rounding to point `rounded` (-1: none) takes off both."""
+    if rounded < 0:
+        return TRIM_MM
+    away = math.hypot(x[rounded] - corner[0], y[rounded] - corner[1])
+    return max(TRIM_MM, away + max(0.5 * TRIM_MM, ROUND_MORE * away))
+
+
+def _no_bevel(
+    x: Float, y: Float, lines: Float, falls: list[float], number: int, last: int, level: float
+) -> Kind | None:
+    """What a face without fillet, line `number` to point `last`, is instead of a bevel; None: it may be one."""
+    other = _goes_on(x, y, lines, falls, number, last)
+    if other is None and _flattens(x, y, level, falls[number], last):
+        return "unread"  # the face of a fillet of which too little is seen is no bevel
+    return other
+
+
+def _without_face(x: Float, y: Float, above: Float, lines: Float, plate: Float, on: Int, end: int) -> Side | None:
+    """A plate of whose groove face nothing is read, to the last return `end` on it; on: points of its surface.
+
+    above: how far the points lie above the surface, mm.
+    """
+    level = math.atan(plate[SLOPE])
+    nothing = np.empty(0, np.int64)
     upper = on[x[on] < x[end] - TRIM_MM]
     if upper.size < LEAST_PLATE_POINTS:
         return None
@@ -239,10 +262,10 @@ def _side(x: Float, y: Float, lines: Float, plate: Float, over: bool) -> Side | 
             "hidden", math.nan, corner, upper, nothing, arc, end, int(arc[-1]), _step(x, y, arc), beyond, nothing
         )
     beneath = any(
-        line[FIRST] > end and line[LAST] - line[FIRST] >= SEEN_BELOW and LEAST_FALL < fall < SQUARE
-        for line, fall in zip(lines, falls, strict=True)
+        line[FIRST] > end and line[LAST] - line[FIRST] >= SEEN_BELOW and LEAST_FALL < _fall(level, line) < SQUARE
+        for line in lines
     )  # a face, of which the upper part is not seen
-    kind = "unread" if beneath or _goes_down(x, y, above, level, end) else "edge"
+    kind: Kind = "unread" if beneath or _goes_down(x, y, above, level, end) else "edge"
     return Side(kind, math.nan, corner, upper, nothing, nothing, end, end, step, beyond, nothing)
 
 

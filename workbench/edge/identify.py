@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -133,34 +134,27 @@ def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: f
             for side, bevel, root in ((1, i, j), (-1, j, i)):
                 onward = after if side > 0 else before
                 backward = before if side > 0 else after
-                reading = _read(
-                    chain,
-                    sense,
-                    side,
-                    bevel,
-                    root,
-                    backward.get(bevel),
-                    onward.get(root),
-                    root_nominal_mm,
-                    bevel_nominal,
-                )
+                faces = _Numbers(backward.get(bevel), bevel, root, onward.get(root))
+                reading = _read(chain, faces, sense, side, root_nominal_mm, bevel_nominal)
                 first, last = bool(cut[0]) and root == 0, bool(cut[1]) and root == len(chain) - 1
                 if reading.score + CUT_OFF * (first or last) < WORST_SCORE:
                     yield replace(reading, score=reading.score + CUT_OFF * (first or last))
 
 
+class _Numbers(NamedTuple):
+    """Which faces of a chain are told as what; None: nothing joins the bevel or root face there."""
+
+    upper: int | None
+    bevel: int
+    root: int
+    lower: int | None
+
+
 def _read(
-    chain: Float,
-    sense: int,
-    side: int,
-    bevel: int,
-    root: int,
-    upper: int | None,
-    lower: int | None,
-    root_nominal_mm: float,
-    bevel_nominal: float,
+    chain: Float, faces: _Numbers, sense: int, side: int, root_nominal_mm: float, bevel_nominal: float
 ) -> Candidate:
-    """The reading in which faces number `bevel` and `root` are those, with what joins them beyond."""
+    """The reading of a chain by which these are its faces."""
+    upper, bevel, root, lower = faces
     b, r = chain[bevel], chain[root]
 
     def convex(first: Float, second: Float) -> float:

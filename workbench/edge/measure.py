@@ -15,7 +15,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
-from workbench.edge.root_end import RootEnds, root_ends
+from workbench.edge.root_end import Corner, RootEnds, root_ends
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
@@ -239,14 +239,14 @@ def _state(
     faces = _directions(cloud, tracked, curve, s, of)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
-    ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
+    ends = root_ends(cloud, tracked, curve, root, faces.bevel, made, s)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
     course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = None
     if few is None:
-        ends = root_ends(cloud, tracked, curve, root, faces.bevel, made.tilt, made.beta, made.up, s)
+        ends = root_ends(cloud, tracked, curve, root, faces.bevel, made, s)
         end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course), course)
         course = end.course
         made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
@@ -275,20 +275,7 @@ def _state(
     return measured, lower_edge, s_low
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Corner:
-    """The corner of both faces in N frames, and their angles there."""
-
-    tilt: Shaped[Float, " N"]  # direction of the root face, rad
-    beta: Shaped[Float, " N"]  # bevel angle, rad
-    up: Shaped[Float, " N"]  # distance along the root face to the corner, mm
-    upper_s: Shaped[Float, " N"]  # arc length of the corner, mm
-    lever: Shaped[Float, " N"]  # distance of the bevel's measured points from it, mm
-    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
-    bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
-
-
-def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> _Corner:
+def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> Corner:
     """The corner where the root face has a size (N,) that changes by `size_slope` (N,); about which angles, rad.
 
     An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
@@ -309,7 +296,7 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)
     tilt, beta = face_angles(faces, at, _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s))
-    return _Corner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
+    return Corner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
 
 
 def _near(s: Float, value: Float, at: Float) -> Float:

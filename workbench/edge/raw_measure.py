@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -186,8 +187,9 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)
     bend = _bend(curve, tilt)
+    sections = _Sections(curve, s, tilt, bend)
     both = [
-        _side(cloud, found, ends, curve, s, tilt, sigma, bend, outward, vibration)
+        _side(cloud, found, ends, outward, sections, sigma, vibration)
         for ends, outward in ((found.lower, -1.0), (found.upper, 1.0))
     ]
     loose = _loose(both[0], both[1], bend, cloud.pass_index, whole)
@@ -298,22 +300,29 @@ class _Side:
         return self.sigma**2 + self.step**2 / 12.0
 
 
+class _Sections(NamedTuple):
+    """Where the frames' sections stand, and what turns in them along the edge."""
+
+    curve: Curve
+    s: Shaped[Float, " N"]  # about where each frame meets it, mm
+    tilt: Course  # direction of the face, rad
+    bend: scipy.interpolate.CubicSpline  # of the face along m, mm
+
+
 def _side(
     cloud: Cloud,
     found: RawFaces,
     ends: FaceEnds,
-    curve: Curve,
-    s_guess: Float,
-    tilt: Course,
-    range_sigma_mm: float,
-    bend: scipy.interpolate.CubicSpline,
     outward: float,
+    sections: _Sections,
+    range_sigma_mm: float,
     vibration: Float,
 ) -> _Side:
     """One end of the face in the sections of `curve`: its corners where they show enough of it, else silhouettes too.
 
     A frame's own shift scatters its silhouette and its corner alike.
     """
+    curve, s_guess, tilt, bend = sections
     here = np.isfinite(ends.point[:, 0]) & np.isfinite(s_guess)
     pose = cloud.base_from_profiler[here, :3]
     point = pose[:, :, 3] + ends.point[here, :1] * pose[:, :, 0] + ends.point[here, 1:] * pose[:, :, 2]

@@ -33,21 +33,33 @@ class RootEnds:
     fill_sigma: Shaped[Float, " N"]  # its standard uncertainty
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Corner:
+    """The corner of both faces in N frames, and their angles there."""
+
+    tilt: Shaped[Float, " N"]  # direction of the root face, rad
+    beta: Shaped[Float, " N"]  # bevel angle, rad
+    up: Shaped[Float, " N"]  # distance along the root face to the corner, mm
+    upper_s: Shaped[Float, " N"]  # arc length of the corner, mm
+    lever: Shaped[Float, " N"]  # distance of the bevel's measured points from it, mm
+    root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
+    bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
+
+
 def root_ends(
     cloud: Cloud,
     tracked: TrackedFaces,
     curve: Curve,
     root: SectionLines,
     bevel: SectionLines,
-    tilt: Float,
-    beta: Float,
-    up: Float,
+    corner: Corner,
     s: Float,
 ) -> RootEnds:
-    """The end of the root face in every frame; up (N,): distance of the corner with the bevel along the root face, mm.
+    """The end of the root face in every frame, counted from its corner with the bevel face.
 
     Where the lower surface is seen, the end is the corner with it, and the step 0.
     """
+    tilt, beta = corner.tilt, corner.beta
     pose = cloud.base_from_profiler[:, :3]
     end = tracked.root_end
     point = pose[:, :, 3] + end[:, :1] * pose[:, :, 0] + end[:, 1:2] * pose[:, :, 2]
@@ -63,13 +75,15 @@ def root_ends(
     down[tracked.end_is_cut | tracked.end_is_burred] = np.nan
     root_share = (1.0 / np.tan(beta) + ray_m / ray_n) ** 2
     if tracked.end_is_corner.any():
-        corner, lean = _lower_corner(cloud, tracked, curve, root, tilt, s)
-        at_corner = tracked.end_is_corner & np.isfinite(corner)
-        down, step = np.where(at_corner, corner, down), np.where(at_corner, 0.0, step)
+        lower, lean = _lower_corner(cloud, tracked, curve, root, tilt, s)
+        at_corner = tracked.end_is_corner & np.isfinite(lower)
+        down, step = np.where(at_corner, lower, down), np.where(at_corner, 0.0, step)
         root_share = np.where(at_corner, (1.0 / np.tan(beta) - 1.0 / np.tan(lean)) ** 2, root_share)
     variance = root_share * root.offset_variance + bevel.offset_variance / np.sin(beta) ** 2
     fill, fill_sigma = last_pixel_fill(cloud, tracked)
-    return RootEnds(up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index), fill, fill_sigma)
+    return RootEnds(
+        corner.up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index), fill, fill_sigma
+    )
 
 
 def last_pixel_fill(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:

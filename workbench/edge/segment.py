@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import covered, doubtful_slope
 from workbench.kernels import kernel
 from workbench.stage import stage
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int
+from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 STATION_MM = 1.0
 HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
@@ -285,8 +286,8 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
     reach = np.sqrt(3.0 * root.sxx / root.count) + REACH_MM
     limit = np.maximum(STANDS_OUT_MM, STANDS_OUT_SIGMAS * tracked.range_sigma_mm[:, 2])
     grid = as_rows(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep), as_input(tracked.labels)
-    known = as_input(line), as_input(tracked.side), as_input(reach), as_input(limit)
-    counts = over_blocks(lambda i, j: _standing_out(*grid, *known, i, j), cloud.x_mm.shape)
+    face = RootLines(as_input(line), as_input(tracked.side), as_input(reach), as_input(limit))
+    counts = over_blocks(lambda i, j: _standing_out(*grid, face, i, j), cloud.x_mm.shape)
     found = tracked.seen & (np.concatenate(counts) >= LEAST_POINTS)
     s = measured.s_low[found & np.isfinite(measured.s_low)]
     number = np.rint(np.interp(s, at, np.arange(at.size))).astype(np.int64)
@@ -294,24 +295,22 @@ def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: F
     return np.flatnonzero(count >= LEAST_FRAMES)
 
 
+class RootLines(NamedTuple):
+    """The root face in N frames, about which points stand out."""
+
+    line: Shaped[Float, "N 4"]  # x and z of its middle, its slope, and distance out of it per mm of range
+    side: Shaped[Float, " N"]  # 1 where it goes on to larger x, -1
+    reach: Shaped[Float, " N"]  # how far from its middle points count, mm
+    limit: Shaped[Float, " N"]  # further out they stand out, mm
+
+
 @kernel
-def _standing_out(
-    x: Float32,
-    z: Float32,
-    keep: Bool,
-    labels: AnyArray,
-    line: Float,
-    side: Float,
-    reach: Float,
-    limit: Float,
-    first: int,
-    last: int,
-) -> Int:
+def _standing_out(x: Float32, z: Float32, keep: Bool, labels: AnyArray, face: RootLines, first: int, last: int) -> Int:
     """How many points of each frame first to last - 1 stand out of the root face about its lower half.
 
-    line (N, 4): x and z of the root face's middle, its slope, and distance out of it per mm of range. Points of a face
-    do not count; frames without a root face (NaN) have none.
+    Points of a face do not count; frames without a root face (NaN) have none.
     """
+    line, side, reach, limit = face
     out = np.zeros(last - first, np.int64)
     for i in range(first, last):
         count, x_row = 0, x[min(i, len(x) - 1)]

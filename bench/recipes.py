@@ -9,20 +9,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from workbench.synthetic.conditions import draw_course
+
 Document: TypeAlias = dict[str, Any]
 Generator: TypeAlias = np.random.Generator
 
 
 def course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
-    """A value about `mean` that drifts by up to `drift` from end to end, and waves by up to `wave` each way."""
-    change = rng.uniform(-drift, drift)
-    return {
-        "start": mean - change / 2,
-        "end": mean + change / 2,
-        "amplitude": rng.uniform(0, wave),
-        "wavelength_mm": rng.uniform(60, 200),
-        "phase_deg": rng.uniform(0, 360),
-    }
+    """As `draw_course`; no wave is shorter than 60 mm."""
+    return draw_course(rng, mean, drift, wave, shortest_mm=60)
 
 
 def anywhere(rng: Generator, pitch_deg: float, yaw_deg: float) -> Document:

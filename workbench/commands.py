@@ -227,8 +227,7 @@ def run(options: argparse.Namespace) -> int:
     """Run a pipeline: results as files and as a table, progress on standard error."""
     from workbench.errors import StreamError
     from workbench.pipeline import Pipeline
-    from workbench.pipeline.progress import Lines
-    from workbench.pipeline.tables import print_files, print_findings
+    from workbench.pipeline.terminal import Lines, print_files, print_findings
 
     load_plugins(options)
     unprintable: list[StreamError] = []
@@ -314,7 +313,7 @@ def validate(options: argparse.Namespace) -> int:
     """Check a pipeline without running it."""
     load_plugins(options)
     from workbench.pipeline import Pipeline
-    from workbench.pipeline.tables import print_plan
+    from workbench.pipeline.terminal import print_plan
 
     plan = Pipeline.load(options.pipeline).plan(
         assignments(options.input, "--input"), assignments(options.set, "--set")
@@ -330,7 +329,7 @@ def stages(options: argparse.Namespace) -> int:
     from workbench.pipeline.catalogue import catalogue, find, print_stages
 
     if options.name:
-        from workbench.pipeline.tables import print_stage
+        from workbench.pipeline.terminal import print_stage
 
         printed(print_stage, find(options.name, "workbench stages"))
         return 0
@@ -366,7 +365,7 @@ def schema(options: argparse.Namespace) -> int:
 
 def simulate(options: argparse.Namespace) -> int:
     """Make a synthetic recording and its truth."""
-    from workbench.pipeline.progress import Lines, compilation_watch
+    from workbench.pipeline.terminal import Lines, compilation_watch
     from workbench.synthetic.simulate import simulate_file, truth_path
 
     lines = Lines(sys.stderr)

@@ -19,7 +19,7 @@ from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, led
 from bench.outside import FAR_MM, simulate
 from bench.recipes import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
 from workbench.artefacts import PreparationInspection, Recording, u_name
-from workbench.artefacts.grooves import PREPARATION_TERMS
+from workbench.artefacts.edges import PREPARATION_TERMS
 from workbench.cloud import denoise
 from workbench.edge import segment_preparation
 from workbench.errors import WorkbenchError

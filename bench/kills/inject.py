@@ -121,8 +121,8 @@ def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
     """`workbench run`, its results computed once."""
     from workbench.pipeline import Pipeline
     from workbench.pipeline.output import OutputDirectory
-    from workbench.pipeline.progress import Reporter
     from workbench.pipeline.run import run_files, run_plan
+    from workbench.pipeline.terminal import Reporter
 
     checked = Pipeline.load(ROOT / "pipelines" / pipeline).plan(inputs)
     files = run_files(checked, run_plan(checked, Reporter()))

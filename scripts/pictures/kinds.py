@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
-from workbench.artefacts.grooves import u_name
+from workbench.artefacts.edges import u_name
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.pieces import BLUE, GREY, INK, ORANGE, PALE, minus
 from workbench.report.groove import limits, sizes_of

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from workbench import Pipeline
 from workbench.artefacts import Chapter, Provenance, Recording
-from workbench.pipeline.progress import Reporter
 from workbench.pipeline.run import Results, provenance, run_plan
+from workbench.pipeline.terminal import Reporter
 from workbench.pipeline.wiring import Plan, Step
 from workbench.scan import write
 from workbench.stage import Stage

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.importing.grid import columns_by_count, columns_by_spacing
+from workbench.importing.neutral import columns_by_count, columns_by_spacing
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.importing import grid
+from workbench.importing import neutral
 from workbench.importing import text as texts
 from workbench.importing.mapping import Mapping
 from workbench.importing.tables import read
@@ -41,7 +41,7 @@ def test_stretches_and_blocks_change_nothing(
     whole = read(path, MAPPING).profiles
     monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
     monkeypatch.setattr(texts, "HEAD_BYTES", 64)
-    monkeypatch.setattr(grid, "BLOCK_POINTS", max(block_points, 200))
+    monkeypatch.setattr(neutral, "BLOCK_POINTS", max(block_points, 200))
     pieces = read(path, MAPPING).profiles
     assert whole is not None
     assert pieces is not None

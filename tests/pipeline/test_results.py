@@ -11,7 +11,7 @@ from workbench import edge, inspect, scan
 from workbench.artefacts import Cutter, Engagement, Layer, LayerEngagement, Rework, Stretch, Toolpath, Travel
 from workbench.pipeline.results import result_files
 from workbench.pipeline.run import Results
-from workbench.pipeline.tables import print_findings
+from workbench.pipeline.terminal import print_findings
 from workbench.result_files.contract import EngagementFile
 
 ROOT = Path(__file__).parents[2]

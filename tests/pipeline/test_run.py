@@ -13,7 +13,7 @@ import pytest
 from workbench import Pipeline, kernels, user_folder
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
-from workbench.pipeline.progress import Lines, Reporter, compilation_watch
+from workbench.pipeline.terminal import Lines, Reporter, compilation_watch
 from workbench.stage import stage
 
 Doc = dict[str, Any]

@@ -28,35 +28,31 @@ from workbench.artefacts.edges import (
     PASSES,
     ROOT_FACE,
     ROUNDING,
+    SIZES,
     TANGENT,
     UNLABELLED,
     UPPER_SURFACE,
+    Corner,
     Edge,
     EdgeProfile,
+    Groove,
+    GrooveInspection,
+    GrooveSection,
+    GrooveType,
     Inspection,
     MilledEdge,
+    Preparation,
+    PreparationInspection,
     Quantity,
     RawEdge,
     Requirements,
     Section,
     Uncertainty,
     UncertaintySource,
-    Verdict,
     conformity,
-)
-from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames
-from workbench.artefacts.grooves import (
-    SIZES,
-    Corner,
-    Groove,
-    GrooveInspection,
-    GrooveSection,
-    GrooveType,
-    Preparation,
-    PreparationInspection,
     u_name,
 )
-from workbench.artefacts.pages import Chapter, Document, Mark, Scene, Shading, Strokes
+from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames, Verdict
 from workbench.artefacts.paths import (
     ChainU,
     Cutter,
@@ -74,7 +70,7 @@ from workbench.artefacts.paths import (
     Travel,
 )
 from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
-from workbench.artefacts.showing import shown_all
+from workbench.artefacts.showing import Chapter, Document, Mark, Scene, Shading, Strokes, shown_all
 from workbench.geometry.chains import FaceLines
 from workbench.units import frozen
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from workbench.units import Float, Shaped
 
 if TYPE_CHECKING:
-    from workbench.artefacts.edges import Verdict
+    from workbench.artefacts.evidence import Verdict
     from workbench.artefacts.paths import Moves
 
 

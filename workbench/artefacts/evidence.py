@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from datetime import date, datetime
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
+
+Verdict = Literal["pass", "fail", "undecided"]
 
 UNSEEN = (
     "Errors of scale and linearity of the profile sensor (see its calibration certificate), and what it drifts during "

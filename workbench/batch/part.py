@@ -22,9 +22,9 @@ from workbench.batch.store import copied, is_remote, local_path, remote, version
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import Copied, PipelineDocument
 from workbench.pipeline.output import OutputDirectory
-from workbench.pipeline.progress import Reporter
 from workbench.pipeline.results import RUN_FILE, is_plain_name
 from workbench.pipeline.run import Results, resolved, run_files, run_plan, versions
+from workbench.pipeline.terminal import Reporter
 from workbench.pipeline.wiring import Plan, plan
 from workbench.result_files import BatchPartFile
 from workbench.strict_json import plain

@@ -9,10 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
-from workbench.checks.clock import clock_offset, jump_mm
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
-from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency
+from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, clock_offset, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import Chain, Few, chains, rough_mm
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.artefacts.grooves import PreparationType
+from workbench.artefacts.edges import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces, face_lines
 from workbench.edge.identify import crossing, whole_faces
 from workbench.edge.prepared_fillet import SHARP_MM, fit_fillet

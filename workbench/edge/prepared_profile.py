@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from workbench.artefacts.grooves import PreparationType
+from workbench.artefacts.edges import PreparationType
 from workbench.edge.identify import joined, turn
 from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
 from workbench.units import DEG, Float

@@ -11,11 +11,10 @@ import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
-from workbench.importing.grid import bounded, without
 from workbench.importing.joints import moved
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
-from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames
+from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames, bounded, without
 from workbench.importing.roles import TURN_DEG
 from workbench.scan.checks import normalised
 from workbench.scan.hdf5 import CPU_SECONDS, survives

@@ -14,9 +14,8 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.bags_reader import CLOUD, SCAN, Bag, Message, chosen_topic, listed, stamp_s
-from workbench.importing.grid import columns_by_count, columns_by_spacing, usual_pitch
 from workbench.importing.mapping_parts import LENGTH_MM, BagPart
-from workbench.importing.neutral import ProfileFrames
+from workbench.importing.neutral import ProfileFrames, columns_by_count, columns_by_spacing, usual_pitch
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 # Columns for profiles of different length, a block of them at a time, so that many take little room.

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded
 from workbench.importing.text import cells, head_text, numbered, numbers, read_lines_as_bytes
 from workbench.units import Float, Shaped
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import TextPart
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded
 from workbench.importing.text import Table, header_names, read_table
 from workbench.units import AnyArray, Int
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TextPart
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded
 from workbench.importing.text import cells, first_bytes, head_text, slabs
 
 NAME = "height grid (y/x)"

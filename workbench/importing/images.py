@@ -13,10 +13,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing import arrays
-from workbench.importing.grid import bounded, without
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded, without
 from workbench.scan.hdf5 import survives
 from workbench.units import AnyArray, Float
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, RawPart, TextPart
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded
 from workbench.importing.text import head_text, read_table
 from workbench.storage import regular_file
 from workbench.units import AnyArray

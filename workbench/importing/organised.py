@@ -11,9 +11,8 @@ import numpy as np
 
 from workbench.cloud.read import MM, Unit, grid_of, in_process
 from workbench.errors import InputError
-from workbench.importing.grid import bounded, gridded
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded, gridded
 from workbench.units import Float, Float32
 
 NAME = "cloud of a profiler (PCD, PLY)"

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.grid import gridded
 from workbench.importing.height_grids import CORNER
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, gridded
 from workbench.importing.text import cells, decoded, head_text, numbers, read_lines_as_bytes
 from workbench.units import Float, Int
 

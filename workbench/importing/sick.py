@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.errors import InputError, nearest
-from workbench.importing.grid import bounded
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, ProfileFrames, bounded
 from workbench.storage import regular_file
 from workbench.units import AnyArray
 

@@ -10,10 +10,9 @@ import numpy as np
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.importing.grid import MAX_MM
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_parts import LENGTH_MM
-from workbench.importing.neutral import PoseStream, ProfileFrames
+from workbench.importing.neutral import MAX_MM, PoseStream, ProfileFrames
 from workbench.units import Float, Float32
 
 REACH_MM = (100.0, 30_000.0)  # of a flange from its base: less is inside the robot, more needs a track of 30 m

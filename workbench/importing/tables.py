@@ -8,10 +8,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.gopxl import intensities
-from workbench.importing.grid import Points, bounded, without
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
-from workbench.importing.neutral import Imported, ProfileFrames
+from workbench.importing.neutral import Imported, Points, ProfileFrames, bounded, without
 from workbench.importing.text import (
     Table,
     cells,

@@ -17,10 +17,9 @@ import numpy as np
 from workbench.cloud.readers import READING
 from workbench.errors import InputError, OutputError
 from workbench.importing import joints, poses, tables
-from workbench.importing.grid import MAX_MM
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, TrackerPart
-from workbench.importing.neutral import Imported, PoseStream, TrackerReadings
+from workbench.importing.neutral import MAX_MM, Imported, PoseStream, TrackerReadings
 from workbench.importing.roles import LENGTHS, role_of
 from workbench.importing.text import (
     NO_VALUE,

@@ -24,7 +24,7 @@ from workbench.artefacts import (
     conformity,
     u_name,
 )
-from workbench.artefacts.grooves import Joint, JointInspection
+from workbench.artefacts.edges import Joint, JointInspection
 from workbench.errors import InputError, PipelineError, nearest
 from workbench.inspect.verdict import NO_HAND_EYE, NOT_INCLUDED, worst
 from workbench.stage import stage

@@ -20,8 +20,8 @@ from workbench.artefacts import (
     Section,
     Toolpath,
 )
+from workbench.artefacts.edges import JointInspection
 from workbench.artefacts.evidence import UNSEEN
-from workbench.artefacts.grooves import JointInspection
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json

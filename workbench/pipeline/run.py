@@ -36,8 +36,8 @@ from workbench.parameters import jsonable
 from workbench.pipeline.catalogue import FILES
 from workbench.pipeline.document import PipelineDocument, check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
-from workbench.pipeline.progress import Reporter, compilation_watch
 from workbench.pipeline.results import RUN_FILE, result_files, written
+from workbench.pipeline.terminal import Reporter, compilation_watch
 from workbench.pipeline.wiring import InputRecord, Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
 from workbench.user_folder import package_digest

@@ -17,7 +17,7 @@ from workbench.artefacts import (
     PreparationInspection,
     u_name,
 )
-from workbench.artefacts.grooves import PREPARATION_TERMS, TERMS, Joint, JointInspection
+from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, JointInspection
 from workbench.errors import one_line
 from workbench.report.along import TEXT_SIZE, gaps, hatch_hidden, mark_sections, svg
 from workbench.report.marks import GREY, INK, LIMIT, MEASURED, TOLERANCE

@@ -41,14 +41,14 @@ def draw_part(rng: Generator) -> Document:
     }
 
 
-def draw_course(rng: Generator, mean: float, drift: float, wave: float) -> Document:
+def draw_course(rng: Generator, mean: float, drift: float, wave: float, shortest_mm: float = 40) -> Document:
     """A value about `mean` that drifts by up to `drift` from end to end, and waves by up to `wave` each way."""
     change = rng.uniform(-drift, drift)
     return {
         "start": mean - change / 2,
         "end": mean + change / 2,
         "amplitude": rng.uniform(0, wave),
-        "wavelength_mm": rng.uniform(40, 200),
+        "wavelength_mm": rng.uniform(shortest_mm, 200),
         "phase_deg": rng.uniform(0, 360),
     }
 

@@ -11,21 +11,6 @@ import scipy
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import InputError
-from workbench.synthetic.swept.mesh import (
-    OTHER,
-    Hits,
-    Mesh,
-    Piece,
-    Relief,
-    chain_sheet,
-    gaussian_relief,
-    mesh_of,
-    plate_mesh,
-    relief_of,
-    sheet,
-    stations,
-    swept,
-)
 from workbench.synthetic.swept.recipe import (
     AnyRecipe,
     Ghost,
@@ -38,14 +23,27 @@ from workbench.synthetic.swept.recipe import (
     Texture,
 )
 from workbench.synthetic.swept.scanner import (
+    OTHER,
+    Hits,
+    Mesh,
     Motion,
+    Piece,
     Profiles,
+    Relief,
     Spoil,
     View,
+    chain_sheet,
     column_places,
+    gaussian_relief,
+    mesh_of,
     moves,
+    plate_mesh,
     recorded_hand_eye,
+    relief_of,
     see,
+    sheet,
+    stations,
+    swept,
 )
 from workbench.synthetic.swept.sweep import (
     BEVEL,

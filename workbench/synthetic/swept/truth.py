@@ -10,9 +10,8 @@ import numpy as np
 import scipy
 
 from workbench.synthetic.recipe import Strict
-from workbench.synthetic.swept.mesh import Relief
 from workbench.synthetic.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
-from workbench.synthetic.swept.scanner import placed
+from workbench.synthetic.swept.scanner import Relief, placed
 from workbench.synthetic.swept.sweep import (
     Curve,
     GrooveSizes,

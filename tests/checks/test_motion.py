@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.checks.clock import jump_mm
+from workbench.checks.motion import jump_mm
 from workbench.checks.window import end_step_check
 from workbench.units import Float
 

@@ -10,8 +10,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bench.calibration import arm, tools
-from bench.calibration.postures import CENTER_MM, TRUE, Measured, measured, sphere_centres, vol_mm
-from bench.calibration.two_steps import analytic, genetic, turn_cost
+from bench.calibration.paper import (
+    CENTER_MM,
+    TRUE,
+    Measured,
+    analytic,
+    genetic,
+    measured,
+    sphere_centres,
+    turn_cost,
+    vol_mm,
+)
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.table import markdown
 from bench.speed.calibration import with_signs

@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from bench.metrology.bound import WINDOW_MM
-from bench.metrology.information import ALONG, COUNT, Frames
+from bench.metrology.information import ALONG, COUNT, Frames, Rays
 from bench.metrology.part_result import Numbers, numbers
 from bench.metrology.places import clear_of_boundaries, parameter_at
-from bench.metrology.rays import Rays
 from bench.peers import open3d_planes, per_profile
 from workbench.artefacts import Recording
 from workbench.geometry import grids

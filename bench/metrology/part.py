@@ -8,11 +8,10 @@ import zlib
 import numpy as np
 
 from bench.metrology.bound import bounds_at
-from bench.metrology.information import frame_information
+from bench.metrology.information import exact_rays, frame_information, informative
 from bench.metrology.others import PEERS
 from bench.metrology.part_result import PartResult, numbers
 from bench.metrology.places import clear_of_boundaries, parameter_at
-from bench.metrology.rays import exact_rays, informative
 from workbench.artefacts import ROUNDING, Inspection, Recording, Requirements
 from workbench.cloud import denoise
 from workbench.edge import segment

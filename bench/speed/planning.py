@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from bench.speed.distances import layer_problems, open3d_distances, tree_distances
-from bench.speed.raw_edges import long_raw_edge
+from bench.speed.distances import layer_problems, long_raw_edge, open3d_distances, tree_distances
 from bench.speed.timing import REPEATS, in_turn, print_on_one_core
 from workbench.artefacts import Cloud, Edge, PathGate, Toolpath
 from workbench.path import check, feed, layers, simplify

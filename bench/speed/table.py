@@ -60,7 +60,7 @@ The files named tell it in full. Planning, calibration and postures: processor t
   through the two largest sizes that were run; `python -m bench.speed --all` runs it there too.
 - **Picture** (`bench/speed/pictures.py`): ours (`workbench/geometry/splat.py`) draws four times as many pixels,
   averages them and lights them by depth; VTK draws squares of 2 pixels without light.
-- **Planning** (`bench/speed/raw_edges.py`): ten layers of 0.7 mm; from edge and cloud to the program by
+- **Planning** (`bench/speed/distances.py`): ten layers of 0.7 mm; from edge and cloud to the program by
   `path.layers`, `path.feed`, `path.simplify`, `program.write`. d_min (`bench/speed/distances.py`): for every point
   of every layer, the index over the cloud included. The others run on 250 mm of the same edge; 5 m are taken as
   linear in the number of points.

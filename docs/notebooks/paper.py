@@ -33,8 +33,7 @@ def run(name, **inputs):
 # is another one, but the order of the two methods stays.
 
 # %%
-from bench.calibration.postures import measured, sphere_centres
-from bench.calibration.two_steps import analytic, genetic
+from bench.calibration.paper import analytic, genetic, measured, sphere_centres
 
 sets = measured(np.random.default_rng(3), moved=False)
 ways = {

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bench.metrology.bound import bounds_at, posterior_sd
-from bench.metrology.information import COUNT, frame_information
-from bench.metrology.rays import exact_rays, informative
+from bench.metrology.information import COUNT, exact_rays, frame_information, informative
 from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.units import DEG
 

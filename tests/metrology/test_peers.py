@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.metrology.information import frame_information
+from bench.metrology.information import exact_rays, frame_information, informative
 from bench.metrology.others import with_open3d, with_per_profile
-from bench.metrology.rays import exact_rays, informative
 from workbench.synthetic import parse_recipe, simulate_recording
 
 

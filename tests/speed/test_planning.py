@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from bench.speed.distances import layer_problems, open3d_distances, tree_distances
-from bench.speed.raw_edges import RADIUS_MM, THICKNESS_MM, long_raw_edge, section_frames
+from bench.speed.distances import (
+    RADIUS_MM,
+    THICKNESS_MM,
+    layer_problems,
+    long_raw_edge,
+    open3d_distances,
+    section_frames,
+    tree_distances,
+)
 from bench.speed.rows import planned
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE
 from workbench.geometry import grids

@@ -7,7 +7,6 @@ from workbench.checks.judge import (
     consistent_conventions,
     judge_recording,
     judged,
-    loosened,
     refuse_failed,
     refuse_unsound,
 )
@@ -28,7 +27,6 @@ __all__ = [
     "judged",
     "known_conventions",
     "known_profile_readings",
-    "loosened",
     "refuse_failed",
     "refuse_unsound",
 ]

@@ -604,8 +604,3 @@ def _unit(length_mm: float, usual_mm: tuple[float, float]) -> str:
 def _listed(names: Sequence[str]) -> str:
     more = f" (or {len(names) - TOLD} others)" if len(names) > TOLD else ""
     return " or ".join(names[:TOLD]) + more
-
-
-def loosened(checks: Sequence[Check]) -> tuple[str, ...]:
-    """The checks that only a user's limits let pass, in words."""
-    return tuple(f"check {one.name} was loosened: {one.finding}" for one in checks if one.loosened)

@@ -465,13 +465,6 @@ def _is_level(x: Float, y: Float, across: Float, up: Float) -> bool:
     return bool(-(off @ up) < abs(off @ across))
 
 
-def common_kind(sides: list[Side]) -> tuple[Kind, float]:
-    """The kind that most profiles show of a plate, and their share."""
-    kinds = [side.kind for side in sides]
-    best = max(set(kinds), key=kinds.count)
-    return best, kinds.count(best) / len(kinds)
-
-
 def upwards(x: list[Float], z: list[Float]) -> float:
     """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
 

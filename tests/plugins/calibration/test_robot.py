@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -177,6 +178,18 @@ def test_a_sphere_tells_the_wrist(tmp_path: Path) -> None:
     assert re.match(r"the hand-eye pose, with .* takes U = 0\.\d+ mm .* and 0\.\d+ deg of a bevel tol", pose["verdict"])
     with pytest.raises(InputError, match=r"expected a handeye\.json, found a robot\.json: give the handeye\.json"):
         read_hand_eye(tmp_path / "robot.json")
+
+
+def test_a_posture_whose_sphere_lies_off_is_left_out_and_by_how_much() -> None:
+    recording = read(recording=DATA / "sphere_robot.h5")
+    z = np.array(recording.z_mm)
+    z[recording.pass_index == 7] += 4.0
+    spoilt = dataclasses.replace(recording, z_mm=z)
+    *_, document, _ = robot_stage(circles(spoilt), spoilt, cell=CELL, joints=DATA / "sphere_joints.csv")
+    found = json.loads(document.content)
+    (told,) = found["left_out"]
+    assert float(re.findall(r"lies (\S+) mm", told["cause"])[0]) == pytest.approx(4.0, abs=0.3)
+    assert found["residual_rms_mm"] < 0.1
 
 
 def test_the_covariance_of_handeye_json_holds_what_the_last_joint_takes_from_the_pose() -> None:

@@ -1,0 +1,86 @@
+"""Limits: what is allowed, what a user may set, and what is told where only the user's limit allows a value."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from workbench.checks.limits import LIMITS, check, checked_limits, least, most, within
+from workbench.errors import PipelineError
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "allowed"),
+    [
+        (2.0, 2.0, True),
+        (2.1, 2.0, False),
+        (-1e9, 2.0, True),
+        (1.0, (1.0, 2.0), True),
+        (2.0, (1.0, 2.0), True),
+        (0.9, (1.0, 2.0), False),
+        (2.1, (1.0, 2.0), False),
+        (None, (1.0, 2.0), True),
+        (math.nan, 0.0, True),
+    ],
+)
+def test_a_limit_itself_is_allowed_and_so_is_what_was_not_found(value: Any, bound: Any, allowed: bool) -> None:
+    assert within(value, bound) is allowed
+
+
+def test_the_tables_bounds_by_name() -> None:
+    low, high = LIMITS["view_width_mm"].bound  # type: ignore[misc]
+    assert (least("view_width_mm"), most("view_width_mm")) == (low, high)
+    assert (least("range_mm"), most("range_mm")) == (-math.inf, LIMITS["range_mm"].bound)
+
+
+@pytest.mark.parametrize(
+    ("value", "given", "default", "passed", "loosened"),
+    [
+        (9.0, None, None, True, False),
+        (11.0, None, None, False, False),
+        (11.0, 12.0, None, True, True),  # the user's limit alone allows it
+        (9.0, 12.0, None, True, False),
+        (9.0, 8.0, None, False, False),  # and a stricter one refuses
+        (11.0, None, 12.0, True, False),  # a default of the recording's own is no loosening
+        (11.5, 12.0, 11.0, True, True),
+        (None, 12.0, None, True, False),
+        (math.nan, None, None, True, False),
+    ],
+)
+def test_a_check_says_whether_it_passed_and_by_whose_limit(
+    monkeypatch: pytest.MonkeyPatch, value: Any, given: Any, default: Any, passed: bool, loosened: bool
+) -> None:
+    monkeypatch.setitem(LIMITS, "range_mm", dataclasses.replace(LIMITS["range_mm"], bound=10.0))
+    found = check("range_mm", value, "seen", given=None if given is None else {"range_mm": given}, default=default)
+    assert (found.passed, found.loosened) == (passed, loosened)
+    assert found.value == (None if value is None or math.isnan(value) else value)
+    assert found.limit == (given or default or 10.0)
+    assert (found.name, found.finding, found.reason) == ("range_mm", "seen", LIMITS["range_mm"].reason)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("range_mm", "far", "expected a number"),
+        ("range_mm", True, "expected a number"),
+        ("range_mm", [1.0, 2.0], "expected a number"),
+        ("view_width_mm", 3.0, "expected two numbers"),
+        ("view_width_mm", [3.0], "expected two numbers"),
+        ("view_width_mm", [3.0, 4.0, 5.0], "expected two numbers"),
+        ("view_width_mm", [3.0, None], "expected two numbers"),
+        ("rang_mm", 3.0, "did you mean 'range_mm'"),
+    ],
+)
+def test_limits_that_are_none_are_refused_with_their_place(name: str, value: Any, words: str) -> None:
+    with pytest.raises(PipelineError) as refused:
+        checked_limits({name: value}, "scan.fuse.limits")
+    assert f"scan.fuse.limits.{name}: " in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_limits_are_taken_as_they_are_given() -> None:
+    assert checked_limits({"range_mm": [3], "view_width_mm": (1, 2.5)}, "") == {
+        "range_mm": 3.0,
+        "view_width_mm": (1.0, 2.5),
+    }

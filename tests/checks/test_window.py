@@ -1,0 +1,109 @@
+"""Ends of what is seen that stay in a column, or go in steps: the sensor's window, not the part."""
+
+import numpy as np
+import pytest
+
+from workbench.checks.levels import one_level
+from workbench.checks.window import end_step_check, fixed_end_share, hidden_columns
+from workbench.units import Bool
+
+
+def seen(first: list[int], last: list[int], columns: int = 100) -> Bool:
+    """Frames that show all from a column to another."""
+    at = np.arange(columns)
+    return np.array([(at >= low) & (at <= high) for low, high in zip(first, last, strict=True)])
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "share"),
+    [
+        ([10, 11, 12, 13], [80, 81, 82, 83], 0.25),
+        ([10, 10, 10, 13], [80, 81, 82, 83], 0.75),
+        ([10, 11, 12, 13], [83, 83, 80, 83], 0.75),
+        ([12, 12, 12, 10], [80, 81, 82, 83], 0.25),  # where it stays, others begin before it
+        ([0, 0, 0, 0], [80, 81, 82, 83], 0.25),  # the grid's own first column
+        ([0, 0, 0, 0], [99, 99, 99, 99], 0.0),
+        ([10, 10, 10, 10], [99, 99, 99, 99], 1.0),
+    ],
+)
+def test_an_end_counts_that_is_the_outermost_and_not_the_grids(first: list[int], last: list[int], share: float) -> None:
+    assert fixed_end_share(seen(first, last)) == pytest.approx(share)
+    assert fixed_end_share(seen(first, last)[:, ::-1]) == pytest.approx(share)
+    empty = np.zeros((3, 100), bool)
+    assert fixed_end_share(np.concatenate([seen(first, last), empty])) == pytest.approx(share)
+
+
+def test_frames_that_show_nothing_tell_of_no_end() -> None:
+    assert fixed_end_share(np.zeros((5, 100), bool)) == 0.0
+
+
+@pytest.mark.parametrize(("staying", "hidden"), [(4, 3), (3, 0)])
+def test_as_much_may_be_hidden_as_is_blind_elsewhere_where_an_end_stays(staying: int, hidden: int) -> None:
+    frames = seen([10] * staying + list(range(11, 21 - staying)), list(range(80, 90)))
+    frames[:, 40:43] = False
+    assert hidden_columns(frames) == hidden
+
+
+@pytest.mark.parametrize("step", [8, 16, 32])
+def test_a_face_that_ends_at_every_nth_column_alone_is_cut_by_a_window(step: int) -> None:
+    columns = 5 + step * np.repeat([3, 4, 5], 10)
+    found = end_step_check(columns)
+    assert found.value == step
+    assert f"every {step}th column" in found.finding
+    stray = np.concatenate([columns, [1, 2, 3, 6]])  # a few elsewhere
+    assert end_step_check(stray).value == step
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        5 + 32 * np.repeat([3, 4], 15),  # two places alone may be the part's
+        5 + 32 * np.repeat([3, 4, 5], 6),  # few frames
+        np.concatenate([5 + 32 * np.repeat([3, 4, 5], 10), np.arange(14)]),  # a third elsewhere
+        5 + 32 * np.repeat([3, 4, 5], [29, 29, 2]),  # the third place is an accident
+        np.arange(100, 140),
+    ],
+)
+def test_a_face_that_ends_anywhere_or_in_two_places_is_not(columns: np.ndarray) -> None:
+    found = end_step_check(columns)
+    assert found.value == 0
+    assert found.passed
+    assert found.finding == "the face ends in any column"
+
+
+FRAMES = 40
+LEVEL = [(np.array([0.5, 0.8]), np.array([1.01, 1.04]))]  # along and across, of the returns next to a face's end
+
+
+def test_returns_on_one_level_beside_a_face_are_told_by_their_share_and_height() -> None:
+    share, height = one_level(LEVEL * 30, FRAMES)
+    assert share == pytest.approx(30 / FRAMES)
+    assert height == pytest.approx(1.04, abs=0.05)
+    below = [(away, -across) for away, across in LEVEL]
+    assert one_level(below * 30, FRAMES) == pytest.approx((share, height), abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ([], 0.0),
+        (LEVEL * 1, 0.0),  # two returns
+        (LEVEL * 2, 2 / FRAMES),
+        ([(np.array([0.2, 0.5]), np.array([0.1, 1.0]))] * 30, 0.0),  # the face falls off
+        ([(np.array([0.05, 0.10]), np.array([1.0, 1.0]))] * 30, 0.0),  # at the end itself
+        ([(np.array([3.2, 3.4]), np.array([1.0, 1.0]))] * 30, 0.0),  # far along
+        ([(np.array([0.5, 0.8]), np.array([3.2, 3.2]))] * 30, 0.0),  # far across
+        ([(np.array([0.5, 0.8, 0.9]), np.array([2.0, 1.0, 1.0]))] * 30, 30 / FRAMES),
+        ([(np.array([0.5]), np.array([1.0 + 0.01 * k])) for k in range(40)], 0.0),  # as many right beside it
+    ],
+)
+def test_what_stands_on_no_level_is_another_surface(ends: list, told: float) -> None:  # type: ignore[type-arg]
+    assert one_level(ends, FRAMES)[0] == pytest.approx(told)
+
+
+def test_a_level_that_leans_is_another_surface() -> None:
+    level, leaning = (
+        [(np.array([0.2 + 0.01 * k]), np.array([1.02 + lean * 0.01 * k])) for k in range(30)] for lean in (0.1, 0.25)
+    )
+    assert one_level(level, FRAMES)[0] > 0.7
+    assert one_level(leaning, FRAMES)[0] == 0.0

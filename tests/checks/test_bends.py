@@ -1,0 +1,73 @@
+"""A corner within a face: its turn and its place, and shapes that are none."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import BEVEL_FACE
+from workbench.checks.bends import Bend, bend_of
+from workbench.units import DEG, Float
+
+WIDTH_MM, COLUMNS, FRAMES = 8.0, 160, 30
+P = np.linspace(0.0, 1.0, COLUMNS)  # shares of the width
+
+
+def found(
+    shape_mm: Float, noise_mm: float = 0.005, frames: int = FRAMES, columns: int = COLUMNS, turn_deg: float = 30.0
+) -> Bend:
+    """Of a face that leans, what it does beside its line (m,) in columns that are spread over it evenly."""
+    rng = np.random.default_rng(7)
+    along, across = WIDTH_MM * P, shape_mm + rng.normal(0.0, noise_mm, (frames, COLUMNS))
+    c, s = np.cos(turn_deg * DEG), np.sin(turn_deg * DEG)
+    x, z = c * along - s * across, 100.0 + s * along + c * across
+    labels = np.zeros(x.shape, np.uint8)
+    labels[:, np.linspace(0, COLUMNS - 1, columns).astype(int)] = BEVEL_FACE
+    keep = np.ones(x.shape, bool)
+    cloud: Any = SimpleNamespace(x_mm=x.astype(np.float32), z_mm=z.astype(np.float32), keep=keep)
+    return bend_of(cloud, labels, BEVEL_FACE)
+
+
+def corner(turn_deg: float, at: float) -> Float:
+    return WIDTH_MM * np.tan(turn_deg * DEG) * np.maximum(P - at, 0.0)
+
+
+@pytest.mark.parametrize("face_deg", [30.0, -140.0])
+@pytest.mark.parametrize(("turn_deg", "at"), [(1.5, 0.5), (-1.5, 0.5), (1.5, 0.25), (-2.0, 0.7)])
+def test_a_corner_is_found_by_its_turn_and_place(turn_deg: float, at: float, face_deg: float) -> None:
+    told = found(corner(turn_deg, at), turn_deg=face_deg)
+    assert abs(told.turn) / DEG == pytest.approx(abs(turn_deg), rel=0.1)
+    assert min(abs(told.at - at), abs(1.0 - told.at - at)) < 0.05
+    assert np.sign(told.turn) == np.sign(found(corner(2.0 * turn_deg, at), turn_deg=face_deg).turn)
+    assert np.sign(told.turn) == -np.sign(found(corner(-turn_deg, at), turn_deg=face_deg).turn)
+
+
+@pytest.mark.parametrize(
+    "shape_mm",
+    [
+        0.0 * P,
+        0.05 * (P - 0.5) ** 2,
+        -0.1 * P**2,
+        np.where(P > 0.5, 0.03, 0.0),
+        0.02 * np.sin(40.0 * P),
+    ],
+    ids=["straight", "bowed", "hollow", "step", "waves"],
+)
+def test_other_shapes_are_no_corner(shape_mm: Float) -> None:
+    assert found(shape_mm).turn == 0.0
+
+
+def test_a_corner_that_noise_hides_is_none() -> None:
+    assert found(corner(0.5, 0.5), noise_mm=0.001).turn != 0.0
+    assert found(corner(0.5, 0.5), noise_mm=0.3).turn == 0.0
+
+
+def test_less_than_the_sensor_knows_of_itself_is_none() -> None:
+    assert found(corner(0.005, 0.5), noise_mm=1e-6).turn == 0.0
+
+
+def test_few_frames_or_columns_tell_nothing() -> None:
+    shape = corner(2.0, 0.5)
+    assert [found(shape, frames=n).turn != 0.0 for n in (3, 4)] == [False, True]
+    assert [found(shape, columns=n).turn != 0.0 for n in (11, 20)] == [False, True]

@@ -87,8 +87,8 @@ def test_lines_equal_finely_sampled_ones() -> None:
 
 def test_a_sphere_around_two_holds_both_and_is_the_least() -> None:
     rng = np.random.default_rng(8)
-    for place in rng.normal(0.0, 100.0, (200, 2, 3)):
-        one, other = (np.append(at, radius) for at, radius in zip(place, rng.uniform(0.0, 150.0, 2), strict=True))
+    for middles in rng.normal(0.0, 100.0, (200, 2, 3)):
+        one, other = (np.append(at, radius) for at, radius in zip(middles, rng.uniform(0.0, 150.0, 2), strict=True))
         ball = one.copy()
         _enclose(ball, other)
         apart = float(np.linalg.norm(one[:3] - other[:3]))

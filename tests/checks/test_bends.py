@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workbench.checks.bends import Bend, bend_of
 
 from workbench.artefacts import BEVEL_FACE
+from workbench.checks.corners import Bend, bend_of
 from workbench.units import DEG, Float
 
 WIDTH_MM, COLUMNS, FRAMES = 8.0, 160, 30

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from workbench.checks.motion import jump_mm
+from workbench.checks.motion import SURE, TWISTED_MM, _twist, jump_mm
 from workbench.checks.window import end_step_check
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 TIME = np.arange(300) / 100.0
+COUNT = 11
 STEADY = np.stack([20.0 * TIME, 3.0 * np.sin(2.0 * TIME), 500.0 + 0.0 * TIME], axis=1)
 
 
@@ -60,3 +64,26 @@ def test_a_window_that_follows_the_part_in_steps_is_told() -> None:
         304 + 8 * rng.integers(0, 2, 300),
     ):
         assert end_step_check(good).passed
+
+
+def twist(turn_deg: float, length_mm: float, u_deg: float = 0.0) -> tuple[float, float]:
+    """Of a straight way along x over which a direction turns evenly about it, each place's turn uncertain by u."""
+    turn = np.linspace(0.0, turn_deg * DEG, COUNT)
+    across = np.column_stack([0.2 + 0.0 * turn, np.cos(turn), np.sin(turn)])
+    way: Any = SimpleNamespace(tangent=np.tile([1.0, 0.0, 0.0], (COUNT, 1)), arc_mm=np.linspace(0.0, length_mm, COUNT))
+    return _twist(across, way, np.zeros(COUNT, np.int64), np.full(COUNT, u_deg * DEG))
+
+
+@pytest.mark.parametrize("turn_deg", [2.0, -2.0])
+def test_a_turn_counts_over_the_length_that_a_twist_is_told_of(turn_deg: float) -> None:
+    assert twist(turn_deg, 0.5 * TWISTED_MM)[0] == pytest.approx(2.0)
+    assert twist(turn_deg, 2.0 * TWISTED_MM)[0] == pytest.approx(1.0)
+    assert twist(turn_deg, 0.5 * TWISTED_MM)[1] == pytest.approx(0.0, abs=1e-9)  # a slow function of the place
+
+
+def test_what_is_uncertain_of_the_steps_is_taken_off() -> None:
+    u_deg = 0.05
+    known = 2.0 - SURE * u_deg * np.sqrt(COUNT - 1.0)
+    assert known > 0.5
+    assert twist(2.0, 0.5 * TWISTED_MM, u_deg)[0] == pytest.approx(known)
+    assert twist(2.0, 0.5 * TWISTED_MM, 20.0 * u_deg) == (0.0, 0.0)

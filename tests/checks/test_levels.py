@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workbench.checks.root_step import beside_check
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check
+from workbench.checks.levels import beside_check
 
 FRAMES, PITCH_MM, NOISE_MM = 20, 0.05, 0.003
 BEVEL, FACE = 40, 40  # columns

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import Preparation, Quantity
-from workbench.artefacts.grooves import Corner
+from workbench.artefacts.edges import Corner
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import groove_gate, preparation
 from workbench.inspect.groove import NOTHING_REQUIRED

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from workbench.robot.shapes import Shape
 
+from workbench.robot.cell import Shape
 from workbench.units import Float
 
 POSE = np.eye(4)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from workbench.synthetic.prism_recipe import PrismRecipe
 
 from workbench.errors import InputError
 from workbench.synthetic import Recipe, parse_recipe, read_recipe, simulate_recording
+from workbench.synthetic.recipe import PrismRecipe
 from workbench.synthetic.swept.recipe import GrooveRecipe, SweptRecipe
 
 PASS = {"from_mm": 0, "to_mm": 10}

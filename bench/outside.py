@@ -9,7 +9,7 @@ way, values rounded, poses at every frame or every fourth.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -305,11 +305,12 @@ def _pose(rng: np.random.Generator, distance_mm: float) -> Float:
 Errors = dict[str, tuple[Float, Float]]  # by quantity: errors and standard uncertainties
 
 
-def inspected(part: Part) -> Errors:
-    """Root faces and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg."""
+def inspected(part: Part, limits: Mapping[str, float] | None = None) -> Errors:
+    """Root faces and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg; limits of checks."""
     root = max(0.5, round(2 * part.section.root_mm) / 2)
     bevel = 5.0 * round(part.section.bevel / DEG / 5.0)
-    edge = segment(denoise(fuse(part.recording)), root_nominal_mm=root, bevel_nominal_deg=bevel)
+    given = dict(limits or {})
+    edge = segment(denoise(fuse(part.recording)), root_nominal_mm=root, bevel_nominal_deg=bevel, limits=given)
     found = [s for s in sections(edge, root_nominal_mm=root, bevel_nominal_deg=bevel).sections if s.root_mm is not None]
     section_from_base = np.linalg.inv(part.base_from_section)
     along = np.array([(section_from_base @ np.append(s.origin_mm, 1.0))[2] for s in found])

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from workbench.checks.levels import one_level
 from workbench.checks.window import end_step_check, fixed_end_share, hidden_columns
 from workbench.units import Bool
 
@@ -69,41 +68,3 @@ def test_a_face_that_ends_anywhere_or_in_two_places_is_not(columns: np.ndarray) 
     assert found.value == 0
     assert found.passed
     assert found.finding == "the face ends in any column"
-
-
-FRAMES = 40
-LEVEL = [(np.array([0.5, 0.8]), np.array([1.01, 1.04]))]  # along and across, of the returns next to a face's end
-
-
-def test_returns_on_one_level_beside_a_face_are_told_by_their_share_and_height() -> None:
-    share, height = one_level(LEVEL * 30, FRAMES)
-    assert share == pytest.approx(30 / FRAMES)
-    assert height == pytest.approx(1.04, abs=0.05)
-    below = [(away, -across) for away, across in LEVEL]
-    assert one_level(below * 30, FRAMES) == pytest.approx((share, height), abs=0.06)
-
-
-@pytest.mark.parametrize(
-    ("ends", "told"),
-    [
-        ([], 0.0),
-        (LEVEL * 1, 0.0),  # two returns
-        (LEVEL * 2, 2 / FRAMES),
-        ([(np.array([0.2, 0.5]), np.array([0.1, 1.0]))] * 30, 0.0),  # the face falls off
-        ([(np.array([0.05, 0.10]), np.array([1.0, 1.0]))] * 30, 0.0),  # at the end itself
-        ([(np.array([3.2, 3.4]), np.array([1.0, 1.0]))] * 30, 0.0),  # far along
-        ([(np.array([0.5, 0.8]), np.array([3.2, 3.2]))] * 30, 0.0),  # far across
-        ([(np.array([0.5, 0.8, 0.9]), np.array([2.0, 1.0, 1.0]))] * 30, 30 / FRAMES),
-        ([(np.array([0.5]), np.array([1.0 + 0.01 * k])) for k in range(40)], 0.0),  # as many right beside it
-    ],
-)
-def test_what_stands_on_no_level_is_another_surface(ends: list, told: float) -> None:  # type: ignore[type-arg]
-    assert one_level(ends, FRAMES)[0] == pytest.approx(told)
-
-
-def test_a_level_that_leans_is_another_surface() -> None:
-    level, leaning = (
-        [(np.array([0.2 + 0.01 * k]), np.array([1.02 + lean * 0.01 * k])) for k in range(30)] for lean in (0.1, 0.25)
-    )
-    assert one_level(level, FRAMES)[0] > 0.7
-    assert one_level(leaning, FRAMES)[0] == 0.0

@@ -34,7 +34,7 @@ def one_level(ends: Sequence[Beyond], frames: int) -> tuple[float, float]:
     near = (away > LEVEL_AWAY_MM) & (away < LEVEL_TO_MM) & (np.abs(across) < LEVEL_TO_MM) & ~np.isin(frame, falls)
     frame, away, across = frame[near], away[near], across[near]
     best = (0.0, 0.0)
-    for low in np.unique(np.round(across / (0.5 * LEVEL_MM))) * 0.5 * LEVEL_MM:
+    for low in np.unique(np.floor(across / (0.5 * LEVEL_MM))) * 0.5 * LEVEL_MM:
         on = (across >= low) & (across < low + LEVEL_MM)
         beside = (across >= low - LEVEL_MM) & (across < low + 2.0 * LEVEL_MM) & ~on
         share = len(np.unique(frame[on])) / frames

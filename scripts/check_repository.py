@@ -24,7 +24,6 @@ FORBIDDEN = {
 MOST_PARAMETERS = 8
 EXEMPT = ("stage",)  # takes what its documentation lists
 LONG_KERNELS = {  # files whose kernels still take their arrays one by one
-    "workbench/checks/profiles.py",
     "workbench/geometry/end_face.py",
     "workbench/geometry/outliers.py",
     "workbench/geometry/penalised.py",

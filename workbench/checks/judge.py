@@ -37,8 +37,8 @@ SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
 TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
-SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with a tenth of it
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
+SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with that share of it
 UNORDERED, UNORDERED_MM = 0.5, 0.1  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
 NO_ORDER = 0.15  # share of that scatter which neighbours out of order have (0.19 and more), and 3 % of sound recordings
 ROUGH_MM = 0.02  # a section that wanders by more may be that of a rough face
@@ -151,7 +151,7 @@ def consistent_conventions(recording: Recording) -> tuple[tuple[Convention, Cons
     """The readings of poses and hand-eye under which neighbouring profiles agree, the likeliest first.
 
     The recording as it is read is among those tried, as `AS_READ`. A reading counts if the laser plane is then within
-    12 deg of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or a tenth of
+    12 deg of square to the edge, and the orientations explain how the section turns, but for 1.2 deg or 0.15 of
     what they leave as read. A single straight pass in one orientation can agree with several.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
-from workbench.edge.root_end import Corner, RootEnds, root_ends
+from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
@@ -275,7 +275,7 @@ def _state(
     return measured, lower_edge, s_low
 
 
-def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> Corner:
+def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> FaceCorner:
     """The corner where the root face has a size (N,) that changes by `size_slope` (N,); about which angles, rad.
 
     An oblique frame sees each point of a face at another arc length, where the face has turned (eq. (7)).
@@ -296,7 +296,7 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)
     tilt, beta = face_angles(faces, at, _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s))
-    return Corner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
+    return FaceCorner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
 
 
 def _near(s: Float, value: Float, at: Float) -> Float:

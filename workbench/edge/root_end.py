@@ -34,7 +34,7 @@ class RootEnds:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corner:
+class FaceCorner:
     """The corner of both faces in N frames, and their angles there."""
 
     tilt: Shaped[Float, " N"]  # direction of the root face, rad
@@ -52,7 +52,7 @@ def root_ends(
     curve: Curve,
     root: SectionLines,
     bevel: SectionLines,
-    corner: Corner,
+    corner: FaceCorner,
     s: Float,
 ) -> RootEnds:
     """The end of the root face in every frame, counted from its corner with the bevel face.

@@ -34,8 +34,9 @@ MISSES = 6  # columns of the face that may have gone without return at its end
 CELL_MM, LEAST_CELLS = 2.0, 20  # stretches of edge, or parts of a short one
 GRID = 161  # places of the end about the course
 REACH_STEPS, REACH_SIGMAS = 1.5, 6.0  # half width of that grid
-# Rounds: settled where none moved the course by this share of its u, half a step each where whole ones swing, at most.
-SETTLED_U, WHOLE_ROUNDS, MOST_ROUNDS = 0.1, 3, 12
+# Rounds: settled where one moves the course nowhere by this share of its u; from which on only part of a step is taken,
+# since whole ones may swing; at most.
+SETTLED_U, WHOLE_ROUNDS, PART_STEP, MOST_ROUNDS = 0.1, 3, 0.5, 12
 UNSEEN_STEPS, UNSEEN_MM = 0.05, 20.0  # of a column step, over which the end may wave unseen
 CONTRADICTED = 0.5  # of a cell's frames: the smooth course is wrong there
 SURE_SIGMAS = 5.0
@@ -147,7 +148,7 @@ def find_end(
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     about = course.value(place)
     said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
-    sites = Sites.nothing(place.size)
+    precision, weighted = np.zeros((2, place.size))  # of the sites together: 1/mm^2, and that times their values
     for number in range(MOST_ROUNDS):
         logs = np.zeros((place.size, GRID))
         low = ends.low - course.value(ends.s)
@@ -155,15 +156,17 @@ def find_end(
         mean, variance = _sites(logs, grid, prior)
         together = said / course.u(place) ** 2
         said = variance * _overstated(logs, grid, variance, together)
-        sites = sites.moved(about + mean, said, 1.0 if number < WHOLE_ROUNDS else 0.5)
-        said = 1.0 / sites.precision
-        course = fit_course(place, sites.value, said, orders=orders, unseen=unseen, together_mm=together_mm)
+        step_share = 1.0 if number < WHOLE_ROUNDS else PART_STEP
+        precision = (1.0 - step_share) * precision + step_share / said
+        weighted = (1.0 - step_share) * weighted + step_share * (about + mean) / said
+        said = 1.0 / precision
+        course = fit_course(place, weighted * said, said, orders=orders, unseen=unseen, together_mm=together_mm)
         before, about = about, course.value(place)
         if (np.abs(about - before) < SETTLED_U * course.u(place)).all():
             break
         prior = np.minimum(2.0 * course.u(place) + 0.5 * sigma, prior)
     else:
-        still = np.interp(course.at_mm, place, about - before)
+        still = np.interp(course.at_mm, place, (about - before) / PART_STEP)
         course = replace(course, variance=course.variance + still**2)
     about = course.value(ends.s)
     contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
@@ -173,30 +176,6 @@ def find_end(
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, contradicted, _beside(departure), middle, middle_u)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sites:
-    """What the cells add to the course, as normal factors."""
-
-    precision: Shaped[Float, " c"]  # 1/mm^2
-    weighted: Shaped[Float, " c"]  # value times precision, 1/mm
-
-    @classmethod
-    def nothing(cls, cells: int) -> Sites:
-        """Of cells that said nothing yet."""
-        return cls(np.zeros(cells), np.zeros(cells))
-
-    @property
-    def value(self) -> Float:
-        """Where each cell has the end (c,), mm."""
-        return self.weighted / self.precision
-
-    def moved(self, value: Float, variance: Float, share: float) -> Sites:
-        """A share of the way to other values (c,) and variances (c,)."""
-        precision = share / variance
-        kept = 1.0 - share
-        return Sites(kept * self.precision + precision, kept * self.weighted + value * precision)
 
 
 def reached_mm(s: Float, low: Float, step: Float, sigma: Float, course: Course, at: Float) -> Float:

@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup setup-dev demo test lint metrology metrology-quick bench fuzz mutation docs data lock wheel clean
+.PHONY: help setup setup-dev demo test lint benchmark benchmark-quick metrology metrology-quick bench fuzz mutation docs data lock wheel clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -11,8 +11,10 @@ help:
 	@echo "make demo       the measured loop: scan, plan, mill, scan, correct, mill, inspect, with a tool that errs; out/demo/report.html"
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
-	@echo "make metrology  errors and uncertainties over many simulated parts (long); writes docs/*metrology.md"
+	@echo "make metrology  benchmark and score, then plans, loops, clouds, calibrations, stiffness (long; docs/*metrology.md)"
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
+	@echo "make benchmark  every method over the open benchmark, one table, best first; docs/benchmark.md"
+	@echo "make benchmark-quick  the same over 14 recordings a track, five minutes; prints its table"
 	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
 	@echo "make mutation   errors put into the code at random, and whether the tests tell them (long)"
@@ -42,11 +44,21 @@ lint: setup-dev
 	@$(BIN)/lint-imports --no-cache
 	@$(BIN)/python scripts/check_repository.py
 
+benchmark: setup-dev
+	@$(BIN)/python -m bench.open --docs
+
+benchmark-quick: setup-dev
+	@$(BIN)/python -m bench.open --quick
+
 metrology: setup-dev
+	@$(BIN)/python -m bench.open --docs
+	@$(BIN)/python -m bench.score --parts 8 --docs
 	@$(BIN)/python -m bench.metrology --docs
 
 metrology-quick: setup-dev
-	@$(BIN)/python -m bench.metrology --studies inspection planning calibration stiffness --parts 8 --others 1
+	@$(BIN)/python -m bench.open --quick
+	@$(BIN)/python -m bench.score --parts 3
+	@$(BIN)/python -m bench.metrology --studies planning calibration stiffness --parts 8
 
 bench: setup-dev
 	@$(BIN)/python -m bench.speed

@@ -1,14 +1,19 @@
 """Refuse what must not stand in the repository.
 
-That is hosts of package registries, paths of a machine, links, large files, functions of many parameters.
+That is hosts of package registries, paths of a machine, links, large files, functions of many parameters, and a size
+that rose (`ratchet.py`): `--write` writes down what fell, `--because WHY` what rose as well.
 """
 
+import argparse
 import ast
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import ratchet
 
 ROOT = Path(__file__).resolve().parent.parent
 MADE_BY_TOOLS = {".git", ".venv", "out", "build", "__pycache__"} | {
@@ -81,11 +86,22 @@ def many_parameters(text: str, name: str) -> list[str]:
     return found
 
 
-def main() -> int:
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description="Refuse what must not stand in the repository.")
+    parser.add_argument("--write", action="store_true", help="write down in scripts/ratchet.txt what fell")
+    parser.add_argument("--because", metavar="WHY", default="", help="write down too what rose, and why")
+    parser.add_argument(
+        "--loaded", action="store_true", help="measure too what a verdict and a program load (a minute)"
+    )
+    asked = parser.parse_args(arguments)
+    now = ratchet.measured(asked.loaded)
+    if asked.write or asked.because:
+        ratchet.write(now, asked.because)
     found = [finding for path in files() if path.is_file() or path.is_symlink() for finding in findings(path)]
+    found += ratchet.findings(now)
     print("\n".join(found) if found else "repository: nothing that must not stand here")
     return bool(found)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

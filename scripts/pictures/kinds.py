@@ -11,10 +11,8 @@ import math
 import numpy as np
 
 from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
-from workbench.artefacts.edges import u_name
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.pieces import BLUE, GREY, INK, ORANGE, PALE, minus
-from workbench.report.groove import limits, sizes_of
 from workbench.report.planned import layer_colours
 from workbench.robot.cell import ON_BASE, ON_TURNTABLE
 from workbench.robot.collision import turntable_pose
@@ -122,7 +120,7 @@ def deviations(made, beside):
 def milled_edge(made, beside):
     s = made.arc_length_mm
     root = Curve(s, made.root.value, u=2 * made.root.u)
-    bevel = Curve(s, made.bevel.value / DEG, u=2 * made.bevel.u / DEG)
+    bevel = Curve(s, made.bevel.value, u=2 * made.bevel.u)
     words = f"Root face and bevel angle along the edge, {WITH_U} as bands"
     return rows(words, ALONG, ("root face, mm", [root]), ("bevel angle, °", [bevel]))
 
@@ -156,12 +154,12 @@ def joint(made, beside):
 
 
 def joint_inspection(made, beside):
-    s, required, panels = [one.arc_length_mm for one in made.sections], limits(made.requirements), []
-    for size in sizes_of(made)[:SIZES]:
-        value, u = (np.array([one.values.get(name) for one in made.sections], float) for name in (size, u_name(size)))
-        term, unit = made.terms[size][0], "°" if size.endswith("_deg") else "mm"
-        levels = [(f"limit {level:g} {unit}", level) for level in required.get(size, ())]
-        label = f"{term},{' ' if len(term) < LONG else chr(10)}{unit}"
+    s, panels = [one.arc_length_mm for one in made.sections], []
+    for one in made.characteristics[:SIZES]:
+        value, u = one.quantity.value, one.quantity.u
+        unit = "°" if one.is_angle else "mm"
+        levels = [(f"limit {level:g} {unit}", level) for level in one.limits or ()]
+        label = f"{one.term},{' ' if len(one.term) < LONG else chr(10)}{unit}"
         panels.append((label, [Curve(s, value, u=2 * u, how="marks")], levels))
     return rows(f"The first sizes of the joint in its sections, {WITH_U}", ARC, *panels)
 
@@ -375,6 +373,18 @@ def stiffness(made, beside):
     return bars(words, "stiffness, MNm/rad", JOINTS, 1e-6 * made.nm_per_rad, u)
 
 
+def robot_modes(made, beside):
+    words, u = "Mass of each link, the tool on the sixth, with U = 2 u", np.sqrt(np.diag(made.covariance))[6:12]
+    names = [f"link {k}" for k in range(1, 7)]
+    return bars(words, "mass, kg", names, made.bodies.mass_kg, 2 * u * made.bodies.mass_kg)
+
+
+def stability(made, beside):
+    limits = [Curve(made.at, one, name) for one, name in ((made.up_limit_mm, "up"), (made.down_limit_mm, "down"))]
+    depth = Curve(made.at, made.depth_mm, "depth of cut")
+    return rows("Limiting depth along the path, and the depth", "point of the path", ("depth, mm", [*limits, depth]))
+
+
 def deflection(made, beside):
     return bars("How far the cutter's tip gives way", "displacement in the base, mm", "xyz", made.displacement_mm)
 
@@ -442,6 +452,8 @@ DRAWN = {
     "Toolpath": toolpath,
     "RawEdge": raw_edge,
     "JointStiffness": stiffness,
+    "RobotModes": robot_modes,
+    "PathStability": stability,
     "Study": study,
     "Cell": cell,
     "Surface": surface,

@@ -72,5 +72,87 @@ def test_without_git_the_files_made_by_tools_are_left_out(tmp_path, monkeypatch)
     assert [path.name for path in check.files() if path.is_file()] == ["kept.txt"]
 
 
+def test_two_sides_of_a_merge_of_the_ratchet_hold_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(check.ratchet, "RECORD", tmp_path / "ratchet.txt")
+    check.ratchet.RECORD.write_text(
+        "# head\nedge nodes 90\nedge nodes 80\nedge nodes +5: a groove\nedge nodes +3: a nose\n"
+    )
+    limits, lifts = check.ratchet.record()
+    assert limits == {"edge": {"nodes": 88}}
+    assert len(lifts) == 2
+    check.ratchet.RECORD.write_text("edge nodes 90\nedge nodes +5\n")
+    with pytest.raises(SystemExit, match="expected ROOM MEASURE"):
+        check.ratchet.record()
+
+
+def test_a_rise_is_found_and_written_with_its_reason_only(tmp_path, monkeypatch):
+    ratchet = check.ratchet
+    monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
+    now = {"edge": {"nodes": 12, "numbers": 1}}
+    ratchet.RECORD.write_text("edge nodes 10\nedge numbers 3\n")
+    assert len(ratchet.findings(now)) == 1
+    ratchet.write(now)
+    assert ratchet.record()[0] == {"edge": {"nodes": 10, "numbers": 1}}
+    ratchet.write(now, "a groove")
+    assert ratchet.findings(now) == []
+    assert ratchet.record() == ({"edge": {"nodes": 12, "numbers": 1}}, ["edge nodes +2: a groove"])
+
+
+def test_what_is_granted_to_a_room_is_granted_to_what_loads_it(tmp_path, monkeypatch):
+    ratchet = check.ratchet
+    monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
+    ratchet.RECORD.write_text("edge nodes 10\nplain-verdict nodes 50\nedge nodes +2: a groove\n")
+    assert ratchet.record()[0] == {"edge": {"nodes": 12}, "plain-verdict": {"nodes": 52}}
+    ratchet.write({"edge": {"nodes": 13}}, "a nose")
+    assert ratchet.record()[0] == {"edge": {"nodes": 13}, "plain-verdict": {"nodes": 53}}
+
+
+def test_a_file_may_be_split_without_a_reason():
+    limits = {"plain-verdict": {"nodes": 10, "modules": 2}}
+    assert check.ratchet.rises({"plain-verdict": {"nodes": 10, "modules": 3}}, limits) == []
+    assert len(check.ratchet.rises({"plain-verdict": {"nodes": 11, "modules": 3}}, limits)) == 2
+
+
+def test_longer_lines_and_packed_arguments_weigh_no_less():
+    size = check.ratchet.size_of
+    assert size("a = 1\nb = 2\n") == size("a = 1; b = 2")
+    assert (
+        size("def f(a, b):\n    return a\nf(1, 2)")["nodes"]
+        <= size("def f(ab):\n    a, b = ab\n    return a\nf((1, 2))")["nodes"]
+    )
+    assert size("def f(): 'Words.'") == size("def f(): 'Many more words.'")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "and ".join(["a "] * 13),
+        "[b for b in a for c in b]" + " or a" * 11,
+        "(1 if a else 2)" + " + (1 if a else 2)" * 12,
+    ],
+)
+def test_operands_and_comprehensions_count_as_paths(text):
+    assert check.ratchet.size_of(f"def f(a):\n    return {text}")["complex"] == 1
+    assert check.ratchet.size_of("def f(a):\n    return a and a")["complex"] == 0
+
+
+def test_a_test_of_inner_names_is_counted():
+    body = "\ndef test_a(): ...\n\ndef test_b(): ..."
+    for inner in (
+        "from workbench.edge.measure import corners",
+        "import workbench.robot.judge",
+        "from workbench.units import _x",
+    ):
+        assert check.ratchet.inner_tests(inner + body) == 2
+    for public in ("from workbench.edge import segment", "from workbench import errors", "import numpy as np"):
+        assert check.ratchet.inner_tests(public + body) == 0
+
+
+def test_a_run_has_no_room_s_name():
+    now = check.ratchet.measured(False)
+    assert "program" in now
+    assert not now.keys() & check.ratchet.RUNS.keys()
+
+
 def test_the_repository_itself_passes():
-    assert check.main() == 0
+    assert check.main(["--loaded"]) == 0

@@ -9,7 +9,7 @@ import pytest
 
 from workbench.errors import InputError, OutputError
 from workbench.pipeline import Pipeline
-from workbench.samples import copy_samples
+from workbench.samples import copy_samples, shipped_pipeline
 
 
 def test_the_copied_pipelines_find_the_copied_data(tmp_path: Path) -> None:
@@ -38,3 +38,11 @@ def test_an_installation_without_them(tmp_path: Path, monkeypatch: Any) -> None:
     with pytest.raises(InputError, match="not whole"):
         copy_samples(tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
+
+
+def test_a_bare_name_is_a_shipped_pipeline_where_no_file_has_it(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert Pipeline.load(shipped_pipeline("inspect_bevel")).document.title == "Inspect a milled bevel"
+    assert shipped_pipeline("inspect_bevle") == "inspect_bevle"
+    Path("inspect_bevel").write_text("{}")
+    assert shipped_pipeline("inspect_bevel") == "inspect_bevel"

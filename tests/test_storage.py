@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.errors import OutputError
-from workbench.storage import beside, require_space
+from workbench.storage import as_text, beside, require_space
 
 
 def test_a_small_file_fits(tmp_path: Path) -> None:
@@ -18,12 +17,12 @@ def test_a_small_file_fits(tmp_path: Path) -> None:
 
 
 def test_more_than_the_disk_holds_is_refused_in_words(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"huge\.h5: expected \d+ MB of free disk, found \d+ MB"):
+    with pytest.raises(OSError, match=r"expected \d+ MB of free disk, found \d+ MB"):
         require_space(tmp_path / "huge.h5", 10**18)
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(FileNotFoundError):
         require_space(tmp_path / "nowhere" / "file.h5", 1)
 
 
@@ -39,3 +38,10 @@ def test_what_killed_processes_left_goes_and_what_living_ones_write_stays(tmp_pa
         (tmp_path / name).touch()
     assert beside(tmp_path / "part.h5").name == names[1]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names[1:])
+
+
+def test_a_name_cannot_command_a_terminal_or_a_spreadsheet() -> None:
+    assert as_text("part \x1b[31m\x07") == "part \\x1b[31m\\x07"
+    assert as_text("=cmd") == "'=cmd"
+    assert as_text("Blech Größe 7") == "Blech Größe 7"
+    assert as_text(1.5) == 1.5

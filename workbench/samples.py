@@ -34,6 +34,25 @@ def copy_samples(target: Path) -> tuple[Path, ...]:
     return tuple(target / name for name in FOLDERS)
 
 
+def shipped_pipeline(name: str) -> str:
+    """The path of a pipeline that comes with the project, for its bare name; anything else as it is given.
+
+    Example:
+        >>> from workbench.samples import shipped_pipeline
+        >>> shipped_pipeline("my/own.json")
+        'my/own.json'
+    """
+    if name.isidentifier() and not Path(name).exists():
+        place = _source() / "pipelines" / f"{name}.json"
+        return str(place) if place.is_file() else name
+    return name
+
+
+def pipelines() -> list[str]:
+    """Names of the pipelines that come with the project."""
+    return sorted(path.stem for path in (_source() / "pipelines").glob("*.json"))
+
+
 def _source() -> Path:
     """Inside the installed package; beside it in a checkout."""
     package = Path(__file__).parent

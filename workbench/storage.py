@@ -1,18 +1,19 @@
-"""What a file system may have in store: a file that is none, a disk without room, text as people write it.
-
-HDF5 may end the process when a disk fills up under it, so room is asked for before writing.
-"""
+"""What a file system may have in store: a file that is none, a disk without room, text as people write it."""
 
 from __future__ import annotations
 
+import errno
 import glob
+import hashlib
 import os
 import shutil
 import stat
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from workbench.errors import InputError, OutputError, nearest
+from workbench.errors import InputError, nearest
 
 MEGABYTE = 1e6
 SPARE_BYTES = 1_000_000  # for headers and tables beside the grids
@@ -22,17 +23,110 @@ def require_space(path: Path, grid_bytes: int) -> None:
     """Refuse to write `grid_bytes` to the file `path` where its disk has not that much left, uncompressed.
 
     Raises:
-        OutputError: too little room; or the folder does not exist.
+        OSError: too little room; or the folder does not exist.
     """
     needed = grid_bytes + SPARE_BYTES
-    try:
-        free = shutil.disk_usage(path.parent).free
-    except OSError as error:
-        raise OutputError(str(path), f"cannot be written: {error.strerror}") from None
+    free = shutil.disk_usage(path.parent).free
     if free < needed:
-        raise OutputError(
-            str(path), f"expected {needed / MEGABYTE:.0f} MB of free disk, found {free / MEGABYTE:.0f} MB"
-        )
+        found = f"expected {needed / MEGABYTE:.0f} MB of free disk, found {free / MEGABYTE:.0f} MB"
+        raise OSError(errno.ENOSPC, found)
+
+
+@contextmanager
+def new_hdf5(path: Path, grid_bytes: int) -> Iterator[Any]:
+    """A new HDF5 file at `path` to fill; room for `grid_bytes` is taken on the disk before HDF5 writes a byte.
+
+    HDF5 (2.0) ends the process where a write fails while a file is closed, so it writes to a file that never fails it.
+
+    Raises:
+        OSError: too little room; or what the first failed write met, once HDF5 has let go of the file.
+    """
+    import h5py
+
+    require_space(path, grid_bytes)
+    with path.open("w+b", buffering=0) as file:
+        _take_room(file.fileno(), grid_bytes + SPARE_BYTES)
+        disk = Unfailing(file)
+        with h5py.File(disk, "w") as made:
+            yield made
+        disk.finish()
+
+
+def _take_room(descriptor: int, size: int) -> None:
+    """Have the file system set `size` bytes aside, where it can."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    try:
+        os.posix_fallocate(descriptor, 0, size)
+    except OSError as error:
+        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
+            raise
+
+
+class Unfailing:
+    """A file to write for a library that cannot bear a failing one: after the first failure it drops what it is given.
+
+    Args:
+        file: unbuffered, open for writing and reading. Its size may be larger than what is written.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._place = self._end = 0
+        self._failed: OSError | None = None
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place; the end is that of what was written."""
+        self._place = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._end}[whence]
+        return self._place
+
+    def tell(self) -> int:
+        """The place."""
+        return self._place
+
+    def write(self, data: Any) -> int:
+        """Write all of `data`, or remember why not."""
+        left = memoryview(data).cast("B")
+        size = len(left)
+        try:
+            self._file.seek(self._place)
+            while self._failed is None and left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._failed = error
+        self._place += size
+        self._end = max(self._end, self._place)
+        return size
+
+    def readinto(self, buffer: Any) -> int:
+        """What stands there; zeros where nothing could be written."""
+        whole = memoryview(buffer).cast("B")
+        whole[:] = bytes(len(whole))
+        with suppress(OSError):
+            self._file.seek(self._place)
+            self._file.readinto(whole)
+        self._place += len(whole)
+        return len(whole)
+
+    read = None  # h5py asks for its name alone, and reads by readinto
+
+    def truncate(self, size: int) -> int:
+        """Let the file end at `size` once it is finished."""
+        self._end = size
+        return size
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def finish(self) -> None:
+        """Cut off the room that was not needed.
+
+        Raises:
+            OSError: what the first failed write met.
+        """
+        if self._failed is not None:
+            raise self._failed
+        self._file.truncate(self._end)
 
 
 def regular_file(path: Path) -> os.stat_result:
@@ -50,6 +144,12 @@ def regular_file(path: Path) -> os.stat_result:
     if not os.access(path, os.R_OK):
         raise InputError(str(path), "may not be read: permission denied")
     return status
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def beside(path: Path) -> Path:
@@ -100,5 +200,11 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
 
 
 def as_text(value: object) -> object:
-    """`value`; a text that a spreadsheet would run as a formula gets an apostrophe before it (OWASP, CSV injection)."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(STARTS_A_FORMULA) else value
+    """`value`; a text without control characters, which a terminal would obey.
+
+    One that a spreadsheet would run as a formula gets an apostrophe before it (OWASP, CSV injection).
+    """
+    if not isinstance(value, str):
+        return value
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in value)
+    return f"'{shown}" if value.startswith(STARTS_A_FORMULA) else shown

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError, OutputError
-from workbench.synthetic import parse_recipe, simulate_file, simulate_recording, truth_path, write_simulation
+from workbench.synthetic import (
+    parse_recipe,
+    read_truth,
+    simulate_file,
+    simulate_recording,
+    truth_path,
+    write_simulation,
+)
 from workbench.synthetic.scan import BLOCK_FRAMES
 
 DOCUMENT = {
@@ -78,11 +85,13 @@ def test_same_recipe_same_bytes_other_seed_other_noise(tmp_path):
     assert truth_path(tmp_path / "one.h5").read_bytes() == truth_path(tmp_path / "two.h5").read_bytes()
 
 
-def test_one_pass_needs_no_pass_index(tmp_path):
-    write_simulation(changed(passes=DOCUMENT["passes"][:1], scanner={"columns": 20}), tmp_path / "part.h5")
-    with h5py.File(tmp_path / "part.h5") as file:
-        assert set(file["profiles"]) == {"time", "x", "z"}
-        assert "pass" not in file["robot"]
+def test_a_truth_belongs_to_its_recording(tmp_path):
+    for name, seed in (("one", 11), ("two", 12)):
+        write_simulation(changed(seed=seed), tmp_path / f"{name}.h5")
+    read_truth(tmp_path / "one.truth.json")
+    (tmp_path / "one.h5").replace(tmp_path / "two.h5")
+    with pytest.raises(InputError, match=r"two\.truth\.json: recording_sha256: expected the digest of two\.h5"):
+        read_truth(tmp_path / "two.truth.json")
 
 
 def test_command_reads_the_recipe_and_tells_progress(tmp_path):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,13 @@ import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
-from workbench.storage import beside, require_space
+from workbench.recording_file import Frames, fill
+from workbench.storage import beside, digest_of
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
-from workbench.synthetic.sphere import SphereTruth, write_sphere
+from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.swept import (
     GrooveRecipe,
     GrooveTruth,
@@ -25,13 +27,13 @@ from workbench.synthetic.swept import (
     simulate_groove,
     simulate_swept,
 )
-from workbench.synthetic.workpiece import Truth, Workpiece, build_truth
+from workbench.synthetic.workpiece import DIGEST, Truth, Workpiece, build_truth
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
 AnyTruth = Truth | SphereTruth | SweptTruth | GrooveTruth
 InMemory = SweptRecipe | GrooveRecipe | PrismRecipe
-_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+PACKING = "gzip"
 
 
 def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
@@ -49,23 +51,30 @@ def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
     motions = plan_motion(recipe, cut)
     blocks = [[block for _, block in scan_pass(recipe, motion, k, cut)] for k, motion in enumerate(motions)]
     flat = [block for scan in blocks for block in scan]
-    recording = Recording(
+    grids = Frames(
+        np.concatenate([b.x_mm for b in flat]),
+        np.concatenate([b.z_mm for b in flat]),
+        np.concatenate([b.intensity for b in flat if b.intensity is not None]) if recipe.scanner.intensity else None,
+    )
+    truth = build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
+    return _recording(recipe, motions, grids), truth
+
+
+def _recording(recipe: Recipe, motions: list[PassMotion], grids: Frames) -> Recording:
+    return Recording(
         source="synthetic",
         time_s=np.concatenate([m.time_s for m in motions]),
-        x_mm=np.concatenate([b.x_mm for b in flat]),
-        z_mm=np.concatenate([b.z_mm for b in flat]),
+        x_mm=grids.x_mm,
+        z_mm=grids.z_mm,
         pass_index=_pass_index(len(m.time_s) for m in motions),
         robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
         robot_position_mm=np.concatenate([m.position_mm for m in motions]),
         robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
         robot_pass=_pass_index(len(m.pose_time_s) for m in motions),
         flange_from_profiler=recorded_hand_eye(recipe),
-        intensity=np.concatenate([b.intensity for b in flat if b.intensity is not None])
-        if recipe.scanner.intensity
-        else None,
+        intensity=grids.intensity,
         part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
     )
-    return recording, build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
 
 
 def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> AnyTruth:
@@ -91,22 +100,23 @@ def write_simulation(
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
         truth: AnyTruth
-        if isinstance(recipe, SphereRecipe):
-            truth = write_sphere(recipe, partial[0])
-        elif isinstance(recipe, InMemory):
-            truth = _write_in_memory(recipe, partial[0], progress)
-        else:
+        if isinstance(recipe, Recipe):
             truth = _write_recording(recipe, partial[0], progress)
-        text = json.dumps(truth.document(), allow_nan=False, separators=(",", ":")) + "\n"
+        else:
+            made, truth = _in_memory(recipe, progress)
+            fill(partial[0], made, [Frames(made.x_mm, made.z_mm, made.intensity)], PACKING)
+        document = {**truth.document(), DIGEST: digest_of(partial[0])}
+        text = json.dumps(document, allow_nan=False, separators=(",", ":")) + "\n"
         partial[1].write_text(text, encoding="utf-8")
-        partial[1].replace(truth_file)
+        truth_file.unlink(missing_ok=True)  # a kill between the two leaves no truth rather than another recording's
         partial[0].replace(recording)
-    except (OSError, RuntimeError) as error:  # HDF5 reports a full disk as either
-        cause = getattr(error, "strerror", None) or error
-        raise OutputError(str(out_path), f"a place to write the recording to ({cause})") from error
+        partial[1].replace(truth_file)
+    except OSError as error:
+        raise OutputError(str(out_path), f"cannot be written: {error.strerror or error}") from None
     finally:
         for path in partial:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
     return truth
 
 
@@ -120,78 +130,34 @@ def _pass_index(counts: Any) -> Int:
     return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
 
 
-def _write_in_memory(recipe: InMemory, path: Path, progress: Progress | None) -> SweptTruth | GrooveTruth:
-    """The HDF5 file of a swept part or a groove, which is simulated in memory."""
-    import h5py
-
-    truth: SweptTruth | GrooveTruth
+def _in_memory(recipe: SphereRecipe | InMemory, progress: Progress | None) -> tuple[Recording, AnyTruth]:
+    """A sphere, a prism, a groove or a swept part: simulated whole."""
+    if isinstance(recipe, SphereRecipe):
+        return simulate_sphere(recipe)
     if isinstance(recipe, PrismRecipe):
-        recording, truth = simulate_prism(recipe)
-    elif isinstance(recipe, GrooveRecipe):
-        recording, truth = simulate_groove(recipe, progress)
-    else:
-        recording, truth = simulate_swept(recipe, progress)
-    grids = {"x": recording.x_mm, "z": recording.z_mm, "intensity": recording.intensity}
-    require_space(path, sum(grid.nbytes for grid in grids.values() if grid is not None))
-    with h5py.File(path, "w") as file:
-        _write_header(file, recipe.part_id)
-        chunk = (min(64, len(recording.x_mm)), recording.x_mm.shape[1])
-        for name, grid in grids.items():
-            if grid is not None:
-                file.create_dataset(f"profiles/{name}", data=grid, chunks=chunk, **_PACKED)
-        file["profiles/time"], file["robot/time"] = recording.time_s, recording.robot_time_s
-        file["robot/position"] = recording.robot_position_mm
-        file["robot/quaternion_wxyz"] = recording.robot_quaternion_wxyz
-        file["hand_eye/flange_from_profiler"] = recording.flange_from_profiler
-        if len(recipe.passes) > 1:
-            file["profiles/pass"] = recording.pass_index.astype(np.int32)
-            file["robot/pass"] = recording.robot_pass.astype(np.int32)
-    return truth
-
-
-def _write_header(file: Any, part_id: str | None) -> None:
-    file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
-    file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
-    if part_id is not None:
-        file.attrs["part_id"] = part_id
+        return simulate_prism(recipe)
+    if isinstance(recipe, GrooveRecipe):
+        return simulate_groove(recipe, progress)
+    return simulate_swept(recipe, progress)
 
 
 def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> Truth:
     """The HDF5 file, block by block, so that metres of edge need little memory."""
-    import h5py
-
     motions, scanner = plan_motion(recipe), recipe.scanner
-    total, done = sum(len(m.time_s) for m in motions), 0
-    seen: list[list[Float]] = []
-    require_space(path, total * scanner.columns * (10 if scanner.intensity else 8))
-    with h5py.File(path, "w") as file:
-        _write_header(file, recipe.part_id)
-        _write_poses(file, motions, recipe)
-        shape = {"shape": (total, scanner.columns), "chunks": (min(64, total), scanner.columns)}
-        packed = {**shape, **_PACKED}
-        x = file.create_dataset("profiles/x", dtype="f4", **packed)
-        z = file.create_dataset("profiles/z", dtype="f4", **packed)
-        grey = file.create_dataset("profiles/intensity", dtype="u2", **packed) if scanner.intensity else None
+    shape = (sum(len(m.time_s) for m in motions), scanner.columns)
+    seen: list[list[Float]] = [[] for _ in motions]
+
+    def frames() -> Iterator[Frames]:
+        done = 0
         for index, motion in enumerate(motions):
-            seen.append([])
             for _, block in scan_pass(recipe, motion, index):
-                rows = slice(done, done + len(block.x_mm))
-                x[rows], z[rows] = block.x_mm, block.z_mm
-                if grey is not None:
-                    grey[rows] = block.intensity
+                yield Frames(block.x_mm, block.z_mm, block.intensity)
                 seen[index].append(block.seen_u)
-                done = rows.stop
+                done += len(block.x_mm)
                 if progress is not None:
-                    progress(done, total)
+                    progress(done, shape[0])
+
+    unseen = np.broadcast_to(np.float32(np.nan), shape)
+    dark = np.broadcast_to(np.uint16(0), shape) if scanner.intensity else None
+    fill(path, _recording(recipe, motions, Frames(unseen, unseen, dark)), frames(), PACKING)
     return build_truth(recipe, [np.concatenate(scan) for scan in seen])
-
-
-def _write_poses(file: Any, motions: list[PassMotion], recipe: Recipe) -> None:
-    file["profiles/time"] = np.concatenate([m.time_s for m in motions])
-    file["robot/time"] = np.concatenate([m.pose_time_s for m in motions])
-    file["robot/position"] = np.concatenate([m.position_mm for m in motions])
-    file["robot/quaternion_wxyz"] = np.concatenate([m.quaternion_wxyz for m in motions])
-    file["hand_eye/flange_from_profiler"] = recorded_hand_eye(recipe)
-    if len(motions) > 1:
-        file["profiles/pass"] = _pass_index(len(m.time_s) for m in motions).astype(np.int32)
-        file["robot/pass"] = _pass_index(len(m.pose_time_s) for m in motions).astype(np.int32)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from workbench.geometry.poses import (
     rotation_from_rpy,
     rotation_from_vector,
 )
-from workbench.storage import require_space
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Scanner, SpherePass, SphereRecipe
 from workbench.synthetic.scan import column_offsets, disturb, sensor_of
@@ -123,28 +121,6 @@ def _profiles(recipe: SphereRecipe, poses: Float, center: Float) -> tuple[Any, A
 
 def _pass_index(counts: list[int]) -> Int:
     return np.repeat(np.arange(len(counts)), counts)
-
-
-def write_sphere(recipe: SphereRecipe, path: Path) -> SphereTruth:
-    """The recording as HDF5 (INTERFACES section 1)."""
-    import h5py
-
-    recording, truth = simulate_sphere(recipe)
-    require_space(path, recording.x_mm.nbytes * 2)
-    packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-    with h5py.File(path, "w") as file:
-        file.attrs.update({"format": "profile-recording", "version": 1, "length_unit": "mm", "time_unit": "s"})
-        file.attrs.update({"sensor": "synthetic", "robot": "synthetic", "simulated": 1})
-        file["profiles/time"], file["profiles/pass"] = recording.time_s, recording.pass_index.astype(np.int32)
-        file.create_dataset("profiles/x", data=recording.x_mm, **packed)
-        file.create_dataset("profiles/z", data=recording.z_mm, **packed)
-        file["profiles"].attrs["clock"] = recording.clock
-        file["robot/time"], file["robot/pass"] = recording.robot_time_s, recording.robot_pass.astype(np.int32)
-        file["robot/position"] = recording.robot_position_mm
-        file["robot/quaternion_wxyz"] = recording.robot_quaternion_wxyz
-        file["hand_eye/flange_from_profiler"] = recording.flange_from_profiler
-        file.create_group("sphere").attrs["diameter_mm"] = recording.sphere_diameter_mm
-    return truth
 
 
 # Rays of the scanner against the sphere, its stem and the table: exact, in the profiler frame of every frame.

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
+from workbench.storage import digest_of
 from workbench.strict_json import read_json
 from workbench.synthetic import raycast
 from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
@@ -243,7 +244,7 @@ def _safe_step(rough: Float, burrs: Float, turning: float) -> float:
 
 
 STATION_MM = 0.5
-FORMAT, VERSION = "bevel-truth", 1
+FORMAT, VERSION, DIGEST = "bevel-truth", 1, "recording_sha256"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,8 +364,14 @@ def _as_ordered(surface: raycast.Surface, u: Float) -> tuple[Float, Float]:
 
 
 def read_truth(path: str | Path) -> Truth:
-    """The truth in the file `path` (format bevel-truth), built anew from its recipe; InputError if it is none."""
+    """The truth in the file `path` (format bevel-truth), built anew from its recipe.
+
+    InputError: it is none, or the recording beside it is not the one whose truth it tells.
+    """
     document = read_json(Path(path))
+    recording = Path(str(path).removesuffix(".truth.json") + ".h5")
+    if DIGEST in document and recording.is_file() and digest_of(recording) != document[DIGEST]:
+        raise InputError(f"{path}: {DIGEST}", f"expected the digest of {recording.name}: this is another one's truth")
     if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
         raise InputError(str(path), f"format '{FORMAT}', version {VERSION}")
     truth = build_truth(parse_recipe(document.get("recipe"), source=str(path)))

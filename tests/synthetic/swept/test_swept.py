@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.coverage.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.score.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses

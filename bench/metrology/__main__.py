@@ -1,4 +1,4 @@
-"""`python -m bench.metrology`: simulate, inspect, plan, mill, compare with the truth, write the tables."""
+"""`python -m bench.metrology`: what the score does not tell: plans, closed loops, clouds, calibrations, stiffness."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ def run(name: str, options: argparse.Namespace) -> int:
     study, start = STUDIES[name], time.monotonic()
     results: dict[str, list[object]] = {condition: [] for condition in conditions(study, options)}
     todo = tasks(name, options)
-    folder = options.out if name == "inspection" else options.out / name
-    for done, result in enumerate(measure_all(todo, folder, options.workers, study.measurement), 1):
+    for done, result in enumerate(measure_all(todo, options.out / name, options.workers, study.measurement), 1):
         results[result.condition].append(result)
         if done % 20 == 0 or done == len(todo):
             print(f"{name}: {done} of {len(todo)} parts, {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
@@ -50,14 +49,13 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
         choices=STUDIES,
         default=list(STUDIES),
         metavar="STUDY",
-        help="of inspection, planning, loop, measured_loop, calibration, stiffness (all)",
+        help="of planning, loop, measured_loop, clouds, calibration, stiffness (all)",
     )
     parser.add_argument(
         "--parts",
         type=int,
-        help="parts a condition (inspection 200, planning and both loops 100, calibration 500, stiffness 1000)",
+        help="parts a condition (planning and both loops 100, clouds 20, calibration 500, stiffness 1000)",
     )
-    parser.add_argument("--others", type=int, default=40, help="inspected with bound and other methods too (40)")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of each condition's first part (1000000)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known, metavar="NAME")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
@@ -72,13 +70,11 @@ def conditions(study: Study, options: argparse.Namespace) -> list[str]:
 
 
 def tasks(name: str, options: argparse.Namespace) -> list[Task]:
-    """Every part to measure, all conditions in turn. The other methods are slow: they get the first few of each."""
-    study = STUDIES[name]
-    others = options.others if name == "inspection" else 0
+    """Every part to measure, all conditions in turn."""
     return [
-        (condition, options.seed + k, ("per_profile", "open3d") if k < others else ())
-        for k in range(options.parts or study.parts)
-        for condition in conditions(study, options)
+        (condition, options.seed + k)
+        for k in range(options.parts or STUDIES[name].parts)
+        for condition in conditions(STUDIES[name], options)
     ]
 
 
@@ -86,7 +82,6 @@ def command(name: str, options: argparse.Namespace) -> str:
     """What was run, as it can be typed again."""
     study = STUDIES[name]
     words = f"python -m bench.metrology --studies {name} --parts {options.parts or study.parts}"
-    words += f" --others {options.others}" if name == "inspection" else ""
     chosen = conditions(study, options)
     only = "" if chosen == list(study.conditions) else f" --conditions {' '.join(chosen)}"
     return f"{words} --seed {options.seed}{only}"

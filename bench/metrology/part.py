@@ -1,4 +1,4 @@
-"""One simulated part: inspected as a user would, beside its truth, the bound and other methods."""
+"""What the studies share of a part: its inspection as a user would, and how long its steps take."""
 
 from __future__ import annotations
 
@@ -7,56 +7,17 @@ import zlib
 
 import numpy as np
 
-from bench.metrology.bound import bounds_at
-from bench.metrology.information import exact_rays, frame_information, informative
-from bench.metrology.others import PEERS
-from bench.metrology.part_result import PartResult, numbers
-from bench.metrology.places import clear_of_boundaries, parameter_at
-from workbench.artefacts import ROUNDING, Inspection, Recording, Requirements
+from workbench.artefacts import Inspection, Recording, Requirements
 from workbench.cloud import denoise
 from workbench.edge import segment
-from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Truth
+from workbench.units import Float
 
 FIXED = ("paper", "limit")  # conditions drawn about the default requirements
-
-
-def measure_part(condition: str, seed: int, peers: tuple[str, ...] = ()) -> PartResult:
-    """Simulate part `seed` of a condition, inspect it and compare with its truth.
-
-    peers, of 'per_profile' and 'open3d', measure the part too; with any of them comes the bound that noise allows.
-    """
-    result = PartResult(condition, seed)
-    clock = Clock(result.seconds)
-    recipe = random_recipe(condition, seed)
-    recording, truth = simulate_recording(recipe)
-    result.seen_share = float(truth.seen.mean())
-    clock.lap("simulation")
-    try:
-        inspection = inspect_as_a_user(recording, truth)
-    except WorkbenchError as error:
-        result.refused = str(error)
-        return result
-    except Exception as error:
-        result.crashed = repr(error)
-        return result
-    clock.lap("inspection")
-    compare(result, inspection, truth)
-    if not peers:
-        result.root_bound_mm = result.bevel_bound_deg = [None] * len(inspection.sections)
-        return result
-    rays = exact_rays(recipe)
-    frames = frame_information(recipe, rays, informative(recipe, rays, recording), recording.pass_index)
-    origins = np.array([s.origin_mm for s in inspection.sections])
-    bounds = bounds_at(recipe, frames, parameter_at(truth, origins))
-    result.root_bound_mm, result.bevel_bound_deg = numbers(bounds.root_mm), numbers(bounds.bevel_deg)
-    clock.lap("bound")
-    for name in peers:
-        result.peers[name] = PEERS[name](recording, truth, rays, frames)
-        clock.lap(name)
-    return result
+WINDOW_MM = 10.0  # half width of the stretch of edge whose frames count for a section
+Numbers = list[float | None]  # one a section; None: not measured
 
 
 class Clock:
@@ -100,31 +61,6 @@ def requirements(truth: Truth) -> Requirements:
     return Requirements(root_nominal_mm=nominal[0], bevel_nominal_deg=nominal[1])
 
 
-def compare(result: PartResult, inspection: Inspection, truth: Truth) -> None:
-    """Put values, truth and verdicts of all sections into the result."""
-    found, profile = inspection.sections, inspection.profile
-    origins = np.array([s.origin_mm for s in found])
-    result.root_mm, result.root_u_mm = [s.root_mm for s in found], [s.root_u_mm for s in found]
-    result.root_unseen_u_mm = next((s.root_u_mm for s in inspection.uncertainty.sources if s.name == ROUNDING), 0.0)
-    result.bevel_deg, result.bevel_u_deg = [s.bevel_deg for s in found], [s.bevel_u_deg for s in found]
-    result.root_true_mm = numbers(truth.root_mm_at(origins))
-    result.bevel_true_deg = numbers(truth.bevel_deg_at(origins))
-    seen, hidden = clear_of_boundaries(truth, origins)
-    result.seen, result.hidden = seen.tolist(), hidden.tolist()
-    result.verdicts = [s.verdict for s in found]
-    result.margins = [margin(result, inspection.requirements, i) for i in range(len(found))]
-    claimed = np.isfinite(profile.root_mm) & np.isfinite(profile.position_mm[:, 0])
-    result.stations_invented = int(clear_of_boundaries(truth, profile.position_mm[claimed])[1].sum())
-
-
-def margin(result: PartResult, required: Requirements, i: int) -> float | None:
-    """How far inside its nearest limit the truth of section i lies, in standard uncertainties; below 0: outside."""
-    inside: list[float] = []
-    for true, u, nominal, (low, high) in (
-        (result.root_true_mm[i], result.root_u_mm[i], required.root_nominal_mm, required.root_tolerance_mm),
-        (result.bevel_true_deg[i], result.bevel_u_deg[i], required.bevel_nominal_deg, required.bevel_tolerance_deg),
-    ):
-        if true is None or u is None:
-            return None
-        inside.append(min(true - nominal - low, nominal + high - true) / u)
-    return round(min(inside), 3)
+def numbers(values: Float) -> Numbers:
+    """As JSON has it: None for what is not finite."""
+    return [round(float(v), 6) if np.isfinite(v) else None for v in values]

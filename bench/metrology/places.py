@@ -18,9 +18,3 @@ def clear_of_boundaries(truth: Truth, position_mm: Float) -> tuple[Bool, Bool]:
     last = np.searchsorted(truth.arc_length_mm, at + BOUNDARY_MM, side="right")
     seen = seen_before[last] - seen_before[first]
     return seen == last - first, seen == 0
-
-
-def parameter_at(truth: Truth, position_mm: Float) -> Float:
-    """u of the recipe's part at base points (m, 3)."""
-    u = np.linspace(0.0, truth.recipe.part.length_mm, len(truth.arc_length_mm))
-    return np.interp(truth.arc_length_mm_at(position_mm), truth.arc_length_mm, u)

@@ -15,14 +15,14 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 PRESENTATION = ("__main__.py", "run.py", "studies.py", "quantity.py", "summary.py", "table.py")
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-Task = tuple[str, int, tuple[str, ...]]  # condition, seed, peers
+Task = tuple[str, int]  # condition, seed
 
 
 @dataclass(frozen=True)
 class Measurement:
     """What is measured of a part. A result is a dataclass with `condition`, `seed`, `refused` and `crashed`."""
 
-    measure: Callable[[str, int, tuple[str, ...]], Any]  # condition, seed, peers -> result
+    measure: Callable[[str, int], Any]  # condition, seed -> result
     result: Callable[..., Any]  # the result's class
     sources: tuple[str, ...]  # folders of source that a result depends on
 
@@ -45,13 +45,13 @@ def measure_all(tasks: Iterable[Task], folder: Path, workers: int, measurement: 
     """Results of all tasks as they come: those kept in `folder` first, then new ones, which are kept there."""
     folder.mkdir(parents=True, exist_ok=True)
     tasks, source, done = list(tasks), digest(measurement), set()
-    for condition in dict.fromkeys(condition for condition, _, _ in tasks):
+    for condition in dict.fromkeys(condition for condition, _ in tasks):
         path = folder / f"{condition}.jsonl"
         kept = _kept(path, source, measurement)
         _write(path, source, kept.values())
         for task in tasks:
             result = kept.get(task[1]) if task[0] == condition else None
-            if result and _complete(result, task[2]):
+            if result:
                 done.add(task)
                 yield result
     todo = [task for task in tasks if task not in done]
@@ -59,11 +59,6 @@ def measure_all(tasks: Iterable[Task], folder: Path, workers: int, measurement: 
         with (folder / f"{result.condition}.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(result), allow_nan=False) + "\n")
         yield result
-
-
-def _complete(result: Any, peers: tuple[str, ...]) -> bool:
-    """Whether the peers asked for have measured the part too."""
-    return bool(result.refused or result.crashed or not peers or set(peers) <= set(result.peers))
 
 
 def _kept(path: Path, source: str, measurement: Measurement) -> dict[int, Any]:
@@ -101,5 +96,5 @@ def _in_processes(tasks: list[Task], workers: int, measurement: Measurement) -> 
         yield from pool.imap_unordered(measure, tasks)
 
 
-def _measure(measure: Callable[[str, int, tuple[str, ...]], Any], task: Task) -> Any:
+def _measure(measure: Callable[[str, int], Any], task: Task) -> Any:
     return measure(*task)

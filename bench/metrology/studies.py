@@ -20,8 +20,6 @@ from bench.metrology.loop.part import LoopResult, measure_loop
 from bench.metrology.loop.summary import LOOP_CONDITIONS, loop_tables, summarise_loops, worst_loops
 from bench.metrology.measured.part import MeasuredResult, measure_measured
 from bench.metrology.measured.summary import MEASURED_CONDITIONS, measured_tables, summarise_measured, worst_measured
-from bench.metrology.part import measure_part
-from bench.metrology.part_result import PartResult
 from bench.metrology.planning.part import PlanResult, measure_plan
 from bench.metrology.planning.summary import plan_tables, summarise_plans, worst_plans
 from bench.metrology.run import ROOT, Measurement
@@ -32,9 +30,7 @@ from bench.metrology.stiffness.summary import (
     summarise_stiffness,
     worst_stiffness,
 )
-from bench.metrology.summary import summarise, worst_sections
-from bench.metrology.table import tables
-from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
+from workbench.synthetic import RAW_CONDITIONS
 
 MEASURING = tuple(f"workbench/{family}" for family in ("geometry", "scan", "cloud", "edge", "synthetic"))
 
@@ -54,20 +50,11 @@ class Study:
 
 
 STUDIES = {
-    "inspection": Study(
-        Measurement(measure_part, PartResult, (*MEASURING, "workbench/inspect", "bench/peers", "bench/metrology")),
-        tuple(CONDITIONS),
-        200,
-        summarise,
-        tables,
-        worst_sections,
-        ROOT / "docs" / "metrology.md",
-    ),
     "planning": Study(
         Measurement(
             measure_plan,
             PlanResult,
-            (*MEASURING, "workbench/path", "bench/coverage", "bench/metrology", "bench/metrology/planning"),
+            (*MEASURING, "workbench/path", "bench/score", "bench/metrology", "bench/metrology/planning"),
         ),
         tuple(RAW_CONDITIONS),
         100,
@@ -86,7 +73,7 @@ STUDIES = {
                 "workbench/path",
                 "workbench/inspect",
                 "workbench/twin",
-                "bench/coverage",
+                "bench/score",
                 "bench/metrology",
                 "bench/metrology/planning",
                 "bench/metrology/loop",
@@ -109,7 +96,7 @@ STUDIES = {
                 "workbench/path",
                 "workbench/inspect",
                 "workbench/twin",
-                "bench/coverage",
+                "bench/score",
                 "bench/metrology",
                 "bench/metrology/planning",
                 "bench/metrology/measured",

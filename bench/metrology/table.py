@@ -1,31 +1,17 @@
-"""The figures as Markdown tables, for docs/metrology.md and the screen."""
+"""The figures as Markdown tables, for the pages and the screen."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 from bench.metrology.folding import fold
-from bench.metrology.quantity import Quantity
-from bench.metrology.summary import Summary
 
 INTERVAL = "95 % interval"
 LEAST_ALIKE = 4  # rows, from which on a column that says the same in all of them is said once
 FEW, NAMED = 4, 3  # one row in so many may differ from that, and so many in all
-PEERS = {"per_profile": "per profile", "open3d": "Open3D"}
-
-
-def tables(summaries: list[Summary], command: str) -> str:
-    """All tables, and what fell short."""
-    parts = [
-        ("Greatest error over the nine sections: 95th percentile of the parts (median)", accuracy(summaries)),
-        ("Uncertainties", uncertainty(summaries)),
-        ("Verdicts, hidden stretches, time", verdicts(summaries)),
-    ]
-    return study_text(command, parts, refusals(summaries), summaries)
 
 
 class Told(Protocol):
@@ -67,105 +53,6 @@ def _named(where: list[str], conditions: Sequence[str]) -> str:
     if len(conditions) < LEAST_ALIKE or len(others) >= len(where):
         return ", ".join(where)
     return f"all but {', '.join(others)}" if others else "all"
-
-
-def accuracy(summaries: list[Summary]) -> Iterable[str]:
-    """Errors beside their goals and beside other methods."""
-    head = ["condition", "parts", "root, mm", "root goal", "bevel, deg", "bevel goal", "met"]
-    names = sorted({name for s in summaries for name in s.peers}, reverse=True)
-    head += [f"{PEERS[name]}: {what}" for name in names for what in ("parts", "root, mm", "bevel, deg")]
-    rows = []
-    for s in summaries:
-        row = [s.condition, f"{s.parts}", *_both(s.root, 4), *_both(s.bevel, 3)]
-        row.append("yes" if s.root.accurate and s.bevel.accurate else "**no**")
-        for name in names:
-            count, root, bevel = s.peers.get(name, (0, (0.0, 0.0), (0.0, 0.0)))
-            row += (
-                [f"{count}", f"{root[0]:.3f} ({root[1]:.3f})", f"{bevel[0]:.2f} ({bevel[1]:.2f})"]
-                if count
-                else ["0", "", ""]
-            )
-        rows.append(row)
-    return markdown(head, rows)
-
-
-def _both(q: Quantity, digits: int) -> list[str]:
-    return [f"{q.p95:.{digits}f} ({q.median:.{digits}f})", f"{q.goal:g}"]
-
-
-def _pair(values: tuple[float, float], digits: int) -> str:
-    high, middle = (f"{v:.{digits}f}" if math.isfinite(v) else "not found" for v in values)
-    return f"{high} ({middle})"
-
-
-def uncertainty(summaries: list[Summary]) -> Iterable[str]:
-    """Coverage of 2u, and u beside its bound."""
-    head = ["condition"]
-    for name, unit in (("root", "mm"), ("bevel", "deg")):
-        head += [f"{name}: within 2u, %", "95 % interval", f"mean error, {unit}", f"mean u, {unit}", "u / bound"]
-        head += ["its 95th percentile", f"greatest bound, {unit}"]
-    rows = []
-    for s in summaries:
-        row = [s.condition]
-        for q, digits in ((s.root, 4), (s.bevel, 3)):
-            row += [f"{100 * q.coverage:.1f}" if q.covered else f"**{100 * q.coverage:.1f}**"]
-            row += [f"{100 * q.coverage_low:.1f} to {100 * q.coverage_high:.1f}"]
-            row += [f"{q.bias:+.{digits}f} ± {q.bias_u:.{digits}f}", f"{q.mean_u:.{digits}f}"]
-            row += [f"{q.u_over_bound:.2f}", f"{q.u_over_bound_p95:.2f}", f"{q.bound_p95:.{digits}f}"]
-        rows.append(row)
-    return markdown(head, rows)
-
-
-def verdicts(summaries: list[Summary]) -> Iterable[str]:
-    """Counts of sections by verdict; those wrong, invented or missing; seconds a part."""
-    head = [
-        "condition",
-        "pass",
-        "fail",
-        "undecided",
-        "wrong",
-        "in a guard band",
-        "wrong by over 2u",
-        "invented sections",
-        "invented stations",
-        "missing, %",
-        "refused",
-        "s a part",
-    ]
-    rows = [
-        [
-            s.condition,
-            *(
-                f"{n}"
-                for n in (
-                    s.passed,
-                    s.failed,
-                    s.undecided,
-                    s.wrong,
-                    s.at_risk,
-                    s.far_wrong,
-                    s.invented,
-                    s.stations_invented,
-                )
-            ),
-            f"{100 * s.missing:.2f}",
-            f"{len(s.refused)}",
-            f"{s.seconds:.2f}",
-        ]
-        for s in summaries
-    ]
-    return markdown(head, rows)
-
-
-def refusals(summaries: list[Summary]) -> Iterable[str]:
-    """Every part that was refused or crashed, with the cause."""
-    lines = [
-        f"- {s.condition}, seed {r.seed}: {'refused' if r.refused else '**crashed**'}: {r.refused or r.crashed} "
-        f"({100 * r.seen_share:.0f} % of the edge in view)"
-        for s in summaries
-        for r in (*s.refused, *s.crashed)
-    ]
-    return [*lines, ""] if lines else []
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> list[str]:

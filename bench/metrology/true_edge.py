@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.coverage.measure import local_face
+from bench.score.face import local_face
 from workbench.synthetic import Truth
 from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG, Float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.coverage.measure import LOCAL_MM, local_face
+from bench.score.face import LOCAL_MM, local_face
 from workbench.synthetic import random_recipe, simulate_recording
 from workbench.synthetic.raycast import _rough
 from workbench.synthetic.workpiece import build_surface

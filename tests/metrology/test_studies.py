@@ -5,20 +5,16 @@ from __future__ import annotations
 import pytest
 
 from bench.metrology.__main__ import command, main, parse, tasks
-from bench.metrology.part_result import PartResult
 from bench.metrology.run import Measurement, digest
 from bench.metrology.studies import STUDIES
-from workbench.synthetic import CONDITIONS, RAW_CONDITIONS
+from workbench.synthetic import RAW_CONDITIONS
 
 
 def test_everything_is_measured_unless_said_otherwise():
     options = parse([])
     assert options.studies == list(STUDIES)
-    assert len(tasks("inspection", options)) == 200 * len(CONDITIONS)
     assert len(tasks("planning", options)) == 100 * len(RAW_CONDITIONS)
-    assert {seed for _, seed, _ in tasks("loop", options)} == set(range(1_000_000, 1_000_100))
-    assert sum(bool(peers) for _, _, peers in tasks("inspection", options)) == 40 * len(CONDITIONS)
-    assert not any(peers for _, _, peers in tasks("planning", options))
+    assert {seed for _, seed in tasks("loop", options)} == set(range(1_000_000, 1_000_100))
 
 
 def test_the_command_can_be_typed_again():
@@ -27,7 +23,7 @@ def test_the_command_can_be_typed_again():
     assert command("planning", options) == "python -m bench.metrology --studies planning --parts 3 --seed 5" + (
         " --conditions raw_arc raw_wavy"
     )
-    assert tasks("planning", options) == [(c, s, ()) for s in (5, 6, 7) for c in ("raw_arc", "raw_wavy")]
+    assert tasks("planning", options) == [(c, s) for s in (5, 6, 7) for c in ("raw_arc", "raw_wavy")]
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -38,11 +34,9 @@ def test_pages_have_a_place_for_the_tables(name):
 
 
 def test_results_rest_on_the_source_that_they_name():
-    """What the inspection measures does not depend on planning; the other way round it may."""
-    keep = [Measurement(lambda *_: None, PartResult, folders) for folders in (("bench/peers",), ("bench/metrology",))]
+    keep = [Measurement(lambda *_: None, dict, folders) for folders in (("bench/peers",), ("bench/metrology",))]
     assert digest(keep[0]) != digest(keep[1])
     sources = {name: set(study.measurement.sources) for name, study in STUDIES.items()}
-    assert "workbench/path" not in sources["inspection"]
     assert sources["planning"] < sources["loop"] | {"bench/metrology/planning"}
     assert {"workbench/twin", "workbench/inspect", "workbench/path"} <= sources["loop"]
 

@@ -71,7 +71,7 @@ WITHIN = 1.96  # standard uncertainties: 95 % of a normal error
 WRONG = 10.0  # standard deviations over the field of view
 
 
-def measure_calibration(condition: str, seed: int, peers: tuple[str, ...] = ()) -> CalibrationResult:
+def measure_calibration(condition: str, seed: int) -> CalibrationResult:
     """Simulate recording `seed` of a condition, calibrate and compare with its truth. There are no peers to ask for."""
     result = CalibrationResult(condition, seed)
     try:

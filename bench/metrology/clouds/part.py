@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.metrology.part import Clock
-from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.part import Clock, Numbers, numbers
 from workbench.artefacts import Cloud, Edge, Inspection, PointSet
 from workbench.cloud import denoise, read
 from workbench.edge import segment, segment_cloud

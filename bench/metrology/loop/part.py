@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.metrology.bound import WINDOW_MM
-from bench.metrology.part import Clock
-from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.part import WINDOW_MM, Clock, Numbers, numbers
 from bench.metrology.planning.part import plan_as_a_user
 from bench.metrology.true_edge import true_edge_at
 from workbench.artefacts import Inspection, Toolpath
@@ -45,7 +43,7 @@ ROBOT_NOISE_MM = 0.1
 CASES = ("perfect", "errors")
 
 
-def measure_loop(condition: str, seed: int, peers: tuple[str, ...] = ()) -> LoopResult:
+def measure_loop(condition: str, seed: int) -> LoopResult:
     """Take raw edge `seed` of a condition through the loop, once a case. There are no peers."""
     return close_loop(LoopResult(condition, seed), random_recipe(condition, seed))
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.metrology.part import Clock
-from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.planning.part import rough_upper_side
 from bench.metrology.run import ROOT
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
@@ -62,7 +61,6 @@ BALANCING = 6  # rounds of force and deflection, each halfway to the next: withi
 MODEL_ERROR = 0.15  # relative, of force and stiffness together
 STEP_MM = 2.0
 NEAR_MM = 15.0  # a place that the pass cuts, of a section that counts
-SHARP_MM = 0.02  # radius of an edge that the twin has milled, declared: it rounds none
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class Errors:
     seed: int  # of the robot's error
 
 
-def measure_measured(condition: str, seed: int, peers: tuple[str, ...] = ()) -> MeasuredResult:
+def measure_measured(condition: str, seed: int) -> MeasuredResult:
     """Take raw edge `seed` of a condition through both loops. There are no peers."""
     rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
     shape = SHAPES[seed % len(SHAPES)]
@@ -167,7 +165,7 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, errors: Erro
     inspection = sections(segment(seen))
     clock.lap("inspection")
     compare(result, whole, milled_truth(done), correction, first, inspection, truth)
-    _declared_sharp(result, inspection, sections(segment(seen, most_radius_mm=SHARP_MM)))
+    _declared_sharp(result, inspection, sections(segment(seen, edge_condition="sharp")))
 
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bench.metrology.part import Clock
-from bench.metrology.part_result import Numbers, numbers
+from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.places import clear_of_boundaries
 from bench.metrology.true_edge import best_plane_turn_deg, true_edge_at
 from workbench.artefacts import Gate, Layer, RawEdge, Recording, Toolpath
@@ -54,7 +53,7 @@ class PlanResult:
 MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 
 
-def measure_plan(condition: str, seed: int, peers: tuple[str, ...] = ()) -> PlanResult:
+def measure_plan(condition: str, seed: int) -> PlanResult:
     """Simulate raw edge `seed` of a condition, plan its milling and compare with its truth. There are no peers."""
     result = PlanResult(condition, seed)
     clock = Clock(result.seconds)

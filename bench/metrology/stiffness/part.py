@@ -31,7 +31,7 @@ class StiffnessResult:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def measure_stiffness(condition: str, seed: int, peers: tuple[str, ...] = ()) -> StiffnessResult:
+def measure_stiffness(condition: str, seed: int) -> StiffnessResult:
     """Identify trial `seed` of a condition. There are no peers to ask for."""
     result = StiffnessResult(condition, seed)
     truth = known(condition)

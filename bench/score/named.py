@@ -1,17 +1,16 @@
-"""Which parts are measured: every named condition of both simulators, and mixtures of them; recordings are kept."""
+"""Parts under every named condition of the package's simulators, and mixtures of them, with nothing declared."""
 
 from __future__ import annotations
 
-import hashlib
-import pickle
 import zlib
-from functools import cache
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from bench.coverage.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.score.analytic import declared_of, raw_part, truth_of
+from bench.score.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.score.parts import Drawn
 from workbench.artefacts import Recording
 from workbench.synthetic import (
     CONDITIONS,
@@ -21,12 +20,10 @@ from workbench.synthetic import (
     parse_recipe,
     random_recipe,
     simulate_recording,
+    simulate_swept,
 )
 from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
-from workbench.synthetic.swept import simulate_swept
 
-SOURCES = Path(__file__).resolve().parents[2] / "workbench" / "synthetic"
-DRAWN = Path(__file__), Path(__file__).with_name("conditions.py"), Path(__file__).parents[1] / "recipes.py"
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)
@@ -59,21 +56,17 @@ def is_raw(condition: str) -> bool:
     return condition.removeprefix("swept_").startswith("raw_")
 
 
-def part(condition: str, seed: int, kept: Path | None) -> tuple[Recording, Any]:
-    """The recording and the truth of part `seed`; from the folder `kept` if it was simulated before, by this source."""
-    path = None if kept is None else kept / f"{_digest()}-{condition}-{seed}.pickle"
-    if path is not None and path.exists():
-        return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
-    made = _simulated(condition, seed)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        partial.write_bytes(pickle.dumps(made, protocol=5))
-        partial.replace(path)
-    return made
+def drawn(condition: str, seed: int) -> Drawn:
+    """Part `seed`; of a raw one the upper side is known to 10 deg, and the robot's slow error is declared."""
+    recording, truth = simulated(condition, seed)
+    if not is_raw(condition):
+        return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
+    rng = np.random.default_rng([truth.recipe.seed, zlib.crc32(truth.recipe.title.encode()), 1])
+    return raw_part(rng, recording, truth, {}, truth.recipe.title)
 
 
-def _simulated(condition: str, seed: int) -> tuple[Recording, Any]:
+def simulated(condition: str, seed: int) -> tuple[Recording, Any]:
+    """The recording and its truth."""
     if condition.startswith("swept_"):
         return simulate_swept(random_swept_recipe(condition, seed))
     if condition in ("mixed", "raw_mixed"):
@@ -107,7 +100,4 @@ def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     return parse_recipe(document, source="mixed")
 
 
-@cache
-def _digest() -> str:
-    files = [*sorted(SOURCES.rglob("*.py")), *DRAWN]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
+DRAWS = {condition: partial(drawn, condition) for condition in (*ANALYTIC, *SWEPT)}

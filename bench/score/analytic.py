@@ -1,0 +1,138 @@
+"""Parts of the first simulator: `workbench.synthetic`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from bench.confidently_wrong.kinds import KINDS
+from bench.score.errors import about_robot, as_real
+from bench.score.face import local_face
+from bench.score.parts import Drawn, generator, nominal
+from workbench.geometry.poses import rotation_from_vector
+from workbench.synthetic import conditions, parse_recipe, random_recipe, simulate_recording
+from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
+from workbench.synthetic.prism_scan import simulate_prism
+from workbench.units import DEG
+
+MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
+ORDINARY = (
+    conditions.as_is,
+    conditions.arc,
+    conditions.wavy,
+    conditions.oblique,
+    conditions.reversed,
+    conditions.two_pass,
+)
+CONDITIONS = (
+    conditions.clamps,
+    conditions.vibration,
+    conditions.robot_error,
+    conditions.partial_view,
+    conditions.outliers,
+    conditions.missing,
+    conditions.correlated,
+    conditions.coarse,
+)
+SPOILS = (
+    "mean over 3 columns",
+    "3 columns lost at every end",
+    "median over 5 columns",
+    "last range held over 2 columns",
+    "z rounded to 0.02 mm",
+    "mean over 3 frames",
+    "8 blind columns at the end",
+    "lost returns interpolated",
+    "every 8th column returns",
+    "clock 20 ms late",
+)
+RAW = ("straight", "arc", "wavy", "drift", "rough", "twist", "burrs", "below", "two_pass", "clamps")
+
+
+def milled(rng: np.random.Generator, seed: int, elevation_deg: tuple[float, float], *more: Any) -> tuple[Any, Any]:
+    """Recording and truth of a straight part under the conditions `more`."""
+    document: dict[str, Any] = {
+        "seed": seed,
+        "part": draw_part(rng),
+        "scanner": draw_scanner(rng),
+        "disturbances": draw_disturbances(rng),
+        "robot": draw_robot(rng),
+    }
+    document["passes"] = [draw_pass(rng, document, elevation_deg)]
+    for condition in more:
+        condition(rng, document)
+    document["title"] = ", ".join(condition.__name__ for condition in more)
+    return simulate_recording(parse_recipe(document, source=f"analytic {seed}"))
+
+
+def truth_of(truth: Any) -> dict[str, Any]:
+    """Stations of a milled part."""
+    return {name: getattr(truth, name) for name in ("position_mm", "seen", "root_mm", "bevel_deg")}
+
+
+def declared_of(truth: Any) -> dict[str, Any]:
+    return nominal(truth.root_mm.mean(), truth.bevel_deg.mean())
+
+
+def sharp(seed: int) -> Drawn:
+    rng = generator("score analytic sharp", seed)
+    recording, truth = milled(rng, seed, (35.0, 55.0), ORDINARY[rng.integers(len(ORDINARY))])
+    return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
+
+
+def odd(seed: int) -> Drawn:
+    """Every kind in turn."""
+    rng = generator("score analytic odd", seed)
+    number = seed % (len(CONDITIONS) + len(SPOILS))
+    more = CONDITIONS[number : number + 1]
+    recording, truth = milled(rng, seed, (25.0, 60.0), *more)
+    about = truth.recipe.title
+    if not more:
+        about = SPOILS[number - len(CONDITIONS)]
+        recording = KINDS[about].spoil(recording, rng)
+    return Drawn(recording, truth_of(truth), declared_of(truth), about)
+
+
+def raw(seed: int) -> Drawn:
+    rng = generator("score analytic raw", seed)
+    name = f"raw_{RAW[seed % len(RAW)]}"
+    recording, truth = simulate_recording(random_recipe(name, seed))
+    recording, known = as_real(recording, rng, 0.01, 0.06)
+    return raw_part(rng, recording, truth, known, name)
+
+
+def raw_part(rng: np.random.Generator, recording: Any, truth: Any, known: dict[str, Any], about: str) -> Drawn:
+    """A raw edge, its upper side known to 10 deg."""
+    across = truth.across[len(truth.across) // 2]
+    axis = np.cross(across, rng.normal(size=3))
+    up = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0.0, MOST_TURNED_DEG) * DEG) @ across
+    robot = truth.recipe.robot  # its slow errors are declared, since no scan shows them
+    slow = math.hypot(getattr(robot, "drift_mm", 0.0) / 12**0.5, getattr(robot, "smooth_error_mm", 0.0) / 2**0.5)
+    position, normal, m, _ = local_face(truth)
+    stations = {"position_mm": position, "normal": normal, "across": m, "tangent": truth.tangent, "seen": truth.seen}
+    declared = {"kind": "raw", "upper_side": up.tolist(), "robot_drift_u_mm": slow} | known
+    return Drawn(
+        recording,
+        stations,
+        declared,
+        f"{about}, {about_robot(known)}" if known else about,
+    )
+
+
+def groove(seed: int) -> Drawn:
+    from bench.groove.drawn import random_prism_recipe
+
+    recipe = random_prism_recipe(("V", "Y", "HV", "HY")[seed % 4], seed)
+    bare = recipe.groove.model_copy(update={"mounds": type(recipe.groove.mounds)()})
+    return groove_part(*simulate_prism(recipe.model_copy(update={"groove": bare})))
+
+
+def groove_part(recording: Any, truth: Any) -> Drawn:
+    stations = {"position_mm": truth.position_mm, "seen": truth.seen}
+    stations |= {"gap_mm": truth.sizes.gap_mm, "depth_mm": truth.sizes.depth_mm}
+    return Drawn(recording, stations, {"kind": "groove"}, f"groove {truth.type}")
+
+
+DRAWS = {"sharp": sharp, "odd": odd, "raw": raw, "groove": groove}

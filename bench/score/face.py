@@ -1,0 +1,47 @@
+"""The truth of raw edges: on a rough end face, its local least-squares plane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.synthetic.workpiece import build_surface, pose
+from workbench.units import Float
+
+LOCAL_MM = 10.0  # a rough end face is its least-squares plane over this much to both sides
+
+
+def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
+    """Lower edge, n, m and upper edge at the truth's stations; on a rough face, of its local least-squares plane.
+
+    The second simulator's truth is that plane already.
+    """
+    if hasattr(truth, "upper_position_mm"):
+        return truth.position_mm, truth.normal, truth.across, truth.upper_position_mm
+    width = truth.thickness_mm / (truth.across @ pose(truth.recipe.part.base_from_part)[:3, 2])
+    upper = truth.position_mm + width[:, None] * truth.across
+    waves = build_surface(truth.recipe.part, truth.recipe.seed).roughness
+    if not len(waves):
+        return truth.position_mm, truth.normal, truth.across, upper
+    u = np.linspace(0.0, truth.recipe.part.length_mm, len(truth.arc_length_mm))
+    share = np.linspace(0, 1, 64)
+    height = np.zeros((len(u), len(share)))
+    for amplitude, along, over, phase in waves:
+        height += amplitude * np.cos(along * u[:, None] + over * share * width[:, None] + phase)
+    wide = round(2 * LOCAL_MM / float(np.median(np.diff(u)))) + 1
+    v = share - 0.5
+    mean, slope = _running(height.mean(axis=1), wide), _running(height @ v / (v @ v), wide)
+    lean = np.arctan2(slope, width)[:, None]
+    return (
+        truth.position_mm + (mean - slope / 2)[:, None] * truth.normal,
+        np.cos(lean) * truth.normal - np.sin(lean) * truth.across,
+        np.cos(lean) * truth.across + np.sin(lean) * truth.normal,
+        upper + (mean + slope / 2)[:, None] * truth.normal,
+    )
+
+
+def _running(values: Float, wide: int) -> Float:
+    window = np.ones(wide)  # the face ends with the part
+    inside = np.convolve(np.ones(len(values)), window, mode="full")[wide // 2 : wide // 2 + len(values)]
+    return np.convolve(values, window, mode="full")[wide // 2 : wide // 2 + len(values)] / inside

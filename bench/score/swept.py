@@ -1,0 +1,82 @@
+"""Parts of the second simulator: `workbench.synthetic.swept`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.score.analytic import declared_of, groove_part, raw_part, truth_of
+from bench.score.conditions import random_swept_recipe
+from bench.score.errors import about_robot, as_real
+from bench.score.parts import Drawn, generator
+from workbench.synthetic import simulate_groove, simulate_swept
+from workbench.synthetic.swept.recipe import SweptRecipe
+
+ORDINARY = ("plain", "arc", "space_wave", "sway", "stop_and_go", "reversal", "there_and_back", "twist")
+WORN = ("rounded", "burr_out", "burr_in", "texture")
+ODD = (
+    "lost_edge",
+    "lost_blocks",
+    "ghosts",
+    "bowed",
+    "wavy_root",
+    "correlated",
+    "fixed_pattern",
+    "clamps",
+    "drift",
+    "time_offset",
+    "saddle",
+    "helix",
+    "mixed",
+)
+RAW = ("plain", "arc", "space_wave", "twist", "saddle", "rough", "rounded", "burr_out", "burr_in", "clamps")
+MOST_RADIUS_MM = 0.3
+TRIES = 50
+
+
+def recipe(condition: str, seed: int, low_deg: float, high_deg: float) -> SweptRecipe:
+    """The first of some that is seen at elevations from low to high."""
+    for k in range(TRIES):
+        drawn = random_swept_recipe(condition, 100 * seed + k)
+        if low_deg <= drawn.passes[0].elevation_deg <= high_deg:
+            return drawn
+    raise AssertionError(f"{condition} {seed}: none of {TRIES} is seen from there")
+
+
+def sharp(seed: int) -> Drawn:
+    name = f"swept_{ORDINARY[seed % len(ORDINARY)]}"
+    recording, truth = simulate_swept(recipe(name, seed, 35.0, 55.0))
+    return Drawn(recording, truth_of(truth), declared_of(truth), name)
+
+
+def worn(seed: int) -> Drawn:
+    rng = generator("score swept worn", seed)
+    name = f"swept_{WORN[seed % len(WORN)]}"
+    document: dict[str, Any] = recipe(name, seed, 25.0, 50.0).model_dump(mode="json")
+    radius = float(rng.uniform(0.01, MOST_RADIUS_MM))
+    document["part"] |= {"lower_radius_mm": radius, "middle_radius_mm": radius / 4, "upper_radius_mm": radius / 4}
+    recording, truth = simulate_swept(SweptRecipe.model_validate(document))
+    recording, known = as_real(recording, rng, 0.005, 0.03)
+    about = f"{name}, radius {radius:.3f} mm, {about_robot(known)}"
+    return Drawn(recording, truth_of(truth), declared_of(truth) | known, about)
+
+
+def odd(seed: int) -> Drawn:
+    recording, truth = simulate_swept(random_swept_recipe(f"swept_{ODD[seed % len(ODD)]}", seed))
+    return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
+
+
+def raw(seed: int) -> Drawn:
+    rng = generator("score swept raw", seed)
+    name = f"swept_raw_{RAW[seed % len(RAW)]}"
+    recording, truth = simulate_swept(random_swept_recipe(name, seed))
+    recording, known = as_real(recording, rng, 0.01, 0.06)
+    return raw_part(rng, recording, truth, known, name)
+
+
+def groove(seed: int) -> Drawn:
+    from bench.groove.drawn import random_groove_recipe
+
+    return groove_part(*simulate_groove(random_groove_recipe(("V", "Y", "HV", "HY")[seed % 4], seed, clutter=False)))
+
+
+DRAWS = {"sharp": sharp, "worn": worn, "odd": odd, "raw": raw, "groove": groove}

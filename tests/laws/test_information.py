@@ -1,0 +1,46 @@
+"""Laws of information on the public surface, over recordings of two simulators: u follows what was told.
+
+WORKBENCH_SCORED_ENGINE names another engine of `bench.score.measure` for the same laws.
+"""
+
+from typing import Any
+
+import pytest
+
+from bench.score.laws import ALIKE, GROWS, POORER, ROUNDING, applies, change_of, growth, names
+
+FAILS = {  # greatest growth of u, or greatest change of a value, as measured (docs/score.md)
+    ("the last pass alone", "root_mm"): "u of both passes 1.11 times that of the better one",
+    ("every second column", "bevel_deg"): "u 1.12 times that of half the columns",
+    ("in a mirror", "root_mm"): "0.0011 mm",
+    ("in a mirror", "bevel_deg"): "0.0035 deg",
+    ("run backwards", "root_mm"): "0.0005 mm",
+    ("run backwards", "bevel_deg"): "0.017 deg",
+}
+
+
+def laws(changes: Any) -> list[Any]:
+    return [
+        pytest.param(
+            change,
+            quantity,
+            marks=[pytest.mark.xfail(strict=True, reason=FAILS[change, quantity])]
+            if (change, quantity) in FAILS
+            else [],
+        )
+        for change in changes
+        for quantity in ROUNDING
+    ]
+
+
+@pytest.mark.parametrize(("change", "quantity"), laws(POORER))
+def test_more_information_never_makes_less_sure(change: str, quantity: str) -> None:
+    grown = {name: growth(name, change, quantity) for name in names() if applies(name, change)}
+    assert grown
+    assert {name: g for name, g in grown.items() if g > GROWS} == {}
+
+
+@pytest.mark.parametrize(("change", "quantity"), laws(ALIKE))
+def test_how_it_is_told_changes_nothing(change: str, quantity: str) -> None:
+    moved = {name: change_of(name, change, quantity)[0] for name in names()}
+    assert {name: value for name, value in moved.items() if value > ROUNDING[quantity]} == {}

@@ -1,0 +1,76 @@
+"""This project: the public stages, with their defaults but for what is declared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench import cloud, edge, inspect, scan
+from workbench.units import DEG
+
+TITLE = "workbench"
+TRACKS = ("milled", "raw", "groove", "hand_eye")
+STATIONS = 5  # every so many stations of a raw edge are told
+
+
+def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
+    """A submission's entry of one recording."""
+    read = scan.read(recording=recording)
+    if declared["kind"] == "sphere":
+        return hand_eye(read, declared)
+    points = cloud.denoise(scan.fuse(read))
+    known: dict[str, Any] = {"robot_noise_mm": declared["robot_noise_mm"]} if "robot_noise_mm" in declared else {}
+    if declared["kind"] == "groove":
+        found: Any = inspect.groove(edge.segment_groove(points, **known)).sections
+        names = ("gap_mm", "gap_u_mm", "depth_mm", "depth_u_mm")
+        return {"sections": [placed(s) | {name: s.values.get(name) for name in names} for s in found]}
+    known["edge_condition"] = declared.get("edge_condition", "unknown")
+    if declared["kind"] == "raw":
+        known |= {name: declared[name] for name in ("robot_noise_length_mm",) if name in declared}
+        drift = declared.get("robot_drift_u_mm", 0.0)
+        raw = edge.segment_raw(points, upper_side=tuple(declared["upper_side"]), robot_drift_u_mm=drift, **known)
+        return {"sections": raw_sections(raw)}
+    nominal = {name: declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
+    found = inspect.sections(edge.segment(points, **nominal, **known), **nominal).sections
+    names = ("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")
+    return {"sections": [placed(s) | {name: getattr(s, name) for name in names} for s in found]}
+
+
+def placed(section: Any) -> dict[str, Any]:
+    """Where a section lies, and its verdict."""
+    return {"origin_mm": np.asarray(section.origin_mm).tolist(), "verdict": section.verdict}
+
+
+def raw_sections(raw: Any) -> list[dict[str, Any]]:
+    """Every fifth station that was measured, and the last one."""
+    assert raw.position_u_mm is not None
+    at = np.flatnonzero(raw.seen & np.isfinite(raw.position_mm[:, 0]))
+    at = np.unique(np.append(at[::STATIONS], at[-1:]))
+    columns = {
+        "origin_mm": raw.position_mm,
+        "normal": raw.normal,
+        "tangent": raw.tangent,
+        "along_n_u_mm": raw.position_u_mm[:, 0],
+        "along_m_u_mm": raw.position_u_mm[:, 1],
+        "axis_u_deg": raw.normal_u / DEG,
+        "heading_u_deg": raw.tangent_u / DEG,
+    }
+    return [{name: np.asarray(column[k]).tolist() for name, column in columns.items()} for k in at]
+
+
+def hand_eye(read: Any, declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Pose and u of its parts."""
+    from workbench.plugins import calibration
+
+    known = {name: declared[name] for name in ("pose_noise_mm", "pose_noise_deg") if name in declared}
+    found = calibration.hand_eye(calibration.circles(read), read, **known)[0]
+    assert found.covariance is not None
+    u = np.sqrt(np.diag(found.covariance))
+    return {
+        "flange_from_profiler": found.flange_from_profiler.tolist(),
+        "translation_u_mm": u[:3].tolist(),
+        "rotation_u_deg": (u[3:] / DEG).tolist(),
+    }

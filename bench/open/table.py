@@ -1,0 +1,55 @@
+"""Cards of rivals as one table, best first, and its place in docs/benchmark.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from bench.score.parts import ROOT
+
+HEAD = (
+    "| track | method | score | refused | coverage, % | beyond 4u, % | worst error/u | sharpness, U/T | by value | s |"
+)
+PAGE = ROOT / "docs" / "benchmark.md"
+BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
+
+
+def table(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """A row a track and method. Coverage and what lies beyond 4u over all values, sharpness the median's mean."""
+    return "\n".join(
+        [HEAD, "|" + " --- |" * (HEAD.count("|") - 1), *(row(one) for some in cards.values() for one in some)]
+    )
+
+
+def row(card: Mapping[str, Any]) -> str:
+    """Of one method in one track."""
+    from workbench.score.scorer import scale
+
+    known = {name: one for name, one in card["quantities"].items() if one["values"]}
+    values = sum(one["values"] for one in known.values())
+
+    def mean(key: str) -> str:
+        return f"{100.0 * sum(one[key] * one['values'] for one in known.values()) / values:.1f}" if values else ""
+
+    refused = max((one["refused"] for one in card["quantities"].values()), default=0)
+    worst = max((one["worst_error_over_u"] for one in known.values()), default=float("nan"))
+    sharp = [one["sharpness"] / scale(name)[1] for name, one in known.items()]
+    by = ", ".join(f"`{name}` {one['score']:.3f}" for name, one in card["quantities"].items())
+    cells = [
+        card["track"],
+        card["method"],
+        f"{card['score']:.3f}",
+        f"{refused} of {card['recordings']}",
+        mean("coverage"),
+    ]
+    cells += [mean("beyond_4u"), f"{worst:.1f}" if known else "", f"{sum(sharp) / len(sharp):.2f}" if sharp else "", by]
+    seconds = card["seconds_median"]
+    return f"| {' | '.join([*cells, '' if seconds is None else f'{seconds:.2f}'])} |"
+
+
+def put(text: str, pictures: Mapping[str, bytes]) -> None:
+    """The table into the page, the pictures beside it."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    for track, svg in pictures.items():
+        (PAGE.parent / "pictures" / f"benchmark_{track}.svg").write_bytes(svg)

@@ -171,7 +171,7 @@ def test_what_cannot_be_measured_is_no_scrap() -> None:
 
 def test_the_cover_names_parts_with_verdict_and_expanded_uncertainty() -> None:
     row = cover([part("a", [1.5, 1.4], part_id="A-7")])["rows"][0]
-    assert (row["name"], row["root"]) == ("A-7", "1.400 to 1.500 ± 0.020")
+    assert (row["name"], row["cells"][0]) == ("A-7", "1.400 to 1.500 ± 0.020")
     alike = cover([part(name, [1.5], part_id="A-7") for name in ("mon", "tue")])["rows"]
     assert [one["name"] for one in alike] == ["A-7 (mon)", "A-7 (tue)"]
 

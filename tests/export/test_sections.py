@@ -15,7 +15,7 @@ from workbench.export import sections as export_sections
 
 @pytest.fixture(scope="module")
 def drawing(inspected):
-    document = export_sections(inspected.inspection, inspected.edge, inspected.cloud)
+    document = export_sections(inspected.inspection, inspected.cloud, inspected.edge)
     assert document.name == "sections.dxf"
     return ezdxf.read(io.StringIO(document.content.decode()))
 
@@ -58,7 +58,7 @@ def test_points_lie_on_the_lines(drawing, inspected):
 
 
 def test_rows_say_the_same_in_the_base(inspected):
-    document = export_sections(inspected.inspection, inspected.edge, inspected.cloud, format="csv", thickness_mm=0.3)
+    document = export_sections(inspected.inspection, inspected.cloud, inspected.edge, format="csv", thickness_mm=0.3)
     rows = list(csv.DictReader(io.StringIO(document.content.decode("ascii"), newline="")))
     assert document.name == "section_points.csv"
     points = [row for row in rows if row["kind"] == "point"]

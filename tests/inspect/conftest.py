@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import DIRECTIONS, END, TANGENT, MilledEdge, Quantity
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 Course = Callable[[Float], Float]
 
 
 @dataclass(frozen=True)
 class EdgeMaker:
-    """A straight edge along x from x = 100, seen in frames every 0.2 mm; root faces in mm, angles in rad."""
+    """A straight edge along x from x = 100, seen in frames every 0.2 mm; root faces in mm, angles in degrees."""
 
     length_mm: float = 90.0
     root: Course = lambda s: 1.5 + 0 * s
-    bevel: Course = lambda s: 40 * DEG + 0 * s
+    bevel: Course = lambda s: 40 + 0 * s
     root_u_mm: tuple[float, float] = (0.003, 0.004)  # of the end and of the directions
-    bevel_u: tuple[float, float] = (0.03 * DEG, 0.04 * DEG)  # of the directions and of the tangent
+    bevel_u_deg: tuple[float, float] = (0.03, 0.04)  # of the directions and of the tangent
     hidden_mm: tuple[float, float] | None = None
 
     def __call__(self, **changes: object) -> MilledEdge:
@@ -52,8 +52,14 @@ class EdgeMaker:
             across=same[2],
             seen=seen,
             burr_stations=np.empty(0, np.int64),
-            root=Quantity(self.root(at), {END: self.root_u_mm[0] * whole, DIRECTIONS: self.root_u_mm[1] * whole}),
-            bevel=Quantity(self.bevel(at), {DIRECTIONS: self.bevel_u[0] * whole, TANGENT: self.bevel_u[1] * whole}),
+            root=Quantity.of(
+                "root_mm", self.root(at), {END: self.root_u_mm[0] * whole, DIRECTIONS: self.root_u_mm[1] * whole}
+            ),
+            bevel=Quantity.of(
+                "bevel_deg",
+                self.bevel(at),
+                {DIRECTIONS: self.bevel_u_deg[0] * whole, TANGENT: self.bevel_u_deg[1] * whole},
+            ),
         )
 
 

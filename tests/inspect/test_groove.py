@@ -31,8 +31,11 @@ def stated(found: Groove, **changed: object) -> list[tuple[float | None, float |
 def test_a_value_without_its_u_is_not_stated_nor_a_u_without_its_value(found: Groove) -> None:
     gap = found.sizes["gap_mm"]
     hole = np.where(np.arange(gap.value.size) < gap.value.size // 3, np.nan, 0.0)
-    source, u = next(iter(gap.u_by_source.items()))
-    for part in (replace(gap, value=gap.value + hole), replace(gap, u_by_source={**gap.u_by_source, source: u + hole})):
+    first, *others = gap.terms
+    for part in (
+        replace(gap, value=gap.value + hole),
+        replace(gap, terms=(replace(first, u=first.u + hole), *others)),
+    ):
         told = stated(found, sizes={**found.sizes, "gap_mm": part})
         assert told[:2] == [(None, None, "undecided")] * 2
         assert all(value is not None and verdict == "pass" for value, _, verdict in told[4:])

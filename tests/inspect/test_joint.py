@@ -40,8 +40,12 @@ def joint(**changed: Any) -> Preparation:
             across=up,
             seen=ones > 0,
             sizes={
-                "land_mm": Quantity(linear(1.9, 2.1), {"faces": linear(0.01, 0.03), "hand-eye": 0.04 * ones}),
-                "bevel_deg": Quantity(linear(30.0, 32.0), {"faces": linear(0.3, 0.1), "hand-eye": 0.2 * ones}),
+                "land_mm": Quantity.of(
+                    "land_mm", linear(1.9, 2.1), {"faces": linear(0.01, 0.03), "hand-eye": 0.04 * ones}
+                ),
+                "bevel_deg": Quantity.of(
+                    "bevel_deg", linear(30.0, 32.0), {"faces": linear(0.3, 0.1), "hand-eye": 0.2 * ones}
+                ),
             },
             corners={
                 "lower": Corner(np.column_stack([-2.0 * ones, linear(3.0, 5.0)]), np.tile([0.02, 0.05], (S.size, 1)))
@@ -63,9 +67,9 @@ def test_sections_lie_in_the_middle_of_equal_parts_and_state_what_is_there() -> 
         assert one.values == pytest.approx(
             {
                 "land_mm": 1.9 + 0.01 * s,
-                "land_u_mm": np.interp(s, S, np.hypot(linear(0.01, 0.03), 0.04)),
+                "land_u_mm": np.hypot(0.01 + 0.001 * s, 0.04),
                 "bevel_deg": 30.0 + 0.1 * s,
-                "bevel_u_deg": np.interp(s, S, np.hypot(linear(0.3, 0.1), 0.2)),
+                "bevel_u_deg": np.hypot(0.3 - 0.01 * s, 0.2),
             }
         )
         assert [*one.origin_mm] == pytest.approx([500.0, s, 7.0])
@@ -138,7 +142,7 @@ def test_a_section_is_seen_where_both_stations_beside_it_are() -> None:
     ],
 )
 def test_a_size_is_judged_with_its_guard_band(land: float, verdict: str, words: str) -> None:
-    size = Quantity(np.full(S.size, land), {"faces": np.full(S.size, 0.02)})
+    size = Quantity.of("land_mm", np.full(S.size, land), {"faces": np.full(S.size, 0.02)})
     made = preparation(joint(sizes={"land_mm": size}), nominal=NOSE, sections=3)
     assert made.verdict == verdict
     assert [(one.verdict, one.reason) for one in made.sections] == [(verdict, words)] * 3
@@ -147,7 +151,7 @@ def test_a_size_is_judged_with_its_guard_band(land: float, verdict: str, words: 
 
 def test_a_failing_section_is_named_before_an_open_one() -> None:
     land = np.select([S < 5.0, S < 10.0], [2.49, 2.0], 3.0)
-    size = Quantity(land, {"faces": np.full(S.size, 0.02)})
+    size = Quantity.of("land_mm", land, {"faces": np.full(S.size, 0.02)})
     made = preparation(joint(sizes={"land_mm": size}), nominal=NOSE, sections=4)
     assert [one.verdict for one in made.sections] == ["undecided", "pass", "fail", "fail"]
     assert made.reason == "2 of 4 sections fail: section 3: land out of tolerance"
@@ -165,7 +169,7 @@ def test_what_is_required_and_not_seen_is_undecided() -> None:
 
 
 def test_each_source_is_told_in_the_section_where_its_size_is_known_worst() -> None:
-    rows = {row["name"]: row for row in preparation(joint(), sections=4).size_sources}
+    rows = {row["name"]: row for row in preparation(joint(), sections=4).sources}
     assert (rows["faces"]["kind"], rows["hand-eye"]["kind"]) == ("A", "B")
     assert rows["faces"]["land_u_mm"] == pytest.approx(0.01 + 0.02 * 17.5 / 20.0)
     assert rows["faces"]["bevel_u_deg"] == pytest.approx(0.3 - 0.2 * 2.5 / 20.0)
@@ -176,7 +180,7 @@ def test_sources_are_those_of_sections_that_were_measured() -> None:
     land = joint().sizes["land_mm"]
     part = replace(land, value=np.where(S > 14.0, np.nan, land.value))
     nothing = replace(land, value=np.full(S.size, np.nan))
-    rows = preparation(joint(sizes={"land_mm": part, "depth_mm": nothing}), sections=4).size_sources
+    rows = preparation(joint(sizes={"land_mm": part, "depth_mm": nothing}), sections=4).sources
     faces = next(row for row in rows if row["name"] == "faces")
     assert faces["land_u_mm"] == pytest.approx(0.01 + 0.02 * 12.5 / 20.0)
     assert "depth_u_mm" not in faces
@@ -194,7 +198,7 @@ def test_nothing_required_is_measured_and_let_through() -> None:
 
 def test_the_gate_rejects_all_but_a_pass_of_what_is_required() -> None:
     for land, passed in ((2.0, True), (2.49, False), (3.0, False)):
-        size = Quantity(np.full(S.size, land), {"faces": np.full(S.size, 0.02)})
+        size = Quantity.of("land_mm", np.full(S.size, land), {"faces": np.full(S.size, 0.02)})
         decided = groove_gate(preparation(joint(sizes={"land_mm": size}), nominal=NOSE))
         assert (decided.passed, decided.warnings) == (passed, ())
 

@@ -10,7 +10,7 @@ import pytest
 
 from workbench.artefacts import DIRECTIONS, END, TANGENT, Inspection, MilledEdge, Quantity
 from workbench.inspect import sections
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 Maker = Callable[..., MilledEdge]
 
@@ -34,7 +34,7 @@ def test_values_and_profile(edge: Maker) -> None:
     def root(s: Float) -> Float:
         return np.asarray(1.4 + 0.2 * s / 90)
 
-    made = sections(edge(root=root, bevel=lambda s: (39.5 + s / 90) * DEG))
+    made = sections(edge(root=root, bevel=lambda s: 39.5 + s / 90))
     for s in made.sections:
         assert s.root_mm == pytest.approx(1.4 + 0.2 * s.arc_length_mm / 90, abs=0.006)
         assert s.bevel_deg == pytest.approx(39.5 + s.arc_length_mm / 90, abs=0.25)
@@ -76,18 +76,18 @@ def test_the_part_is_judged_by_its_worst_section(edge: Maker) -> None:
     assert thin.verdict == "fail"
     assert "section 1" in thin.reason
     assert "root face out of tolerance" in thin.reason
-    steep = sections(edge(bevel=lambda s: 41.5 * DEG + 0 * s))
+    steep = sections(edge(bevel=lambda s: 41.5 + 0 * s))
     assert steep.verdict == "fail"
     assert "bevel angle out of tolerance" in steep.reason
 
 
 def test_a_part_at_the_limit_is_undecided(edge: Maker) -> None:
     assert sections(edge(root=lambda s: 2.0 + 0 * s)).verdict == "undecided"
-    assert sections(edge(bevel=lambda s: 39 * DEG + 0 * s, bevel_u=(0.3 * DEG, 0.0))).verdict == "undecided"
+    assert sections(edge(bevel=lambda s: 39 + 0 * s, bevel_u_deg=(0.3, 0.0))).verdict == "undecided"
 
 
 def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
-    part = edge(root=lambda s: 2.4 + 0 * s, bevel=lambda s: 35 * DEG + 0 * s)
+    part = edge(root=lambda s: 2.4 + 0 * s, bevel=lambda s: 35 + 0 * s)
     own = {
         "root_nominal_mm": 2.5,
         "root_tolerance_mm": (-0.2, 0.0),
@@ -120,7 +120,7 @@ def test_the_edges_own_warnings_are_handed_on(edge: Maker) -> None:
 
 def test_what_is_no_bevel_is_not_measured(edge: Maker) -> None:
     """Faces that were taken for others give sizes that no bevel has: they are not judged."""
-    for wrong in ({"root": lambda s: -2.0 + 0 * s}, {"bevel": lambda s: 1.6 + 0 * s}):
+    for wrong in ({"root": lambda s: -2.0 + 0 * s}, {"bevel": lambda s: 91.7 + 0 * s}):
         made = sections(edge(**wrong))
         assert made.verdict == "undecided"
         assert all(section.root_mm is None and section.bevel_deg is None for section in made.sections)
@@ -131,24 +131,26 @@ def test_the_budget_adds_up_to_the_largest_section(edge: Maker) -> None:
     made = sections(edge())
     for key in ("root_u_mm", "bevel_u_deg"):
         whole = max(getattr(s, key) for s in made.sections)
-        assert np.sqrt(sum(getattr(one, key) ** 2 for one in made.uncertainty.sources)) == pytest.approx(
-            whole, rel=1e-6
-        )
+        assert np.sqrt(sum(row[key] ** 2 for row in made.sources)) == pytest.approx(whole, rel=1e-6)
 
 
 def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None:
     def growing(first: float, last: float) -> Quantity:
         at = np.arange(91.0)
-        return Quantity(1.5 + at / 900.0, {END: np.interp(at, [0, 90], [first, last]), DIRECTIONS: 0.004 + 0 * at})
+        return Quantity.of(
+            "root_mm", 1.5 + at / 900.0, {END: np.interp(at, [0, 90], [first, last]), DIRECTIONS: 0.004 + 0 * at}
+        )
 
     part = replace(edge(), root=growing(0.003, 0.009))
-    bevel = Quantity(part.bevel.value, {DIRECTIONS: np.linspace(0.3, 0.1, 91) * DEG, TANGENT: 0.2 * DEG + np.zeros(91)})
+    bevel = Quantity.of(
+        "bevel_deg", part.bevel.value, {DIRECTIONS: np.linspace(0.3, 0.1, 91), TANGENT: 0.2 + np.zeros(91)}
+    )
     made = sections(replace(part, bevel=bevel), sections=3)
     for one, s in zip(made.sections, [15.0, 45.0, 75.0], strict=True):
         assert one.root_mm == pytest.approx(1.5 + s / 900.0)
         assert one.root_u_mm == pytest.approx(np.hypot(0.003 + 0.006 * s / 90.0, 0.004))
         assert one.bevel_u_deg == pytest.approx(np.hypot(0.3 - 0.2 * s / 90.0, 0.2))
-    told = {one.name: (one.root_u_mm, one.bevel_u_deg) for one in made.uncertainty.sources}
+    told = {row["name"]: (row["root_u_mm"], row["bevel_u_deg"]) for row in made.sources}
     assert told[END] == pytest.approx((0.008, 0.0))  # the root face is known worst in the last section,
     assert told[DIRECTIONS] == pytest.approx((0.004, 0.3 - 0.2 / 6.0))  # the angle in the first
     assert told[TANGENT] == pytest.approx((0.0, 0.2))
@@ -189,7 +191,7 @@ def test_axes_between_stations_are_of_unit_length(edge: Maker) -> None:
     [(0.01, 40.0, True), (-0.01, 40.0, False), (1.5, 84.0, True), (1.5, 86.0, False), (1.5, -1.0, False)],
 )
 def test_what_a_bevel_can_have(edge: Maker, root: float, bevel_deg: float, measured: bool) -> None:
-    made = sections(edge(root=lambda s: root + 0 * s, bevel=lambda s: bevel_deg * DEG + 0 * s))
+    made = sections(edge(root=lambda s: root + 0 * s, bevel=lambda s: bevel_deg + 0 * s))
     assert all((one.root_mm is not None) is measured for one in made.sections)
     assert any("that no bevel has" in warning for warning in made.warnings) is not measured
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from workbench.artefacts import Requirements, conformity
-from workbench.inspect.verdict import judge, worst
+from workbench.artefacts import Quantity, conformity
+from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.inspect.verdict import judged, worst
 
 LIMITS = (-0.5, 0.25)  # about 1.5: from 1.0 to 1.75; all numbers here are exact in binary
 
@@ -61,6 +62,15 @@ def test_the_worst_of_many() -> None:
     assert worst([]) == "undecided"
 
 
+def bevel(root_mm: float, root_u_mm: float, bevel_deg: float, bevel_u_deg: float) -> tuple[str, str]:
+    sizes = {
+        "root_mm": Quantity.of("root_mm", root_mm, {"end": root_u_mm}),
+        "bevel_deg": Quantity.of("bevel_deg", bevel_deg, {"faces": bevel_u_deg}),
+    }
+    required = {"root_mm": (1.5, (-0.5, 0.5)), "bevel_deg": (40.0, (-1.0, 1.0))}
+    return judged(sizes, required, BEVEL_TERMS, 1.645)
+
+
 @pytest.mark.parametrize(
     ("root_mm", "bevel_deg", "expected", "words"),
     [
@@ -74,7 +84,7 @@ def test_the_worst_of_many() -> None:
 def test_a_section_is_as_bad_as_its_worse_characteristic(
     root_mm: float, bevel_deg: float, expected: str, words: tuple[str, str]
 ) -> None:
-    found, reason = judge(root_mm, 0.01, bevel_deg, 0.05, Requirements(), 1.645)
+    found, reason = bevel(root_mm, 0.01, bevel_deg, 0.05)
     assert found == expected
     for part in words:
         assert part in reason
@@ -82,8 +92,8 @@ def test_a_section_is_as_bad_as_its_worse_characteristic(
 
 @pytest.mark.parametrize("missing", range(4))
 def test_a_section_that_was_not_measured_is_undecided(missing: int) -> None:
-    values: list[float | None] = [0.1, 0.01, 10.0, 0.05]  # far out of tolerance, were it whole
-    values[missing] = None
-    found, reason = judge(*values, Requirements(), 1.645)
+    values = [1.5, 0.01, 40.0, 0.05]
+    values[missing] = float("nan")
+    found, reason = bevel(*values)
     assert found == "undecided"
-    assert "hidden" in reason
+    assert "not seen" in reason

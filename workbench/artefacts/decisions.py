@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from workbench.units import Float, Shaped
@@ -101,6 +101,16 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Nearest:
+    """Where two bodies that must not touch come nearest to each other, as measured between their shapes."""
+
+    distance_mm: float
+    pair: tuple[str, str]
+    line: int  # of the program's file
+    arc_length_mm: float  # of the tool's way, from the first target
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
     """What came of driving a program through its cell. Least margins are over the whole way, not the targets alone."""
 
@@ -121,6 +131,11 @@ class Judgement:
     deviation_mm: float  # largest, of the tool from the planned path
     # arc_length_mm, clearance_mm, limit_margin, wrist, condition, (n,) each; the last two NaN in joint moves
     along: Mapping[str, Float]
+    nearest: Nearest | None = None  # of the postures that were looked at; None: nothing could touch
+    # at the places of the first look, in their order: joints (n, 6) and turntable, rad; time_s, line, mm_s, (n,) each
+    driven: Mapping[str, Float] = field(default_factory=dict)
+    stops: int = 0  # targets between two moves at which the tool stands still
+    stops_counted: bool = False  # their time is in `time_s`: the cell file says what one costs
 
     @property
     def passed(self) -> bool:
@@ -129,6 +144,7 @@ class Judgement:
 
 
 NOT_CHECKED = "NOT CHECKED: "  # begins what of `Gate.loosened` was not looked at
+SHAPE_ONLY = "SHAPE ONLY: "  # begins what of `Gate.loosened` says that nothing shows where the part stands
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +174,11 @@ class Gate:
         return self.passed and not self.loosened
 
     @property
+    def shape_only(self) -> bool:
+        """Whether nothing shows where the part stands: a program then stops at a point for the operator, or is none."""
+        return any(text.startswith(SHAPE_ONLY) for text in self.loosened)
+
+    @property
     def verdict(self) -> Verdict:
         """Of the report's first page: `pass` only where the exit status is 0."""
         return "fail" if not self.passed else "undecided" if self.loosened else "pass"
@@ -179,6 +200,11 @@ class RobotCell(ABC):
     __slots__ = ()
     unchecked: tuple[str, ...] = ()  # what its file does not say of it, so that nothing can look at it
     unseen: tuple[str, ...] = ()  # what stands in it and was not shown: programs say so
+
+    @property
+    def probes(self) -> bool:
+        """Whether its programs stop at a point of the path, for the operator to see that it is there."""
+        return False
 
     @abstractmethod
     def judge(

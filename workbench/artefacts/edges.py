@@ -6,12 +6,13 @@ Terms of joint preparations are those of ISO 9692-1 and ISO 17659.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part, Verdict
+from workbench.artefacts.quantities import Quantity
 from workbench.artefacts.showing import AlongTheEdge, along_chart, rows_table
 from workbench.geometry.chains import FaceLines
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
@@ -19,38 +20,6 @@ from workbench.units import AnyArray, Bool, Float, Int, Shaped
 # Face labels of a grid point, in `Edge.labels` (uint8).
 UNLABELLED, ROOT_FACE, BEVEL_FACE, UPPER_SURFACE, LOWER_SURFACE = range(5)
 FACE_NAMES = ("unlabelled", "root face", "bevel face", "upper surface", "lower surface")
-
-
-# Sources of uncertainty of root face and bevel angle, and how each is evaluated (GUM 4.2, 4.3).
-END = "end of the root face and range noise"
-DIRECTIONS = "directions of the faces"
-TANGENT = "direction of the edge: robot position noise and hand-eye pose"
-FORM = "form of the faces: what straight lines leave"
-ROUNDING = "rounding of the lower edge"
-PASSES = "agreement of scanning passes"
-DECLARED = "declared for what no frame shows"
-KINDS: dict[str, Literal["A", "B"]] = {
-    END: "A",
-    DIRECTIONS: "A",
-    TANGENT: "B",
-    FORM: "A",
-    ROUNDING: "B",
-    PASSES: "B",
-    DECLARED: "B",
-}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Quantity:
-    """A quantity along the edge with its standard uncertainty by source; NaN where it was not measured."""
-
-    value: Shaped[Float, " n"]
-    u_by_source: Mapping[str, Float]  # (n,) each, in the unit of the value; squares add
-
-    @property
-    def u(self) -> Float:
-        """Combined standard uncertainty (n,)."""
-        return np.sqrt(sum(u**2 for u in self.u_by_source.values()))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -85,8 +54,8 @@ class Edge(AlongTheEdge):
 class MilledEdge(Edge):
     """A milled edge: root face and bevel face, with the width of one and the angle of the other at each station."""
 
-    root: Quantity  # (n,) root face, mm
-    bevel: Quantity  # (n,) bevel angle, rad
+    root: Quantity  # (n,) `root_mm`, the root face
+    bevel: Quantity  # (n,) `bevel_deg`, the bevel angle
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -101,6 +70,8 @@ class RawEdge(Edge):
         None  # as `position_u_mm`: what the hand-eye pose adds, one for the whole scan
     )
     hand_eye_turn: Shaped[Float, " n"] | None = None  # of `normal_u`: what the hand-eye pose has in it, rad
+    # `along_normal_mm`, `along_across_mm` and `axis_deg`, whose u are `position_u_mm` and `normal_u`; (): not told
+    budget: tuple[Quantity, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +97,195 @@ def conformity(value: float, u: float, nominal: float, tolerance: tuple[float, f
     return "undecided"
 
 
+BEVEL_TERMS = {  # of ISO 9692-1
+    "root_mm": ("Root face", "c"),
+    "bevel_deg": ("Bevel angle", "β"),
+}
+
+
+def named(size: str, what: str) -> str:
+    """`gap_u_mm` of `gap_mm` and `u`, `gap_tolerance_mm` of `tolerance`."""
+    stem, _, unit = size.rpartition("_")
+    return f"{stem}_{what}_{unit}"
+
+
+def u_name(size: str) -> str:
+    """Name of a size's standard uncertainty: `gap_u_mm` of `gap_mm`."""
+    return named(size, "u")
+
+
+Required = Mapping[str, tuple[float, tuple[float, float]]]  # by size: nominal, deviations lower <= 0 <= upper
+
+
+def required_in_file(told: Mapping[str, Any]) -> Required:
+    """What result files require, of a bevel as `root_nominal_mm`, of a joint as `gap_mm`, each with its tolerance.
+
+    >>> required_in_file({"gap_mm": 2, "gap_tolerance_mm": [-0.5, 0.5]})
+    {'gap_mm': (2.0, (-0.5, 0.5))}
+    """
+    found = {}
+    for key, pair in told.items():
+        stem, here, unit = key.rpartition("_tolerance_")
+        if here and pair is not None:
+            nominal = told.get(f"{stem}_nominal_{unit}", told.get(f"{stem}_{unit}"))
+            found[f"{stem}_{unit}"] = float(nominal), (float(pair[0]), float(pair[1]))
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Characteristic:
+    """A size of a joint over the sections of an inspection, and what is required of it.
+
+    >>> gap = Quantity.of("gap_mm", np.array([2.0, 2.6]), {"faces": 0.05})
+    >>> wanted = Characteristic(gap, "Root gap", "b", (2.0, (-0.5, 0.5)), guard_factor=1.645)
+    >>> wanted.limits, wanted.verdicts
+    ((1.5, 2.5), ('pass', 'fail'))
+    """
+
+    quantity: Quantity  # (n,) a value a section; NaN where it was not measured
+    term: str  # of ISO 9692-1 or ISO 17659
+    letter: str  # of ISO 9692-1; '–' where it has none
+    required: tuple[float, tuple[float, float]] | None = None  # nominal, deviations lower <= 0 <= upper; None: nothing
+    guard_factor: float = 1.645
+
+    @property
+    def name(self) -> str:
+        """As in result files."""
+        return self.quantity.name
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle, in degrees, and no length, in mm."""
+        return self.quantity.unit == "deg"
+
+    @property
+    def symbol(self) -> str:
+        """Its letter in ASCII, 'beta' or 'c1', or its name without the unit."""
+        return self.name.rpartition("_")[0] if self.letter == "–" else self.letter.translate(PLAIN_LETTERS)
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Lower and upper limit of the value."""
+        if self.required is None:
+            return None
+        nominal, (lower, upper) = self.required
+        return nominal + lower, nominal + upper
+
+    @property
+    def pairs(self) -> tuple[tuple[float, float] | None, ...]:
+        """Value and standard uncertainty in each section; None where it was not measured."""
+        known = np.isfinite(self.quantity.value) & np.isfinite(self.quantity.u)
+        pairs = zip(self.quantity.value.tolist(), self.quantity.u.tolist(), strict=True)
+        return tuple(pair if one else None for pair, one in zip(pairs, known.tolist(), strict=True))
+
+    @property
+    def verdicts(self) -> tuple[Verdict | None, ...]:
+        """Of each section (ISO 14253-1); None where nothing is required, or nothing was measured."""
+        wanted = self.required
+        return tuple(pair and wanted and conformity(*pair, *wanted, self.guard_factor) for pair in self.pairs)
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """What each source contributes in the section of the largest uncertainty; {}: not measured."""
+        u = np.array([np.nan if pair is None else pair[1] for pair in self.pairs], float)
+        if not np.isfinite(u).any():
+            return {}
+        worst = int(np.nanargmax(u))
+        return {
+            source: float(np.broadcast_to(one, u.shape)[worst]) for source, one in self.quantity.u_by_source.items()
+        }
+
+
+PLAIN_LETTERS = str.maketrans({"α": "alpha", "β": "beta", "₁": "1", "₂": "2"})
+
+
+class JointInspection:
+    """A joint's preparation in sections against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+
+    __slots__ = ()
+    FORMAT: ClassVar[str]  # of its result file
+    WHAT: ClassVar[str]  # in words
+    terms: ClassVar[Mapping[str, tuple[str, str]]]  # of each size: term and letter
+    sections: tuple[Any, ...]
+    guard_factor: float
+    verdict: Verdict
+    reason: str
+    uncertainty: Uncertainty
+    part: Part
+    warnings: tuple[str, ...]
+    checks: tuple[Check, ...]
+    source: str
+
+    @property
+    def requirements_in_file(self) -> Mapping[str, Any]:
+        """What is required, as result files tell it."""
+        raise NotImplementedError
+
+    @property
+    def required(self) -> Required:
+        """Nominal value and deviations of every size of which something is required."""
+        return required_in_file(self.requirements_in_file)
+
+    @property
+    def characteristics(self) -> tuple[Characteristic, ...]:
+        """Every size that is required or that some section has, in the order of reports."""
+        required = self.required
+        there = {name for section in self.sections for name in section.sizes} | {*required}
+        return tuple(
+            Characteristic(
+                Quantity.joined(name, [section.sizes.get(name) for section in self.sections]),
+                *words,
+                required.get(name),
+                self.guard_factor,
+            )
+            for name, words in self.terms.items()
+            if name in there
+        )
+
+    @property
+    def sources(self) -> tuple[Mapping[str, Any], ...]:
+        """The uncertainty budget: name, kind and u of every size, each in its worst section."""
+        found = [(one, budget) for one in self.characteristics if (budget := one.budget)]
+        kinds = {term.source: term.kind for one, _ in found for term in one.quantity.terms}
+        rows = (
+            {"name": source, "kind": kind, **{u_name(one.name): budget.get(source, 0.0) for one, budget in found}}
+            for source, kind in kinds.items()
+        )
+        return tuple(row for row in rows if any(isinstance(u, float) and u > 0.0 for u in row.values()))
+
+    def table(self) -> Any:
+        """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""
+        return rows_table(
+            [
+                {"index": s.index, "arc_length_mm": s.arc_length_mm, **s.values, "verdict": s.verdict}
+                for s in self.sections
+            ]
+        )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a section, for others' tables: place in the base, sizes with their u, verdict; None: hidden."""
+        return [
+            {
+                "section": s.index,
+                "arc_length_mm": s.arc_length_mm,
+                **dict(zip(("x_mm", "y_mm", "z_mm"), s.origin_mm.tolist(), strict=True)),
+                **s.values,
+                "verdict": s.verdict,
+                "reason": s.reason,
+            }
+            for s in self.sections
+        ]
+
+
+def sizes_in_file(sizes: Mapping[str, Quantity]) -> dict[str, float | None]:
+    """Sizes at one place with their standard uncertainties, by the names of result files; None: not measured."""
+    found: dict[str, float | None] = {}
+    for name, one in sizes.items():
+        known = bool(np.isfinite(one.value) and np.isfinite(one.u))
+        found[name], found[u_name(name)] = (float(one.value), float(one.u)) if known else (None, None)
+    return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
     """One inspected section. Values are None where the edge is hidden; `verdict` is then 'undecided'."""
@@ -143,6 +303,27 @@ class Section:
     verdict: Verdict
     reason: str
     frames: Int  # indices of the frames that it rests on
+    u_by_source: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # by size; {}: not told
+
+    @property
+    def sizes(self) -> dict[str, Quantity]:
+        """Root face and bevel angle; NaN where they were not measured."""
+        return {
+            name: Quantity.of(
+                name,
+                np.nan if value is None or u is None else value,
+                self.u_by_source.get(name, {"as stated": np.nan if u is None else u}),
+            )
+            for name, value, u in (
+                ("root_mm", self.root_mm, self.root_u_mm),
+                ("bevel_deg", self.bevel_deg, self.bevel_u_deg),
+            )
+        }
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """As in `inspection.json`."""
+        return sizes_in_file(self.sizes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,34 +339,36 @@ class EdgeProfile:
     root_u_by_source_mm: Mapping[str, Float] = field(default_factory=dict)  # (n,) each; squares add; empty: not told
     bevel_u_by_source_deg: Mapping[str, Float] = field(default_factory=dict)
 
-
-@dataclass(frozen=True, slots=True)
-class UncertaintySource:
-    """One contribution to the combined standard uncertainty (GUM 4.1.4)."""
-
-    name: str
-    root_u_mm: float  # to the root face's width, in the section with the largest uncertainty of it
-    bevel_u_deg: float  # to the bevel angle, likewise
-    kind: Literal["A", "B"]  # evaluated from the scatter of these measurements, or by other means (GUM 4.2, 4.3)
+    @property
+    def sizes(self) -> dict[str, Quantity]:
+        """Root face and bevel angle, (n,) each."""
+        return {
+            "root_mm": Quantity.of("root_mm", self.root_mm, self.root_u_by_source_mm or {"as stated": self.root_u_mm}),
+            "bevel_deg": Quantity.of(
+                "bevel_deg", self.bevel_deg, self.bevel_u_by_source_deg or {"as stated": self.bevel_u_deg}
+            ),
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """The uncertainty budget: the squares of the sources add to the square of the largest section's u."""
+    """What goes with the uncertainty budget, whose sources the sections' sizes hold."""
 
     coverage_factor: float = 2.0
-    sources: tuple[UncertaintySource, ...] = ()
     not_included: tuple[str, ...] = ()  # sentences
-    correlations: str = ""  # why the squares do not add up, where they do not
+    correlations: str = ""  # why the squares of the sources do not add up, where they do not
 
 
 NO_BUDGET = Uncertainty()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inspection:
-    """The measured part against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+class Inspection(JointInspection):
+    """A milled bevel against its requirements."""
 
+    FORMAT: ClassVar = "bevel-inspection"
+    WHAT: ClassVar = "milled bevel"
+    terms: ClassVar = BEVEL_TERMS
     sections: tuple[Section, ...]
     profile: EdgeProfile
     requirements: Requirements
@@ -199,10 +382,10 @@ class Inspection:
     checks: tuple[Check, ...] = ()  # what was checked of recording and faces
     source: str = ""  # the file it was measured in
 
-    def table(self) -> Any:
-        """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""
-        names = ("index", "arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg", "verdict")
-        return rows_table([{name: getattr(section, name) for name in names} for section in self.sections])
+    @property
+    def requirements_in_file(self) -> Mapping[str, Any]:
+        """As `inspection.json` has them."""
+        return asdict(self.requirements)
 
     def plot(self) -> Any:
         """A matplotlib Figure of root face and bevel angle along the edge, with U = 2 u."""
@@ -235,7 +418,7 @@ TERMS = {  # of ISO 17659 and letters of ISO 9692-1, which has none for the last
     "included_deg": ("Included angle", "α"),
     "depth_mm": ("Depth of preparation", "h"),
     "root_radius_mm": ("Root radius", "R"),
-    "width_mm": ("Groove width", "–"),
+    "width_mm": ("Width", "–"),
     "misalignment_mm": ("Linear misalignment", "–"),
 }
 PREPARATION_TERMS = {  # likewise, of one plate
@@ -246,14 +429,9 @@ PREPARATION_TERMS = {  # likewise, of one plate
     "land_mm": ("Land", "–"),
     "depth_mm": ("Depth of preparation", "h"),
     "root_radius_mm": ("Root radius", "R"),
-    "width_mm": ("Preparation width", "–"),
+    "width_mm": ("Width", "–"),
 }
-
-
-def u_name(size: str) -> str:
-    """Name of a size's standard uncertainty: `gap_u_mm` of `gap_mm`."""
-    stem, _, unit = size.rpartition("_")
-    return f"{stem}_u_{unit}"
+ALL_TERMS: Mapping[str, tuple[str, str]] = {**BEVEL_TERMS, **TERMS, **PREPARATION_TERMS}  # of every joint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -325,17 +503,22 @@ class GrooveSection:
     tangent: Float
     normal: Float
     across: Float
-    values: Mapping[str, float | None]  # sizes and their u
+    sizes: Mapping[str, Quantity]  # () each; NaN where they were not measured
     corners: tuple[Mapping[str, Any], ...]
     verdict: Verdict
     reason: str
+    frames: Int  # indices of the frames near it
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """Sizes and their u, as in `groove.json`."""
+        return sizes_in_file(self.sizes)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointInspection:
-    """A joint's preparation against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
+class RecognisedInspection(JointInspection):
+    """Of a joint whose type was recognised or declared."""
 
-    terms: ClassVar[Mapping[str, tuple[str, str]]]
     type: str
     alternatives: tuple[str, ...]
     declared: bool
@@ -345,30 +528,30 @@ class JointInspection:
     verdict: Verdict
     reason: str
     uncertainty: Uncertainty
-    size_sources: tuple[Mapping[str, Any], ...]  # name, kind and u of every size, each in its worst section
     part: Part = UNKNOWN_PART
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
+    source: str = ""
 
-    def table(self) -> Any:
-        """A row a section: a pandas DataFrame where pandas is installed, else a list of dicts."""
-        return rows_table(
-            [
-                {"index": s.index, "arc_length_mm": s.arc_length_mm, **s.values, "verdict": s.verdict}
-                for s in self.sections
-            ]
-        )
+    @property
+    def requirements_in_file(self) -> Mapping[str, Any]:
+        """As `groove.json` has them."""
+        return self.requirements
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class GrooveInspection(JointInspection):
+class GrooveInspection(RecognisedInspection):
     """A groove against its requirements."""
 
+    FORMAT: ClassVar = "groove-inspection"
+    WHAT: ClassVar = "groove"
     terms: ClassVar = TERMS
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PreparationInspection(JointInspection):
+class PreparationInspection(RecognisedInspection):
     """The prepared edge of one plate against its requirements."""
 
+    FORMAT: ClassVar = "preparation-inspection"
+    WHAT: ClassVar = "preparation"
     terms: ClassVar = PREPARATION_TERMS

@@ -103,6 +103,7 @@ class Toolpath:
     chain: ChainU | None = None  # None: no link is stated
     root_radius_mm: float = 0.0  # of a J preparation: its fillet between root face and bevel face; 0: none
     finishing: Toolpath | None = None  # the pass that takes the allowance, once the cut was measured (path.correct)
+    about: tuple[str, ...] = ()  # what it is, in lines for a program's head, where it is no milling path
 
     @property
     def in_order(self) -> tuple[Travel | Layer, ...]:
@@ -169,6 +170,7 @@ class PathGate(Gate):
     toolpath: Toolpath = field(kw_only=True)
     tolerance_mm: float = field(kw_only=True)  # by which a program's moves may leave the path and the decision holds
     reached: bool = False  # postures were found for all points: reachable, inside limits, clear of collision
+    loaded: bool = False  # it was held as the tool comes that gives way: what is predicted is allowed for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,6 +197,8 @@ class Postures:
     has_turntable: bool
     warnings: tuple[str, ...] = ()
     planned_turntable: float = 0.0  # where it stood when the path was planned, rad
+    torque_nm: Shaped[Float, " n"] | None = None  # that the cutter asks of the spindle; None: nobody tells
+    spindle_rpm: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,6 +304,24 @@ NOT_INCLUDED = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Mean of what the first cuts of a batch's parts showed at k stations along the edge, NaN where nothing did."""
+
+    parts: int
+    arc_length_mm: Shaped[Float, " k"]
+    shift_mm: Shaped[Float, " k"]  # along the bevel's outward normal, as measured
+    turn: Shaped[Float, " k"]  # about the feed, rad
+    shift_scatter_mm: float = math.nan  # standard deviation of a part about those before it; NaN: of one part alone
+    turn_scatter: float = math.nan  # rad
+
+    def on(self, arc_length_mm: Float) -> Batch:
+        """The same at other stations."""
+        at, own = arc_length_mm, self.arc_length_mm
+        shift, turn = (np.interp(at, own, mean, np.nan, np.nan) for mean in (self.shift_mm, self.turn))
+        return Batch(self.parts, at, shift, turn, self.shift_scatter_mm, self.turn_scatter)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PathCorrection:
     """What a first cut tells of the pass that follows it, at k key points along the edge.
 
@@ -326,6 +348,7 @@ class PathCorrection:
     comes: PathDeflection  # how the tool comes beside the corrected path, by this measurement
     reason: str  # what was corrected, or why nothing was
     refused: str | None = None  # where and by how much the allowance does not allow it; None: it does
+    batch: Batch | None = None  # of the parts so far, this one included unless it is refused
     checks: tuple[Check, ...] = ()
     warnings: tuple[str, ...] = ()
     part: Part = UNKNOWN_PART

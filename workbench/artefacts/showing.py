@@ -173,6 +173,7 @@ class Strokes:
     lines_mm: tuple[Float, ...]  # each (k, 3) in the base, finite
     colours: tuple[AnyArray, ...]  # each (k, 3) uint8, one a point
     shown: bool = True  # at first
+    moved: Shaped[Float, "f 4 4"] | None = None  # motion of the lines in each frame of the scene; None: they stand
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,6 +201,7 @@ class Scene:
     axes: Shaped[Float, "3 3"]  # rows t, n, m: the first look is along them, m stays upright
     marks_are: str = "sections"
     axes_names: tuple[str, str, str] = ("t", "n", "m")  # of the rows of `axes`, for the buttons
+    frames: tuple[str, ...] = ()  # f moments that are played one after the other, each with what is said of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from workbench import __version__
+from workbench.artefacts import u_name
+from workbench.artefacts.edges import ALL_TERMS, BEVEL_TERMS, named, required_in_file
 from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capability, individuals
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
@@ -185,7 +188,7 @@ COVERAGE = 2.0
 MOST_PARTS = 80  # two columns of rows of 5 mm under the head
 VERDICTS = ("fail", "undecided", "pass")  # least favourable first
 CONFORMITY = {"pass": "conform", "fail": "do not conform", "undecided": "undecided"}
-KEYS = (("root", "mm", 3), ("bevel", "deg", 2))
+MOST_SIZES = 2  # that a row has room for
 
 
 def cover(records: Sequence[Record]) -> dict[str, Any]:
@@ -195,6 +198,8 @@ def cover(records: Sequence[Record]) -> dict[str, Any]:
     alike = all(one.requirements == needs for one in measured)
     ranked = sorted(measured, key=lambda one: VERDICTS.index(one.verdict) if one.verdict in VERDICTS else 0)
     shown = measured if len(measured) <= MOST_PARTS else ranked[:MOST_PARTS]
+    sizes = [*required_in_file(needs)]
+    sizes = sizes if len(sizes) <= MOST_SIZES else []
     drawings = {str(one.identity["drawing"]) for one in measured if one.identity.get("drawing")}
     return {
         "measured": len(measured),
@@ -203,39 +208,49 @@ def cover(records: Sequence[Record]) -> dict[str, Any]:
             (CONFORMITY[name], name, sum(one.verdict == name for one in measured))
             for name in ("pass", "fail", "undecided")
         ],
-        "limits": [_limits(needs, key, unit) for key, unit, _ in KEYS] if needs and alike else [],
+        "limits": [_limits(name, wanted) for name, wanted in required_in_file(needs).items()] if alike else [],
+        "sizes": [f"{ALL_TERMS[one][1]} ± U, {'°' if one.endswith('_deg') else 'mm'}" for one in sizes],
         "drawings": one_line(", ".join(sorted(drawings))) or "unknown",
-        "rows": [_row(one, [each.part_id for each in measured].count(one.part_id) > 1) for one in shown],
+        "rows": [_row(one, sizes, [each.part_id for each in measured].count(one.part_id) > 1) for one in shown],
         "not_shown": len(measured) - len(shown),
         "simulated": any(one.identity.get("simulated") for one in records),
     }
 
 
-def _row(record: Record, shared: bool) -> dict[str, Any]:
-    """One part: name, verdict, and the range of each characteristic with the largest expanded uncertainty.
+def _row(record: Record, sizes: Sequence[str], shared: bool) -> dict[str, Any]:
+    """One part: name, verdict, and the range of each of the sizes with the largest expanded uncertainty.
 
     Where others share its name its recording's stands beside it.
     """
-    cells = {}
-    for key, unit, places in KEYS:
-        rows = [one for one in record.sections if one.get(f"{key}_{unit}") is not None]
-        values = [float(one[f"{key}_{unit}"]) for one in rows]
-        u = max((float(one[f"{key}_u_{unit}"]) for one in rows), default=0.0)
-        ends = f"{min(values):.{places}f} to {max(values):.{places}f}" if values else "–"
-        cells[key] = f"{ends} ± {COVERAGE * u:.{places}f}" if values else "–"
     name = f"{record.part_id[:36]} ({record.part})" if record.part_id and shared else record.part_id or record.part
-    return {"name": one_line(name)[:60], "verdict": record.verdict or "", **cells}
+    return {
+        "name": one_line(name)[:60],
+        "verdict": record.verdict or "",
+        "cells": [_cell(record, size) for size in sizes],
+    }
 
 
-def _limits(needs: Mapping[str, Any], key: str, unit: str) -> str:
-    nominal, (lower, upper) = needs[f"{key}_nominal_{unit}"], needs[f"{key}_tolerance_{unit}"]
-    name = "root face c" if key == "root" else "bevel angle β"
-    return f"{name} {nominal + lower:g} to {nominal + upper:g}{' mm' if unit == 'mm' else '°'}"
+def _cell(record: Record, size: str) -> str:
+    rows = [one for one in record.sections if one.get(size) is not None]
+    if not rows:
+        return "–"
+    places = 2 if size.endswith("_deg") else 3
+    values = [float(one[size]) for one in rows]
+    u = max(float(one[u_name(size)]) for one in rows)
+    return f"{min(values):.{places}f} to {max(values):.{places}f} ± {COVERAGE * u:.{places}f}"
+
+
+def _limits(size: str, wanted: tuple[float, tuple[float, float]]) -> str:
+    nominal, (lower, upper) = wanted
+    term, letter = ALL_TERMS[size]
+    return (
+        f"{term.lower()} {letter} {nominal + lower:g} to {nominal + upper:g}{'°' if size.endswith('_deg') else ' mm'}"
+    )
 
 
 COLUMNS = 3  # of small charts side by side
 WITH_DOTS = 60  # parts up to which each value has a dot
-COLOURS = (MEASURED, "#d55e00")  # of the characteristics
+COLOURS = (MEASURED, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of the characteristics, in turn
 
 
 def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> bytes:
@@ -341,7 +356,7 @@ def worst_chart(found: Sequence[Characteristic], counts: Int) -> bytes:
         figure = Figure(figsize=(10.4, 2.3))
         axes = figure.add_axes((0.07, 0.2, 0.78, 0.75))
         sections, base = np.arange(1, counts.shape[1] + 1), np.zeros(counts.shape[1])
-        for what, colour, count in zip(found, COLOURS, counts, strict=True):
+        for what, colour, count in zip(found, itertools.cycle(COLOURS), counts, strict=False):
             axes.bar(sections, count, bottom=base, color=colour, width=0.7, label=what.name)
             base = base + count
         axes.axhline(counts.sum() / counts.shape[1], color=INK, linewidth=1.0, dashes=(4, 2.5))
@@ -354,7 +369,6 @@ def worst_chart(found: Sequence[Characteristic], counts: Int) -> bytes:
 
 PART_COLUMNS = ("part", "part_id", "recording", "outcome", "cause", "verdict", "seconds")
 IDENTITY_COLUMNS = ("drawing", "operator", "recorded_at", "sensor", "sensor_serial", "robot", "robot_serial")
-SECTION_COLUMNS = ("arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -388,20 +402,20 @@ def worst_first(records: Sequence[Record]) -> list[Record]:
 
 
 def characteristics(records: Sequence[Record]) -> tuple[Characteristic, ...]:
-    """Root face and bevel angle of all parts; none where nothing was inspected, or not all to the same requirements."""
+    """What is required of all parts; none where nothing was inspected, or not all to the same requirements."""
     inspected = [record for record in records if record.sections]
     if not inspected or any(one.requirements != inspected[0].requirements for one in inspected):
         return ()
-    needs = inspected[0].requirements
     return tuple(
         Characteristic(
-            name,
-            unit,
-            _table(records, f"{key}_{suffix}"),
-            _table(records, f"{key}_u_{suffix}"),
-            *(needs[f"{key}_nominal_{suffix}"] + deviation for deviation in needs[f"{key}_tolerance_{suffix}"]),
+            ALL_TERMS[size][0].lower(),
+            "°" if size.endswith("_deg") else "mm",
+            _table(records, size),
+            _table(records, u_name(size)),
+            nominal + lower,
+            nominal + upper,
         )
-        for name, unit, key, suffix in (("root face", "mm", "root", "mm"), ("bevel angle", "°", "bevel", "deg"))
+        for size, (nominal, (lower, upper)) in required_in_file(inspected[0].requirements).items()
     )
 
 
@@ -410,7 +424,7 @@ def _table(records: Sequence[Record], key: str) -> Float:
     table = np.full((len(records), sections), math.nan)
     for i, record in enumerate(records):
         for one in record.sections:
-            if one[key] is not None:
+            if one.get(key) is not None:
                 table[i, one["index"] - 1] = one[key]
     return table
 
@@ -441,12 +455,14 @@ def parquet(records: Sequence[Record]) -> bytes:
         texts = [record.identity.get(name) for _, record, _ in rows]
         columns[name] = pa.array([text and one_line(str(text)) for text in texts], pa.string())
     columns["simulated"] = pa.array([record.identity.get("simulated") for _, record, _ in rows], pa.bool_())
-    for side in ("lower", "upper"):
-        for key, suffix in (("root", "mm"), ("bevel", "deg")):
-            limits = [_limit(record, key, suffix, side == "upper") for _, record, _ in rows]
-            columns[f"{key}_{side}_{suffix}"] = pa.array(limits, pa.float64())
+    there = {name for _, record, one in rows for name in (*one, *required_in_file(record.requirements))}
+    sizes = [name for name in ALL_TERMS if name in there] or [*BEVEL_TERMS]
+    for end in (0, 1):
+        for size in sizes:
+            limits = [_limit(record, size, end) for _, record, _ in rows]
+            columns[named(size, ("lower", "upper")[end])] = pa.array(limits, pa.float64())
     columns["section"] = pa.array([one.get("index") for _, _, one in rows], pa.int32())
-    for name in SECTION_COLUMNS:
+    for name in ("arc_length_mm", *(column for size in sizes for column in (size, u_name(size)))):
         columns[name] = pa.array([one.get(name) for _, _, one in rows], pa.float64())
     columns["section_verdict"] = pa.array([one.get("verdict") for _, _, one in rows], pa.string())
     out = io.BytesIO()
@@ -454,6 +470,6 @@ def parquet(records: Sequence[Record]) -> bytes:
     return out.getvalue()
 
 
-def _limit(record: Record, key: str, suffix: str, upper: bool) -> float | None:
-    needs = record.requirements
-    return needs[f"{key}_nominal_{suffix}"] + needs[f"{key}_tolerance_{suffix}"][upper] if needs else None
+def _limit(record: Record, size: str, end: int) -> float | None:
+    wanted = required_in_file(record.requirements).get(size)
+    return None if wanted is None else wanted[0] + wanted[1][end]

@@ -17,7 +17,7 @@ from typing import Any, Literal, Protocol
 
 from pydantic import ValidationError
 
-from workbench.artefacts import Gate, Inspection, Recording
+from workbench.artefacts import Gate, JointInspection, Recording
 from workbench.batch.store import copied, is_remote, local_path, remote, version_token, write_whole
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import Copied, PipelineDocument
@@ -27,6 +27,7 @@ from workbench.pipeline.run import Results, resolved, run_files, run_plan, versi
 from workbench.pipeline.terminal import Reporter
 from workbench.pipeline.wiring import Plan, plan
 from workbench.result_files import BatchPartFile
+from workbench.storage import digest_of
 from workbench.strict_json import plain
 from workbench.user_folder import package_digest
 
@@ -85,15 +86,18 @@ KEPT = tuple(one.name for one in dataclasses.fields(Record) if one.name != "skip
 
 def record_of(part: str, recording: str, checked: Plan, results: Results, files: Mapping[str, bytes]) -> Record:
     """What is kept of a run."""
-    inspection = next((one for one in reversed([*results]) if isinstance(one, Inspection)), None)
+    inspection = next((one for one in reversed([*results]) if isinstance(one, JointInspection)), None)
     read = next((one for one in results if isinstance(one, Recording)), None)
     said = "; ".join(one.cause for one in results if isinstance(one, Gate) and not one.clean)
     judged: dict[str, Any] = {}
     if inspection:
         judged = {
             "verdict": inspection.verdict,
-            "requirements": plain(dataclasses.asdict(inspection.requirements)),
-            "sections": tuple(plain({k: getattr(one, k) for k in SECTION_KEYS}) for one in inspection.sections),
+            "requirements": plain(dict(inspection.requirements_in_file)),
+            "sections": tuple(
+                plain({"index": s.index, "arc_length_mm": s.arc_length_mm, **s.values, "verdict": s.verdict})
+                for s in inspection.sections
+            ),
         }
     part_of = inspection.part if inspection else read.part if read else None
     return Record(
@@ -112,9 +116,6 @@ def record_of(part: str, recording: str, checked: Plan, results: Results, files:
     )
 
 
-SECTION_KEYS = ("index", "arc_length_mm", "root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg", "verdict")
-
-
 def pipeline_digest(checked: Plan) -> str:
     """Of the pipeline as it runs: inputs put in, defaults spelt out."""
     return sha256(json.dumps(plain(resolved(checked)), sort_keys=True).encode())
@@ -130,12 +131,6 @@ def versions_digest(checked: Plan) -> str:
 def sha256(content: bytes) -> str:
     """As hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
-
-
-def file_digest(path: Path) -> str:
-    """Of a file's content."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class Folder(Protocol):
@@ -332,7 +327,7 @@ def _inputs_unchanged(known: Record, checked: Plan, job: Job) -> bool:
             token = version_token(job.recording)
             same = token is not None and token == before[key]["store"]
         else:
-            same = file_digest(path) == before[key]["sha256"]
+            same = digest_of(path) == before[key]["sha256"]
         if not same:
             return False
     return True

@@ -9,26 +9,22 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from workbench.artefacts import UNKNOWN_PART, Part
+from workbench.artefacts import UNKNOWN_PART, Part, u_name
+from workbench.artefacts.edges import ALL_TERMS, named, required_in_file
 from workbench.errors import InputError, nearest
 from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import read_json
 from workbench.units import Float, Shaped
 
-if TYPE_CHECKING:
-    from workbench.result_files.contract import RequirementsRow
-
-
-CHARACTERISTICS = {"root_mm": "root_u_mm", "bevel_deg": "bevel_u_deg"}  # and their standard uncertainties
-TITLES = {"root_mm": "Root face", "bevel_deg": "Bevel angle"}
+CHARACTERISTICS = {name: u_name(name) for name in ALL_TERMS}  # of every joint, and their standard uncertainties
 UNITS = ("mm", "deg", "um")  # in which the name of a characteristic may end
 
 
 def title_of(name: str) -> str:
     """A characteristic's name for a reader; one of other people's as they write it."""
-    return TITLES.get(name, name)
+    return ALL_TERMS[name][0] if name in ALL_TERMS else name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +55,7 @@ class Study:
         return suffix if suffix in UNITS else self.unit
 
 
+JOINT_FILES = ("inspection.json", "groove.json", "preparation.json")
 ONLY = "all"  # the part, the operator, where none is named
 NUMBERS = ("arc_length_mm", *CHARACTERISTICS, *CHARACTERISTICS.values())
 
@@ -123,34 +120,28 @@ def plain_measurements(study: Path, characteristics: Sequence[str], columns: Map
 
 
 def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measurement:
-    """The measurement in an `inspection.json`, or in the directory that holds it.
+    """The measurement in an `inspection.json`, `groove.json` or `preparation.json`, or in a directory that holds one.
 
     Raises:
         InputError: not such a file; the place in it and what was expected.
     """
-    from workbench.result_files import InspectionFile  # the models take time to build: where there is something to read
+    from workbench.result_files import RESULT_FILES  # the models take time to build: where there is something to read
 
-    path = path / InspectionFile.NAME if path.is_dir() else path
-    file = InspectionFile.read(path)
+    if path.is_dir():
+        path = next((path / name for name in JOINT_FILES if (path / name).is_file()), path / JOINT_FILES[0])
+    file: Any = RESULT_FILES[path.name if path.name in JOINT_FILES else JOINT_FILES[0]].read(path)
     sections: dict[int, Mapping[str, float]] = {
-        row.index: {name: math.nan if (value := getattr(row, name)) is None else value for name in NUMBERS}
+        row.index: {name: math.nan if (value := getattr(row, name, None)) is None else value for name in NUMBERS}
         for row in file.sections
     }
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    limits = _limits(file.requirements, f"{path}: $.requirements")
-    return Measurement(part, operator, str(path), sections, limits, file.part or UNKNOWN_PART, digest)
-
-
-def _limits(wanted: RequirementsRow, where: str) -> dict[str, tuple[float, float]]:
-    """Limits of the values: nominal and deviations added up."""
-    found = {}
-    for name in CHARACTERISTICS:
-        size, unit = name.rsplit("_", 1)
-        nominal, (low, high) = (getattr(wanted, f"{size}_{what}_{unit}") for what in ("nominal", "tolerance"))
+    limits = {}
+    for name, (nominal, (low, high)) in required_in_file(file.document["requirements"]).items():
         if not low < high:
-            raise InputError(f"{where}.{size}_tolerance_{unit}", "expected a lower limit below the upper one")
-        found[name] = nominal + low, nominal + high
-    return found
+            where = f"{path}: $.requirements.{named(name, 'tolerance')}"
+            raise InputError(where, "expected a lower limit below the upper one")
+        limits[name] = nominal + low, nominal + high
+    return Measurement(part, operator, str(path), sections, limits, file.part or UNKNOWN_PART, digest)
 
 
 def _check_uncertainties(values: Mapping[str, float], where: str) -> None:

@@ -206,7 +206,9 @@ def study(
     }
     names = [name for name in known if np.isfinite(table[name]).any()]
     if not names:
-        raise InputError(where, f"expected values of {' or '.join(known)}, found none")
+        raise InputError(
+            where, f"expected values of {', '.join(characteristics) or 'sizes such as root_mm'}, found none"
+        )
     refuse_copies({name: table[name] for name in names}, parts, operators, where)
     reference = reference_of(others, parts, sections, names)
     given: dict[str, Limits | None] = {"root_mm": root_limits_mm, "bevel_deg": bevel_limits_deg, **limits}

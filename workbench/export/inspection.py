@@ -6,11 +6,12 @@ import csv
 import io
 from typing import Any, Literal
 
-from workbench.artefacts import Document, Inspection, Provenance, Section
+from workbench.artefacts import Document, JointInspection, Provenance, u_name
+from workbench.artefacts.edges import named
 from workbench.stage import stage
 from workbench.storage import as_text
 
-FORMAT, VERSION = "bevel-inspection-rows", 1
+VERSION = 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured
 PART = {
     "part_id": "string",
@@ -23,35 +24,28 @@ PART = {
     "robot_serial": "string",
     "simulated": "bool",
 }
-COLUMNS: dict[str, str] = {
-    **PART,
-    "recording": "string",
-    "recording_sha256": "string",
-    "section": "int32",
-    "arc_length_mm": "float64",
-    "x_mm": "float64",
-    "y_mm": "float64",
-    "z_mm": "float64",
-    "root_mm": "float64",
-    "root_u_mm": "float64",
-    "root_nominal_mm": "float64",
-    "root_lower_mm": "float64",
-    "root_upper_mm": "float64",
-    "bevel_deg": "float64",
-    "bevel_u_deg": "float64",
-    "bevel_nominal_deg": "float64",
-    "bevel_lower_deg": "float64",
-    "bevel_upper_deg": "float64",
-    "guard_factor": "float64",
-    "verdict": "string",
-    "reason": "string",
-    "part_verdict": "string",
-}  # name -> type, as pyarrow calls it
+
+
+def columns(inspection: JointInspection) -> dict[str, str]:
+    """Names and types, as pyarrow calls them; those of every size that such a joint may have."""
+    sizes = [
+        column
+        for name in inspection.terms
+        for column in (name, u_name(name), *(named(name, what) for what in ("nominal", "lower", "upper")))
+    ]
+    return {
+        **PART,
+        "recording": "string",
+        "recording_sha256": "string",
+        "section": "int32",
+        **dict.fromkeys(("arc_length_mm", "x_mm", "y_mm", "z_mm", *sizes, "guard_factor"), "float64"),
+        **dict.fromkeys(("verdict", "reason", "part_verdict"), "string"),
+    }
 
 
 @stage("export.inspection")
 def inspection(
-    inspection: Inspection,
+    inspection: JointInspection,
     provenance: Provenance,
     *,
     format: Literal["parquet", "csv"] = "parquet",
@@ -78,9 +72,16 @@ def inspection(
         'inspection.parquet'
     """
     who = {name: getattr(inspection.part, name) for name in PART}
-    part = {**who, **_recording(provenance), "part_verdict": inspection.verdict}
-    rows = [part | _row(inspection, section) for section in inspection.sections]
-    return Document(f"inspection.{format}", _parquet(rows) if format == "parquet" else _csv(rows))
+    asked = {
+        named(one.name, what): value
+        for one in inspection.characteristics
+        if one.required is not None and one.limits is not None
+        for what, value in zip(("nominal", "lower", "upper"), (one.required[0], *one.limits), strict=True)
+    }
+    part = {**who, **_recording(provenance), **asked, "part_verdict": inspection.verdict}
+    rows = [part | row | {"guard_factor": inspection.guard_factor} for row in inspection.rows()]
+    table = _parquet if format == "parquet" else _csv
+    return Document(f"inspection.{format}", table(rows, columns(inspection), f"{inspection.FORMAT}-rows"))
 
 
 def _recording(provenance: Provenance) -> dict[str, str | None]:
@@ -90,49 +91,23 @@ def _recording(provenance: Provenance) -> dict[str, str | None]:
     return {"recording": path, "recording_sha256": digest}
 
 
-def _row(inspection: Inspection, section: Section) -> dict[str, Any]:
-    required = inspection.requirements
-    x, y, z = section.origin_mm.tolist()
-    (root_low, root_high), (bevel_low, bevel_high) = required.root_tolerance_mm, required.bevel_tolerance_deg
-    return {
-        "section": section.index,
-        "arc_length_mm": section.arc_length_mm,
-        "x_mm": x,
-        "y_mm": y,
-        "z_mm": z,
-        "root_mm": section.root_mm,
-        "root_u_mm": section.root_u_mm,
-        "root_nominal_mm": required.root_nominal_mm,
-        "root_lower_mm": required.root_nominal_mm + root_low,
-        "root_upper_mm": required.root_nominal_mm + root_high,
-        "bevel_deg": section.bevel_deg,
-        "bevel_u_deg": section.bevel_u_deg,
-        "bevel_nominal_deg": required.bevel_nominal_deg,
-        "bevel_lower_deg": required.bevel_nominal_deg + bevel_low,
-        "bevel_upper_deg": required.bevel_nominal_deg + bevel_high,
-        "guard_factor": inspection.guard_factor,
-        "verdict": section.verdict,
-        "reason": section.reason,
-    }
-
-
-def _parquet(rows: list[dict[str, Any]]) -> bytes:
+def _parquet(rows: list[dict[str, Any]], names: dict[str, str], form: str) -> bytes:
     import pyarrow as pa
     from pyarrow import parquet
 
-    fields = [pa.field(name, pa.type_for_alias(kind)) for name, kind in COLUMNS.items()]
-    table = pa.Table.from_pylist(rows, pa.schema(fields, metadata={"format": FORMAT, "version": str(VERSION)}))
+    fields = [pa.field(name, pa.type_for_alias(kind)) for name, kind in names.items()]
+    table = pa.Table.from_pylist(rows, pa.schema(fields, metadata={"format": form, "version": str(VERSION)}))
     out = io.BytesIO()
     parquet.write_table(table, out)
     return out.getvalue()
 
 
-def _csv(rows: list[dict[str, Any]]) -> bytes:
+def _csv(rows: list[dict[str, Any]], names: dict[str, str], form: str) -> bytes:
     """UTF-8, a comma between fields, lines end in CR LF (RFC 4180); numbers as they read back exactly, texts that no
     spreadsheet takes for formulas.
     """
     out = io.StringIO(newline="")
-    table = csv.DictWriter(out, COLUMNS)
+    table = csv.DictWriter(out, names)
     table.writeheader()
     table.writerows({name: as_text(value) for name, value in row.items()} for row in rows)
     return out.getvalue().encode()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 
-from workbench.artefacts import Document, Inspection
+from workbench.artefacts import Characteristic, Document, JointInspection
 from workbench.errors import one_line
 from workbench.stage import stage
 
@@ -16,8 +16,8 @@ CODE_PAGE = "cp1252"
 
 
 @stage("export.qdas")
-def qdas(inspection: Inspection) -> tuple[Document, Document]:
-    """Write `inspection.dfd` and `inspection.dfx` (Q-DAS AQDEF): root face and bevel angle of each section.
+def qdas(inspection: JointInspection) -> tuple[Document, Document]:
+    """Write `inspection.dfd` and `inspection.dfx` (Q-DAS AQDEF): every size of the joint in each section.
 
     With part, drawing and, for each characteristic, nominal value, limits, unit, gauge and, as a remark, the expanded
     uncertainty. The values are one record with the date of the recording; one that was not measured is marked as not
@@ -35,7 +35,7 @@ def qdas(inspection: Inspection) -> tuple[Document, Document]:
         ['inspection.dfd', 'inspection.dfx']
     """
     described = [line for k, rows in enumerate(_characteristics(inspection), 1) for line in _numbered(rows, k)]
-    head = [("K0100", str(2 * len(inspection.sections))), *_part(inspection)]
+    head = [("K0100", str(len(inspection.characteristics) * len(inspection.sections))), *_part(inspection)]
     lines = [f"{key} {value}" for key, value in head if value] + described
     values = CHARACTERISTIC.join(_values(inspection))
     return (
@@ -44,55 +44,59 @@ def qdas(inspection: Inspection) -> tuple[Document, Document]:
     )
 
 
-def _part(inspection: Inspection) -> Iterator[tuple[str, str]]:
+def _part(inspection: JointInspection) -> Iterator[tuple[str, str]]:
     part = inspection.part
     yield "K1001", _text(part.part_id or "unknown")
-    yield "K1002", "milled bevel" + (", simulated" if part.simulated else "")
+    yield "K1002", inspection.WHAT + (", simulated" if part.simulated else "")
     yield "K1041", _text(part.drawing or "")
     yield "K1900", _text(f"ISO 14253-1, guard band {inspection.guard_factor:g} u: {inspection.verdict}")
 
 
-def _characteristics(inspection: Inspection) -> Iterator[list[tuple[str, str]]]:
-    """The fields of each characteristic: root face and bevel angle, section after section."""
-    needs, part = inspection.requirements, inspection.part
+def _characteristics(inspection: JointInspection) -> Iterator[list[tuple[str, str]]]:
+    """The fields of each characteristic, section after section."""
+    part, k = inspection.part, inspection.uncertainty.coverage_factor
     gauge = [("K2402", _text(part.sensor or "unknown")), ("K2401", _text(part.sensor_serial or ""))]
-    for section in inspection.sections:
-        for name, symbol, unit, places, nominal, (lower, upper), u in (
-            ("root face", "c", "mm", 3, needs.root_nominal_mm, needs.root_tolerance_mm, section.root_u_mm),
-            ("bevel angle", "beta", "deg", 2, needs.bevel_nominal_deg, needs.bevel_tolerance_deg, section.bevel_u_deg),
-        ):
-            k = inspection.uncertainty.coverage_factor
-            told = f"U = {k * u:.{places + 1}f} {unit} (k = {k:g})" if u is not None else "not measured"
-            yield [
-                ("K2001", f"{symbol}-{section.index}"),
-                ("K2002", f"{name}, section {section.index}"),
-                ("K2004", "0"),
-                ("K2022", str(places)),
-                ("K2101", _number(nominal)),
-                ("K2110", _number(nominal + lower)),
-                ("K2111", _number(nominal + upper)),
+    for section, one, pair in _cells(inspection):
+        places, unit = (2 if one.is_angle else 3), one.quantity.unit
+        asked: list[tuple[str, str]] = []
+        if one.required is not None and one.limits is not None:
+            asked = [
+                ("K2101", _number(one.required[0])),
+                ("K2110", _number(one.limits[0])),
+                ("K2111", _number(one.limits[1])),
                 ("K2120", "1"),
                 ("K2121", "1"),
-                ("K2142", unit),
-                *gauge,
-                ("K2900", told),
             ]
+        yield [
+            ("K2001", f"{one.symbol}-{section}"),
+            ("K2002", f"{one.term.lower()}, section {section}"),
+            ("K2004", "0"),
+            ("K2022", str(places)),
+            *asked,
+            ("K2142", unit),
+            *gauge,
+            ("K2900", f"U = {k * pair[1]:.{places + 1}f} {unit} (k = {k:g})" if pair else "not measured"),
+        ]
+
+
+def _cells(inspection: JointInspection) -> Iterator[tuple[int, Characteristic, tuple[float, float] | None]]:
+    """Section, characteristic and what was measured, section after section."""
+    found = [(one, one.pairs) for one in inspection.characteristics]
+    for i, section in enumerate(inspection.sections):
+        yield from ((section.index, one, pairs[i]) for one, pairs in found)
 
 
 def _numbered(fields: list[tuple[str, str]], k: int) -> Iterator[str]:
     yield from (f"{key}/{k} {value}" for key, value in fields if value)
 
 
-def _values(inspection: Inspection) -> Iterator[str]:
+def _values(inspection: JointInspection) -> Iterator[str]:
     """Value, attribute and time of each characteristic, in the order of the description."""
     recorded = inspection.part.recorded_at
     when = datetime.fromisoformat(recorded).strftime("%d.%m.%Y/%H:%M:%S") if recorded else ""
-    for section in inspection.sections:
-        for value in (section.root_mm, section.bevel_deg):
-            if value is None:
-                yield FIELD.join(("0", str(NOT_PROCESSED), when))
-            else:
-                yield FIELD.join((_number(value), str(VALID), when))
+    for _, _, pair in _cells(inspection):
+        told = (_number(pair[0]), str(VALID)) if pair else ("0", str(NOT_PROCESSED))
+        yield FIELD.join((*told, when))
 
 
 def _number(value: float) -> str:

@@ -6,41 +6,48 @@ import hashlib
 import itertools
 import uuid
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from workbench.artefacts import Document, Inspection, Part, Provenance, conformity
+from workbench.artefacts import Characteristic, Document, JointInspection, Part, Provenance, u_name
 from workbench.errors import one_line
 from workbench.stage import stage
 from workbench.strict_json import content_digest
 from workbench.units import DEG
 
 NAMESPACE = "http://qifstandards.org/xsd/qif3"
-STATUS = {"pass": "PASS", "fail": "FAIL", "undecided": "UNKNOWN"}
+STANDARD = {
+    "Designator": "9692-1",
+    "Year": "2013",
+    "Title": "Types of joint preparation",
+}
+STATUS = {"pass": "PASS", "fail": "FAIL", "undecided": "UNKNOWN"}  # of the part
+STATUS_OF_ONE = {
+    "pass": "PASS",
+    "fail": "FAIL",
+    "undecided": "INDETERMINATE",
+    "hidden": "NOT_ANALYZED",
+    "nothing required": "UNDEFINED",
+}
 
 
-@dataclass(frozen=True)
-class Characteristic:
-    """A characteristic of each section in the words of QIF."""
+QIF_KINDS = {"root_radius_mm": "Radius", "depth_mm": "Depth"}  # others: a width or an angle
 
-    kind: str  # QIF's name
-    symbol: str  # ISO 9692-1
-    name: str
-    nominal: float
-    tolerance: tuple[float, float]
-    values: tuple[tuple[float | None, float | None], ...]  # a section each: value and standard uncertainty
+
+def kind_of(one: Characteristic) -> str:
+    """QIF's name for it."""
+    return QIF_KINDS.get(one.name, "Angle" if one.is_angle else "Width")
 
 
 @stage("export.qif")
-def qif(inspection: Inspection, provenance: Provenance | None = None) -> Document:
-    """Write `inspection.qif`: QIF 3.0 results, root face as a width and bevel angle as an angle in each section.
+def qif(inspection: JointInspection, provenance: Provenance | None = None) -> Document:
+    """Write `inspection.qif`: QIF 3.0 results, every size of the joint in each section, in mm and degrees.
 
-    Each with limits, nominal value, measured value with combined standard uncertainty, status (undecided: UNKNOWN,
-    hidden: NOT_MEASURED), and instruments; in mm and degrees. Start, operator and procedure (title of the pipeline,
-    SHA-256 of its stages) are the inspection's traceability; budget, decision rule and inputs are attributes of the
-    results. The same inspection gives the same bytes.
+    Each with limits and nominal value where something is required, measured value with combined standard uncertainty
+    and status (undecided: INDETERMINATE, hidden: NOT_ANALYZED, nothing required: UNDEFINED); instruments. Start,
+    operator and procedure (title of the pipeline, SHA-256 of its stages) are the inspection's traceability; budget,
+    decision rule and inputs are attributes of the results. The same inspection gives the same bytes.
 
     Args:
         inspection: the judged part.
@@ -59,7 +66,7 @@ def qif(inspection: Inspection, provenance: Provenance | None = None) -> Documen
     return Document("inspection.qif", b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8") + b"\n")
 
 
-def _document(inspection: Inspection, provenance: Provenance | None) -> Element:
+def _document(inspection: JointInspection, provenance: Provenance | None) -> Element:
     """The QIFDocument, its children in the order of the schema."""
     ids = itertools.count(1)
     root = Element("QIFDocument", {"xmlns": NAMESPACE, "versionQIF": "3.0.0"})
@@ -68,39 +75,29 @@ def _document(inspection: Inspection, provenance: Provenance | None) -> Element:
     application = SubElement(header, "Application")
     version = provenance.versions.get("workbench", "") if provenance else ""
     _text(application, "Name", f"workbench {version}".strip())
-    _text(header, "Description", one_line(provenance.title) if provenance else "inspection of a milled bevel")
+    _text(header, "Description", one_line(provenance.title) if provenance else f"inspection of a {inspection.WHAT}")
     _text(header, "Scope", "Results")
+    standard = _standard(root, ids)
     _units(root)
     devices = _devices(root, inspection.part, ids)
     _product(root, inspection.part, ids)
-    found = characteristics(inspection)
-    items = _characteristics(root, found, devices, inspection, ids)
+    found = inspection.characteristics
+    holder = SubElement(root, "Characteristics")
+    _text(holder, "FormalStandardId", str(standard))
+    items = _characteristics(holder, found, devices, inspection, ids)
     _results(root, inspection, provenance, found, items, devices, ids)
     root.set("idMax", str(next(ids) - 1))
     return root
 
 
-def characteristics(inspection: Inspection) -> tuple[Characteristic, Characteristic]:
-    """Root face and bevel angle, with their values a section."""
-    needs, sections = inspection.requirements, inspection.sections
-    return (
-        Characteristic(
-            "Width",
-            "c",
-            "root face",
-            needs.root_nominal_mm,
-            needs.root_tolerance_mm,
-            tuple((s.root_mm, s.root_u_mm) for s in sections),
-        ),
-        Characteristic(
-            "Angle",
-            "beta",
-            "bevel angle",
-            needs.bevel_nominal_deg,
-            needs.bevel_tolerance_deg,
-            tuple((s.bevel_deg, s.bevel_u_deg) for s in sections),
-        ),
-    )
+def _standard(root: Element, ids: Iterator[int]) -> int:
+    """The standard whose terms the characteristics are: its id."""
+    made = next(ids)
+    standard = SubElement(SubElement(root, "StandardsDefinitions", n="1"), "Standard", id=str(made))
+    _text(SubElement(standard, "Organization"), "StandardsOrganizationEnum", "ISO")
+    for name, text in STANDARD.items():
+        _text(standard, name, text)
+    return made
 
 
 def _units(root: Element) -> None:
@@ -147,33 +144,41 @@ def _product(root: Element, part: Part, ids: Iterator[int]) -> None:
 
 
 def _characteristics(
-    root: Element, found: tuple[Characteristic, ...], devices: list[int], inspection: Inspection, ids: Iterator[int]
+    holder: Element,
+    found: tuple[Characteristic, ...],
+    devices: list[int],
+    inspection: JointInspection,
+    ids: Iterator[int],
 ) -> list[list[int]]:
     """Definitions, nominals and items; the ids of the items, a list a characteristic."""
-    holder = SubElement(root, "Characteristics")
     definitions = SubElement(holder, "CharacteristicDefinitions", n=str(len(found)))
     nominals = SubElement(holder, "CharacteristicNominals", n=str(len(found)))
     items = SubElement(holder, "CharacteristicItems", n=str(len(found) * len(inspection.sections)))
     made: list[list[int]] = []
     for one in found:
         definition, nominal = next(ids), next(ids)
-        element = SubElement(definitions, f"{one.kind}CharacteristicDefinition", id=str(definition))
-        _text(element, "Name", one.name)
-        limits = SubElement(element, "Tolerance")
-        _text(limits, "MaxValue", _decimal(one.tolerance[1]))
-        _text(limits, "MinValue", _decimal(one.tolerance[0]))
-        _text(limits, "DefinedAsLimit", "false")
-        element = SubElement(nominals, f"{one.kind}CharacteristicNominal", id=str(nominal))
+        kind, term = kind_of(one), one.term.lower()
+        element = SubElement(definitions, f"{kind}CharacteristicDefinition", id=str(definition))
+        _text(element, "Name", term)
+        if one.required is None:
+            _text(element, "NonTolerance", "MEASURED")
+        else:
+            limits = SubElement(element, "Tolerance")
+            _text(limits, "MaxValue", _decimal(one.required[1][1]))
+            _text(limits, "MinValue", _decimal(one.required[1][0]))
+            _text(limits, "DefinedAsLimit", "false")
+        element = SubElement(nominals, f"{kind}CharacteristicNominal", id=str(nominal))
         _text(element, "CharacteristicDefinitionId", str(definition))
-        _text(element, "Name", one.name)
-        _text(element, "TargetValue", _decimal(one.nominal))
+        _text(element, "Name", term)
+        if one.required is not None:
+            _text(element, "TargetValue", _decimal(one.required[0]))
         made.append([])
         for section in inspection.sections:
             made[-1].append(next(ids))
-            element = SubElement(items, f"{one.kind}CharacteristicItem", id=str(made[-1][-1]))
+            element = SubElement(items, f"{kind}CharacteristicItem", id=str(made[-1][-1]))
             place = " ".join(_decimal(float(x)) for x in section.origin_mm)
             _attributes(element, {"arc length mm": _decimal(section.arc_length_mm), "origin in the base mm": place})
-            _text(element, "Name", f"{one.name} {one.symbol}, section {section.index}")
+            _text(element, "Name", f"{term} {one.symbol}, section {section.index}")
             designator = SubElement(element, "CharacteristicDesignator")
             _text(designator, "Designator", f"{one.symbol}-{section.index}")
             _ids(element, "MeasurementDeviceIds", devices)
@@ -183,7 +188,7 @@ def _characteristics(
 
 def _results(
     root: Element,
-    inspection: Inspection,
+    inspection: JointInspection,
     provenance: Provenance | None,
     found: tuple[Characteristic, ...],
     items: list[list[int]],
@@ -200,19 +205,16 @@ def _results(
         SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements", n=str(sum(map(len, items)))
     )
     for one, mine in zip(found, items, strict=True):
-        for item, (value, u) in zip(mine, one.values, strict=True):
-            element = SubElement(measured, f"{one.kind}CharacteristicMeasurement", id=str(next(ids)))
+        for item, pair, verdict in zip(mine, one.pairs, one.verdicts, strict=True):
+            element = SubElement(measured, f"{kind_of(one)}CharacteristicMeasurement", id=str(next(ids)))
             status = SubElement(element, "Status")
             _text(element, "CharacteristicItemId", str(item))
             _text(element, "ActualComponentId", str(component))
             _ids(element, "MeasurementDeviceIds", devices)
-            if value is None or u is None:
-                _text(status, "CharacteristicStatusEnum", "NOT_MEASURED")
-            else:
-                judged = conformity(value, u, one.nominal, one.tolerance, inspection.guard_factor)
-                _text(status, "CharacteristicStatusEnum", STATUS[judged])
-                number = _text(element, "Value", _decimal(value))
-                number.set("combinedUncertainty", _decimal(u))
+            told = "hidden" if pair is None else verdict or "nothing required"
+            _text(status, "CharacteristicStatusEnum", STATUS_OF_ONE[told])
+            if pair is not None:
+                _text(element, "Value", _decimal(pair[0])).set("combinedUncertainty", _decimal(pair[1]))
     _text(SubElement(made, "InspectionStatus"), "InspectionStatusEnum", STATUS[inspection.verdict])
     _ids(made, "ActualComponentIds", [component])
     whole = SubElement(SubElement(results, "ActualComponentSets", n="1"), "ActualComponentSet", n="1")
@@ -249,18 +251,18 @@ def _procedure(provenance: Provenance) -> dict[str, Any]:
     return {name: value for name, value in provenance.pipeline.items() if name != "inputs"} | {"stages": stages}
 
 
-def _context(inspection: Inspection, provenance: Provenance | None) -> Iterator[tuple[str, str]]:
+def _context(inspection: JointInspection, provenance: Provenance | None) -> Iterator[tuple[str, str]]:
     """What the results rest on."""
     yield "decision rule", f"ISO 14253-1, guard band {inspection.guard_factor:g} u"
     yield "reason", inspection.reason
     yield "simulated", {None: "unknown", True: "true", False: "false"}[inspection.part.simulated]
     yield "coverage factor of expanded uncertainties", f"{inspection.uncertainty.coverage_factor:g}"
-    for k, source in enumerate(inspection.uncertainty.sources, 1):
-        yield (
-            f"uncertainty source {k}",
-            f"{source.name}; type {source.kind}; u(c) {source.root_u_mm:.6f} mm; "
-            f"u(beta) {source.bevel_u_deg:.6f} degree",
-        )
+    units = [(u_name(one.name), one) for one in inspection.characteristics]
+    for k, source in enumerate(inspection.sources, 1):
+        shares = [
+            f"u({one.symbol}) {source.get(name, 0.0):.6f} {'degree' if one.is_angle else 'mm'}" for name, one in units
+        ]
+        yield f"uncertainty source {k}", "; ".join([source["name"], f"type {source['kind']}", *shares])
     for k, sentence in enumerate(inspection.uncertainty.not_included, 1):
         yield f"not included in the uncertainty {k}", sentence
     for name, path, digest in provenance.inputs if provenance else ():
@@ -279,12 +281,12 @@ def date_time(text: str) -> str:
     return moment.astimezone(UTC).replace(tzinfo=None).isoformat() + "Z"
 
 
-def _unique(inspection: Inspection, provenance: Provenance | None, role: str) -> str:
+def _unique(inspection: JointInspection, provenance: Provenance | None, role: str) -> str:
     """A UUID that depends on what was measured alone."""
     known = hashlib.sha256(role.encode())
-    for section in inspection.sections:
-        known.update(repr((section.root_mm, section.root_u_mm, section.bevel_deg, section.bevel_u_deg)).encode())
-    known.update(repr((inspection.requirements, inspection.part)).encode())
+    for one in inspection.characteristics:
+        known.update(repr((one.name, one.pairs, one.required)).encode())
+    known.update(repr(inspection.part).encode())
     known.update(repr(provenance.inputs if provenance else ()).encode())
     return str(uuid.UUID(bytes=known.digest()[:16], version=4))
 

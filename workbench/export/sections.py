@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import io
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import BEVEL_FACE, FACE_NAMES, Cloud, Document, Edge, Inspection, Section
+from workbench.artefacts import (
+    BEVEL_FACE,
+    FACE_NAMES,
+    Cloud,
+    Document,
+    Edge,
+    GrooveSection,
+    JointInspection,
+    Section,
+)
 from workbench.export.cloud import PointTable, point_table
 from workbench.stage import stage
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, Float, Int, Shaped
 
 HEADER = "section,arc_length_mm,kind,face,frame,column,normal_mm,across_mm,x_mm,y_mm,z_mm"
 
 
 @stage("export.sections")
 def sections(
-    inspection: Inspection,
-    edge: Edge,
+    inspection: JointInspection,
     cloud: Cloud,
+    edge: Edge | None = None,
     *,
     format: Literal["dxf", "csv"] = "dxf",
     thickness_mm: Annotated[float, Field(gt=0, le=20)] = 0.5,
@@ -29,28 +40,30 @@ def sections(
 ) -> Document:
     """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
 
-    Coordinates in a section are mm from the lower edge: `normal` outwards from the root face, `across` from the lower
-    to the upper side. The DXF (in mm) holds a block a section: points, fitted lines, corners, root face and bevel angle
-    as dimensions, their values with standard uncertainties as text. The CSV has a row a point (with face, frame and
-    column) or corner, in the base too; CR LF (RFC 4180).
+    Coordinates in a section are mm from its origin, along its `normal` and `across` (of a bevel: from the lower edge,
+    outwards from the root face and from the lower to the upper side). The DXF (in mm) holds a block a section: points,
+    fitted lines, corners, all sizes with standard uncertainties as text, of a bevel as dimensions too. The CSV has a
+    row a point (with face, frame and column) or corner, in the base too; CR LF (RFC 4180).
 
     Args:
         inspection: the sections.
-        edge: faces of the points.
         cloud: the points.
+        edge: faces of the points; without it they have none.
         format: of the file.
         thickness_mm: of the slice whose points are written, half of it on each side of the section plane.
-        reach_mm: how far from the lower edge; points further off are left out.
+        reach_mm: how far from the section's origin; points further off are left out.
 
     Example:
         >>> from workbench import cloud, edge, export, inspect, scan
         >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
         >>> milled = edge.segment(points)
         >>> found = inspect.sections(milled)
-        >>> export.sections(found, milled, points).name
+        >>> export.sections(found, points, milled).name
         'sections.dxf'
     """
-    shapes = [section_shape(cloud, edge, section, thickness_mm, reach_mm) for section in inspection.sections]
+    shapes = [
+        section_shape(inspection, cloud, edge, section, thickness_mm, reach_mm) for section in inspection.sections
+    ]
     if format == "dxf":
         return Document("sections.dxf", sections_dxf(shapes))
     rows = [HEADER, *(row for shape in shapes for row in _rows(shape))]
@@ -72,9 +85,7 @@ def _rows(shape: SectionShape) -> list[str]:
         f"{start},point,{face},{frame},{column},{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}"
         for face, frame, column, (u, v), (x, y, z) in values
     ]
-    if shape.root_line_mm is None:
-        return rows
-    for name, (u, v) in zip(("lower_edge", "upper_edge"), shape.root_line_mm, strict=True):
+    for name, (u, v) in shape.corners_mm.items():
         x, y, z = section.origin_mm + u * section.normal + v * section.across
         rows.append(f"{start},{name},,,,{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}")
     return rows
@@ -139,36 +150,45 @@ def _drawing(shapes: list[SectionShape]) -> Any:
 def _draw(block: Any, shape: SectionShape) -> None:
     for (u, v), face in zip(shape.place_mm.tolist(), shape.points.face.tolist(), strict=True):
         block.add_point((u, v), dxfattribs={"layer": FACE_NAMES[face]})
-    root, bevel = shape.root_line_mm, shape.bevel_line_mm
-    if root is not None and bevel is not None:
-        for line in (root, bevel):
-            block.add_line(*line.tolist(), dxfattribs={"layer": "fit"})
-        for corner in root.tolist():
-            block.add_circle(corner, CORNER_MM, dxfattribs={"layer": "corners"})
-        attributes = {"layer": "dimensions"}
-        block.add_aligned_dim(*root.tolist(), DIMENSION_MM * -1.0, override=DIMENSIONS, dxfattribs=attributes).render()
-        block.add_angular_dim_3p(  # between the root face, carried on upwards, and the bevel
-            root[1] + np.array([0.0, 2.0 * DIMENSION_MM]),
-            root[1],
-            root[1] + np.array([0.0, 1.0]),
-            bevel[1],
-            override=DIMENSIONS,
-            dxfattribs=attributes,
-        ).render()
-    for number, text in enumerate(_texts(shape.section)):
+    for line in shape.lines_mm:
+        for start, end in itertools.pairwise(line.tolist()):
+            block.add_line(start, end, dxfattribs={"layer": "fit"})
+    for corner in shape.corners_mm.values():
+        block.add_circle(corner.tolist(), CORNER_MM, dxfattribs={"layer": "corners"})
+    if isinstance(shape.section, Section) and shape.lines_mm:
+        _dimensions(block, *shape.lines_mm)
+    for number, text in enumerate(_texts(shape)):
         block.add_text(text, height=TEXT_MM, dxfattribs={"layer": "text"}).set_placement(
             (_extent(shape)[0], -1.5 * TEXT_MM * (number + 3))
         )
 
 
-def _texts(section: Section) -> list[str]:
-    lines = [f"section {section.index} at {section.arc_length_mm:.2f} mm: {section.verdict}"]
-    if section.root_mm is None or section.bevel_deg is None:
-        return [*lines, section.reason]
+def _dimensions(block: Any, root: Float, bevel: Float) -> None:
+    """Root face and bevel angle; the angle between the root face, carried on upwards, and the bevel."""
+    attributes = {"layer": "dimensions"}
+    block.add_aligned_dim(*root.tolist(), DIMENSION_MM * -1.0, override=DIMENSIONS, dxfattribs=attributes).render()
+    block.add_angular_dim_3p(
+        root[1] + np.array([0.0, 2.0 * DIMENSION_MM]),
+        root[1],
+        root[1] + np.array([0.0, 1.0]),
+        bevel[1],
+        override=DIMENSIONS,
+        dxfattribs=attributes,
+    ).render()
+
+
+def _texts(shape: SectionShape) -> list[str]:
+    """Section, verdict, and each size that was measured."""
+    section = shape.section
+    told = [
+        f"{shape.terms[name][0].lower()} {value:.{3 - angle}f} {unit}, u {u:.{3 - angle}f} {unit}"
+        for name, one in section.sizes.items()
+        for value, u, unit, angle in ((float(one.value), float(one.u), one.unit, one.unit == "deg"),)
+        if np.isfinite(value) and np.isfinite(u)
+    ]
     return [
-        *lines,
-        f"root face {section.root_mm:.3f} mm, u {section.root_u_mm:.3f} mm",
-        f"bevel {section.bevel_deg:.2f} deg, u {section.bevel_u_deg:.2f} deg",
+        f"section {section.index} at {section.arc_length_mm:.2f} mm: {section.verdict}",
+        *(told or [section.reason]),
     ]
 
 
@@ -178,44 +198,70 @@ def _extent(shape: SectionShape) -> tuple[float, float]:
     return float(u.min(initial=-1.0)), float(u.max(initial=1.0)) + DIMENSION_MM
 
 
-# What a section of a milled edge shows in its own plane: its points, the fitted faces, the corners.
+# What a section shows in its own plane: its points, the fitted faces, the corners.
 
 OBLIQUE = 0.3  # a laser plane leans against the section by at most this much, in mm a mm
 BEVEL_FALLBACK = 2.0  # times the root face: length of the bevel's line where none of its points is in the section
+CHAIN = ("upper", "middle", "root", "lower")  # corners of a plate, from its upper surface down
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionShape:
-    """A section in its plane: (normal, across), mm, from the lower edge. Lines are None where it was not measured."""
+    """A section in its plane: (normal, across), mm, from its origin. Without lines where it was not measured."""
 
-    section: Section
+    section: Section | GrooveSection
+    terms: Mapping[str, tuple[str, str]]
     points: PointTable
     place_mm: Shaped[Float, "n 2"]  # of the points
-    root_line_mm: Shaped[Float, "2 2"] | None  # root face, from its lower edge to its upper edge
-    bevel_line_mm: Shaped[Float, "2 2"] | None  # bevel face, from the root face's upper edge upwards
+    corners_mm: Mapping[str, Float]
+    lines_mm: tuple[Float, ...]  # (k, 2) each; of a bevel the root face upwards, then the bevel face
 
 
-def section_shape(cloud: Cloud, edge: Edge, section: Section, thickness_mm: float, reach_mm: float) -> SectionShape:
-    """The points within half a thickness of the section plane and `reach_mm` of the lower edge, and the fitted lines.
-
-    The lines are those that the section's values say: the root face lies along `across`, the bevel leans from it by the
-    bevel angle.
-    """
-    window = 0.5 * thickness_mm + OBLIQUE * reach_mm
-    frames = np.flatnonzero(np.abs(edge.frame_arc_length_mm - section.arc_length_mm) <= window)
-    table = point_table(cloud, edge, frames)
+def section_shape(
+    inspection: JointInspection,
+    cloud: Cloud,
+    edge: Edge | None,
+    section: Section | GrooveSection,
+    thickness_mm: float,
+    reach_mm: float,
+) -> SectionShape:
+    """The points within half a thickness of the section plane and `reach_mm` of its origin, and the fitted lines."""
+    table = point_table(cloud, edge, _frames(cloud, edge, section, 0.5 * thickness_mm + OBLIQUE * reach_mm))
     off = table.position_mm - section.origin_mm
     place = np.stack([off @ section.normal, off @ section.across], axis=1)
     here = (np.abs(off @ section.tangent) <= 0.5 * thickness_mm) & (np.hypot(*place.T) <= reach_mm)
     table = PointTable(table.position_mm[here], table.face[here], table.frame[here], table.column[here])
-    return SectionShape(section, table, place[here], *_lines(section, table, place[here]))
+    find = _of_bevel(section, table, place[here]) if isinstance(section, Section) else _of_joint(section)
+    return SectionShape(section, inspection.terms, table, place[here], *find)
 
 
-def _lines(section: Section, table: PointTable, place: Float) -> tuple[Float | None, Float | None]:
+def _frames(cloud: Cloud, edge: Edge | None, section: Section | GrooveSection, window_mm: float) -> Int:
+    """Frames whose profiler or edge lies within `window_mm` of the section's plane."""
+    if edge is not None:
+        return np.flatnonzero(np.abs(edge.frame_arc_length_mm - section.arc_length_mm) <= window_mm)
+    return np.asarray(section.frames)
+
+
+def _of_bevel(section: Section, table: PointTable, place: Float) -> tuple[dict[str, Float], tuple[Float, ...]]:
+    """The lines that the section's values say: the root face lies along `across`, the bevel leans from it."""
     if section.root_mm is None or section.bevel_deg is None:
-        return None, None
-    corner = np.array([0.0, section.root_mm])
+        return {}, ()
+    lower, upper = np.zeros(2), np.array([0.0, section.root_mm])
     up = np.array([-np.sin(section.bevel_deg * DEG), np.cos(section.bevel_deg * DEG)])
-    on_bevel = (place[table.face == BEVEL_FACE] - corner) @ up
+    on_bevel = (place[table.face == BEVEL_FACE] - upper) @ up
     length = float(on_bevel.max(initial=0.0)) or BEVEL_FALLBACK * section.root_mm
-    return np.array([[0.0, 0.0], corner]), np.array([corner, corner + length * up])
+    return {"lower_edge": lower, "upper_edge": upper}, (
+        np.array([lower, upper]),
+        np.array([upper, upper + length * up]),
+    )
+
+
+def _of_joint(section: GrooveSection) -> tuple[dict[str, Float], tuple[Float, ...]]:
+    """Its corners, and a chain of them a plate; none along the flank above a fillet."""
+    corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
+    below = 1 if "root_radius_mm" in section.sizes else 0
+    chains = (
+        [corner[name] for which in CHAIN[below:] if (name := side + which) in corner]
+        for side in ("left_", "right_", "")
+    )
+    return corner, tuple(np.array(chain) for chain in chains if len(chain) > 1)

@@ -63,28 +63,26 @@ def gate(
 
 def measured_share(inspection: Inspection) -> float:
     """Share of the stations of the edge's profile that have a root face and a bevel angle."""
-    profile = inspection.profile
-    return (
-        float(np.mean(np.isfinite(profile.root_mm) & np.isfinite(profile.bevel_deg))) if profile.root_mm.size else 1.0
-    )
+    known = [np.isfinite(one.value) for one in inspection.profile.sizes.values()]
+    return float(np.mean(np.all(known, axis=0))) if known[0].size else 1.0
 
 
 def _refuse_unmeasured(inspection: Inspection) -> None:
     if not inspection.sections:
         return
     where = inspection.source or "edge"
-    told = [s for s in inspection.sections if s.root_u_mm is not None and s.bevel_u_deg is not None]
-    if not told:
+    found = [one for one in inspection.characteristics if one.required is not None]
+    told = [all(pairs) for pairs in zip(*(one.pairs for one in found), strict=True)]
+    if not any(told):
         raise InputError(
             where,
             f"none of {len(inspection.sections)} sections could be measured: {DOUBT}",
         )
-    needs = inspection.requirements
-    for name, unit, u, tolerance in (
-        ("root face", "mm", [s.root_u_mm for s in told], needs.root_tolerance_mm),
-        ("bevel angle", "deg", [s.bevel_u_deg for s in told], needs.bevel_tolerance_deg),
-    ):
-        expanded, width = 2.0 * float(np.median(np.array(u, float))), tolerance[1] - tolerance[0]
+    for one in found:
+        u = [pair[1] for pair, here in zip(one.pairs, told, strict=True) if pair and here]
+        low, high = one.limits or (0.0, 0.0)
+        expanded, width, unit = 2.0 * float(np.median(u)), high - low, one.quantity.unit
         if width > 0 and expanded > MOST_U * width:
+            name = one.term.lower()
             what = f"its {name} is known to {expanded:.3g} {unit} only, the tolerance is {width:.3g} {unit} wide"
             raise InputError(where, f"{what}: {DOUBT}")

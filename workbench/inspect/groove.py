@@ -9,36 +9,25 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
-    DIRECTIONS,
-    END,
-    FORM,
     Gate,
     Groove,
     GrooveInspection,
     GrooveSection,
     Preparation,
     PreparationInspection,
-    Quantity,
-    Uncertainty,
-    Verdict,
-    conformity,
-    u_name,
 )
-from workbench.artefacts.edges import Joint, JointInspection
+from workbench.artefacts.edges import Joint, RecognisedInspection, named
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.inspect.verdict import NO_HAND_EYE, NOT_INCLUDED, worst
+from workbench.inspect.verdict import NOTHING_REQUIRED, judged, not_included, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Float
 
-NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
-# Sources whose names begin so are evaluated from scatter (GUM 4.2).
-TYPE_A = ("faces", "fixed pattern", "corners", END, DIRECTIONS, FORM)
+NEAR_MM = 10.0  # frames this near to a section are drawn with it
 LEFT_OUT = (
-    *NOT_INCLUDED,
     "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
     "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured.",
 )
-LEFT_OUT_OF_PLATES = (*NOT_INCLUDED, "What the side that was scanned does not show: bevels below the root face.")
+LEFT_OUT_OF_PLATES = ("What the side that was scanned does not show: bevels below the root face.",)
 
 
 @stage("inspect.groove")
@@ -117,10 +106,8 @@ def _judged(
     required = _required(nominal, joint, where)
     at = (np.arange(sections) + 0.5) / sections * float(joint.arc_length_mm[-1])
     inspected = tuple(_section(joint, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
-    told = [s for s in inspected if any(value is not None for value in s.values.values())]
-    if not told:
+    if not any(np.isfinite(one.value) for s in inspected for one in s.sizes.values()):
         raise InputError(where, f"none of {len(inspected)} sections could be measured: is this such a joint?")
-    known = joint.part.hand_eye_u_mm is not None
     return {
         "type": joint.type,
         "alternatives": joint.alternatives,
@@ -129,9 +116,8 @@ def _judged(
         "requirements": dict(nominal),
         "guard_factor": guard_factor,
         "verdict": worst(s.verdict for s in inspected),
-        "reason": _reason(inspected, bool(required)),
-        "uncertainty": Uncertainty(not_included=left_out if known else (*left_out, NO_HAND_EYE)),
-        "size_sources": _sources(joint, at),
+        "reason": reason_of(inspected, bool(required)),
+        "uncertainty": not_included(joint.part, *left_out),
         "part": joint.part,
         "warnings": joint.warnings,
         "checks": joint.checks,
@@ -140,7 +126,7 @@ def _judged(
 
 @stage("inspect.groove_gate")
 def groove_gate(
-    inspection: JointInspection,
+    inspection: RecognisedInspection,
     *,
     accept_unjudged: bool = True,
 ) -> Gate:
@@ -171,7 +157,7 @@ def _required(
         PipelineError: see `groove`.
     """
     where, sizes = f"{stage_name}.nominal", list(joint.terms)
-    tolerances = {_tolerance_name(size): size for size in sizes}
+    tolerances = {named(size, "tolerance"): size for size in sizes}
     for name in nominal:
         if name not in sizes and name not in tolerances:
             raise PipelineError(f"{where}.{name}", f"no size of such a joint{nearest(name, [*sizes, *tolerances])}")
@@ -181,7 +167,7 @@ def _required(
     for size in sizes:
         if size not in nominal:
             continue
-        key = _tolerance_name(size)
+        key = named(size, "tolerance")
         if not _number(nominal[size]):
             raise PipelineError(f"{where}.{size}", "expected a number")
         pair = nominal.get(key)
@@ -196,12 +182,6 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
-def _tolerance_name(size: str) -> str:
-    """`gap_tolerance_mm` of `gap_mm`."""
-    stem, _, unit = size.rpartition("_")
-    return f"{stem}_tolerance_{unit}"
-
-
 def _section(
     joint: Joint,
     index: int,
@@ -209,23 +189,13 @@ def _section(
     required: Mapping[str, tuple[float, tuple[float, float]]],
     guard_factor: float,
 ) -> GrooveSection:
-    values: dict[str, float | None] = {}
-    for name in joint.terms:
-        if name not in joint.sizes:
-            continue
-        value, u = _at(joint, joint.sizes[name], at)
-        shown = bool(np.isfinite(value) and np.isfinite(u) and _near_seen(joint, at))
-        values[name], values[u_name(name)] = (value, u) if shown else (None, None)
-    verdicts: list[Verdict] = []
-    reasons = []
-    for name, (nominal, tolerance) in required.items():
-        value_, u_ = values.get(name), values.get(u_name(name))
-        told: Verdict = "undecided"
-        if value_ is not None and u_ is not None:
-            told = conformity(value_, u_, nominal, tolerance, guard_factor)
-        words = {"pass": "within tolerance", "undecided": "too near a limit to decide", "fail": "out of tolerance"}
-        verdicts.append(told)
-        reasons.append(f"{joint.terms[name][0].lower()} {words[told] if value_ is not None else 'not seen'}")
+    near = _near_seen(joint, at)
+    sizes = {
+        name: joint.sizes[name].at(at, joint.arc_length_mm).where(np.asarray(near))
+        for name in joint.terms
+        if name in joint.sizes
+    }
+    verdict, reason = judged(sizes, required, joint.terms, guard_factor)
     origin, tangent, normal, across = (
         _vector(joint, v, at) for v in (joint.origin_mm, joint.tangent, joint.normal, joint.across)
     )
@@ -237,22 +207,17 @@ def _section(
         _unit(tangent),
         _unit(normal),
         _unit(across),
-        values,
+        sizes,
         tuple(one for one in corners if one is not None),
-        worst(verdicts),
-        ", ".join(reasons) or NOTHING_REQUIRED,
+        verdict,
+        reason,
+        np.flatnonzero(np.abs(joint.frame_arc_length_mm - at) <= NEAR_MM),
     )
 
 
 def _near_seen(joint: Joint, at: float) -> bool:
     near = np.searchsorted(joint.arc_length_mm, at)
     return bool(joint.seen[np.clip([near - 1, near], 0, joint.seen.size - 1)].all())
-
-
-def _at(joint: Joint, quantity: Quantity, at: float) -> tuple[float, float]:
-    return float(np.interp(at, joint.arc_length_mm, quantity.value)), float(
-        np.interp(at, joint.arc_length_mm, quantity.u)
-    )
 
 
 def _vector(joint: Joint, values: Float, at: float) -> Float:
@@ -291,31 +256,3 @@ def _column(joint: Joint, position: Float, at: float) -> float | None:
     if not places.size or not places[0] <= x <= places[-1]:
         return None
     return float(np.interp(x, places, columns))
-
-
-def _sources(joint: Joint, at: Float) -> tuple[dict[str, Any], ...]:
-    """Each source with what it adds to the u of every size, in the section where that size's u is largest."""
-    names = list(dict.fromkeys(name for q in joint.sizes.values() for name in q.u_by_source))
-    rows: dict[str, dict[str, Any]] = {
-        name: {"name": name, "kind": "A" if name.startswith(TYPE_A) else "B"} for name in names
-    }
-    for size, quantity in joint.sizes.items():
-        here = np.array([_at(joint, quantity, float(s)) for s in at])
-        measured = np.isfinite(here).all(axis=1)
-        if not measured.any():
-            continue
-        worst_at = float(at[measured][int(np.argmax(here[measured, 1]))])
-        for name, u in quantity.u_by_source.items():
-            rows[name][u_name(size)] = float(np.interp(worst_at, joint.arc_length_mm, u))
-    return tuple(rows.values())
-
-
-def _reason(inspected: tuple[GrooveSection, ...], judged: bool) -> str:
-    count = len(inspected)
-    if not judged:
-        return NOTHING_REQUIRED
-    for verdict, words in (("fail", "fail"), ("undecided", "undecided")):
-        such = [s for s in inspected if s.verdict == verdict]
-        if such:
-            return f"{len(such)} of {count} sections {words}: section {such[0].index}: {such[0].reason}"
-    return f"all {count} sections within tolerance"

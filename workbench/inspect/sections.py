@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import EdgeProfile, Inspection, MilledEdge, Requirements, Section, Verdict
-from workbench.inspect.verdict import budget, judge, u_at, worst
+from workbench.artefacts import EdgeProfile, Inspection, MilledEdge, Requirements, Section, Verdict, conformity
+from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.inspect.verdict import judged, not_included, reason_of, worst
 from workbench.stage import stage
-from workbench.units import DEG, Bool, Float
+from workbench.units import Bool, Float
 
 Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
+HIDDEN = "the edge is hidden here"
 NEAR_MM = 10.0  # frames this near to a section are drawn with it
-MOST_BEVEL = 85.0 * DEG  # a root face or an angle beyond these limits is no measure of a bevel
+MOST_BEVEL_DEG = 85.0  # a root face or an angle beyond these limits is no measure of a bevel
 
 
 @stage("inspect.sections")
@@ -57,43 +60,51 @@ def sections(
         >>> [round(section.root_mm, 1) for section in found.sections[:3]]
         [1.5, 1.5, 1.5]
     """
-    required = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
+    asked = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
+    required = {
+        "root_mm": (root_nominal_mm, root_tolerance_mm),
+        "bevel_deg": (bevel_nominal_deg, bevel_tolerance_deg),
+    }
     at = (np.arange(sections) + 0.5) / sections * float(edge.arc_length_mm[-1])
     seen = edge.seen & np.isfinite(edge.root.value) & np.isfinite(edge.bevel.value)
     absurd = seen & ~is_bevel(edge)
     profile = _profile(edge, seen & ~absurd)
     inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
     verdict = worst(s.verdict for s in inspected)
-    measured = np.array([s.arc_length_mm for s in inspected if s.root_mm is not None])
     warnings = (
         *edge.warnings,
         *_no_bevel(edge.arc_length_mm[absurd]),
-        *_warnings(profile, required, guard_factor, verdict),
+        *_warnings(edge, seen & ~absurd, required, guard_factor, verdict),
     )
     return Inspection(
         inspected,
         profile,
-        required,
+        asked,
         guard_factor,
         verdict,
-        _reason(inspected),
+        reason_of(inspected, required=True),
         "per section",
         edge.part,
-        budget(edge, measured),
+        not_included(edge.part, *edge.not_included),
         warnings,
         edge.checks,
         edge.source,
     )
 
 
-def _warnings(profile: EdgeProfile, required: Requirements, guard_factor: float, verdict: Verdict) -> list[str]:
+Asked = Mapping[str, tuple[float, tuple[float, float]]]
+
+
+def _warnings(edge: MilledEdge, seen: Bool, required: Asked, guard_factor: float, verdict: Verdict) -> list[str]:
     """What the sections alone do not say: failures between them."""
     failing = []
-    for s, root, root_u, bevel, bevel_u in zip(
-        profile.arc_length_mm, profile.root_mm, profile.root_u_mm, profile.bevel_deg, profile.bevel_u_deg, strict=True
-    ):
-        if np.isfinite(root) and judge(root, root_u, bevel, bevel_u, required, guard_factor)[0] == "fail":
-            failing.append(s)
+    for name, one in (("root_mm", edge.root), ("bevel_deg", edge.bevel)):
+        failing += [
+            s
+            for s, value, u in zip(edge.arc_length_mm[seen], one.value[seen], one.u[seen], strict=True)
+            if conformity(value, u, *required[name], guard_factor) == "fail"
+        ]
+    failing = sorted(set(failing))
     if not failing or verdict == "fail":
         return []
     return [
@@ -105,7 +116,7 @@ def _warnings(profile: EdgeProfile, required: Requirements, guard_factor: float,
 def is_bevel(edge: MilledEdge) -> Bool:
     """Whether the values at the stations (n,) are such as a bevel can have: else other faces were taken for it."""
     bevel = edge.bevel.value
-    return np.asarray((edge.root.value > 0.0) & (bevel > 0.0) & (bevel < MOST_BEVEL))
+    return np.asarray((edge.root.value > 0.0) & (bevel > 0.0) & (bevel < MOST_BEVEL_DEG))
 
 
 def _no_bevel(at_mm: Float) -> list[str]:
@@ -120,7 +131,7 @@ def _no_bevel(at_mm: Float) -> list[str]:
 
 def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
     """Root face and bevel angle at every station of the edge; NaN where it was not seen."""
-    values = (edge.root.value, edge.root.u, edge.bevel.value / DEG, edge.bevel.u / DEG)
+    values = (edge.root.value, edge.root.u, edge.bevel.value, edge.bevel.u)
     root, root_u, bevel, bevel_u = (np.where(seen, v, np.nan) for v in values)
     return EdgeProfile(
         edge.arc_length_mm,
@@ -130,21 +141,22 @@ def _profile(edge: MilledEdge, seen: Bool) -> EdgeProfile:
         bevel,
         bevel_u,
         {name: np.where(seen, u, np.nan) for name, u in edge.root.u_by_source.items()},
-        {name: np.where(seen, u / DEG, np.nan) for name, u in edge.bevel.u_by_source.items()},
+        {name: np.where(seen, u, np.nan) for name, u in edge.bevel.u_by_source.items()},
     )
 
 
 def _section(
-    edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Requirements, guard_factor: float
+    edge: MilledEdge, profile: EdgeProfile, index: int, at: float, required: Asked, guard_factor: float
 ) -> Section:
-    found = (
-        float(np.interp(at, edge.arc_length_mm, profile.root_mm)),
-        float(u_at(edge, edge.root, np.array([at]))[0]),
-        float(np.interp(at, edge.arc_length_mm, profile.bevel_deg)),
-        float(u_at(edge, edge.bevel, np.array([at]))[0]) / DEG,
+    at_once = np.asarray(at)
+    sizes = {
+        name: one.at(at_once, edge.arc_length_mm) for name, one in (("root_mm", edge.root), ("bevel_deg", edge.bevel))
+    }
+    seen = np.isfinite([np.interp(at, edge.arc_length_mm, v) for v in (profile.root_mm, profile.bevel_deg)]).all()
+    (root, root_u), (bevel, bevel_u) = (
+        (float(one.value), float(one.u)) if seen else (None, None) for one in sizes.values()
     )
-    root, root_u, bevel, bevel_u = found if np.isfinite(found).all() else (None,) * 4
-    verdict, reason = judge(root, root_u, bevel, bevel_u, required, guard_factor)
+    verdict, reason = judged(sizes, required, BEVEL_TERMS, guard_factor) if seen else ("undecided", HIDDEN)
     near = np.abs(edge.frame_arc_length_mm - at) <= NEAR_MM
     return Section(
         index=index,
@@ -159,7 +171,10 @@ def _section(
         bevel_u_deg=bevel_u,
         verdict=verdict,
         reason=reason,
-        frames=np.flatnonzero(near & (root is not None)),
+        frames=np.flatnonzero(near & seen),
+        u_by_source={
+            name: {source: float(u) for source, u in one.u_by_source.items()} for name, one in sizes.items() if seen
+        },
     )
 
 
@@ -172,15 +187,3 @@ def _along(edge: MilledEdge, values: Float, at: float) -> Float:
 def _unit(edge: MilledEdge, values: Float, at: float) -> Float:
     v = _along(edge, values, at)
     return v / np.linalg.norm(v)
-
-
-def _reason(inspected: tuple[Section, ...]) -> str:
-    """The part's verdict in words."""
-    count = len(inspected)
-    failed = [s for s in inspected if s.verdict == "fail"]
-    open_ = [s for s in inspected if s.verdict == "undecided"]
-    if failed:
-        return f"{len(failed)} of {count} sections fail: section {failed[0].index}: {failed[0].reason}"
-    if open_:
-        return f"{len(open_)} of {count} sections undecided: section {open_[0].index}: {open_[0].reason}"
-    return f"all {count} sections within tolerance"

@@ -24,19 +24,25 @@ from workbench.result_files.contract import (
     StiffnessFile,
     ToolpathFile,
 )
+from workbench.result_files.scan_plan import ScanPlanFile
+from workbench.result_files.sensor import SensorFile
 from workbench.result_files.studies import (
     CalibrationValidationFile,
+    ChatterFile,
     CloudRegistrationFile,
+    CoefficientsFile,
     CompensationFile,
     DeflectionFile,
     DeviationFile,
     MillingForceFile,
-    ReferenceFitsFile,
+    ModesFile,
     RegistrationFile,
     RepeatabilityFile,
     RobotFile,
     SensitivityFile,
+    SubmissionFile,
     ToolFile,
+    TruthFile,
     TurntableFile,
 )
 
@@ -60,15 +66,21 @@ RESULT_FILES: dict[str, type[ResultFile]] = {
         RegistrationFile,
         CloudRegistrationFile,
         RepeatabilityFile,
-        ReferenceFitsFile,
         SensitivityFile,
         ToolFile,
         TurntableFile,
         RobotFile,
         CalibrationValidationFile,
         MillingForceFile,
+        CoefficientsFile,
+        ModesFile,
+        ChatterFile,
         DeflectionFile,
         CompensationFile,
+        SensorFile,
+        SubmissionFile,
+        TruthFile,
+        ScanPlanFile,
     )
 }
 
@@ -81,14 +93,21 @@ def result_schema(name: str) -> dict[str, Any]:
 __all__ = [
     "RESULT_FILES",
     "BatchPartFile",
+    "ChatterFile",
+    "CoefficientsFile",
     "HandEyeFile",
     "InspectionFile",
+    "ModesFile",
     "PostureFile",
     "ResultFile",
     "RobotFile",
+    "ScanPlanFile",
+    "SensorFile",
     "StiffnessFile",
+    "SubmissionFile",
     "ToolFile",
     "ToolpathFile",
+    "TruthFile",
     "TurntableFile",
     "result_schema",
 ]

@@ -20,7 +20,7 @@ from pydantic import (
     with_config,
 )
 
-from workbench.artefacts import UNKNOWN_PART, Check, Part, Uncertainty, UncertaintySource, Verdict
+from workbench.artefacts import UNKNOWN_PART, Check, Part, Verdict
 from workbench.errors import InputError
 from workbench.parameters import complaint
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
@@ -106,8 +106,34 @@ def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) ->
     return InputError(f"{path}: {found.where}", found.expected)
 
 
-for artefact in (Check, Part, Uncertainty, UncertaintySource):  # they have no place for further keys: `document` has
+for artefact in (Check, Part):  # they have no place for further keys: `document` has
     with_config(ConfigDict(extra="ignore"))(artefact)
+
+
+class SourceRow(Row):
+    """One contribution to the combined standard uncertainty; to each size, in its worst section, in further keys."""
+
+    name: str
+    kind: Literal["A", "B"]
+
+
+class UncertaintyRow(Row):
+    """The uncertainty budget: the squares of the sources add to the square of the largest section's u."""
+
+    coverage_factor: Positive
+    sources: list[SourceRow]
+    not_included: list[str]
+    correlations: str = Field(default="", description="why the squares do not add up, where they do not")
+
+
+class QuantityRow(Row):
+    """A size in a section."""
+
+    name: str
+    value: Unknown
+    u: UnknownU
+    unit: Literal["mm", "deg"]
+    verdict: Verdict | None = Field(description="null: nothing is required, or it was not measured")
 
 
 class RequirementsRow(Row):
@@ -132,6 +158,7 @@ class SectionRow(Row):
     root_u_mm: UnknownU
     bevel_deg: Unknown
     bevel_u_deg: UnknownU
+    quantities: list[QuantityRow] = Field(default_factory=list)
     verdict: Verdict
     reason: str = ""
 
@@ -168,7 +195,7 @@ class InspectionFile(ResultFile):
     guard_factor: NotNegative
     part: Part | None = None
     requirements: RequirementsRow
-    uncertainty: Uncertainty | None = None
+    uncertainty: UncertaintyRow | None = None
     checks: list[Check] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
     sections: Annotated[list[SectionRow], Field(min_length=1), AfterValidator(_each_once)]
@@ -247,6 +274,9 @@ class PathClaim(Row):
     reason: Annotated[str, Field(max_length=2000)]
     loosened: Texts
     unchecked: Texts
+    placed: bool = Field(
+        default=False, description="whether something showed where the part stands; absent: a shape only"
+    )
     sha256: str | None = Field(default=None, description="absent: the path counts as changed")
 
 
@@ -326,6 +356,7 @@ class StiffnessFile(PartFile):
     condition_number: Unknown = None
     postures: int = 0
     loads: int = 0
+    not_included: list[str] = Field(default_factory=list, description="errors that no load shows, with their size")
 
 
 class PosturePoint(Row):
@@ -366,6 +397,18 @@ class StationRow(Row):
     along_m_u_mm: Unknown
     tilt_deg: Unknown
     tilt_u_deg: Unknown
+    batch_displacement_mm: Unknown = None
+    batch_tilt_deg: Unknown = None
+
+
+class BatchRow(Row):
+    """What the stations' means over a batch are of."""
+
+    parts: Annotated[int, Field(ge=1)]
+    length_mm: Number
+    bevel_deg: Number
+    scatter_mm: Unknown
+    scatter_deg: Unknown
 
 
 class CorrectionFile(PartFile):
@@ -377,6 +420,7 @@ class CorrectionFile(PartFile):
     stations: list[StationRow]
     allowance_mm: Number
     refused: str | None
+    batch: BatchRow | None = None
 
 
 class CornerRow(Row):
@@ -396,41 +440,38 @@ class GrooveSection(Row):
     origin_mm: Vector
     tangent: Vector
     corners: list[CornerRow]
+    quantities: list[QuantityRow] = Field(default_factory=list)
     verdict: Verdict
 
 
-class GrooveFile(PartFile):
+class JointFile(PartFile):
+    """A joint as measured in sections."""
+
+    version: Literal[1]
+    frame: Literal["base"]
+    sections: list[GrooveSection]
+    part: Part
+    requirements: dict[str, Any]
+    uncertainty: UncertaintyRow
+    checks: list[Check]
+    verdict: Verdict
+    reason: str
+
+
+class GrooveFile(JointFile):
     """`groove.json`: a groove as measured."""
 
     NAME: ClassVar[str] = "groove.json"
     format: Literal["groove-inspection"]
-    version: Literal[1]
-    frame: Literal["base"]
     type: Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"]
-    sections: list[GrooveSection]
-    part: Part
-    requirements: dict[str, Any]
-    uncertainty: dict[str, Any]
-    checks: list[Check]
-    verdict: Verdict
-    reason: str
 
 
-class PreparationFile(PartFile):
+class PreparationFile(JointFile):
     """`preparation.json`: the prepared edge of one plate as measured."""
 
     NAME: ClassVar[str] = "preparation.json"
     format: Literal["preparation-inspection"]
-    version: Literal[1]
-    frame: Literal["base"]
     type: Literal["bevel", "compound", "nose", "J"]
-    sections: list[GrooveSection]
-    part: Part
-    requirements: dict[str, Any]
-    uncertainty: dict[str, Any]
-    checks: list[Check]
-    verdict: Verdict
-    reason: str
 
 
 class InputRow(Row):
@@ -523,6 +564,24 @@ class ViolationRow(Row):
     finding: str
 
 
+class NearestRow(Row):
+    """Where two bodies come nearest, as measured."""
+
+    distance_mm: Unknown
+    pair: list[str]
+    line: int
+    arc_length_mm: Unknown
+
+
+class LimitRow(Row):
+    """A value that was held against a limit."""
+
+    name: str
+    value: Unknown
+    limit: float
+    passed: bool
+
+
 class ProgramCheckFile(PartFile):
     """`program_check.json`: the written program as driven through its cell."""
 
@@ -536,11 +595,15 @@ class ProgramCheckFile(PartFile):
     not_checked: list[str]
     length_mm: Unknown
     time_s: Unknown
+    stops: int = 0
+    stops_counted: bool = False
     postures: int
     clearance_mm: Unknown
     clearance_pair: list[str] | None
+    nearest: NearestRow | None = None
     limit_margin_deg: Unknown
     wrist_deg: Unknown
     condition: Unknown
     speed_share: Unknown
     deviation_mm: Unknown
+    checks: list[LimitRow] = []

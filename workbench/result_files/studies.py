@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from workbench.result_files.contract import (
     Matrix,
@@ -14,6 +14,7 @@ from workbench.result_files.contract import (
     PartFile,
     ResultFile,
     Row,
+    Six,
     Unknown,
     UnknownU,
     Vector,
@@ -128,29 +129,6 @@ class RepeatabilityFile(PartFile):
     characteristics: list[CharacteristicRow]
     inspections: list[dict[str, str]]
     warnings: list[str]
-
-
-class FitRow(Row):
-    """A fitted element, and its errors where the answer is known."""
-
-    points: str
-    answer: str | None
-    count: int
-    point_mm: Vector
-    direction: Vector | None
-    diameter_mm: UnknownU
-    rms_mm: NotNegative
-
-
-class ReferenceFitsFile(ResultFile):
-    """`reference_fits.json`: fits of reference data sets. Of no part: the data sets are computed."""
-
-    NAME: ClassVar[str] = "reference_fits.json"
-    format: Literal["reference-fits"]
-    version: Literal[1]
-    shape: str
-    tolerance: Number
-    fits: list[FitRow]
 
 
 class SensitivityRow(Row):
@@ -305,6 +283,58 @@ class MillingForceFile(PartFile):
     layers: list[ForceRow]
 
 
+class CoefficientsFile(ResultFile):
+    """`coefficients.json`: of the milling force of one material by one tool, from recordings. Of no part."""
+
+    NAME: ClassVar[str] = "coefficients.json"
+    format: Literal["cutting-coefficients"]
+    version: Literal[1]
+    material: str
+    tool: str
+    ktc_n_mm2: Number
+    krc_n_mm2: Number
+    kac_n_mm2: Number
+    kte_n_mm: Number
+    kre_n_mm: Number
+    kae_n_mm: Number
+    covariance: Matrix6
+    not_included: list[str]
+
+
+class ModesFile(PartFile):
+    """`modes.json`: mass, stiffness and damping of a robot, as the logarithms of its parameters are known."""
+
+    NAME: ClassVar[str] = "modes.json"
+    format: Literal["robot-modes"]
+    version: Literal[1]
+    joint_stiffness_nm_per_rad: Six
+    link_masses_kg: Six
+    parameters: list[str]
+    covariance_of_logarithms: list[list[Number]]
+    not_included: list[str]
+
+
+class MarginRow(Row):
+    """Limiting depth at a point of a path, mm; null: none up to the largest that was looked at."""
+
+    layer: Annotated[int, Field(ge=1)]
+    depth_mm: Number
+    up_limit_mm: Unknown
+    down_limit_mm: Unknown
+    margin: Unknown
+    least_margin: Unknown
+
+
+class ChatterFile(PartFile):
+    """`chatter.json`: limiting over actual depth of cut along a path."""
+
+    NAME: ClassVar[str] = "chatter.json"
+    format: Literal["chatter"]
+    version: Literal[1]
+    points: list[MarginRow]
+    not_included: list[str]
+
+
 class DeflectionFile(ResultFile):
     """`deflection.json`: displacement of the tool under a wrench. Of no part: the model's answer for one posture."""
 
@@ -335,3 +365,79 @@ class CompensationFile(PartFile):
     largest_deflection_mm: NotNegative
     without: CompensationRow
     compensated: CompensationRow
+
+
+class ScoredSection(Row):
+    """Values at a place on the edge, in the base. Every value has its `_u`: root_mm and root_u_mm."""
+
+    origin_mm: Vector | None = Field(
+        default=None, description="on the lower edge, or in the middle of a groove; null: not measured"
+    )
+    root_mm: Unknown = None
+    root_u_mm: UnknownU = None
+    bevel_deg: Unknown = None
+    bevel_u_deg: UnknownU = None
+    gap_mm: Unknown = None
+    gap_u_mm: UnknownU = None
+    depth_mm: Unknown = None
+    depth_u_mm: UnknownU = None
+    normal: Vector | None = Field(default=None, description="raw edge: outward normal of the end face")
+    tangent: Vector | None = Field(default=None, description="raw edge: direction of rising arc length")
+    along_n_u_mm: UnknownU = Field(default=None, description="of origin_mm along the true normal")
+    along_m_u_mm: UnknownU = Field(default=None, description="of origin_mm across the end face")
+    axis_u_deg: UnknownU = Field(default=None, description="of the normal's turn about the edge")
+    heading_u_deg: UnknownU = Field(default=None, description="of the tangent's direction")
+
+
+class ScoredRecording(Row):
+    """What a method says of one recording: sections, a hand-eye pose, or why it refuses."""
+
+    refused: str | None = None
+    seconds: NotNegative | None = Field(default=None, description="of processor time")
+    sections: list[ScoredSection] = Field(default_factory=list)
+    flange_from_profiler: Matrix | None = None
+    translation_u_mm: tuple[NotNegative, NotNegative, NotNegative] | None = None
+    rotation_u_deg: tuple[NotNegative, NotNegative, NotNegative] | None = Field(
+        default=None, description="of a rotation vector in the flange's axes, R_true = exp(w) R"
+    )
+
+
+class SubmissionFile(ResultFile):
+    """`submission.json`: results of a method over the recordings of a track, for `workbench score`. Of no part."""
+
+    NAME: ClassVar[str] = "submission.json"
+    format: Literal["edge-benchmark-submission"]
+    version: Literal[1]
+    method: Annotated[str, Field(min_length=1, max_length=200)]
+    track: str | None = None
+    recordings: dict[str, ScoredRecording]
+
+
+class TrueRecording(Row):
+    """The truth of one recording, at stations along the edge in order; of a sphere, the pose alone."""
+
+    position_mm: list[Vector] | None = Field(default=None, min_length=2)
+    seen: list[bool] | None = Field(default=None, description="whether the edge can be measured there")
+    flange_from_profiler: Matrix | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if self.flange_from_profiler is None and (self.position_mm is None or self.seen is None):
+            raise ValueError("expected position_mm and seen, or flange_from_profiler")
+        columns = {"position_mm": self.position_mm, "seen": self.seen} | (self.model_extra or {})
+        lengths = {len(column) for column in columns.values() if isinstance(column, list)}
+        if self.flange_from_profiler is None and len(lengths) != 1:
+            raise ValueError("expected columns of one length")
+        return self
+
+
+class TruthFile(ResultFile):
+    """`truth.json`: what is true of the recordings of a track, for `workbench score`. Of no part."""
+
+    NAME: ClassVar[str] = "truth.json"
+    format: Literal["edge-benchmark-truth"]
+    version: Literal[1]
+    benchmark: str | None = None
+    track: str | None = None
+    set: str | None = None
+    recordings: dict[str, TrueRecording]

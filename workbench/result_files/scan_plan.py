@@ -1,0 +1,69 @@
+"""`scan-plan.json`: the passes of a planned scan, and what they are predicted to tell."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from workbench.result_files.contract import NotNegative, Number, Positive, Quaternion, ResultFile, Row, Unknown, Vector
+
+
+class ScanPoint(Row):
+    """A pose of the profiler in the base, the part where it was planned."""
+
+    arc_length_mm: Number
+    position_mm: Vector
+    quaternion_wxyz: Quaternion
+    joints_deg: tuple[Number, Number, Number, Number, Number, Number] | None = Field(
+        default=None, description="null: no cell was named"
+    )
+
+
+class ScanPassRow(Row):
+    """One pass."""
+
+    index: Annotated[int, Field(ge=1)]
+    elevation_deg: Number = Field(description="of the scanner above the root face's normal")
+    lead_deg: Number
+    standoff_mm: Positive
+    speed_mm_s: Positive
+    frame_pitch_mm: Positive
+    drift_mm: NotNegative = Field(description="by which the scanner moves across its view along the pass")
+    turntable_deg: Unknown = None
+    duration_s: Positive
+    points: list[ScanPoint] = Field(min_length=2)
+
+
+class PredictedColumns(Row):
+    """Along the edge; null: no pass sees it."""
+
+    arc_length_mm: list[Number]
+    root_U_mm: list[Unknown]  # noqa: N815  (U is the symbol of GUM)
+    bevel_U_deg: list[Unknown]  # noqa: N815  (U is the symbol of GUM)
+    reached: list[bool]
+    root_u_by_source_mm: dict[str, list[Unknown]]
+    bevel_u_by_source_deg: dict[str, list[Unknown]]
+
+
+class ScanPlanFile(ResultFile):
+    """`scan-plan.json`: U is expanded by k = 2. Of no part yet: of the nominal joint and the declared priors."""
+
+    NAME: ClassVar[str] = "scan-plan.json"
+    format: Literal["scan-plan"]
+    version: Literal[1]
+    frame: Literal["base"]
+    edge: str = Field(description="the file that told where the edge is")
+    thickness_mm: Positive
+    root_mm: Positive
+    bevel_deg: Positive
+    edge_condition: Literal["sharp", "deburred", "unknown"]
+    wanted_root_U_mm: Positive  # noqa: N815  (U is the symbol of GUM)
+    wanted_bevel_U_deg: Positive  # noqa: N815  (U is the symbol of GUM)
+    reached: bool
+    duration_s: NotNegative
+    passes: list[ScanPassRow]
+    predicted: PredictedColumns
+    binds: list[str] = Field(description="what keeps U from what is wanted, and where")
+    would_help: list[str]
+    not_checked: list[str]

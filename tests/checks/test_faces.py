@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
-from bench.coverage.conditions import random_swept_recipe
 from bench.groove.drawn import random_groove_recipe, random_prism_recipe
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import (
@@ -30,6 +29,7 @@ from bench.odd_plates import (
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
+from bench.score.conditions import random_swept_recipe
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.corners import Bend, _corner, ledge_takes_mm

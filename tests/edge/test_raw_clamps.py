@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.coverage.measure import measure
+from bench.score.measure import named
 from workbench.edge.raw_faces import not_in_front
 from workbench.units import Bool, Float
 
@@ -44,7 +44,6 @@ def test_a_few_stray_frames_behind_do_not_make_the_edge_a_clamp() -> None:
 
 def test_an_end_that_is_lost_up_to_a_clamp_is_uncertain_by_that() -> None:
     """Three columns lost along the first half, and a clamp where that ends: 0.15 mm off at 7 u before."""
-    result = measure("swept_raw_mixed", 4_060_001, None)
-    error, u = np.array(result.error["across_mm"]), np.array(result.u["across_mm"])
-    assert np.nanmax(np.abs(error)) > 0.05
-    assert np.nanmax(np.abs(error) / u) < 2.0
+    found = named("swept_raw_mixed", 4_060_001).found["along_m_mm"]
+    assert np.abs(found.error).max() > 0.05
+    assert (np.abs(found.error) / found.u).max() < 2.0

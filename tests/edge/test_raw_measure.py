@@ -109,7 +109,7 @@ def test_drops_here_and_there_are_no_roughness(drops: bool) -> None:
 def test_a_part_that_begins_to_vibrate_is_known_less_there() -> None:
     off, at = np.random.default_rng(2).normal(0.0, 0.01, S.size), np.array([10.0, 60.0, 110.0])
     even, later = (
-        SimpleNamespace(s_face=S, stands_out_mm=one, stand_out=SimpleNamespace(value=np.zeros_like), rough=False)
+        SimpleNamespace(s_face=S, stands_out_mm=one, out=SimpleNamespace(value=np.zeros_like), rough=False)
         for one in (off, np.where(S > 100.0, 5.0 * off, off))
     )
     assert (unevenness(even, at) == 1.0).all()

@@ -125,13 +125,13 @@ def test_sizes_and_angles_along_the_edge(drawn: Scans) -> None:
         truth, edge = scan.truth, scan.edge
         at = edge.position_mm[edge.seen]
         size = (edge.root.value[edge.seen] - truth.root_mm_at(at)) / edge.root.u[edge.seen]
-        angle = (edge.bevel.value[edge.seen] - truth.bevel_deg_at(at) * DEG) / edge.bevel.u[edge.seen]
+        angle = (edge.bevel.value[edge.seen] - truth.bevel_deg_at(at)) / edge.bevel.u[edge.seen]
         for ratio in (size, angle):
             assert np.mean(np.abs(ratio) < 2) > 0.8
             assert np.abs(ratio).max() < 4
         unseen = edge.root.u_by_source[ROUNDING][edge.seen]  # of a rounding that a view along the face does not show
         assert np.median(np.sqrt(edge.root.u[edge.seen] ** 2 - unseen**2)) < 0.02
-        assert np.median(edge.bevel.u[edge.seen]) < 0.1 * DEG
+        assert np.median(edge.bevel.u[edge.seen]) < 0.1
 
 
 def test_expected_sizes_only_tell_the_faces_apart(drawn: Scans) -> None:

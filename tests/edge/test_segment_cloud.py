@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import PASSES, Cloud, Inspection, PointSet
-from workbench.cloud import crop
 from workbench.cloud import read as read_cloud
 from workbench.edge import segment_cloud, segment_raw
 from workbench.edge.segment_cloud import _noise_slope
@@ -71,14 +70,6 @@ def test_a_grid_that_is_no_profilers_is_sliced(drawn):
     row, column = np.divmod(np.arange(len(points)), 500)
     _, edge = segment_cloud(PointSet(points, "a.pcd", row=row, column=column))
     assert any("shows no scan lines" in words for words in edge.warnings)
-
-
-def test_a_crop_keeps_the_places_of_its_points(drawn):
-    points = points_of(drawn("paper", 7).cloud)
-    row, column = np.divmod(np.arange(len(points)), 500)
-    middle = np.median(points, axis=0)
-    part = crop(PointSet(points, row=row, column=column), low_mm=list(middle - 10), high_mm=list(middle + 10))
-    np.testing.assert_array_equal(points[part.row * 500 + part.column], part.points_mm)
 
 
 def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):

@@ -19,7 +19,7 @@ from workbench.edge.prepared_fillet import fit_fillet
 from workbench.edge.prepared_profile import kind_of
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import preparation as inspect_preparation
-from workbench.pipeline.results import joint_document
+from workbench.pipeline.results import inspection_document
 from workbench.report import html
 from workbench.report import preparation as report_preparation
 from workbench.result_files import RESULT_FILES
@@ -226,7 +226,7 @@ def test_sizes_are_judged_and_written(cloud, nose) -> None:
     wanted = {"land_mm": 1.2, "land_tolerance_mm": [-0.1, 0.1], "bevel_deg": 40, "bevel_tolerance_deg": [-1, 1]}
     judged = inspect_preparation(nose, nominal=wanted)
     assert judged.verdict == "pass"
-    document = json.loads(strict_json(joint_document(judged)))
+    document = json.loads(strict_json(inspection_document(judged)))
     RESULT_FILES["preparation.json"].model_validate(document)
     largest = max(section["land_u_mm"] for section in document["sections"])
     parts = sum((row.get("land_u_mm") or 0.0) ** 2 for row in document["uncertainty"]["sources"])

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from workbench.geometry.course import BIN_MM, SHARPEST, Course, _as_values, _inliers, _means, fit_course, stretches
+from workbench.geometry.processes import Shared
 from workbench.units import Float
 
 Truth = Callable[[Float], Float]
@@ -106,7 +107,7 @@ def test_more_values_are_known_better() -> None:
 def test_understated_noise_is_found(alike: int) -> None:
     """The bins' scatter counts, not what was said; values that share noise within a bin are no more than their groups.
 
-    Noise that is alike over more than a bin is not told from the course (docs/method.md): `together_mm` is for that.
+    Noise that is alike over more than a bin is not told from the course (docs/method.md): `Shared.over_mm` is for that.
     """
     z = []
     for seed in range(100):
@@ -128,7 +129,7 @@ def test_noise_over_centimetres_is_found_where_its_length_is_said() -> None:
             s,
             1.0 + np.repeat(rng.normal(0.0, SIGMA, s.size // 15 + 1), 15)[: s.size],
             np.full(s.size, 0.02**2),
-            together_mm=10.0,
+            shared=Shared(10.0),
         )
         z.append(float(((course.value(AT[3:4]) - 1.0) / course.u(AT[3:4]))[0]))
     within(float(np.square(z).sum()), len(z), 2.0)

@@ -65,6 +65,7 @@ def frames(
         nan,
         nan,
         freed.doubt,
+        nan,
     )
 
 
@@ -236,6 +237,7 @@ def test_few_frames(count: int) -> None:
                 ends.fill,
                 ends.fill_sigma,
                 ends.doubt,
+                ends.lit,
             )
         )
     )
@@ -255,7 +257,7 @@ def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:
     still = np.zeros(s.size, np.int64)
     freed = settled(s, low, step, sigma, still, still)
     nan = np.full(s.size, np.nan)
-    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, nan, nan, 0.0 * s)
+    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, nan, nan, 0.0 * s, nan)
     course = found(ends).course
     off = course.value(s) - truth
     assert off.std() < 0.15 * STEP_MM  # its shape; where in the step it lies nothing shows

@@ -40,7 +40,7 @@ def planned(raw, mill: str, **changed: object) -> Toolpath:
 def test_both_paths_leave_both_bevels(part, raw) -> None:
     for mill in ("upper", "lower"):
         plan = planned(raw, mill)
-        gate = path.check(plan, *raw, rests_milled=mill == "lower")
+        gate = path.check(plan, *raw, workpiece=part, rests_milled=mill == "lower")
         assert gate.clean, gate.cause
         part, engagement = twin.mill(part, plan)
         assert engagement.warnings == ()
@@ -63,12 +63,12 @@ def test_the_lower_path_begins_under_the_upper_bevel(raw: tuple[RawEdge, object]
     assert lower.layers[0].height_mm < (root - 1.5) * np.sin(np.radians(30.0))
 
 
-def test_nothing_shows_that_the_upper_bevel_is_milled(raw) -> None:
-    gate = path.check(planned(raw, "lower"), *raw)
+def test_nothing_shows_that_the_upper_bevel_is_milled(part, raw) -> None:
+    gate = path.check(planned(raw, "lower"), *raw, workpiece=part)
     assert gate.passed
     assert not gate.clean
     assert gate.cause.startswith("NOT CHECKED: that the upper bevel of 50 deg has been milled")
-    assert path.check(planned(raw, "upper"), *raw).clean
+    assert path.check(planned(raw, "upper"), *raw, workpiece=part).clean
 
 
 def test_the_lower_path_leaves_what_the_upper_one_leaves() -> None:
@@ -83,7 +83,7 @@ def test_the_lower_path_leaves_what_the_upper_one_leaves() -> None:
     assert 0 < cut.sum() < cut.size
     assert not any((layer.cutting & ~cut).any() for layer in lower.layers)
     for plan in (upper, lower):
-        assert path.check(plan, *seen, rests_milled=True).clean
+        assert path.check(plan, *seen, workpiece=part, rests_milled=True).clean
         part, engagement = twin.mill(part, plan)
         assert engagement.warnings == ()
 

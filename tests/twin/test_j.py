@@ -24,7 +24,7 @@ def milled() -> Workpiece:
     plan = path.layers(
         raw, points, root_mm=ROOT, bevel_deg=20.0, root_radius_mm=RADIUS, cutter_diameter_mm=2.0 * RADIUS
     )
-    gate = path.check(plan, raw, points)
+    gate = path.check(plan, raw, points, workpiece=part)
     assert gate.clean, gate.cause
     part, engagement = twin.mill(part, plan)
     assert engagement.warnings == ()

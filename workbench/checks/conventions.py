@@ -9,7 +9,7 @@ from itertools import permutations, product
 import numpy as np
 import scipy
 
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.units import Float, Float32
 
 Quaternions = Callable[[Float], Float]
@@ -99,6 +99,10 @@ def _known() -> Iterator[Convention]:
             f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
             quaternion=_reordered(written, read),
         )
+        yield Convention(
+            f"the hand-eye pose's angles are of order {_order(written)}, but were read as {_order(read)}",
+            hand_eye=_reordered_pose(written, read),
+        )
         if written[0] == written[2]:  # their middle angle goes to 180 deg, where the others' goes to 90
             yield Convention(
                 f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
@@ -154,6 +158,13 @@ def _reordered(written: str, read: str, beyond: bool = False) -> Quaternions:
         return np.asarray(scipy.spatial.transform.Rotation.from_euler(written, angles).as_quat()[:, [3, 0, 1, 2]])
 
     return undo
+
+
+def _reordered_pose(written: str, read: str) -> HandEyes:
+    undo = _reordered(written, read)
+    return lambda pose: pose_from(
+        rotation_from_quaternion(undo(quaternion_from_rotation(pose[None, :3, :3])))[0], pose[:3, 3]
+    )
 
 
 def _order(name: str) -> str:

@@ -179,11 +179,21 @@ def _consistent(
     allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg) if twist_deg is None else twist_deg
     known = [one for one in known_conventions() if not turning or _turning([one.name])]
     near = [one for one in known if _roughly_square(recording, found, hand_eye, one, most_deg)]
-    tried = ((one, consistency(found, _poses(recording, found, hand_eye, one))) for one in near)
+    tried = [(one, consistency(found, _poses(recording, found, hand_eye, one))) for one in near]
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
+    fits.sort(key=lambda fit: _unlikely(fit[1], known.index(fit[0])))
     if as_read.obliquity_deg <= most_deg:
         fits.insert(0, (AS_READ, as_read))
     return tuple(fits)
+
+
+def _unlikely(there: Consistency, rank: int) -> float:
+    """Twice the negative log of a reading's probability: three standard deviations are what a sound scan may have.
+
+    The more common a mistake, the likelier; probabilities fall with the rank (Zipf).
+    """
+    shares = there.obliquity_deg / most("obliquity_deg"), there.twist_deg / most("twist_deg")
+    return float(sum((3.0 * share) ** 2 for share in shares) + 2.0 * np.log(1.0 + rank))
 
 
 def _roughly_square(

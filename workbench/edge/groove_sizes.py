@@ -9,18 +9,20 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from workbench.artefacts import Corner, Quantity
-from workbench.edge.form import OFFSET, TURN
+from workbench.artefacts import Corner, Quantity, Term, kind_of
 from workbench.edge.frame_order import scatter
 from workbench.edge.groove_form import WALKS, likely_walk
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
-from workbench.edge.sizes import end_loose_mm
+from workbench.edge.steps import level_doubt, steps
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import covered
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
 from workbench.units import DEG, Bool, Float, Int, Shaped
+
+# A line over a random walk of rms e about it is turned by sqrt(18) e over its width, and off at its ends by sqrt(2) e.
+WALK_TURN, WALK_OFFSET = 4.2, 1.4
 
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
@@ -223,8 +225,8 @@ class GrooveSizes:
     def _hidden(self, name: str, reach_mm: float) -> None:
         """Put into a size's u that a face which is not seen may reach so far."""
         size = self.sizes[name]
-        u = np.hypot(size.u_by_source.get(HIDDEN, 0.0), np.full(self.at.size, reach_mm / math.sqrt(3.0)))
-        self.sizes[name] = replace(size, u_by_source={**size.u_by_source, HIDDEN: u})
+        hidden = Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0))
+        self.sizes[name] = replace(size, terms=(*size.terms, hidden))
 
     def _beneath(self) -> tuple[float, float]:
         """How far a face that is not seen below the upper one of two uneven roots may change depth and gap, mm.
@@ -310,11 +312,11 @@ class GrooveSizes:
 
     def _walked(self, width_mm: float) -> float:
         """How far a line of this width lies off at its ends by such an error, mm: as (11) has it."""
-        return OFFSET * math.sqrt(self.walk * width_mm / 15.0)
+        return WALK_OFFSET * math.sqrt(self.walk * width_mm / 15.0)
 
     def _turned_by_walk(self, width_mm: float) -> float:
         """How far it is turned, rad."""
-        return TURN * math.sqrt(self.walk / (15.0 * width_mm))
+        return WALK_TURN * math.sqrt(self.walk / (15.0 * width_mm))
 
     def _chosen(self, one: Lines) -> float:
         """How far a face is turned, rad, as its last returns, one at either end, are chosen by their own errors.
@@ -348,7 +350,8 @@ class GrooveSizes:
         return math.hypot(self._walked(one.face_mm), ends) / max(abs(math.sin(typical(one.face))), 0.3)
 
     def _mm(self, name: str, value: Float, faces: Float, returns: float, pattern: float, form: float = 0.0) -> None:
-        self.sizes[name] = Quantity(
+        self.sizes[name] = Quantity.of(
+            name,
             value,
             {
                 FACES: np.hypot(faces, math.hypot(LEAST_U_MM, form)),
@@ -359,7 +362,8 @@ class GrooveSizes:
         )
 
     def _deg(self, name: str, value: Float, u: Float, pattern: float, sides: tuple[str, ...]) -> None:
-        self.sizes[name] = Quantity(
+        self.sizes[name] = Quantity.of(
+            name,
             value / DEG,
             {
                 FACES: np.hypot(u / DEG, LEAST_U_DEG),
@@ -536,6 +540,7 @@ class GrooveSizes:
             np.full(s.size, np.nan),
             np.full(s.size, np.nan),
             np.zeros(s.size),
+            np.full(s.size, np.nan),
         )
         found = find_end(ends, rough)
         near = np.full(self.s.size, np.nan)
@@ -544,7 +549,8 @@ class GrooveSizes:
         for place in found.s[found.contradicted]:
             hidden |= np.abs(self.at - place) < CELL_MM
         value = np.where(hidden, np.nan, found.course.value(self.at))
-        return value, np.hypot(found.course.u(self.at), end_loose_mm(found, self.at)), float(np.median(step))
+        level_u = level_doubt(steps(found.s, found.middle, found.middle_u), self.at)[1]
+        return value, np.hypot(found.course.u(self.at), level_u), float(np.median(step))
 
     def _corners(self, roots: list[_Root]) -> None:
         """Upper corners from their own courses; roots from these."""

@@ -15,10 +15,12 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
+from workbench.edge.rim import BrokenEnd, weights, whole_end
 from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.processes import Shared
 from workbench.geometry.sections import SectionLines, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Int, Shaped
@@ -61,7 +63,7 @@ class Measured:
     ends: RootEnds  # of N frames
     end: EndCourse  # root face
     upper_s: Shaped[Float, " N"]  # where each frame shows the upper edge of the root face
-    lever_mm: Shaped[Float, " N"]  # distance of the bevel's measured points from it
+    lever_mm: Shaped[Float, " N"]  # distance of the bevel's measured points from it; NaN: does not see the break
     root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
     bevel_turn: Shaped[Float, " N"]  # the same of the bevel face
     shift: float  # of all arc lengths above but `s_low`, mm: they count from another place
@@ -69,7 +71,7 @@ class Measured:
     unsettled_mm: Shaped[Float, " N"]
 
 
-def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
+def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None = None) -> Measured:
     """Estimate the state of a milled edge.
 
     Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
@@ -78,6 +80,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     the last round moved it is in the uncertainty of the root face's end. For the start, frames are enough that lie a
     fifth of what is averaged apart.
     """
+    broken = broken or whole_end(len(tracked.seen))
     corners, along = _corners(cloud, tracked)
     seen = tracked.seen & np.isfinite(corners).all(axis=1) & np.isfinite(along).all(axis=1)
     check_advance(cloud, corners[seen])
@@ -88,7 +91,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     start = np.flatnonzero(seen[few]) * few.step
     curve = fit_curve(corners[start], s[start], cloud.pass_index[start])
     s[seen] = curve.project(corners[seen], s[seen])
-    _, lower_edge, s_low = _state(cloud, tracked, curve, s, few)
+    _, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, few)
     good = _sound(cloud, lower_edge, s_low, corners)
     check_ends(cloud, tracked, good)
     clean = good & ~tracked.end_is_burred
@@ -97,7 +100,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces) -> Measured:
     s[~good] = np.nan
     for _ in range(MOST_ROUNDS):
         before = lower_edge
-        measured, lower_edge, s_low = _state(cloud, tracked, curve, s)
+        measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s)
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
         if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
@@ -222,14 +225,14 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of:
     root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)[of]  # a burr's foot turns the face's line
     root_course, even = fit_course(s_root, root_angle, variance, group), None
     if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
-        even = fit_course(s_root, root_angle, variance, group, together_mm=TOGETHER_MM)
+        even = fit_course(s_root, root_angle, variance, group, shared=Shared(TOGETHER_MM))
     opening_course = fit_course(s_root, root_angle - bevel_course.value(s_root), variance, group)
     follows = 1.0 / (1.0 + math.exp(np.clip(root_course.log_evidence - opening_course.log_evidence, -50.0, 50.0)))
     return Faces(root, bevel, root_course, bevel_course, opening_course, follows, even)
 
 
 def _state(
-    cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few: slice | None = None
+    cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd, curve: Curve, s: Float, few: slice | None = None
 ) -> tuple[Measured, Float, Float]:
     """The state in the section planes of `curve`; each frame's lower edge in the base (N, 3), and its arc length (N,).
 
@@ -239,15 +242,15 @@ def _state(
     faces = _directions(cloud, tracked, curve, s, of)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
-    ends = root_ends(cloud, tracked, curve, root, faces.bevel, made, s)
+    ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
     course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = None
     if few is None:
-        ends = root_ends(cloud, tracked, curve, root, faces.bevel, made, s)
-        end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course), course)
+        ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
+        end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course, broken), course)
         course = end.course
         made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     upper_s, up = made.upper_s, made.up
@@ -266,13 +269,18 @@ def _state(
         ends,
         end,  # type: ignore[arg-type]
         upper_s,
-        made.lever,
+        np.where(weights(upper_s, broken.u_mm) < 0.5, np.nan, made.lever),
         made.root_turn,
         made.bevel_turn,
         shift,
         none,
     )
     return measured, lower_edge, s_low
+
+
+def _whole(ends: RootEnds, broken: BrokenEnd) -> RootEnds:
+    """The ends, up to the virtual sharp edge."""
+    return replace(ends, low=ends.low + broken.beyond_mm)
 
 
 def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_slope: Float) -> FaceCorner:
@@ -329,7 +337,9 @@ def _slope(faces: Faces, s: Float) -> tuple[Float, Float]:
     return (1.0 - faces.follows) * alone + faces.follows * together, bevel
 
 
-def _as_ends(cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float, faces: Faces, size: Course) -> Ends:
+def _as_ends(
+    cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float, faces: Faces, size: Course, broken: BrokenEnd
+) -> Ends:
     """The frames' ends as the silhouette's likelihood takes them: with the noise that directions and ends show."""
     course = faces.opening_course if faces.follows > 0.5 else faces.root_course
     excess = max(1.0, course.frame_factor)
@@ -346,8 +356,9 @@ def _as_ends(cloud: Cloud, tracked: TrackedFaces, ends: RootEnds, upper_s: Float
         freed.step[on],
         np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
-        share * freed.weight[on],
+        share * freed.weight[on] * weights(upper_s[on], broken.u_mm[on]),
         ends.fill[on],
         ends.fill_sigma[on],
         freed.doubt[on],
+        broken.lit[on],
     )

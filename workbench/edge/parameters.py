@@ -15,6 +15,15 @@ RobotNoise: TypeAlias = Annotated[
         "direction, and a pass with only the poses of its two ends does not show it.",
     ),
 ]
+RobotNoiseLength: TypeAlias = Annotated[
+    float | None,
+    Field(
+        ge=0.1,
+        le=1000,
+        description="length along the way over which these errors hang together: their correlation at a distance d is "
+        "exp(-d^2 / 2 length^2); null: not known, and only what single frames show of them is in u.",
+    ),
+]
 EndU: TypeAlias = Annotated[
     float,
     Field(
@@ -22,15 +31,6 @@ EndU: TypeAlias = Annotated[
         le=5,
         description="declared u of the lower edge, across it, by what no frame shows (a burr in the face's plane, "
         "returns lost along the whole edge).",
-    ),
-]
-MostRadius: TypeAlias = Annotated[
-    float,
-    Field(
-        ge=0.01,
-        le=0.8,
-        description="greatest radius of the edge where the rays graze the face and do not show it; u holds what such a "
-        "rounding would hide.",
     ),
 ]
 RootNominal: TypeAlias = Annotated[

@@ -10,6 +10,7 @@ import scipy
 
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
 from workbench.geometry.course import Course, fit_course
+from workbench.geometry.processes import Shared
 from workbench.geometry.splines import Spline
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -60,7 +61,7 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     Its u is what frames in turn differ by, where the window ends (to half a cell), and how well what is not seen of
     the window is told by what is. Where the scan ends the plate may end, or go on through all of the window.
     """
-    course = fit_course(s, value, None, pass_index, together_mm=TOGETHER_MM)
+    course = fit_course(s, value, None, pass_index, shared=Shared(TOGETHER_MM))
     cells = _cells(s[course.kept], value[course.kept])
     there = cells.over(cells.seen.astype(float))
     noise = _noise(cells, there)

@@ -16,17 +16,18 @@ import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
-from workbench.edge.form import HIDDEN_RADIUS_MM, NO_ROUNDING, FaceRim, Rounding, rounding_of
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
+from workbench.edge.rim import BrokenEnd, EdgeCondition, FaceRim, broken_end, weights, whole_end
 from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import ALONE, Course, fit_course
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
+from workbench.geometry.processes import Process, Shared
 from workbench.geometry.sections import SectionLines, in_section, section_lines
 from workbench.geometry.silhouette import Ends, find_end, reached_mm, settled
 from workbench.geometry.splines import Spline
@@ -61,12 +62,29 @@ class EndAlong:
     course: Course  # of its height: from where a straight line would run that the reference curve leaves by `bend`
     bend: scipy.interpolate.CubicSpline  # arc length -> mm
     s: Shaped[Float, " N"]  # arc length at which each frame shows it; NaN where it does not
-    rounding: Rounding
+    broken: BrokenEnd  # of the N frames
     # by how much it may be off at each frame: what frames say does not run smoothly there
     loose_mm: Shaped[Float, " N"]
 
     def value(self, at: Float) -> Float:
         """Distance (k,) at arc lengths `at` (k,), mm."""
+        return np.asarray(self.course.value(at) - self.bend(at))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutAlong:
+    """How far the end face stands out of the reference curve, along n."""
+
+    course: Course  # from where a straight line would run, as that of `EndAlong`
+    bend: scipy.interpolate.CubicSpline
+    local: Course | None  # of a rough face: its mean over LOCAL_MM, from the curve
+
+    def value(self, at: Float) -> Float:
+        """Distance (k,) at arc lengths `at` (k,), mm."""
+        return self.smooth(at) if self.local is None else self.local.value(at)
+
+    def smooth(self, at: Float) -> Float:
+        """The same without what a rough face does there (k,), mm."""
         return np.asarray(self.course.value(at) - self.bend(at))
 
 
@@ -77,7 +95,7 @@ class RawMeasured:
     curve: Curve
     tilt: Course  # direction of the end face, from the lower to the upper side, against a of the curve's frame; rad
     stands_out_mm: Shaped[Float, " N"]  # of each frame's end face from the curve, along n
-    stand_out: Course  # the same along the edge, mm
+    out: OutAlong  # the same along the edge
     lower: EndAlong
     upper: EndAlong
     lean: float  # turn from the end face to the direction of the upper surface into the plate; NaN: not seen; rad
@@ -86,14 +104,36 @@ class RawMeasured:
     run: Shaped[Float, " N"]  # by how much the section advances along the edge per mm along the face
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
-    pose_u_mm: float  # of a place over POSE_MM of edge, by how single frames scatter: robots' errors hang together
+    pose_u_mm: float  # of a place, by errors of the robot of which only single frames' scatter is known
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
 
 
-def measure_raw_edge(cloud: Cloud, found: RawFaces, most_radius_mm: float = HIDDEN_RADIUS_MM) -> RawMeasured:
+class Robot(NamedTuple):
+    """What is declared of the errors of recorded positions."""
+
+    noise_mm: float = 0.07
+    length_mm: float | None = None  # None: not known
+
+    @property
+    def process(self) -> Process | None:
+        """The errors along the edge; None: their length is not known."""
+        return None if self.length_mm is None else Process(self.noise_mm, self.length_mm)
+
+    def unsmoothed_u_mm(self, scatter_mm: float, pitch_mm: float, rough: bool) -> float:
+        """What is left of errors of no known length over LOCAL_MM, as single frames scatter, alike over POSE_MM.
+
+        A rough face scatters by itself.
+        """
+        if self.length_mm is not None:
+            return 0.0
+        strength = min(scatter_mm, self.noise_mm) if rough else scatter_mm
+        return strength * math.sqrt(max(pitch_mm, POSE_MM) / LOCAL_MM)
+
+
+def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
     """Estimate the state of a raw edge: starts from the faces' middles, repeats with the lower edge that this gives.
 
-    most_radius_mm: greatest radius of its edges where the view does not show a rounding.
+    condition: what is known of its edges before. robot: errors of its recorded positions, where they are declared.
 
     Raises InputError where the frames do not run along an edge.
     """
@@ -115,13 +155,13 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, most_radius_mm: float = HIDD
     curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
     for whole in (False, True):
         s[seen] = curve.project(middle[seen], s[seen])
-        state = _state(cloud, found, curve, s, whole, most_radius_mm)
+        state = _state(cloud, found, curve, s, whole, condition, robot)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
         at = state.lower.s[on]
-        points = curve.position(at) + _offset(state, at, on)
-        curve = fit_curve(points, at, cloud.pass_index[on], None, TOGETHER_MM if state.rough else POSE_MM)
+        points = curve.position(at) + _offset(state, at)
+        curve = fit_curve(points, at)
     s[seen] = curve.project(middle[seen], s[seen])
-    return _state(cloud, found, curve, s, True, most_radius_mm)
+    return _state(cloud, found, curve, s, True, condition, robot)
 
 
 def unevenness(measured: RawMeasured, at: Float) -> Float:
@@ -130,7 +170,7 @@ def unevenness(measured: RawMeasured, at: Float) -> Float:
     By medians of squares; a part that begins to vibrate is known less there.
     """
     s = measured.s_face
-    square = (measured.stands_out_mm - measured.stand_out.value(np.nan_to_num(s))) ** 2
+    square = (measured.stands_out_mm - measured.out.value(np.nan_to_num(s))) ** 2
     on = np.flatnonzero(np.isfinite(s) & np.isfinite(square))
     if measured.rough or on.size < FEW_FRAMES or on.size * LOCAL_MM < FEW_FRAMES * float(np.ptp(s[on])):
         return np.ones(at.size)
@@ -147,13 +187,21 @@ def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
     return t, np.cross(t, m), m
 
 
-def _offset(state: RawMeasured, at: Float, on: Bool) -> Float:
-    """From the reference curve to the lower edge (k, 3) at the arc lengths (k,) of the frames `on`."""
+def _offset(state: RawMeasured, at: Float) -> Float:
+    """From the reference curve to the lower edge (k, 3) at arc lengths (k,)."""
     _, n, m = axes(state, at)
-    return state.stands_out_mm[on, None] * n + state.lower.value(at)[:, None] * m
+    return state.out.smooth(at)[:, None] * n + state.lower.value(at)[:, None] * m
 
 
-def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, most_radius_mm: float) -> RawMeasured:
+def _state(
+    cloud: Cloud,
+    found: RawFaces,
+    curve: Curve,
+    s: Float,
+    whole: bool,
+    condition: EdgeCondition,
+    robot: Robot,
+) -> RawMeasured:
     """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends."""
     sigma = _range_noise(cloud, found)
     face = _lines(cloud, found, found.faces[ROOT_FACE], curve, s, sigma)
@@ -179,14 +227,14 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
         turn_mm = float(np.sqrt(np.mean((inner.value(tilt.at_mm) - tilt.value(tilt.at_mm)) ** 2) / MARGIN_MM))
     n = _normal(tilt.value(mid))
     stand_out = (face.place * n).sum(axis=1)
-    out = (
-        local_mean(face.s, stand_out, cloud.pass_index)
-        if rough
-        else fit_course(face.s, stand_out, None, cloud.pass_index)
-    )
+    bend_out, bend = (_bend(curve, tilt, along) for along in (0.5 * math.pi, 0.0))
+    counted, group = stand_out + bend_out(mid), cloud.pass_index
+    shared = Shared(TOGETHER_MM if rough else None, robot.process, may_step=True)
+    alike = shared if rough or robot.process else shared._replace(over_mm=POSE_MM)
+    course = fit_course(face.s, counted, None, group, (2, 3), shared=alike)
+    stands = OutAlong(course, bend_out, local_mean(face.s, stand_out, cloud.pass_index) if rough else None)
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
     vibration = _vibration(cloud, stand_out)
-    bend = _bend(curve, tilt)
     sections = _Sections(curve, s, tilt, bend)
     both = [
         _side(cloud, found, ends, outward, sections, sigma, vibration)
@@ -194,7 +242,7 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     ]
     loose = _loose(both[0], both[1], bend, cloud.pass_index, whole)
     lower, upper = (
-        _end_along(cloud, found, side, off, bend, rough, whole, most_radius_mm)
+        _end_along(cloud, found, side, off, bend, shared, whole, condition)
         for side, off in zip(both, loose, strict=True)
     )
     if rough:
@@ -202,10 +250,10 @@ def _state(cloud: Cloud, found: RawFaces, curve: Curve, s: Float, whole: bool, m
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
-    pose_u = math.sqrt(out.frame_factor * max(pitch / LOCAL_MM, POSE_MM / LOCAL_MM)) if not rough else 0.0
+    pose_u = robot.unsmoothed_u_mm(math.sqrt(course.frame_factor), pitch, rough)
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
     shown = face.s, angle, face.run
-    return RawMeasured(curve, tilt, stand_out, out, lower, upper, lean, *shown, lever, rough, pose_u, turn_u)
+    return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, pose_u, turn_u)
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:
@@ -386,7 +434,7 @@ def _loose(
         at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
         seen = _near(places, at)
         if smooth:
-            courses = [_found_end(side, pass_index, (1, 2), None, whole)[0] for side in left]
+            courses = [_found_end(side, pass_index, (1, 2), ALONE, whole)[0] for side in left]
             ends = [course.value(at) for course in courses]
             found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=seen)
         else:
@@ -471,14 +519,14 @@ def _nothing_loose(side: _Side) -> _Loose:
     return _Loose(np.zeros(side.s.size), np.zeros(side.s.size))
 
 
-def _bend(curve: Curve, tilt: Course) -> scipy.interpolate.CubicSpline:
-    """How far the reference curve leaves a straight line along m, mm: what of it is the edge's is told by the ends.
+def _bend(curve: Curve, tilt: Course, turn: float) -> scipy.interpolate.CubicSpline:
+    """How far the reference curve leaves a straight line along m, or `turn` rad from it: the frames tell what is true.
 
     Else waves of the reference curve, which started from the middles of the face, would pass for the edge's.
     """
     at = np.arange(curve.spline.ends[0] - ALONG_MM, curve.spline.ends[1] + 2.0 * ALONG_MM, ALONG_MM)
     _, a, b = curve.frame(at)
-    angle = tilt.value(at)[:, None]
+    angle = tilt.value(at)[:, None] + turn
     curvature = (curve.curvature(at) * (np.cos(angle) * a + np.sin(angle) * b)).sum(axis=1)
     slope = scipy.integrate.cumulative_trapezoid(curvature, at, initial=0.0)
     bend = scipy.integrate.cumulative_trapezoid(slope - slope.mean(), at, initial=0.0)
@@ -498,10 +546,14 @@ def _missing(found: RawFaces, ends: FaceEnds, pass_index: Int) -> Float:
 
 
 def _found_end(
-    side: _Side, pass_index: Int, orders: tuple[int, int], together: float | None, whole: bool = True
+    side: _Side,
+    pass_index: Int,
+    orders: tuple[int, int],
+    shared: Shared,
+    whole: bool = True,
 ) -> tuple[Course, Float]:
     """The end of the face along the edge, counted outwards; by how much most frames near each (N,) say otherwise."""
-    course = fit_course(side.s, side.middle, side.variance, pass_index, orders, together_mm=together)
+    course = fit_course(side.s, side.middle, side.variance, pass_index, orders, shared=shared)
     off = np.zeros(side.s.size)
     if not whole or not (side.silhouette & np.isfinite(side.low)).any():
         return course, off
@@ -520,8 +572,9 @@ def _found_end(
         unknown,
         unknown,
         freed.doubt[on],
+        unknown,
     )
-    end = find_end(known, course, together, orders)
+    end = find_end(known, course, shared, orders)
     near = np.abs(side.s[:, None] - end.s[None, end.contradicted]) <= NEAR_MM
     off = np.where(near, np.abs(end.departure[end.contradicted])[None, :], 0.0).max(axis=1, initial=0.0)
     low = np.where(side.silhouette, side.low, np.nan)
@@ -535,31 +588,41 @@ def _end_along(
     side: _Side,
     loose: _Loose,
     bend: scipy.interpolate.CubicSpline,
-    rough: bool,
+    shared: Shared,
     whole: bool,
-    most_radius_mm: float,
+    condition: EdgeCondition,
 ) -> EndAlong:
     """The course of one edge along m. Frames at which it changes suddenly are bridged, those beyond shifted back."""
     side = _sound(side, loose)
-    course, off = _found_end(side, cloud.pass_index, (2, 3), TOGETHER_MM if rough else None, whole)
-    loose_mm = np.maximum(loose.mm, off)
-    rounding = NO_ROUNDING
+    broken = whole_end(side.s.size)
     if whole and not side.by_corners:
-        rounding = _rounding(cloud, found, side, most_radius_mm)
-        if rough and rounding.radius_mm > 0.0:  # depths of a rough face may feign one
-            rounding = replace(rounding, beyond_mm=0.0, u_mm=math.hypot(rounding.beyond_mm, rounding.u_mm))
-        spline = course.spline
-        course = replace(course, spline=Spline(spline.t, spline.c + rounding.beyond_mm, spline.k))
-    return EndAlong(_scaled(course, side.outward), bend, side.s, rounding, loose_mm)
+        broken = _broken(cloud, found, side, condition)
+        if shared.over_mm:  # depths of a rough face may feign one
+            feigned = np.hypot(broken.beyond_mm, broken.u_mm)
+            broken = replace(broken, beyond_mm=np.zeros(feigned.size), u_mm=feigned)
+        side = replace(
+            side,
+            low=side.low + broken.beyond_mm,
+            sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.u_mm), 1e-6)),
+        )
+    course, off = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
+    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, np.maximum(loose.mm, off))
 
 
-def _rounding(cloud: Cloud, found: RawFaces, side: _Side, most_radius_mm: float) -> Rounding:
+def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:
+    """What the last returns of silhouettes hide of the edge; a pass's frames with burrs are as its others."""
     face, ends = found.faces[ROOT_FACE], side.ends
     lean = np.hypot(1.0, face.sxz / face.sxx)
     here = side.silhouette & ~ends.alone & ~ends.burred
     sense = np.full(here.size, found.sense)
     rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, sense, on_line=False)
-    return rounding_of(cloud, rim, here, most_radius_mm)
+    broken = broken_end(cloud, rim, here, condition)
+    beyond, u = broken.beyond_mm.copy(), broken.u_mm.copy()
+    for p in np.unique(cloud.pass_index[here]):
+        one = int(np.argmax(here & (cloud.pass_index == p)))
+        mine = side.silhouette & (cloud.pass_index == p)
+        beyond[mine], u[mine] = beyond[one], u[one]
+    return replace(broken, beyond_mm=beyond, u_mm=u)
 
 
 def _at_rim(s: Float) -> Bool:

@@ -15,31 +15,34 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
-from workbench.checks.residuals import FaceAlong, late_of, together_u
+from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
-from workbench.edge.form import (
-    HIDDEN_RADIUS_MM,
-    Form,
-    Rounding,
-    form_of,
-    hidden_end_u_mm,
-    is_free_end,
-    root_rim,
-    rounding_of,
-)
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
-from workbench.edge.parameters import BevelNominal, EndU, Limits, MostRadius, RobotNoise, RootNominal
-from workbench.edge.sizes import corrected_angles, rough_deg, sizes, turned_u
+from workbench.edge.parameters import BevelNominal, EndU, Limits, RobotNoise, RootNominal
+from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
+from workbench.edge.rim import (
+    BrokenEnd,
+    EdgeCondition,
+    broken_end,
+    hidden_end_u_mm,
+    is_free_end,
+    root_rim,
+    u_along,
+    weights,
+)
+from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
+from workbench.edge.steps import level_doubt, steps, waves_u
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import covered, doubtful_slope
+from workbench.geometry.silhouette import reached_mm
 from workbench.kernels import kernel
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 STATION_MM = 1.0
@@ -74,7 +77,8 @@ def segment(
     bevel_nominal_deg: BevelNominal = 40.0,
     robot_noise_mm: RobotNoise = 0.07,
     end_u_mm: EndU = 0.0,
-    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
+    edge_condition: EdgeCondition = "unknown",
+    sensor: InputFile | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
@@ -84,6 +88,9 @@ def segment(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
+        edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
+            view does not show of a rounding or a chamfer is in value and u by this prior.
+        sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
@@ -100,18 +107,19 @@ def segment(
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
-    rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
-    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.radius_mm))
+    rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
+    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
-    if rounding.radius_mm > 0.0:
+    if rounding.size_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
-        rounding = rounding_of(cloud, root_rim(tracked), is_free_end(tracked), most_radius_mm)
+        rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
     free = is_free_end(tracked)
-    checks = (*checks, edge_break_check(rounding.radius_mm, given), end_step_check(tracked.end_column[free], given))
+    checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
-        measured = measure_edge(cloud, tracked)
-        edge = milled_edge(cloud, tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)
+        measured = measure_edge(cloud, tracked, rounding)
+        declared = Declared(declared_linearity(sensor), robot_noise_mm, end_u_mm)
+        edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     unseen = [] if shown.upper_seen or shown.lower_seen else [TOLD_BY_NOMINAL]
@@ -136,7 +144,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         bevel_nominal_deg,
         tracked.readings_apart,
         lies_on,
-        HIDDEN_RADIUS_MM if lies_on else 0.0,  # what lies below shows all of its rounding
+        0.5 if lies_on else 0.0,  # what lies below shows all of its rounding
     )
 
 
@@ -159,13 +167,20 @@ def either_piece_u(checks: Sequence[Check]) -> float:
     return _value(checks, "face_bend_deg") * DEG / math.sqrt(3.0)
 
 
+class Declared(NamedTuple):
+    """What a user says of what no frame shows."""
+
+    sensor: Linearity
+    robot_noise_mm: float
+    end_u_mm: float
+
+
 def milled_edge(
     cloud: Cloud,
     tracked: TrackedFaces,
     measured: Measured,
-    rounding: Rounding,
-    robot_noise_mm: float,
-    end_u_mm: float,
+    rounding: BrokenEnd,
+    declared: Declared,
     checks: Sequence[Check],
 ) -> MilledEdge:
     """The edge at its stations, from the state that was measured; checks: of its faces, which it holds as well.
@@ -180,22 +195,21 @@ def milled_edge(
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
     tangent, normal, across = section_axes(measured, at)
-    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud), cloud.sparse_poses_u[1])
-    shared = math.hypot(shared, doubtful_slope(measured.curve, robot_noise_mm))
-    turned = np.hypot(np.hypot(shared, _late_u(cloud, measured, at)), turned_u(measured, at))
-    tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), turned)
-    beta = corrected_angles(measured, at + measured.shift)[1]
-    form = form_of(cloud, tracked, s_low, beta, at, rounding)
-    ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), beta)
-    either = either_piece_u(checks)
-    form = Form(
-        np.hypot(form.root_turn_u, either), np.hypot(form.bevel_turn_u, either), np.hypot(form.corner_u_mm, ledge_mm)
+    shared = math.hypot(
+        math.sqrt(2.0) * declared.robot_noise_mm / length, laser_plane_u(cloud), cloud.sparse_poses_u[1]
     )
-    hidden_mm = np.hypot(hidden_end_u_mm(cloud, tracked.faces[ROOT_FACE]), under_u_mm(cloud, tracked, s_low, at))
-    hidden_mm = np.hypot(hidden_mm, _waves_u_mm(cloud, measured, at))
-    root, bevel = sizes(measured, at, tangent_u, form, rounding, end_u_mm, hidden_mm)
-    position -= rounding.beyond_mm * across
-    told: tuple[str, ...] = () if rounding.radius_mm == 0 else (ROUNDED.format(rounding.radius_mm, rounding.beyond_mm),)
+    shared = math.hypot(shared, doubtful_slope(measured.curve, declared.robot_noise_mm))
+    shared_u = np.hypot(shared, _late_u(cloud, measured, at))
+    tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), shared_u)
+    root_form, bevel_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
+    end = _end_terms(cloud, tracked, measured, rounding, at, declared.end_u_mm)
+    ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
+    end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
+    root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
+    position -= end.level_mm[:, None] * across
+    told: tuple[str, ...] = (
+        () if rounding.size_mm == 0 else (ROUNDED.format(rounding.size_mm, rounding.beyond_mm.max()),)
+    )
     if tracked.lies_on.any():
         told += (LIES_ON,)
     if measured.faces.even is not None:
@@ -222,12 +236,39 @@ def milled_edge(
     )
 
 
-def _waves_u_mm(cloud: Cloud, measured: Measured, at: Float) -> Float:
-    """What neighbouring frames show together of the root face's end, beside its course: waves shorter than that."""
-    s, ends = measured.upper_s, measured.ends
-    left = ends.low + 0.5 * ends.step - measured.end.course.value(np.nan_to_num(s))
-    column = 0.5 * float(np.nanmedian(ends.step))  # by which the ends of frames beat, or hold a mixed pixel
-    return together_u(s, left, cloud.pass_index, at + measured.shift, column)
+def _forms(
+    cloud: Cloud, tracked: TrackedFaces, s_low: Float, at: Float, checks: Sequence[Check], sensor: Linearity
+) -> tuple[FaceForm, FaceForm]:
+    """What lasts in the residuals of both faces; where a face holds a corner, its direction is either piece's."""
+    images = tuple(
+        face_image(cloud, tracked.labels, tracked.faces[label], label, tracked.side, s_low)
+        for label in (ROOT_FACE, BEVEL_FACE)
+    )
+    either = either_piece_u(checks)
+    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, at, sensor))
+    return root, bevel
+
+
+def _end_terms(
+    cloud: Cloud, tracked: TrackedFaces, measured: Measured, broken: BrokenEnd, at: Float, declared_u_mm: float
+) -> EndTerms:
+    """What the course leaves open of the root face's end at arc lengths `at` (m,) of the lower edge."""
+    s, end = at + measured.shift, measured.end
+    level, level_u = level_doubt(steps(end.s, end.middle, end.middle_u), s)
+    shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
+    on = np.flatnonzero(np.isfinite(shown))
+    face = tracked.faces[ROOT_FACE]
+    hidden = np.hypot(hidden_end_u_mm(cloud, face), under_u_mm(cloud, tracked, measured.s_low, at))
+    frames = measured.ends
+    left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
+    left[weights(shown, broken.u_mm) < 0.5] = np.nan
+    waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
+    reached = reached_mm(measured.upper_s, frames.low, frames.step, frames.sigma, end.course, s)
+    order = on[np.argsort(measured.upper_s[on], kind="stable")]
+    unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
+    level_u = np.sqrt(level_u**2 + waves**2 + reached**2 + unsettled**2)
+    steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
+    return EndTerms(level, level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
 
 
 def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:
@@ -238,9 +279,8 @@ def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:
     square = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     normal = square[:, :1] * a + square[:, 1:] * b
     place = measured.curve.position(s) + (lines.place * square).sum(axis=1)[:, None] * normal
-    late = late_of(
-        FaceAlong(lines.s, angle, t, normal, place), cloud.base_from_profiler, cloud.time_s, cloud.pass_index
-    )
+    face = FaceAlong(lines.s, angle, t, normal, place)
+    late = late_of(face, cloud.base_from_profiler, cloud.time_s, cloud.pass_index)
     on = np.flatnonzero(here)
     on = on[np.argsort(s[on], kind="stable")]
     return np.interp(at + measured.shift, s[on], (late.off_s * late.oblique_rate)[on])

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from pydantic import Field
 
-from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, RawEdge
+from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, Quantity, RawEdge
 from workbench.checks import NOT_JUDGED
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
@@ -132,12 +132,12 @@ def _of_slices(edge: MilledEdge, passes: Traces, robot_noise_mm: float) -> Mille
     root, bevel = dict(edge.root.u_by_source), dict(edge.bevel.u_by_source)
     root[END] = root[END] / math.sqrt(SLICE_WEIGHT)  # neighbouring slices cut the same scan lines
     whole = np.ones(edge.arc_length_mm.size)
-    lever = 0.5 * edge.root.value / np.abs(np.tan(edge.bevel.value))
-    root[PASSES], bevel[PASSES] = np.hypot(passes_u_mm, lever * direction_u), direction_u * whole
+    lever = 0.5 * edge.root.value / np.abs(np.tan(edge.bevel.value * DEG))
+    root[PASSES], bevel[PASSES] = np.hypot(passes_u_mm, lever * direction_u), direction_u / DEG * whole
     return replace(
         edge,
-        root=replace(edge.root, u_by_source=root),
-        bevel=replace(edge.bevel, u_by_source=bevel),
+        root=Quantity.of("root_mm", edge.root.value, root),
+        bevel=Quantity.of("bevel_deg", edge.bevel.value, bevel),
         warnings=(*edge.warnings, SLICED, *told),
     )
 

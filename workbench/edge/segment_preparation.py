@@ -30,11 +30,10 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
-from workbench.edge.form import HIDDEN_RADIUS_MM, OFFSET, TURN, Misfit, is_free_end, misfit_of, root_rim, rounding_of
 from workbench.edge.frame_order import scatter, shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
+from workbench.edge.parameters import EndU, Limits, RobotNoise
 from workbench.edge.prepared_fillet import Fillet, fit_fillet, misfit_mm
 from workbench.edge.prepared_frames import (
     FILLET,
@@ -46,11 +45,13 @@ from workbench.edge.prepared_frames import (
     read_plates,
     straight_corners,
 )
-from workbench.edge.segment import either_piece_u, milled_edge, root_width_mm
+from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
+from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
+from workbench.edge.segment import Declared, either_piece_u, milled_edge, root_width_mm
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float, Shaped
 
 Given = Literal["auto", "bevel", "compound", "nose", "J"]
@@ -77,7 +78,8 @@ def segment_preparation(
     upper_side: tuple[float, float, float] | None = None,
     robot_noise_mm: RobotNoise = 0.07,
     end_u_mm: EndU = 0.0,
-    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
+    edge_condition: EdgeCondition = "unknown",
+    sensor: InputFile | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Preparation:
     """Find the prepared edge of one plate: a bevel, a compound bevel, a bevel with a land (nose), a J preparation.
@@ -91,6 +93,8 @@ def segment_preparation(
             refused.
         root_nominal_mm: expected root face; tells it from the upper surface (a convex chain of faces can be read from
             both ends).
+        edge_condition: as in `edge.segment`.
+        sensor: as in `edge.segment`.
         upper_side: direction to the plate's upper side, in the base; null: by the expected root face.
 
     Raises:
@@ -114,19 +118,20 @@ def segment_preparation(
         )
     checks = [columns, *_checks(cloud, frames, root_nominal_mm, given)]
     refuse_failed(checks, *_refused(cloud, frames))
-    rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
+    rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
     rim = rounding.rim_mm
-    if rounding.radius_mm > 0.0:
+    if rounding.size_mm > 0.0:
         frames = frames_of(cloud, plates, rim)
-        rounding = rounding_of(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), most_radius_mm)
-    checks.append(edge_break_check(rounding.radius_mm, given))
+        rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
+    checks.append(edge_break_check(rounding.size_mm, given))
     refuse_failed(checks, *_refused(cloud, frames))
     try:
-        measured = measure_edge(cloud, frames.tracked)
-        edge = milled_edge(cloud, frames.tracked, measured, rounding, robot_noise_mm, end_u_mm, checks)
-        chain = _Chain(cloud, frames, measured, edge)
+        measured = measure_edge(cloud, frames.tracked, rounding)
+        declared = Declared(declared_linearity(sensor), robot_noise_mm, end_u_mm)
+        edge = milled_edge(cloud, frames.tracked, measured, rounding, declared, checks)
+        chain = _Chain(cloud, frames, measured, edge, declared.sensor)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known
-            chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge)
+            chain = _Chain(cloud, frames_of(cloud, plates, rim, chain.flank_mm()), measured, edge, declared.sensor)
             checks.extend(chain.fillet_checks(given))
             refuse_failed(checks, *_refused(cloud, frames))
         sizes, corners = chain.sizes(), chain.corners
@@ -138,7 +143,7 @@ def segment_preparation(
         type=frames.kind,
         declared=preparation != "auto",
         arc_length_mm=edge.arc_length_mm,
-        origin_mm=measured.curve.position(edge.arc_length_mm + measured.shift) - rounding.beyond_mm * edge.across,
+        origin_mm=measured.curve.position(edge.arc_length_mm + measured.shift),
         tangent=edge.tangent,
         normal=edge.normal,
         across=edge.across,
@@ -215,14 +220,16 @@ Values = dict[str, Float]  # by name: (N,)
 class _Chain:
     """Sizes and corners at the stations of an edge, from the faces' lines in every frame."""
 
-    def __init__(self, cloud: Cloud, frames: PreparedFrames, measured: Measured, edge: MilledEdge) -> None:
+    def __init__(
+        self, cloud: Cloud, frames: PreparedFrames, measured: Measured, edge: MilledEdge, sensor: Linearity
+    ) -> None:
         self.cloud, self.frames, self.measured, self.edge = cloud, frames, measured, edge
         self.kind = frames.kind
         self.s = measured.upper_s
         self.at = edge.arc_length_mm + measured.shift
         self.group = cloud.pass_index
         self.lines = self._lines()
-        self.misfits = _walked([self._misfit(label) for label in frames.order])
+        self.forms = self._forms(sensor)
         self.corners: dict[str, Corner] = {}
         faces = [frames.tracked.faces[label] for label in frames.order]
         view = [faces[-1].x_mean, faces[-1].z_mean, *(one.sxz / one.sxx for one in faces)]
@@ -291,13 +298,14 @@ class _Chain:
         found = [one.flank_mm(float(falls[i])) for i, one in enumerate(fillets) if one is not None]
         return float(np.median(found)) if found else math.inf
 
-    def _misfit(self, label: int) -> Misfit:
-        """What the straight line of a face leaves; no stretch is better than all are: chance may hide it there."""
-        tracked = self.frames.tracked
-        found = misfit_of(self.cloud, tracked.labels, tracked.faces[label], label, self.s, self.at, whole=True)
-        turn, offset = (np.maximum(u, math.sqrt(float(np.mean(u**2)))) for u in (found.turn_u, found.offset_u_mm))
-        turn = np.hypot(turn, either_piece_u(self.edge.checks))
-        return replace(found, turn_u=turn, offset_u_mm=offset)
+    def _forms(self, sensor: Linearity) -> list[FaceForm]:
+        """What the straight line of each face leaves; and where checks found a corner in a face, either piece's."""
+        tracked, either = self.frames.tracked, either_piece_u(self.edge.checks)
+        images = tuple(
+            face_image(self.cloud, tracked.labels, tracked.faces[label], label, tracked.side, self.s)
+            for label in self.frames.order
+        )
+        return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, self.at, sensor)]
 
     def _lines(self) -> list[_Lines]:
         """Directions, then corners by them, then what their drift along the edge adds (docs/method.md, eq. (7))."""
@@ -458,14 +466,15 @@ class _Chain:
         along = course.value(self.at)
         unordered = 0.0 if self.ordered else scatter(value - course.value(self._safe()), variance)
         turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
-        whole = sum(one.width_mm for one in self.misfits)  # what the sensor errs by walks on between the faces
+        whole = sum(one.width_mm for one in self.forms)  # what the sensor errs by walks on between the faces
         bent = [
             by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm)
-            for one, (_, by_move) in zip(self.misfits, slopes, strict=True)
+            for one, (_, by_move) in zip(self.forms, slopes, strict=True)
         ]
         run = max(abs(_typical(one.section.run)) for one in self.lines)
         hidden = np.where(self.edge.seen, 0.0, np.nan)
-        return Quantity(
+        return Quantity.of(
+            name,
             along + hidden,
             {
                 CORNERS: np.hypot(course.u(self.at), math.hypot(LEAST_U_MM, unordered)),
@@ -498,12 +507,12 @@ class _Chain:
             sources = {
                 DIRECTIONS: np.hypot(upper.direction_u(self.at, self.ordered), one.direction_u(self.at, self.ordered)),
                 TANGENT: self.edge.tangent_u * lever,
-                FORM: np.hypot(self.misfits[0].turn_u, self.misfits[k].turn_u),
+                FORM: np.hypot(self.forms[0].turn_u, self.forms[k].turn_u),
             }
             hidden = np.where(self.edge.seen, 0.0, np.nan)
             told = {source: u / DEG for source, u in sources.items()}
             told[DIRECTIONS] = np.hypot(told[DIRECTIONS], LEAST_U_DEG)
-            out[name] = Quantity(value / DEG + hidden, told)
+            out[name] = Quantity.of(name, value / DEG + hidden, told)
         return out
 
     def _sorted(self, value: Float) -> tuple[Float, Float]:
@@ -516,30 +525,8 @@ class _Chain:
         root = self.edge.root
         hidden = np.where(self.edge.seen, 0.0, np.nan)
         if self.kind != "J":
-            return Quantity(root.value + hidden, root.u_by_source)
-        names = dict.fromkeys([*root.u_by_source, *depth.u_by_source])
-        zero = np.zeros(self.at.size)
-        told = {name: np.hypot(*(one.u_by_source.get(name, zero) for one in (root, depth))) for name in names}
-        return Quantity(root.value - depth.value + hidden, told)
-
-
-def _walked(misfits: list[Misfit]) -> list[Misfit]:
-    """The misfits, none less than the sensor's error over its columns makes of it as the faces show it together.
-
-    A line leaves little of what walks over the columns of one face by chance, and nothing of it shows on a narrow one:
-    a face counts by the square of its width.
-    """
-    wide = np.array([one.width_mm for one in misfits])
-    square = np.array([np.mean((one.turn_u / TURN) ** 2) for one in misfits]) * wide**2
-    grows = SURELY * float((square * wide).sum() / (wide**2).sum())
-    return [
-        replace(
-            one,
-            turn_u=np.maximum(one.turn_u, TURN * math.sqrt(grows / one.width_mm)),
-            offset_u_mm=np.maximum(one.offset_u_mm, OFFSET * math.sqrt(grows * one.width_mm)),
-        )
-        for one in misfits
-    ]
+            return replace(root, name="root_face_mm", value=root.value + hidden)
+        return Quantity("root_face_mm", root.value - depth.value + hidden, (*root.terms, *depth.terms))
 
 
 def _meet(one: _Lines, other: _Lines) -> Float:

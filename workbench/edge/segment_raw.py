@@ -5,33 +5,60 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, Check, Cloud, RawEdge
+from workbench.artefacts import (
+    DECLARED,
+    DIRECTIONS,
+    FORM,
+    HIDDEN,
+    LOWER_SURFACE,
+    ROOT_FACE,
+    ROUNDING,
+    STEPS,
+    TANGENT,
+    Check,
+    Cloud,
+    Quantity,
+    RawEdge,
+)
+from workbench.artefacts.quantities import root_sum_square
 from workbench.checks import checked_limits, refuse_failed
 from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
-from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of, steps_mm
+from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
-from workbench.edge.directions import LOCAL_MM, TOGETHER_MM
-from workbench.edge.form import HIDDEN_RADIUS_MM, aside_mm, hidden_end_u_mm, misfit_of
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
-from workbench.edge.parameters import EndU, Limits, MostRadius, RobotNoise
+from workbench.edge.parameters import EndU, Limits, RobotNoise, RobotNoiseLength
 from workbench.edge.raw_direction import face_directions
 from workbench.edge.raw_faces import RawFaces, find_end_face
-from workbench.edge.raw_measure import STATION_MM, RawMeasured, axes, measure_raw_edge, unevenness
-from workbench.edge.sizes import SUDDEN_TURN, SUDDEN_TWIST, sudden
+from workbench.edge.raw_measure import (
+    STATION_MM,
+    EndAlong,
+    OutAlong,
+    RawMeasured,
+    Robot,
+    axes,
+    measure_raw_edge,
+    unevenness,
+)
+from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
+from workbench.edge.rim import EdgeCondition, hidden_end_u_mm, u_along
 from workbench.errors import InputError
-from workbench.geometry.curves import POSE_MM, covered, doubtful_slope
-from workbench.stage import stage
-from workbench.units import Bool, Float, Int
+from workbench.geometry.curves import covered, doubtful_slope
+from workbench.stage import InputFile, stage
+from workbench.units import DEG, Bool, Float, Int
 
-ALONG_NORMAL = math.sqrt(2.0)  # frames scatter along the normal alone; the curve's u is that of both ways across
+PLACE = "course of the edge along its frames"
+ROBOT = "robot: errors along its way and declared drift"
+SPARSE = "poses between those that were recorded"
+HAND_EYE = "hand-eye pose"
+CLOCK = "clocks: poses that may come late"
 ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
 LIES_ON = (
     "the plate lies on what joins the end face's lower end, unless that is a stop which touches it further up: nothing "
@@ -46,9 +73,11 @@ def segment_raw(
     upper_side: tuple[float, float, float],
     z_away: bool | None = None,
     robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     robot_drift_u_mm: Annotated[float, Field(ge=0, le=5)] = 0.0,
-    most_radius_mm: MostRadius = HIDDEN_RADIUS_MM,
+    edge_condition: EdgeCondition = "unknown",
+    sensor: InputFile | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
@@ -62,6 +91,8 @@ def segment_raw(
             components counts, its length does not. On a raw edge nothing tells the sides apart.
         z_away: does z count away from the sensor; null: from the rays, or what lies beside the end face. Only needed
             where nothing but the end face is in view.
+        edge_condition: as in `edge.segment`, of both edges.
+        sensor: as in `edge.segment`.
         robot_drift_u_mm: declared standard uncertainty of a place of the edge in the base, along its normal and across
             it, by the robot's slow errors (drift, its path accuracy), which look like the edge's own course.
 
@@ -83,18 +114,20 @@ def segment_raw(
     found = find_end_face(cloud, lies.along, lies.sense)
     goes_on = max(float(end.goes_on[found.seen].mean()) for end in (found.lower, found.upper))
     checks = plates, *require_end_face(cloud, found.labels, upper_side, goes_on, set_limits)
+    robot = Robot(robot_noise_mm, robot_noise_length_mm)
     try:
-        measured = measure_raw_edge(cloud, found, most_radius_mm)
+        measured = measure_raw_edge(cloud, found, edge_condition, robot)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    broken = max(measured.lower.rounding.radius_mm, measured.upper.rounding.radius_mm)
+    broken = max(measured.lower.broken.size_mm, measured.upper.broken.size_mm)
     ends = [end.column[np.isfinite(end.column) & ~end.corner].astype(np.int64) for end in (found.lower, found.upper)]
     steps = max((end_step_check(columns, set_limits) for columns in ends), key=lambda one: one.value or 0.0)
     late = _late(cloud, measured)
     checks = *checks, edge_break_check(broken, set_limits), steps, late_check(late, set_limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
     checks += tuple(_lies_on(found))
-    edge = _edge(cloud, found, measured, late, robot_noise_mm, end_u_mm, robot_drift_u_mm)
+    declared = RawDeclared(declared_linearity(sensor), robot, end_u_mm, robot_drift_u_mm)
+    edge = _edge(cloud, found, measured, late, declared)
     return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
 
 
@@ -107,14 +140,21 @@ def _late(cloud: Cloud, measured: RawMeasured) -> Late:
     return late_of(face, cloud.base_from_profiler, cloud.time_s, cloud.pass_index)
 
 
+class RawDeclared(NamedTuple):
+    """What a user says of what no frame shows."""
+
+    sensor: Linearity
+    robot: Robot
+    end_u_mm: float
+    robot_drift_u_mm: float
+
+
 def _edge(
     cloud: Cloud,
     found: RawFaces,
     measured: RawMeasured,
     late: Late,
-    robot_noise_mm: float,
-    end_u_mm: float,
-    robot_drift_u_mm: float,
+    declared: RawDeclared,
 ) -> RawEdge:
     lower_s, upper_s = measured.lower.s, measured.upper.s
     start, stop = float(np.nanmin(lower_s)), float(np.nanmax(lower_s))
@@ -123,8 +163,7 @@ def _edge(
     seen = covered(lower_s, cloud.pass_index, at)
     t, n, m = axes(measured, at)
     origin = measured.curve.position(at)
-    if measured.rough:
-        origin = origin + measured.stand_out.value(at)[:, None] * n
+    origin = origin + measured.out.value(at)[:, None] * n
     low, high = measured.lower.value(at), measured.upper.value(at)
     position = origin + low[:, None] * m
     upper = origin + high[:, None] * m
@@ -139,57 +178,61 @@ def _edge(
         frame = order[np.clip(np.searchsorted(lower_s[order], at), 0, order.size - 1)]
         shared = np.stack([place_u_mm(cloud, frame, origin, axis) for axis in (n, m)], axis=1)
         turn = turn_u(cloud, frame, t)
-    tilt_u = measured.tilt.u(at)
-    if not measured.rough:  # a face that turns suddenly holds a second return or a part of something else
-        turns = sudden(at, measured.tilt.value(at), tilt_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
-        tilt_u = np.hypot(np.hypot(tilt_u, measured.local_turn_u), turns)
-    tilt_u = np.hypot(tilt_u, _between(measured.s_face, late.turn_u, at))
-    form = misfit_of(
-        cloud,
-        found.labels,
-        found.faces[ROOT_FACE],
-        ROOT_FACE,
-        measured.s_face,
-        at,
-        together_mm=TOGETHER_MM if measured.rough else 0.0,
+    images = (
+        face_image(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, -found.side, measured.s_face),
+        face_image(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, -found.side, lower_s),
     )
-    below = misfit_of(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, lower_s, at, whole=True)
-    turning = np.hypot(ALONG_NORMAL * measured.curve.tangent_u(at), measured.lower.course.slope_u(at))
+    form, below = forms(images, at, declared.sensor)
+    turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
-    doubtful = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, doubtful_slope(measured.curve, robot_noise_mm))
+    only_ends_mm = declared.robot.noise_mm if cloud.only_end_poses else 0.0
+    doubtful = 0.0
+    if declared.robot.length_mm is None:
+        noise_mm = declared.robot.noise_mm
+        doubtful = math.hypot(math.sqrt(2.0) * noise_mm / length, doubtful_slope(measured.curve, noise_mm))
     tangent_u = np.hypot(turning, math.hypot(doubtful, sparse_turn))
     tangent_u = np.hypot(tangent_u, _between(measured.s_face, late.off_s * late.oblique_rate, at))
-    tilt_u = np.hypot(np.hypot(tilt_u, form.turn_u), np.abs(_between(measured.s_face, measured.run, at)) * tangent_u)
+    axis = {
+        DIRECTIONS: np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u),
+        FORM: form.turn_u,
+        CLOCK: _between(measured.s_face, late.turn_u, at),
+        TANGENT: np.abs(_between(measured.s_face, measured.run, at)) * tangent_u,
+        HAND_EYE: turn,
+        SPARSE: np.full(at.size, sparse_turn),
+    }
+    seen_turn_u = root_sum_square(at, (axis[of] for of in (DIRECTIONS, FORM, CLOCK, TANGENT)))
     reach_mm = float(np.linalg.norm((origin.mean(axis=0) - cloud.base_from_profiler[:, :3, 3]).mean(axis=0)))
-    pose_u = math.hypot(measured.pose_u_mm, math.hypot(sparse_mm, sparse_turn * reach_mm))
-    pose_u = math.hypot(pose_u, robot_noise_mm if cloud.only_end_poses else 0.0)
-    uneven = unevenness(measured, at)
-    curve_u, frames_u = uneven * measured.curve.u(at), uneven * pose_u
-    stand_u = np.hypot(np.hypot(ALONG_NORMAL * curve_u, frames_u), measured.lever_mm * tilt_u)
-    stand_u = np.hypot(stand_u, form.offset_u_mm)
-    aside = aside_mm(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE)
-    stand_u = np.hypot(stand_u, aside)
-    if measured.rough:  # its scatter hides the robot's
-        hidden_u = min(robot_noise_mm, math.sqrt(measured.stand_out.frame_factor)) * math.sqrt(POSE_MM / LOCAL_MM)
-        stand_u = np.hypot(stand_u, np.hypot(measured.stand_out.u(at), hidden_u))
-    low_u = np.hypot(measured.lower.course.u(at), np.hypot(curve_u, frames_u))
+    sparse_u_mm = root_sum_square(0.0, (sparse_mm, sparse_turn * reach_mm, only_ends_mm))
+    out_u, low_u = (_by_robot(measured, one, declared, at) for one in (measured.out, measured.lower))
+    apart, late_mm = _apart_mm(cloud, found, measured), _late_mm(measured, late)
+    along_n = {
+        ROBOT: out_u[0],
+        SPARSE: np.full(at.size, sparse_u_mm),
+        PLACE: np.hypot(out_u[1], 0.0 if measured.out.local is None else measured.out.local.u(at)),
+        DIRECTIONS: measured.lever_mm * seen_turn_u,
+        FORM: form.offset_u_mm,
+        STEPS: np.full(at.size, math.hypot(apart[0], measured.out.course.step_u)),
+        CLOCK: _between(measured.s_face, late_mm[0], at),
+    }
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
-    low_u = np.hypot(low_u, np.hypot(below.offset_u_mm, steep * np.hypot(form.offset_u_mm, aside)))  # along the rays
-    low_u = np.hypot(low_u, np.hypot(measured.lower.rounding.u_mm, end_u_mm))
-    low_u = np.hypot(low_u, hidden_end_u_mm(cloud, found.faces[ROOT_FACE]))
-    low_u = np.hypot(low_u, _between(lower_s, measured.lower.loose_mm, at))
-    low_u = np.hypot(low_u, raw_under_u_mm(cloud, found, lower_s, at))
-    low_u = np.hypot(low_u, burred_u_mm(cloud, found))
-    stand_u, low_u = (
-        np.hypot(u, _between(measured.s_face, of, at))
-        for u, of in zip((stand_u, low_u), _apart_mm(cloud, found, measured), strict=True)
-    )
-    ways = axes(measured, np.nan_to_num(measured.s_face))[1:]
-    stand_u, low_u = (
-        np.hypot(u, _between(measured.s_face, late.place_u_mm(way), at))
-        for u, way in zip((stand_u, low_u), ways, strict=True)
-    )
-    both = (("lower", measured.lower.rounding.radius_mm), ("upper", measured.upper.rounding.radius_mm))
+    hidden = hidden_end_u_mm(cloud, found.faces[ROOT_FACE]), raw_under_u_mm(cloud, found, lower_s, at)
+    along_m = {
+        ROBOT: low_u[0],
+        SPARSE: np.full(at.size, sparse_u_mm),
+        PLACE: low_u[1],
+        FORM: np.hypot(below.offset_u_mm, steep * form.offset_u_mm),  # along the rays
+        ROUNDING: u_along(measured.lower.s, measured.lower.broken.u_mm, at),
+        HIDDEN: root_sum_square(at, (*hidden, burred_u_mm(cloud, found))),
+        DECLARED: np.full(at.size, declared.end_u_mm),
+        STEPS: np.hypot(
+            _between(lower_s, measured.lower.loose_mm, at), math.hypot(apart[1], measured.lower.course.step_u)
+        ),
+        CLOCK: _between(measured.s_face, late_mm[1], at),
+    }
+    out = Quantity.of("along_normal_mm", np.einsum("kd,kd->k", position, n), along_n)
+    down = Quantity.of("along_across_mm", np.einsum("kd,kd->k", position, m), along_m)
+    turned = Quantity.of("axis_deg", measured.tilt.value(at) / DEG, {name: u / DEG for name, u in axis.items()})
+    both = (("lower", measured.lower.broken.size_mm), ("upper", measured.upper.broken.size_mm))
     told = tuple(ROUNDED.format(name, radius) for name, radius in both if radius > 0)
     told += tuple(check.finding for check in _lies_on(found))
     return RawEdge(
@@ -209,8 +252,9 @@ def _edge(
         burr_stations=raw_burr_stations(found, measured, at),
         upper_position_mm=upper,
         upper_inward=inward,
-        position_u_mm=np.hypot(np.stack([stand_u, low_u], axis=1), robot_drift_u_mm),
-        normal_u=np.hypot(np.hypot(tilt_u, turn), sparse_turn),
+        position_u_mm=np.stack([out.u, down.u], axis=1),
+        normal_u=turned.u * DEG,
+        budget=(out, down, turned),
         hand_eye_u_mm=shared,
         hand_eye_turn=None if shared is None else turn,
         checks=cloud.checks,
@@ -218,21 +262,29 @@ def _edge(
     )
 
 
-def _apart_mm(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> Float:
-    """How uncertain the frames' edge is (2, N), along n and along m, by what they leave of it together, mm."""
+def _by_robot(measured: RawMeasured, of: OutAlong | EndAlong, declared: RawDeclared, at: Float) -> tuple[Float, Float]:
+    """Standard uncertainties (k,) mm of a place at stations (k,): by the robot's errors, and by all else."""
+    shared_mm = of.course.shared_u(at)
+    rest = np.sqrt(np.maximum(of.course.u(at) ** 2 - shared_mm**2, 0.0))
+    uneven = unevenness(measured, at)
+    robot_mm = root_sum_square(at, (shared_mm, measured.pose_u_mm, declared.robot_drift_u_mm))
+    return uneven * robot_mm, uneven * rest
+
+
+def _late_mm(measured: RawMeasured, late: Late) -> tuple[Float, ...]:
+    """What an offset between the clocks makes of the frames' places (N,) along n and along m, mm."""
+    return tuple(late.place_u_mm(way) for way in axes(measured, np.nan_to_num(measured.s_face))[1:])
+
+
+def _apart_mm(cloud: Cloud, found: RawFaces, measured: RawMeasured) -> tuple[float, ...]:
+    """Half of what every second frame differs from those between, along n and along m, mm."""
     s, passes, pose = measured.s_face, cloud.pass_index, cloud.base_from_profiler[:, :3]
     here = np.nan_to_num(s)
-    _, n, m = axes(measured, here)
-    face = measured.curve.position(here) + measured.stands_out_mm[:, None] * n
-    low, high = (
-        pose[:, :, 3] + end.point[:, :1] * pose[:, :, 0] + end.point[:, 1:] * pose[:, :, 2]
-        for end in (found.lower, found.upper)
-    )
-    out = measured.stands_out_mm - measured.stand_out.value(here)
+    _, _, m = axes(measured, here)
+    low = pose[:, :, 3] + found.lower.point[:, :1] * pose[:, :, 0] + found.lower.point[:, 1:] * pose[:, :, 2]
+    out = measured.stands_out_mm - measured.out.value(here)
     down = ((low - measured.curve.position(here)) * m).sum(axis=1) - measured.lower.value(here)
-    every = np.array([every_second(left, passes) for left in (out, down)])
-    steps = steps_mm(s, (((face, n),), ((low, m), (high, m))), passes, measured.rough)
-    return np.asarray(np.hypot(steps.T, every[:, None]))
+    return tuple(every_second(left, passes) for left in (out, down))
 
 
 def _lies_on(found: RawFaces) -> Iterator[Check]:

@@ -2,120 +2,79 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
+from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDING, STEPS, TANGENT, Quantity
 from workbench.edge.directions import LOCAL_MM
-from workbench.edge.form import Form, Rounding
 from workbench.edge.measure import Measured, face_angles
-from workbench.geometry.silhouette import EndCourse, reached_mm
-from workbench.units import DEG, Bool, Float
+from workbench.edge.residual_image import FaceForm
+from workbench.units import DEG, Bool, Float, Shaped
 
 SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root face by this is told, from so far before to so far after it
 MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
-SWING = 3  # times REACH_MM: beyond, a spline's swing beside a change is a twentieth of it
 BESIDE = 3  # stations on each side of a change, whose mean is the level there
 NEAR_MM = 1.5  # of a section: frames that speak for it
 SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
-SUDDEN_TURN, SUDDEN_TWIST = 0.2 * DEG, 0.03 * DEG  # the same of the bevel angle, rad and rad/mm
 UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
 SUDDEN_SIGMAS = 4.0
-MORE_THAN_STEPS = 5.2  # standard uncertainties of a column's step in one and a half steps: one alone says nothing
+
+
+class EndTerms(NamedTuple):
+    """What the root face's course leaves open of its end, at m stations."""
+
+    level_mm: Shaped[Float, " m"]  # correction by the levels between which the end steps
+    level_u_mm: Shaped[Float, " m"]
+    broken_u_mm: Shaped[Float, " m"]  # of what a rounding or a chamfer hides
+    hidden_u_mm: Shaped[Float, " m"]  # of columns that never return, or a gap over what the plate lies on
+    declared_u_mm: float
+    steep: float  # slope of the root face to the rays' normal
 
 
 def sizes(
     measured: Measured,
     at: Float,
     tangent_u: Float,
-    form: Form,
-    rounding: Rounding,
-    end_u_mm: float,
-    hidden_mm: Float | float = 0.0,
+    root_form: FaceForm,
+    bevel_form: FaceForm,
+    end: EndTerms,
 ) -> tuple[Quantity, Quantity]:
-    """Root face (mm) and bevel angle (rad) at arc lengths `at` (m,) of the lower edge.
+    """Root face and bevel angle at arc lengths `at` (m,) of the lower edge.
 
-    tangent_u (m,) rad; end_u_mm: what is declared of the end of the root face beyond what frames show; hidden_mm: u of
-    that end by columns that never return.
+    tangent_u (m,) rad; root_form, bevel_form: what lasts in the residuals of both faces.
     """
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
     _, beta = corrected_angles(measured, s)
-    end_u = measured.end.course.u(s)
-    root = measured.end.course.value(s) + rounding.beyond_mm
+    root = measured.end.course.value(s) + end.level_mm
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
-    seen, loose = _seen(measured, s), loose_mm(measured, at)
     # What obliquity makes of the root face's drift.
-    drift_u = np.abs(run_bevel) * np.sin(beta) * np.hypot(measured.end.course.slope_u(s), loose / REACH_MM)
-    turns = sudden(at, beta, angle_u, SUDDEN_TURN, SUDDEN_TWIST, seen)
-    turned = np.hypot(lever / np.sin(beta) * np.hypot(bevel_u, turns), 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
-    whole = np.ones(at.size)
+    drift_u = np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
+    turned = np.hypot(lever / np.sin(beta) * bevel_u, 0.5 * root / np.abs(np.tan(beta)) * tilt_u)
+    # The end comes along the rays onto the root face's line, the corner is where both lines cross.
+    corner = root_form.upper_u_mm / np.tan(beta), root_form.lower_u_mm * end.steep, bevel_form.lower_u_mm / np.sin(beta)
     root_u = {
-        END: np.hypot(np.hypot(end_u, loose), hidden_mm),
+        END: measured.end.course.u(s),
+        STEPS: end.level_u_mm,
+        HIDDEN: end.hidden_u_mm,
         DIRECTIONS: turned,
         TANGENT: tangent_u * np.abs(run_root) * root,
-        FORM: form.corner_u_mm,
-        ROUNDING: rounding.u_mm * whole,
-        DECLARED: end_u_mm * whole,
+        FORM: np.sqrt(sum(of**2 for of in corner)),
+        ROUNDING: end.broken_u_mm,
+        DECLARED: np.full(at.size, end.declared_u_mm),
     }
     angle = {
-        DIRECTIONS: np.hypot(np.hypot(angle_u, drift_u), turns),
+        DIRECTIONS: np.hypot(angle_u, drift_u),
         TANGENT: tangent_u * leverage,
-        FORM: np.hypot(form.root_turn_u, form.bevel_turn_u),
+        FORM: np.hypot(root_form.turn_u, bevel_form.turn_u),
     }
-    return Quantity(root, root_u), Quantity(beta, angle)
-
-
-def loose_mm(measured: Measured, at: Float) -> Float:
-    """By how much the end of the root face may be lost, covered or drawn out at arc lengths `at` (m,), mm."""
-    s, course = at + measured.shift, measured.end.course
-    steps = sudden(at, course.value(s), course.u(s), seen=_seen(measured, s))
-    ends = measured.ends
-    reached = reached_mm(measured.upper_s, ends.low, ends.step, ends.sigma, course, s)
-    loose = np.maximum(np.maximum(steps, end_loose_mm(measured.end, s)), reached)
-    return np.asarray(np.maximum(loose, _along(measured, measured.unsettled_mm, s)))
-
-
-def turned_u(measured: Measured, at: Float) -> Float:
-    """Standard uncertainty (m,) of the lower edge's direction where the end of the root face may be lost, rad.
-
-    The lower edge follows that end: where it comes nearer to the corner with the bevel, so does the edge.
-    """
-    turned = np.abs(measured.end.course.slope(at + measured.shift))
-    return np.where(loose_mm(measured, at) > 0.0, turned, 0.0)
-
-
-def _seen(measured: Measured, s: Float) -> Bool:
-    """Whether a frame is near the places s (m,)."""
-    frames = np.sort(measured.upper_s[np.isfinite(measured.upper_s)])
-    after = np.searchsorted(frames, s).clip(1, frames.size - 1)
-    return np.asarray(np.minimum(np.abs(s - frames[after - 1]), np.abs(frames[after] - s)) < NEAR_MM)
-
-
-def sudden(
-    at: Float,
-    value: Float,
-    u: Float,
-    least: float = SUDDEN_MM,
-    least_slope: float = SUDDEN_SLOPE,
-    seen: Bool | bool = True,
-) -> Float:
-    """By how much a size (m,) may be off where it changes suddenly at stations `at` (m,) mm; 0 elsewhere.
-
-    A change by `least`, steeper than `least_slope` a mm and than is usual on the edge. The end of the face may be lost
-    on one side of it, covered, or stand out in its plane, a second return may stand for the face: nothing tells which.
-    Where it is not `seen` what counts is by how much it has changed beyond. What lies off the level of most of the edge
-    is uncertain by all of that; where no level has most of it, all is.
-    """
-    out, level = np.zeros(at.size), np.zeros(at.size)
-    for first, last, change in changes(at, value, u, least, least_slope, seen):
-        beyond = np.maximum(np.maximum(at[first] - at, at - at[last]), 0.0)
-        swing = np.where(beyond < SWING * REACH_MM, np.exp(-beyond / REACH_MM), 0.0)  # of a spline beside a change
-        out = np.maximum(out, change * swing)
-        after, before = value[last : last + BESIDE], value[max(first - BESIDE + 1, 0) : first + 1]
-        level[(first + last) // 2 :] += after.mean() - before.mean()
-    return np.maximum(out, off_levels(at, level, 0.5 * least, seen)[1])  # half of a change parts two levels
+    return (
+        Quantity.of("root_mm", root, root_u),
+        Quantity.of("bevel_deg", beta / DEG, {name: u / DEG for name, u in angle.items()}),
+    )
 
 
 def off_levels(at: Float, level: Float, least: float, seen: Bool | bool = True) -> tuple[Float, Float]:
@@ -189,23 +148,6 @@ def _under_gaps(at: Float, value: Float, rate: Float, seen: Bool, least: Float) 
         if way > 2.0 * REACH_MM and change >= max(least[first], least[last]):
             out.append((first, last, change))
     return out
-
-
-def end_loose_mm(end: EndCourse, s: Float) -> Float:
-    """By how much frames say, at s (m,), that the end lies off its course, or changes suddenly under it, mm.
-
-    A smooth course runs through sudden changes as if they were waves, within the steps of the columns.
-    """
-    off = np.zeros(s.size)
-    for at, departure in zip(end.s, np.abs(end.departure), strict=True):
-        if departure > 0.0:
-            near = np.abs(s - at) <= NEAR_MM
-            off[near] = np.maximum(off[near], departure)
-    if end.s.size < 3:
-        return off
-    least = max(SUDDEN_MM, MORE_THAN_STEPS * float(np.median(end.middle_u)))
-    changes = sudden(end.s, end.middle, end.middle_u, least)
-    return np.asarray(np.maximum(off, np.interp(s, end.s, changes)))
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

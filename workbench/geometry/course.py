@@ -9,16 +9,17 @@ bins, not of a count of frames (eq. (2)).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, medians
 from workbench.geometry.penalised import Penalised, penalised
+from workbench.geometry.processes import Correlated, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
@@ -44,10 +45,14 @@ HIDDEN, HIDDEN_MM = 0.3, 20.0  # waves are assumed that this much edge cannot te
 SHORTEST_BINS, CUTS = 6.0, 5  # the shortest waves that are assumed to be as high as long ones
 LEAST_WAVE_BINS = 6  # fewer know nothing of waves
 SHARPEST = 3  # order of the derivative that holds shorter waves back
+STEPLESS, STEP = 100.0, 0.3  # odds that values of a pass take no step; size of one, in their unit
+STEP_PRIORS = 8  # one in so many of the priors is asked for steps
+MOST_BINS = 250  # of values that share errors: on longer edges they are longer
 TIE = 0.1234  # which of gaps that are alike wide is taken: the first after this share of a stretch
 RISK = 0.05  # that noise alone is taken for a regular wave
 MOST_WAVES = 400
 POOLED = (1, 2, 4, 8)  # bins, by whose residuals the course is tested
+ALONE = Shared()
 PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise that is found
 
 
@@ -66,6 +71,8 @@ class Course:
     log_evidence: float
     # priors: the order of the lower derivative held back, both strengths, posterior share
     stiffness: Shaped[Float, "j 4"]
+    step_u: float = 0.0  # standard uncertainty of its values by a step within a pass; 0 where no errors are shared
+    shared_variance: Shaped[Float, " k"] | None = None  # what of `variance` is by errors that values share
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
@@ -82,6 +89,11 @@ class Course:
         if beyond.any():
             variance = variance + beyond**2 * np.interp(s, self.at_mm, self.slope_variance)
         return np.sqrt(variance)
+
+    def shared_u(self, s: Float) -> Float:
+        """What of `u` (m,) is by errors that values share."""
+        known = np.zeros(self.at_mm.size) if self.shared_variance is None else self.shared_variance
+        return np.sqrt(np.interp(s, self.at_mm, known))
 
     def slope_u(self, s: Float) -> Float:
         """Standard uncertainty (m,) of each component of df/ds."""
@@ -110,7 +122,7 @@ def fit_course(
     orders: tuple[int, int] = (1, 2),
     stiffness: Float | None = None,
     unseen: tuple[float, float] = (0.0, 1.0),
-    together_mm: float | None = None,
+    shared: Shared = ALONE,
 ) -> Course:
     """The smooth course of values y (n,) or (n, d) at arc lengths s (n,) mm, in any order; NaN is left out.
 
@@ -121,8 +133,8 @@ def fit_course(
         group: (n,) pass of each value: noise is taken from neighbours in one pass.
         orders: derivatives that walk randomly; (1, 2): constant but for waves; (2, 3): straight but for these.
         unseen: by how much the course may move, over how many mm, without the values showing it.
-        together_mm: length over which values share their scatter: bins are at least this long, waves four times.
         stiffness: that of an earlier course through the same values, which saves the search.
+        shared: what values share beside their noise.
 
     Example:
         >>> s = np.linspace(0.0, 100.0, 400)
@@ -130,17 +142,21 @@ def fit_course(
         >>> bool(abs(course.value(np.array([50.0]))[0] - 2.5) < 1e-3)
         True
     """
-    bin_mm, stated = together_mm or BIN_MM, variance is not None
+    bin_mm, stated = shared.over_mm or BIN_MM, variance is not None
+    if shared.process:  # whose equations are full
+        bin_mm = max(bin_mm, float(np.nanmax(s) - np.nanmin(s)) / MOST_BINS)
     values = _as_values(s, y, variance, group, bin_mm)
     kept = _inliers(values)
     bins = _means(values, kept)
-    course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm)
+    course = _fit(values, bins, stated, orders, stiffness, unseen, bin_mm, shared)
     for _ in range(READMITTED):  # what leaves the course itself, not the first look at it, is an outlier
         before, kept = kept, _near(course, values, kept)
         if (kept == before).all():
             break
         bins = _means(values, kept)
-        course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm)
+        course = _fit(values, bins, stated, orders, course.stiffness, unseen, bin_mm, shared)
+    if shared.may_step:
+        course = replace(course, step_u=_step_u(values, bins, course.noise_factor, orders, shared))
     return _unfollowed(course, bins, values)
 
 
@@ -224,9 +240,12 @@ def _fit(
     stiffness: Float | None,
     unseen: tuple[float, float],
     bin_mm: float,
+    shared: Shared,
 ) -> Course:
-    bins, between = _aligned(bins, orders[0] > 1)
-    noise_factor = _noise_factor(bins, stated, min(orders))
+    process = shared.process
+    bins, between = (bins, 0.0) if process else _aligned(bins, orders[0] > 1)
+    together = process.covariance(bins.s, bins.spread, bins.group) if process else None
+    noise_factor = _noise_factor(bins, stated, min(orders), together)
     noise_factor = max(noise_factor, 1.0) if stated else noise_factor
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
@@ -234,8 +253,10 @@ def _fit(
     knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
-    problems = _problems(inside, bins.y - trend(bins.s), weight, knots, orders)
-    grid = _grid(bins, weight, orders, unseen) if stiffness is None else stiffness[:, :3]
+    covariance = None if together is None else np.diag(1.0 / weight) + together
+    problems = _problems(inside, bins.y - trend(bins.s), weight, knots, orders, covariance)
+    hidden = process.density(HIDDEN_MM) if process else 0.0
+    grid = _grid(bins, weight, orders, unseen, hidden) if stiffness is None else stiffness[:, :3]
     scores = np.zeros(len(grid))
     for low, problem in problems.items():
         scores[grid[:, 0] == low] = problem.evidence(grid[grid[:, 0] == low, 1:])
@@ -249,15 +270,18 @@ def _fit(
     y = bins.y
     if orders[0] > 1:  # the mean of a bin lies off the bend
         y = y - 0.5 * bins.spread[:, None] ** 2 * Spline(knots, coefficients)(inside, 2)
-        problems = _problems(inside, y - trend(bins.s), weight, knots, orders)
+        problems = _problems(inside, y - trend(bins.s), weight, knots, orders, covariance)
         coefficients, value, slope = _average(problems, found, stations, knots)
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
     spline = Spline(knots, coefficients if bins.vector else coefficients[:, 0])
     left = y - spline(inside).reshape(y.shape)
-    spent = float((weight * np.interp(bins.s, stations, value)).sum())
-    misfit = _misfit(left, weight, bins.group, spent)
-    if unseen[0] == 0.0:  # steps between columns make regular waves of what frames know of an end
+    misfit = _misfit(left, weight, bins.group, float((weight * np.interp(bins.s, stations, value)).sum()))
+    if covariance is not None:
+        white = np.linalg.solve(np.linalg.cholesky(covariance), left)
+        misfit = _misfit(white, np.ones(weight.size), bins.group, _spent(problems, found))
+    if unseen[0] == 0.0 and not process:  # steps between columns make regular waves of what frames know of an end
         between += _regular_wave(bins.s, left, weight)
+    by_shared = None if together is None else _variance_by(together, problems, found, stations)
     raised, value = max(1.0, misfit), value + between / max(1.0, misfit)
     return Course(
         spline,
@@ -270,19 +294,78 @@ def _fit(
         misfit,
         evidence,
         found,
+        shared_variance=by_shared,
     )
 
 
-def _problems(s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int]) -> dict[int, Penalised]:
+Problems: TypeAlias = Mapping[int, Penalised] | Mapping[int, Correlated]
+
+
+def _problems(
+    s: Float, y: Float, weight: Float, knots: Float, orders: tuple[int, int], covariance: Float | None
+) -> Problems:
     """The normal equations under each kind of prior, by the order of the lower derivative that it holds back.
 
-    A place along the edge (orders above 1) is straight but for bends: it has no prior of waves.
+    A place along the edge (orders above 1) is straight but for bends: it has no prior of waves. covariance (b, b): of
+    values whose noise is not each their own.
     """
-    walks = {orders[0]: penalised(s, y, weight, knots, orders)}
-    return walks if orders[0] > 1 else {**walks, 0: penalised(s, y, weight, knots, (0, SHARPEST), True)}
+    plain = {orders[0]: penalised(s, y, weight, knots, orders)}
+    if orders[0] == 1:
+        plain[0] = penalised(s, y, weight, knots, (0, SHARPEST), True)
+    if covariance is None:
+        return plain
+    inverse = np.asarray(np.linalg.inv(covariance), dtype=float)
+    return {low: correlated(one, s, y, inverse) for low, one in plain.items()}
 
 
-def _average(problems: dict[int, Penalised], priors: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
+def _step_u(values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], shared: Shared) -> float:
+    """Standard uncertainty by a sudden step of the values' first component between two bins of a pass.
+
+    An encoder that slips, returns that are lost, what prolongs a face: nothing tells which side of a step is right. By
+    the posterior over a step before each bin, and none, which is held likelier by STEPLESS before; STEP: its size then.
+    """
+    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
+    s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
+    y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
+    if shared.process:
+        covariance = np.diag(1.0 / weight) + shared.process.covariance(bins.s, bins.spread, bins.group)
+        hidden = shared.process.density(HIDDEN_MM)
+    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
+    priors = _grid(bins, weight, orders, (0.0, 1.0), hidden)
+    strengths = priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
+    ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
+    behind = ~ahead & (bins.group[:, None] == bins.group)
+    told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
+    if not told.any():
+        return 0.0
+    size, u = shapes_told(problem, s, y[:, 0], weight, ahead[:, told].astype(float), strengths)
+    most, score = STEP**2 + u**2, problem.evidence(strengths)[:, None]
+    log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + score
+    log -= math.log(STEPLESS * told.sum())
+    share = np.exp(log - np.logaddexp(np.logaddexp.reduce(log, axis=None), np.logaddexp.reduce(score, axis=None)))
+    return float(np.sqrt((share * size**2).sum() / 2.0))
+
+
+def _spent(problems: Problems, priors: Float) -> float:
+    """How many values' worth the course takes, over priors (j, 4) by their shares."""
+    return sum(problem.spent(mine[:, 1:3], mine[:, 3]) for problem, mine in _each(problems, priors))
+
+
+def _variance_by(together: Float, problems: Problems, priors: Float, at: Float) -> Float:
+    """What of the variance of the value at `at` (k,) is by what the bins share (b, b), over priors by their shares."""
+    parts = [problem.variance_by(together, mine[:, 1:3], mine[:, 3], at) for problem, mine in _each(problems, priors)]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def _each(problems: Problems, priors: Float) -> Iterator[tuple[Correlated, Float]]:
+    """The kinds of priors (j, 4) that have a share, and those of each."""
+    for low, problem in problems.items():
+        mine = priors[priors[:, 0] == low]
+        if len(mine) and isinstance(problem, Correlated):
+            yield problem, mine
+
+
+def _average(problems: Problems, priors: Float, at: Float, knots: Float) -> tuple[Float, Float, Float]:
     """Mean coefficients, and variances of value and slope at `at`, over priors (j, 4) by their shares (eq. (4))."""
     parts = []
     for low, problem in problems.items():
@@ -699,7 +782,7 @@ def _scatter(binned: Binned, lines: BinLines) -> float:
     return total
 
 
-def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
+def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) -> float:
     """Variance of the bins' means over the stated one, from what each differs from its neighbours (eq. (2)).
 
     From their line, where a course is constant but for waves (order 1), from the cubic of four where it is straight but
@@ -714,7 +797,7 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     k = np.arange(reach, bins.s.size - reach)
     k = k[parted[k - reach] == parted[k + reach]]
     if k.size < 4:
-        return _noise_factor(bins, stated, 1) if order > 1 else max(known, LEAST_FACTOR)
+        return _noise_factor(bins, stated, 1, together) if order > 1 else max(known, LEAST_FACTOR)
     beside = np.concatenate([np.arange(-reach, 0), np.arange(1, reach + 1)])
     at = bins.s[k[:, None] + beside] - bins.s[k][:, None]
     share = np.stack(
@@ -727,11 +810,20 @@ def _noise_factor(bins: Bins, stated: bool, order: int) -> float:
     off = bins.y[k] - np.einsum("kj,kjd->kd", share, bins.y[k[:, None] + beside])
     expected = bins.variance[k] + (share**2 * bins.variance[k[:, None] + beside]).sum(axis=1)
     z2 = (off**2).mean(axis=1) / expected  # of all components: the frame that they are given in does not matter
-    typical = median(z2) / 0.4549
-    bounded = np.minimum(z2, 9.0 * typical)
+    found = _bounded_mean(z2)
+    if together is not None:
+        row, column = np.concatenate([np.ones((k.size, 1)), -share], axis=1), k[:, None] + np.append(0, beside)
+        alike = np.einsum("ki,kij,kj->k", row, together[column[:, :, None], column[:, None, :]], row) / expected
+        for _ in range(RESETTLED):  # what is left beside what they share
+            found *= _bounded_mean(z2 / (found + alike))
     free = k.size * off.shape[1] / 2.0  # neighbours share values
     prior = PRIOR_FREEDOM if stated else 0.0
-    return float(max((free * float(bounded.mean()) + prior * known) / (free + prior), LEAST_FACTOR))
+    return float(max((free * found + prior * known) / (free + prior), LEAST_FACTOR))
+
+
+def _bounded_mean(z2: Float) -> float:
+    """Mean of squares (k,), each counted as nine times the typical one at most."""
+    return float(np.minimum(z2, 9.0 * median(z2) / 0.4549).mean())
 
 
 def _knots(s: Float, knots_mm: float) -> Float:
@@ -752,16 +844,18 @@ def _trend(bins: Bins, weight: Float, order: int) -> Callable[[Float], Float]:
     return lambda s: np.asarray(mean + (s - middle)[:, None] * slope)
 
 
-def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[float, float]) -> Float:
+def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[float, float], shared: float) -> Float:
     """Priors (j, 3) to choose from: the lower derivative's order, and the strengths of what is held back.
 
     A walk of order d with strength q takes a course about q^(1/2) length^(d - 1/2) away over a length: from a tenth of
     what all bins together resolve to ten times their spread. Waves that are alike high down to a length have the
-    density q k^(2d) at its wave number k, from what is hidden to ten times their spread.
+    density q k^(2d) at its wave number k, from what is hidden to ten times their spread. shared: density of what the
+    bins share.
     """
     low, high = orders
-    density = max(float(np.ptp(bins.s)), 1e-3) / float(weight.sum())  # of the noise: variance times length
-    least = 0.1 / math.sqrt(float(weight.sum()))
+    way = max(float(np.ptp(bins.s)), 1e-3)
+    density = way / float(weight.sum()) + shared  # of the noise: variance times length
+    least = 0.1 * math.sqrt(density / way)
     most = 10.0 * max(math.sqrt(float(bins.y.var(axis=0).sum())), least)
     length = min(max(float(np.ptp(bins.s)), 1e-3), STIFFEST_MM)
     hidden = HIDDEN**2 * density / HIDDEN_MM  # what HIDDEN_MM of edge cannot tell

@@ -11,6 +11,7 @@ import scipy
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
+from workbench.geometry.processes import Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
@@ -190,14 +191,13 @@ def fit_curve(
     s: Float,
     group: Int | None = None,
     stiffness: Float | None = None,
-    together_mm: float = POSE_MM,
 ) -> Curve:
     """The smooth curve through points (n, 3) mm at rough arc lengths s (n,); s of the result is arc length from 0.
 
     The course of the points (`geometry.course`): straight but for a bend and waves, as stiff as the points say.
     """
     for _ in range(2):  # the spline's own parameter becomes its arc length
-        course = fit_course(s, points_mm, None, group, (2, 3), stiffness, together_mm=together_mm)
+        course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
         stiffness = course.stiffness
         dense = np.linspace(*course.spline.ends, 8 * (course.spline.t.size - 7) + 1)
         speed = np.linalg.norm(course.spline(dense, 1), axis=1)
@@ -207,7 +207,7 @@ def fit_curve(
             raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
         s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
         s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
-    course = fit_course(s, points_mm, None, group, (2, 3), stiffness, together_mm=together_mm)
+    course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
     return with_frame(course.spline, s, course)
 
 

@@ -80,6 +80,17 @@ class Penalised:
         )
         return mean, _finite(variance[: at.size]), variance[at.size :]
 
+    def rows(self, at: Float) -> tuple[Float, Float]:
+        """What coefficients count in value and slope (m, K) at places (m,) within the knots."""
+        value, slope = np.zeros((2, at.size, self.normal.shape[0]))
+        before, after = np.maximum(at - SLOPE_MM, at.min()), np.minimum(at + SLOPE_MM, at.max())
+        apart = np.maximum(after - before, SLOPE_MM)
+        for place, factor, rows in ((at, 1.0, value), (after, 1.0 / apart, slope), (before, -1.0 / apart, slope)):
+            first, values = self._rows(place)
+            column = first[:, None] + np.arange(BAND)
+            np.add.at(rows, (np.arange(at.size)[:, None], column), values * np.reshape(factor, (-1, 1)))
+        return value, slope
+
     def _rows(self, s: Float) -> tuple[Int, Float]:
         """Number of the first spline that is not 0 at places (m,), and the values there (m, BAND)."""
         first, values = np.empty(s.size, np.int64), np.empty((s.size, BAND))

@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import ALONE, Course, fit_course
 from workbench.geometry.medians import medians
+from workbench.geometry.processes import Shared
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
@@ -115,6 +116,7 @@ class Ends(NamedTuple):
     fill: Shaped[Float, " n"]  # share of the last pixel that the face fills, by its brightness; NaN: not known
     fill_sigma: Shaped[Float, " n"]  # its standard uncertainty
     doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, rather than the columns against it
+    lit: Shaped[Float, " n"]  # share of a pixel that the face fills where the end is at `low`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +133,10 @@ class EndCourse:
 
 
 def find_end(
-    ends: Ends, first: Course, together_mm: float | None = None, orders: tuple[int, int] = (1, 2)
+    ends: Ends,
+    first: Course,
+    shared: Shared = ALONE,
+    orders: tuple[int, int] = (1, 2),
 ) -> EndCourse:
     """The end along the edge; first: a course through the middles of the column steps; the others: as `fit_course`."""
     length = max(float(ends.s[-1] - ends.s[0]), 1e-3)
@@ -144,7 +149,7 @@ def find_end(
     sigma = float(np.median(ends.sigma)) + 1e-6
     step = float(np.median(ends.step[silhouette])) if silhouette.any() else 0.0
     grid = np.linspace(-1.0, 1.0, GRID) * (REACH_STEPS * step + REACH_SIGMAS * sigma)
-    unseen = (UNSEEN_STEPS * step, UNSEEN_MM)
+    unseen, round_ = (UNSEEN_STEPS * step, UNSEEN_MM), shared._replace(may_step=False)
     course, prior = first, np.full(place.size, math.hypot(step, 4.0 * sigma))
     about = course.value(place)
     said = np.bincount(cell, ends.sigma**2 + ends.step**2 / 12.0) / count**2 * first.noise_factor
@@ -160,7 +165,8 @@ def find_end(
         precision = (1.0 - step_share) * precision + step_share / said
         weighted = (1.0 - step_share) * weighted + step_share * (about + mean) / said
         said = 1.0 / precision
-        course = fit_course(place, weighted * said, said, orders=orders, unseen=unseen, together_mm=together_mm)
+        known = course.stiffness if shared.process and number > 0 else None  # saves the search
+        course = fit_course(place, weighted * said, said, None, orders, known, unseen, round_)
         before, about = about, course.value(place)
         if (np.abs(about - before) < SETTLED_U * course.u(place)).all():
             break
@@ -168,6 +174,8 @@ def find_end(
     else:
         still = np.interp(course.at_mm, place, (about - before) / PART_STEP)
         course = replace(course, variance=course.variance + still**2)
+    if shared.may_step:
+        course = replace(course, step_u=fit_course(place, weighted * said, said, None, orders, shared=shared).step_u)
     about = course.value(ends.s)
     contradicted = np.bincount(cell, _off_course(ends, about)) / count > CONTRADICTED
     first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
@@ -301,7 +309,7 @@ def _add_up(cell: Int, ends: Ends, normal: Float, grid: Float, out: Float) -> No
             _pass_columns(low[i], step[i], s, ends.missing[i], normal, grid, chance)
             if known:
                 for g in range(grid.size):
-                    full = min(max((grid[g] - low[i]) / step[i] + 0.5, 0.0), 1.0)
+                    full = min(max((grid[g] - low[i]) / step[i] + ends.lit[i], 0.0), 1.0)
                     z = (fill[i] - full) / math.hypot(ends.fill_sigma[i], s / step[i])
                     chance[g] *= math.exp(-0.5 * z * z) + STRAY
         at_last, log_at_last = -1.0, 0.0

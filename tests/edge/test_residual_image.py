@@ -1,0 +1,67 @@
+"""The residual image: what lasts of a sensor's error is in u, what is noise is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.outside import Part, Usual, simulate
+from tests.edge.test_rim import measured
+from workbench.artefacts import FORM
+from workbench.errors import WorkbenchError
+from workbench.units import DEG
+
+SEEDS = range(40, 60)
+
+
+class Walking(Usual):
+    """A sensor whose own error walks over its columns, by so many times the usual walk."""
+
+    def __init__(self, flawed: float) -> None:
+        self.flawed = flawed
+
+
+def walking(seed: int, flawed: float) -> Part:
+    return simulate(seed, False, replace(simulate(seed, False).section, radius_mm=0.0), Walking(flawed))
+
+
+def test_the_angle_of_a_sensor_that_walks_lies_within_its_uncertainty() -> None:
+    z = []
+    for seed in SEEDS:
+        part = walking(seed, 2.0)
+        if part.about["walk"]:
+            edge = measured(part, edge_condition="sharp")
+            z.append(np.median((edge.bevel.value - part.section.bevel / DEG)[edge.seen] / edge.bevel.u[edge.seen]))
+    assert len(z) > 2
+    assert np.mean(np.abs(z) < 2.0) >= 0.75
+    assert np.abs(z).max() < 4.0
+
+
+def test_a_sensor_without_an_error_leaves_little_in_u() -> None:
+    for seed in SEEDS:
+        part = walking(seed, 0.0)
+        if part.about["sigma"] > 0.005:
+            continue
+        form = measured(part, edge_condition="sharp").bevel.u_by_source[FORM]
+        assert np.nanmedian(form) < 0.05
+
+
+def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
+    part, found = walking(41, 0.0), []
+    for number, rms in enumerate((0.001, 0.004, 0.016)):
+        file = tmp_path / f"sensor{number}.json"
+        file.write_text(json.dumps({"name": "line profiler", "linearity_mm": rms, "linearity_length_mm": 4.0}))
+        found.append(float(np.nanmedian(measured(part, sensor=file).bevel.u_by_source[FORM])))
+    assert found[1] / found[0] == pytest.approx(4.0, rel=0.2)
+    assert found[2] / found[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "sensor.json"
+    file.write_text(json.dumps({"linearity_mm": -1}))
+    with pytest.raises(WorkbenchError, match=r"sensor\.json: \$\.linearity_mm"):
+        measured(walking(41, 0.0), sensor=file)

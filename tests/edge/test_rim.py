@@ -1,0 +1,94 @@
+"""The broken lower end of a face: laws of `edge.segment` over parts whose edge radius is known (bench.outside)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.outside import Part, Usual, simulate
+from bench.score.triangulated import sensor, way, workpiece
+from bench.simulators.triangulated import simulate as triangulated
+from workbench.artefacts import MilledEdge
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.scan import fuse
+from workbench.units import DEG, Float
+
+
+class Seen(Usual):
+    """A usual cell whose rays stand at a given angle to the root face's normal."""
+
+    def __init__(self, incline_deg: float) -> None:
+        self.at_deg = incline_deg
+
+    def incline_deg(self, rng: np.random.Generator, is_raw: bool) -> float:
+        return self.at_deg
+
+
+def rounded(seed: int, radius_mm: float, incline_deg: float) -> Part:
+    section = replace(simulate(seed, False).section, radius_mm=radius_mm, drift=0.0)
+    return simulate(seed, False, section, Seen(incline_deg))
+
+
+def measured(part: Part, **given: object) -> MilledEdge:
+    root, bevel = max(0.5, round(2 * part.section.root_mm) / 2), 5.0 * round(part.section.bevel / DEG / 5.0)
+    cloud = denoise(fuse(part.recording))
+    return segment(cloud, root_nominal_mm=root, bevel_nominal_deg=bevel, **given)  # type: ignore[arg-type]
+
+
+def errors(part: Part, edge: MilledEdge) -> Float:
+    return edge.root.value[edge.seen] - part.section.root_mm
+
+
+@pytest.mark.parametrize("radius_mm", [0.0, 0.05, 0.15, 0.3])
+@pytest.mark.parametrize("incline_deg", [25.0, 45.0])
+def test_the_virtual_edge_lies_within_its_uncertainty(radius_mm: float, incline_deg: float) -> None:
+    found = []
+    for seed in (3, 8, 12):
+        part = rounded(seed, radius_mm, incline_deg)
+        edge = measured(part)
+        found.append(np.abs(errors(part, edge) / edge.root.u[edge.seen]).max())
+    assert np.median(found) < 2.0
+    assert max(found) < 4.0
+
+
+def test_a_rounding_that_is_seen_is_told_with_its_radius() -> None:
+    edge = measured(rounded(3, 0.25, 25.0))
+    assert any("rounded or chamfered, by about 0.2" in one for one in edge.warnings)
+    assert not any("rounded" in one for one in measured(rounded(3, 0.0, 25.0)).warnings)
+
+
+def test_u_grows_as_the_view_hides_more_of_a_rounding() -> None:
+    u = [float(np.nanmedian(measured(rounded(3, 0.0, at)).root.u)) for at in (25.0, 42.0, 58.0)]
+    assert u[0] < u[1] < u[2]
+
+
+def test_what_is_declared_of_the_edge_is_a_prior() -> None:
+    """A sharp edge is known better where it is declared; one that was broken is not taken for sharp."""
+    part = rounded(8, 0.0, 50.0)
+    sharp, unknown, deburred = (measured(part, edge_condition=one) for one in ("sharp", "unknown", "deburred"))
+    assert np.nanmedian(sharp.root.u) < 0.5 * np.nanmedian(unknown.root.u)
+    assert np.nanmedian(sharp.root.value) < np.nanmedian(unknown.root.value) < np.nanmedian(deburred.root.value)
+    assert np.abs(errors(part, sharp)).max() < 0.01
+
+
+@pytest.mark.parametrize("threshold", [0.05, 0.1])
+@pytest.mark.parametrize("footprint", [0.8, 1.5])
+def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float, footprint: float) -> None:
+    """Not by brightness: it is not recorded. Taken for half a pixel, a quarter of it put the end 0.02 mm too far.
+
+    The root face returns a fifth of the median brightness, of which `threshold` is a share.
+    """
+    section = workpiece(np.random.default_rng(4), "milled", 4)
+    led, wide = way(np.random.default_rng(5), section, 48.0)
+    eye = replace(sensor(np.random.default_rng(6), wide), threshold=threshold, footprint=footprint, bright=False)
+    drawn = triangulated(section, eye, [led], 4)
+    nominal = {"root_nominal_mm": section.root_mm.mean, "bevel_nominal_deg": section.bevel.mean / DEG}
+    edge = segment(denoise(fuse(drawn.recording)), edge_condition="sharp", **nominal)
+    true = np.asarray(drawn.truth["position_mm"])
+    near = ((edge.position_mm[edge.seen][:, None] - true) ** 2).sum(axis=2).argmin(axis=1)
+    off = edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
+    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
+    assert np.abs(off).max() < 0.015

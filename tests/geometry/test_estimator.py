@@ -1,0 +1,249 @@
+"""The estimator against dense algebra, refits and what is known of blunders."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+import scipy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workbench.errors import InputError
+from workbench.geometry import estimator
+from workbench.geometry.estimator import Fit, Labels, Rows, Shared, fit, without_blunders
+from workbench.units import Float
+
+
+@dataclass
+class Linear:
+    """Observations (n, d) that are slope (n, d, P) times the unknowns."""
+
+    seen: Float
+    slope: Float
+    covariance: Float
+    prior: Float = field(default_factory=lambda: np.zeros((0, 0)))
+    values: Float | None = None
+    shared: tuple[Shared, ...] = ()
+
+    def rows(self, at: Float) -> Rows:
+        n, d, size = self.slope.shape
+        prior = self.prior if self.prior.size else np.zeros((size, size))
+        values = np.full(n, float(d)) if self.values is None else self.values
+        return Rows(self.seen - self.slope @ at, self.slope, self.covariance, values, prior, -at, self.shared)
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return at + step
+
+
+def spread(rng: np.random.Generator, *shape: int) -> Float:
+    """Covariances (..., d, d)."""
+    A = rng.normal(size=(*shape, shape[-1]))
+    return A @ np.swapaxes(A, -1, -2) + 0.1 * np.eye(shape[-1])
+
+
+def drawn(seed: int, n: int = 12, d: int = 2, size: int = 4) -> Linear:
+    """Observations of random unknowns with their noise, and a prior about 0."""
+    rng = np.random.default_rng(seed)
+    slope, covariance = rng.normal(size=(n, d, size)), spread(rng, n, d)
+    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.normal(size=(n, d)))
+    return Linear(slope @ rng.normal(size=size) + noise, slope, covariance, np.diag([0.0, 0.0, 4.0, 0.5]))
+
+
+def dense(one: Linear) -> Float:
+    """Covariance (n d, n d) of all observations, what they share included."""
+    n, d, _ = one.slope.shape
+    out = np.zeros((n, d, n, d))
+    out[np.arange(n), :, np.arange(n)] = one.covariance
+    for s in one.shared:
+        weight = np.zeros((len(s.rows), s.poses + 1))
+        weight[np.arange(len(s.rows)), s.pose] += 1.0 - s.fraction
+        weight[np.arange(len(s.rows)), s.pose + 1] += s.fraction
+        block = np.einsum("ap,bp,aie,bje->aibj", weight, weight, s.own, s.own)
+        block += np.einsum("aiv,bjv->aibj", s.whole, s.whole)
+        block[np.arange(len(s.rows)), :, np.arange(len(s.rows))] += s.alone
+        out[np.ix_(s.rows, range(d), s.rows, range(d))] = block
+    return out.reshape(n * d, n * d)
+
+
+def with_shared(seed: int) -> Linear:
+    """Two scans of poses that several observations share, and some observations by themselves."""
+    rng, one = np.random.default_rng(seed), drawn(seed, n=17, d=3)
+    order, scans = rng.permutation(17), []
+    for rows in (order[:6], order[6:13]):
+        m = len(rows)
+        pose, whole = np.sort(rng.integers(0, 3, m)), rng.normal(size=(m, 3, 2))
+        scans.append(Shared(rows, spread(rng, m, 3), rng.normal(size=(m, 3, 2)), pose, rng.uniform(size=m), 3, whole))
+    return dataclasses.replace(one, shared=tuple(scans))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_a_fit_is_generalised_least_squares_with_its_prior(seed: int, shares: bool) -> None:
+    one = with_shared(seed) if shares else drawn(seed)
+    found = fit(one, np.zeros(4))
+    J, weight = one.slope.reshape(-1, 4), np.linalg.inv(dense(one))
+    information = J.T @ weight @ J + one.prior
+    np.testing.assert_allclose(found.information, information, rtol=1e-7, atol=1e-9 * np.abs(information).max())
+    np.testing.assert_allclose(found.at, np.linalg.solve(information, J.T @ weight @ one.seen.ravel()), atol=1e-7)
+    off = one.seen.ravel() - J @ found.at
+    assert found.chi2 == pytest.approx(off @ weight @ off + found.at @ one.prior @ found.at, rel=1e-7)
+    assert found.freedom == one.seen.size + 2 - 4
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.integers(0, 11))
+def test_the_distance_of_an_observation_is_that_from_a_fit_without_it(seed: int, row: int) -> None:
+    one = drawn(seed)
+    used = np.arange(12) != row
+    whole, rest = fit(one, np.zeros(4)), fit(one, np.zeros(4), used)
+    off = rest.rows.residual[row]
+    spread = one.covariance[row] + one.slope[row] @ rest.inverse @ one.slope[row].T
+    chance = scipy.special.chdtrc(2, off @ np.linalg.solve(spread, off))  # of its two values
+    expected = np.sqrt(scipy.special.chdtri(3, chance))
+    assert whole.distance[row] == pytest.approx(expected, rel=0.03, abs=0.03)
+    assert rest.distance[row] == pytest.approx(whole.distance[row], rel=1e-7)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6))
+def test_one_more_unknown_is_what_a_fit_with_it_finds(seed: int) -> None:
+    one = drawn(seed)
+    change = np.random.default_rng(seed + 1).normal(size=one.seen.shape)
+    more = dataclasses.replace(
+        one, slope=np.concatenate([one.slope, change[..., None]], axis=2), prior=np.pad(one.prior, (0, 1))
+    )
+    found, u = fit(one, np.zeros(4)).tested(change)
+    expected = fit(more, np.zeros(5))
+    assert found == pytest.approx(expected.at[-1], rel=1e-6, abs=1e-9)
+    assert u == pytest.approx(np.sqrt(expected.covariance[-1, -1]), rel=1e-6)
+
+
+def test_one_more_unknown_that_the_others_can_be_is_open() -> None:
+    one = drawn(3)
+    assert np.isinf(fit(dataclasses.replace(one, prior=np.zeros((4, 4))), np.zeros(4)).tested(one.slope[..., 1])[1])
+
+
+def test_an_error_that_is_not_fitted_is_carried_as_a_refit_moves() -> None:
+    one, change = with_shared(5), np.random.default_rng(6).normal(size=(17, 3, 1))
+    moved = fit(dataclasses.replace(one, seen=one.seen + change[..., 0]), np.zeros(4)).at
+    found = fit(one, np.zeros(4))
+    np.testing.assert_allclose(found.carried(change)[:, 0], moved - found.at, atol=1e-8)
+
+
+def test_what_nothing_determines_is_open_and_the_rest_is_as_sure_as_without_it() -> None:
+    one = drawn(4)
+    slope, way = one.slope.copy(), np.array([1.0, -2.0, 0.0, 0.5]) / np.sqrt(5.25)
+    slope -= np.einsum("ndp,p,q->ndq", slope, way, way)
+    found = fit(Linear(slope @ np.ones(4), slope, 1e-4 * one.covariance), np.zeros(4))
+    u, open_ = estimator.worst(found.covariance)
+    assert u > 1e4
+    assert abs(open_ @ way) == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(found.at).max() < 10.0  # no large step is taken along it
+    basis = np.linalg.svd(way[None])[2][1:]
+    J = (slope @ basis.T).reshape(-1, 3)
+    expected = np.linalg.inv(J.T @ np.linalg.inv(dense(Linear(one.seen, slope, 1e-4 * one.covariance))) @ J)
+    np.testing.assert_allclose(basis @ found.covariance @ basis.T, expected, rtol=0.02, atol=0.02 * expected.max())
+
+
+@dataclass
+class Circle:
+    """Distances of points from a circle: centre and radius unknown."""
+
+    points: Float
+
+    def rows(self, at: Float) -> Rows:
+        def distance(step: Float) -> Float:
+            x = at + step
+            return np.asarray((np.linalg.norm(self.points - x[:2], axis=1) - x[2])[:, None])
+
+        slope = estimator.jacobian_of(distance, np.full(3, 1e-5))
+        n = len(self.points)
+        return Rows(-distance(np.zeros(3)), slope, np.ones((n, 1, 1)), np.ones(n), np.zeros((3, 3)), -at)
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return at + step
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_curved_prediction_is_fitted_as_by_levenberg_and_marquardt(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(0, 2.0, 15)
+    points = np.column_stack([np.cos(turn), np.sin(turn)]) * 3 + rng.normal(size=2) + 0.05 * rng.normal(size=(15, 2))
+    begin = np.r_[points.mean(axis=0), 1.0]
+    expected = scipy.optimize.least_squares(
+        lambda x: np.linalg.norm(points - x[:2], axis=1) - x[2], begin, method="lm", xtol=1e-14, ftol=1e-14
+    )
+    found = fit(Circle(points), begin)
+    np.testing.assert_allclose(found.at, expected.x, atol=1e-5)
+    assert found.chi2 == pytest.approx(2 * expected.cost, rel=1e-6)
+
+
+def test_a_covariance_grows_with_the_misfit_and_never_shrinks() -> None:
+    one = drawn(8, n=400)
+    found = fit(one, np.zeros(4))
+    u = np.sqrt(np.diag(found.covariance))
+    proud, humble = (fit(dataclasses.replace(one, covariance=k * one.covariance), np.zeros(4)) for k in (0.01, 100.0))
+    np.testing.assert_allclose(np.sqrt(np.diag(proud.covariance)), u, rtol=0.2)
+    assert proud.misfit == pytest.approx(100.0, rel=0.2)
+    assert np.sqrt(np.diag(humble.covariance)) == pytest.approx(
+        np.sqrt(np.diag(np.linalg.inv(humble.information))), rel=1e-6
+    )
+
+
+def numbers(values: Float, repeats: Float | None = None) -> Linear:
+    """Numbers of standard deviation 1 about a mean that is known to be 0: as three values, of which one is noise."""
+    seen = np.zeros((len(values), 3))
+    seen[:, 0] = values
+    n = len(values)
+    slope = np.zeros((n, 3, 1))
+    slope[:, 0] = 1.0
+    return Linear(seen, slope, np.tile(np.eye(3), (n, 1, 1)), np.eye(1) * 1e12, repeats)
+
+
+def left_out(values: Float, spare: int = 4) -> tuple[Fit[Float], dict[int, str]]:
+    """Of such numbers, on lines from 10."""
+    labels = Labels("a.csv", tuple(range(10, 10 + len(values))), ask="look")
+    return without_blunders(numbers(values), np.zeros(1), labels, spare=spare)
+
+
+def test_blunders_are_left_out_by_their_lines_the_worst_first() -> None:
+    found, told = left_out(np.array([1.0, -2.0, 30.0, 0.5, -6.0, 1.5, 0.2, 1.1]))
+    assert np.flatnonzero(~found.used).tolist() == [2, 4]
+    assert told == {
+        12: "line 12 is left out: it lies 30.00 mm from where all other rows put it",
+        14: "line 14 is left out: it lies 6.00 mm from where all other rows put it",
+    }
+
+
+def test_what_is_far_off_beside_three_quarters_of_the_rows_only_is_a_blunder() -> None:
+    assert left_out(np.array([1.0, 1.0, 1.0, 4.9]))[1] == {}
+    assert [*left_out(np.array([1.0, 1.0, 1.0, 5.1]))[1]] == [13]
+    assert left_out(np.array([4.06, 4.06, 4.06, 9.9]))[1] == {}  # noise of twice what is stated: 5 becomes 10
+    assert [*left_out(np.array([4.06, 4.06, 4.06, 10.1]))[1]] == [13]
+
+
+def test_where_more_than_a_quarter_is_off_or_little_checks_it_no_row_is_blamed() -> None:
+    with pytest.raises(InputError, match=r"a\.csv: the rows contradict each other: a misfit of .* look"):
+        left_out(np.array([0.1, 0.2, 0.3, 0.1, 50.0, 60.0, 0.1]))
+    assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), spare=13)[1] == {}
+    assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), spare=12)[1] != {}
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6))
+def test_the_order_of_observations_does_not_count(seed: int) -> None:
+    one, rng = drawn(seed), np.random.default_rng(seed)
+    one.seen[3] += 40.0 * np.sqrt(np.diagonal(one.covariance[3]))
+    order = rng.permutation(12)
+    other = Linear(one.seen[order], one.slope[order], one.covariance[order], one.prior)
+    (first, said), (second, again) = (
+        without_blunders(each, np.zeros(4), Labels("a.csv", tuple(int(k) for k in lines)))
+        for each, lines in ((one, np.arange(12)), (other, order))
+    )
+    assert said == again
+    np.testing.assert_allclose(first.at, second.at, atol=1e-9)
+    np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-9, atol=1e-12)

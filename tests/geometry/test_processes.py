@@ -1,0 +1,72 @@
+"""Errors that values along an edge share: a course against them, and steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.processes import Process, Shared
+from workbench.units import Float
+
+S = np.linspace(0.0, 90.0, 300)
+SEEDS = range(12)
+
+
+def drawn(seed: int, shared: Process, noise: float = 0.005) -> Float:
+    """A slow wave, a draw of the process on its own grid, and noise."""
+    rng = np.random.default_rng(seed)
+    grid = np.arange(-4.0 * shared.length_mm, 90.0 + 4.0 * shared.length_mm, 0.1 * min(shared.length_mm, 5.0))
+    kernel = np.exp(-(((S[:, None] - grid) / shared.length_mm) ** 2))  # its square integrates to that correlation
+    process = kernel @ rng.normal(size=grid.size) / np.sqrt((kernel[150] ** 2).sum())
+    return 0.2 * np.sin(S / 25.0) + shared.strength * process + rng.normal(0.0, noise, S.size)
+
+
+def course(y: Float, shared: Process | None) -> Course:
+    return fit_course(S, y, orders=(2, 3), shared=Shared(process=shared, may_step=True))
+
+
+@pytest.mark.parametrize("length_mm", [1.0, 4.0, 15.0, 40.0])
+def test_place_and_slope_are_as_uncertain_as_they_err(length_mm: float) -> None:
+    shared, at = Process(0.03, length_mm), np.linspace(2.0, 88.0, 15)
+    off = []
+    for seed in SEEDS:
+        found = course(drawn(seed, shared), shared)
+        place = (found.value(at) - 0.2 * np.sin(at / 25.0)) / found.u(at)
+        slope = (found.slope(at) - 0.2 / 25.0 * np.cos(at / 25.0)) / found.slope_u(at)
+        off.append([place, slope])
+    place, slope = np.sqrt((np.array(off) ** 2).mean(axis=(0, 2)))
+    assert 0.4 < place < 1.4
+    assert 0.4 < slope < 2.1  # near the ends a sine bends more than the walks expect
+
+
+def test_without_what_is_shared_the_course_would_be_too_sure() -> None:
+    shared, at = Process(0.03, 15.0), np.linspace(2.0, 88.0, 15)
+    off = [course(drawn(seed, shared), None) for seed in SEEDS]
+    rms = np.sqrt(np.mean([((c.value(at) - 0.2 * np.sin(at / 25.0)) / c.u(at)) ** 2 for c in off]))
+    assert rms > 4.0
+
+
+def test_no_strength_changes_nothing() -> None:
+    y, at = drawn(1, Process(0.0, 5.0)), np.linspace(0.0, 90.0, 20)
+    plain, with_none = course(y, None), course(y, Process(0.0, 5.0))
+    assert with_none.value(at) == pytest.approx(plain.value(at), abs=1e-6)
+    assert with_none.u(at) == pytest.approx(plain.u(at), rel=0.05)
+
+
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_a_step_is_in_the_uncertainty(height: float) -> None:
+    shared = Process(0.01, 5.0)
+    assert 0.35 * height < course(drawn(2, shared) + height * (S > 40.0), shared).step_u < 0.8 * height
+
+
+@pytest.mark.parametrize("bend", [0.0 * S, 1e-3 * S**2, 1.5 * np.sin(S / 9.0), np.hypot(300.0, S) - 300.0])
+def test_edges_that_bend_do_not_step(bend: Float) -> None:
+    shared = Process(0.02, 4.0)
+    assert course(drawn(3, shared) + bend, shared).step_u < 0.01
+
+
+def test_a_larger_step_is_more_uncertain() -> None:
+    shared = Process(0.02, 8.0)
+    found = [course(drawn(4, shared) + one * (S > 40.0), shared).step_u for one in np.linspace(0.0, 0.3, 7)]
+    assert (np.diff(found) > -0.005).all()

@@ -1,0 +1,253 @@
+"""What straight lines leave of a face in all frames together, and what that makes of its direction and its ends.
+
+The residuals of a face are an image, frame by place on the face. What its noise does not explain, averaged over the
+frames of a stretch of edge, lasts: a bow of the face, a pattern or the linearity of the sensor, a ghost. It is taken
+for a parabola, a random walk along the face and errors of single places; how strong the two latter are is weighed by
+their restricted likelihood (Harville, JASA 72 (1977), 320), and their part in the line follows (docs/method.md, 4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.artefacts import Cloud
+from workbench.geometry.chains import FaceLines
+from workbench.units import AnyArray, Float, Shaped
+
+FRAMES, LEAST_FRAMES = 480, 4  # evenly over the recording; of a stretch at the least
+STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
+PLACES, LEAST_PLACES = 16, 5  # on a face, along it
+SHRUNK = 0.2  # of the covariance between places towards none: a few frames tell it badly
+# Strengths that are alike likely before: of the walk of the range, rms over 1 lateral mm, and of single places; mm.
+WALKS = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 12)])
+SINGLES = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 9)])
+SENSOR = 4.0  # odds, before, that what lasts is the sensor's, with one walk for all faces
+# Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
+NOTHING, USUAL_MM = 0.5, 0.001
+FREE_MM = 1.0  # by which a line and a parabola may be anything
+
+
+class Linearity(NamedTuple):
+    """The sensor's own error over its columns: rms, and over what length it changes, mm.
+
+    What is not declared is taken for half a micrometre: the least that a face's own residuals cannot disprove.
+    """
+
+    rms_mm: float = 0.0005
+    length_mm: float = 6.0
+
+
+def declared_linearity(sensor: Path | None) -> Linearity:
+    """The linearity that a `sensor.json` declares; the default where there is none, or it says nothing of it."""
+    from workbench.result_files import SensorFile  # pydantic: loaded when there is something to read
+
+    told = SensorFile() if sensor is None else SensorFile.read(sensor)
+    usual = Linearity()
+    return Linearity(
+        usual.rms_mm if told.linearity_mm is None else told.linearity_mm, told.linearity_length_mm or usual.length_mm
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceForm:
+    """Standard uncertainties of a face's line by what lasts, at m places of the edge."""
+
+    turn_u: Shaped[Float, " m"]  # of its direction, rad
+    lower_u_mm: Shaped[Float, " m"]  # of its place across the face at the lower end
+    upper_u_mm: Shaped[Float, " m"]  # and at the upper one
+    width_mm: float  # of the face, as far as its points reach
+
+    @property
+    def offset_u_mm(self) -> Float:
+        """Standard uncertainty (m,) of the face's place at one end or the other, mm."""
+        return np.sqrt(0.5 * (self.lower_u_mm**2 + self.upper_u_mm**2))
+
+
+class FaceImage(NamedTuple):
+    """The residual image of one face, averaged over the frames of each of k stretches of edge."""
+
+    s: Shaped[Float, " k"]  # mm
+    mean: Shaped[Float, "k p"]  # across the face, mm
+    noise: Shaped[Float, "k p p"]  # its covariance, mm^2
+    place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
+    lean: float  # mm along the face by mm of the sensor's lateral axis
+    of_columns: FaceImage | None = None  # the same by the sensor's columns, less what the places say: one stretch
+
+
+def face_image(
+    cloud: Cloud, labels: AnyArray, face: FaceLines, label: int, side: Float, s_frames: Float
+) -> FaceImage | None:
+    """The residual image of the face with this label in `labels` (N, M); None: too little of it is seen.
+
+    side (N,): its lower end lies towards rising side * x. s_frames (N,): arc length of each frame, mm.
+    """
+    frames = np.flatnonzero(np.isfinite(s_frames) & (face.count > LEAST_PLACES))
+    if frames.size > FRAMES:
+        frames = frames[np.unique(np.linspace(0, frames.size - 1, FRAMES).round().astype(np.int64))]
+    if frames.size < 2 * LEAST_FRAMES:
+        return None
+    slope = face.sxz[frames] / face.sxx[frames]
+    lean = np.hypot(1.0, slope)
+    on = (labels[frames] == label) & cloud.keep[frames]
+    columns = np.flatnonzero(on.any(axis=0))
+    part = slice(columns[0], columns[-1] + 1)
+    on = on[:, part]
+    dx = np.where(on, cloud.x_mm[frames, part] - face.x_mean[frames, None], 0.0)
+    off = np.where(
+        on, (cloud.z_mm[frames, part] - face.z_mean[frames, None] - slope[:, None] * dx) / lean[:, None], 0.0
+    )
+    along = dx * (side[frames] * lean)[:, None]
+    half = np.sqrt(3.0) * float(np.median(np.sqrt(face.sxx[frames] / face.count[frames]) * lean))
+    places = int(min(np.median(on.sum(axis=1)), PLACES))
+    if places < LEAST_PLACES:
+        return None
+    place = np.floor((along / half + 1.0) * 0.5 * places)
+    on &= (place >= 0) & (place < places)
+    frame, column = np.nonzero(on)
+    key = frame * places + place[frame, column].astype(np.int64)
+    count = np.bincount(key, minlength=frames.size * places).reshape(-1, places)
+    total = np.bincount(key, off[frame, column], minlength=frames.size * places).reshape(-1, places)
+    value = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    width = 2.0 * half / places
+    image = _pooled(value, s_frames[frames], (np.arange(places) + 0.5 - 0.5 * places) * width, float(np.median(lean)))
+    if image is None:
+        return None
+    mean = np.stack([np.interp(s_frames[frames], image.s, of) for of in image.mean.T], axis=1)
+    left = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
+    wide = max(1, round(float(np.median(on.sum(axis=1))) / places))
+    bins = on.shape[1] // wide + 1
+    key = frame * bins + column // wide
+    count = np.bincount(key, minlength=frames.size * bins).reshape(-1, bins)
+    total = np.bincount(key, left, minlength=frames.size * bins).reshape(-1, bins)
+    often = (count > 0).sum(axis=0) >= max(2 * LEAST_FRAMES, 0.1 * frames.size)
+    value = np.where(count > 0, total / np.maximum(count, 1), np.nan)[:, often]
+    if value.shape[1] < LEAST_PLACES:
+        return image
+    at_mm = (np.flatnonzero(often) - 0.5 * bins) * width
+    return image._replace(of_columns=_pooled(value, s_frames[frames], at_mm - at_mm.mean(), image.lean, 1))
+
+
+def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 1000) -> FaceImage | None:
+    """The image of residuals (f, p) of frames at s (f,), mm, by stretches."""
+    stretches = max(1, min(math.floor(np.ptp(s) / STRETCH_MM), len(value) // STRETCH_FRAMES, most))
+    stretch = np.minimum((s - s.min()) / max(float(np.ptp(s)), 1e-9) * stretches, stretches - 1).astype(np.int64)
+    keep = [k for k in range(stretches) if (np.isfinite(value[stretch == k]).sum(axis=0) >= LEAST_FRAMES).all()]
+    if not keep:
+        return None
+    middle = np.stack([_trimmed(value[stretch == k]) for k in keep])
+    left = np.concatenate([value[stretch == k] - m for k, m in zip(keep, middle, strict=True)])
+    spread = 3.0 * 1.4826 * np.nanmedian(np.abs(left), axis=0) + 1e-9
+    seen = np.sqrt(np.isfinite(left).sum(axis=0))
+    left = np.clip(np.nan_to_num(left), -spread, spread)
+    covariance = left.T @ left / (seen[:, None] * seen)
+    covariance = (1.0 - SHRUNK) * covariance + SHRUNK * np.diag(np.diag(covariance))
+    counted = np.array([np.isfinite(value[stretch == k]).sum(axis=0).mean() for k in keep]) / _together(left)
+    at = np.array([s[stretch == k].mean() for k in keep])
+    return FaceImage(at, middle, covariance[None] / counted[:, None, None], place_mm, lean)
+
+
+def _trimmed(value: Float) -> Float:
+    """Means of (f, p) over the frames, values far beyond the others cut back."""
+    middle = np.nanmedian(value, axis=0)
+    reach = 3.0 * 1.4826 * np.nanmedian(np.abs(value - middle), axis=0) + 1e-9
+    return np.asarray(np.nanmean(np.clip(value, middle - reach, middle + reach), axis=0))
+
+
+def _together(left: Float) -> float:
+    """How many neighbouring frames count as one, since they share what they leave (f, p): by their autocorrelation."""
+    square = float((left**2).mean())
+    total = 1.0
+    for lag in range(1, min(30, len(left) // 4)):
+        shared = float((left[lag:] * left[:-lag]).mean()) / max(square, 1e-30)
+        if shared < 2.0 / math.sqrt(left.size):
+            break
+        total += 2.0 * shared
+    return total
+
+
+def forms(images: tuple[FaceImage | None, ...], at: Float, sensor: Linearity) -> tuple[FaceForm, ...]:
+    """The form of each face at arc lengths `at` (m,) mm.
+
+    The walk's strength is one for all faces, as a sensor's is, or each face's own: weighed by what the images say.
+    """
+    tables = [None if one is None else _likelihoods(one) for one in images]
+    known = [one for one in tables if one is not None]
+    walk_logs = [np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in known]
+    own = [log - np.logaddexp.reduce(log) for log in walk_logs]
+    before = _log_prior(WALKS)
+    together = np.sum(walk_logs, axis=0) - (len(known) - 1) * before if known else before
+    apart = sum(float(np.logaddexp.reduce(log)) for log in walk_logs)
+    one_for_all = float(np.logaddexp.reduce(together))
+    share = 1.0 / (1.0 + math.exp(np.clip(apart - one_for_all, -50.0, 50.0)) / SENSOR)
+    shared = np.exp(together - np.logaddexp.reduce(together))
+    out, number = [], 0
+    for image, table in zip(images, tables, strict=True):
+        if image is None or table is None:
+            nothing = np.zeros(at.size)
+            out.append(FaceForm(nothing, nothing, nothing, 1.0))
+            continue
+        walk = share * shared + (1.0 - share) * np.exp(own[number])
+        number += 1
+        out.append(_form(image, table, walk, at, sensor))
+    return tuple(out)
+
+
+def _likelihoods(image: FaceImage) -> Float:
+    """Restricted log-likelihoods (k, walks, singles) of each stretch's mean residuals, with its share of the prior."""
+    t = image.place_mm
+    shapes = np.stack([np.ones_like(t), t / t[-1], (t / t[-1]) ** 2], axis=1)
+    free = FREE_MM**2 * shapes @ shapes.T
+    base = image.noise[:, None, None] + free + 1e-16 * np.eye(t.size)
+    lasting = WALKS[:, None, None, None] ** 2 * _walk(image) + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
+    factor = np.linalg.cholesky(base + lasting)
+    white = np.linalg.solve(factor, np.broadcast_to(image.mean[:, None, None, :, None], (*factor.shape[:-1], 1)))
+    logs = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+    prior = (_log_prior(WALKS)[:, None] + _log_prior(SINGLES)) / len(image.mean)  # once for all stretches
+    return np.asarray(-0.5 * (white[..., 0] ** 2).sum(axis=-1) - logs + prior)
+
+
+def _log_prior(strengths: Float) -> Float:
+    some = np.minimum(1.0, USUAL_MM / np.maximum(strengths, 1e-9)) * (strengths > 0.0)
+    return np.log(np.where(strengths == 0.0, NOTHING, (1.0 - NOTHING) * some / some.sum()))
+
+
+def _walk(image: FaceImage) -> Float:
+    """Covariance (p, p) across the face of a walk of the range of variance 1 a lateral mm, from the middle on."""
+    t = image.place_mm / image.lean
+    return np.where(t[:, None] * t > 0.0, np.minimum(np.abs(t[:, None]), np.abs(t)), 0.0) / image.lean**2
+
+
+def _form(image: FaceImage, table: Float, walk: Float, at: Float, sensor: Linearity) -> FaceForm:
+    """The uncertainties by mean strengths: `walk` (w,) their posterior, of single places by `table` (k, w, singles)."""
+    t = image.place_mm
+    end = 0.5 * (3.0 * t[-1] - t[-2])
+    line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
+    weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
+    apart = (t[:, None] - t) / sensor.length_mm
+    field = sensor.rms_mm**2 * np.exp(-0.5 * apart**2)
+    centred = np.eye(t.size) - 1.0 / t.size  # a sensor's or a face's common offset moves nothing
+    beside = np.zeros_like(field)
+    if image.of_columns is not None:
+        log = _likelihoods(image.of_columns)[0]
+        share = np.exp(log - np.logaddexp.reduce(log, axis=None))
+        beside = float(share.sum(axis=1) @ WALKS**2) * _walk(image) + float(share.sum(axis=0) @ SINGLES**2) * np.eye(
+            t.size
+        )
+    rows = []
+    for one, mean, noise in zip(table, image.mean, image.noise, strict=True):
+        single = np.exp(one - np.logaddexp.reduce(one, axis=1)[:, None])
+        square = float(walk @ (single @ SINGLES**2))
+        covariance = float(walk @ WALKS**2) * _walk(image) + square * np.eye(t.size) + field + beside
+        known = np.einsum("wp,pq,wq->w", weights, noise, weights)
+        aside = np.maximum(
+            (weights @ mean) ** 2 - known, 0.0
+        )  # returns of the face lie along another line than its own
+        rows.append(np.einsum("wp,pq,wq->w", weights, centred @ covariance @ centred, weights) + aside)
+    of_stretch = np.array(rows)
+    turn, lower, upper = (np.sqrt(np.interp(at, image.s, of)) for of in of_stretch.T)
+    return FaceForm(turn, lower, upper, 2.0 * end)

@@ -1,0 +1,561 @@
+"""The broken lower end of a face: how far its virtual edge lies beyond the last return (docs/method.md, eq. (12)).
+
+A face may end sharp, rounded or with a chamfer. Each such *template* predicts how deep the last returns lie under the
+face's line, which part of the break the rays still reach, and so how far the virtual sharp edge lies beyond the last
+return. The break belongs to the edge; what a scanning pass sees of it belongs to the pass. One posterior over the
+templates, by the depths in all passes, gives each pass the mean of what it does not see, and its standard uncertainty.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.checks.sensor import column_pitch_mm
+from workbench.edge.faces import TrackedFaces
+from workbench.geometry.blocks import as_input
+from workbench.geometry.chains import FaceLines
+from workbench.geometry.end_face import BROKEN_MM
+from workbench.kernels import kernel
+from workbench.units import Bool, Float, Float32, Int, Shaped
+
+EdgeCondition: TypeAlias = Literal["sharp", "deburred", "unknown"]
+
+
+class EdgePrior(NamedTuple):
+    """What is held possible of an edge before any return is looked at: shares, and sizes alike likely in logarithm."""
+
+    sharp: float
+    rounded: float
+    chamfered: float
+    least_mm: float
+    most_mm: float
+
+
+# A milled edge that nothing was said of is as likely sharp as broken; one that a brush or a file went over has a size.
+PRIORS: dict[EdgeCondition, EdgePrior] = {
+    "sharp": EdgePrior(0.5, 0.5, 0.0, 0.002, 0.02),
+    "deburred": EdgePrior(0.0, 0.9, 0.1, 0.03, 2.0),
+    "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
+}
+SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
+INCIDENCES = np.radians(np.arange(60.0, 89.0, 4.0))  # greatest angle of incidence at which a return is kept
+QUARTER, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle, a chamfer not flat
+# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on, half of them
+# from half on: columns by which its middle then lies beyond the end, and half of what it sees.
+FOOTPRINTS, FILLS = np.array([0.5, 1.0, 1.5]), np.array([0.1, 0.3, 0.5, 0.7])
+FILL_PRIOR = np.array([1.0, 1.0, 3.0, 1.0])
+PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
+PIXEL_PRIOR = np.append(1.0, np.tile(FILL_PRIOR / FILL_PRIOR.sum(), FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
+WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
+SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
+LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
+STEP_MM = 0.15  # between columns of one surface
+STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
+PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a break
+DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
+MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceRim:
+    """The free end of a face in each of N frames."""
+
+    face: FaceLines
+    side: Shaped[Float, " N"]  # +1 or -1: the end lies towards rising side * x
+    end_x_mm: Shaped[Float, " N"]  # x of the last return on the face's line
+    step_mm: Shaped[Float, " N"]  # between columns, along the face
+    sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
+    on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
+
+
+def root_rim(tracked: TrackedFaces) -> FaceRim:
+    """The lower end of a milled edge's root face."""
+    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
+    sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True)
+
+
+def is_free_end(tracked: TrackedFaces) -> Bool:
+    """Frames (N,) in which nothing but its own edge ends the root face.
+
+    A return between it and what lies behind it is mostly far off its line; one that is not may be of a rounding.
+    """
+    return tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BrokenEnd:
+    """What the posterior over the templates says of N frames; zeros where the face's end is no free one."""
+
+    beyond_mm: Shaped[Float, " N"]  # of the virtual edge, from where the returns on the line end: its mean
+    u_mm: Shaped[Float, " N"]  # and standard uncertainty, common to the frames of a pass
+    lit: Shaped[Float, " N"]  # share of a pixel that must be filled to return
+    size_mm: float  # radius of a rounding, height of a chamfer: the mean, where the edge is proven broken; else 0
+    rim_mm: float  # of the face before its last return on the line, along x, that is broken
+
+
+def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition = "unknown") -> BrokenEnd:
+    """The lower end of a face in the frames `here` (N,), by the depths of its last returns in all passes.
+
+    Source: eq. (12) and (12a) of docs/method.md for the templates; averaged over them as Hoeting et al., Bayesian model
+    averaging, Statistical Science 14 (1999), 382.
+    """
+    beyond, u = np.zeros((2, here.size))
+    lit = np.full(here.size, 0.5)
+    numbers = np.unique(cloud.pass_index[here])
+    views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
+    prior = PRIORS[condition]
+    templates = end_templates(prior)
+    seen = [seen_end(view, templates) for view in views]
+    likelihood = np.sum([one.log for one in seen], axis=0) if seen else np.zeros(templates.size_mm.size)
+    log = templates.log_prior + likelihood
+    share = np.exp(log - log.max())
+    share /= share.sum()
+    possible = np.isfinite(templates.log_prior[1:])
+    proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
+    rims = [0.0]
+    for p, view, one in zip(numbers, views, seen, strict=True):
+        mine = here & (cloud.pass_index == p)
+        mean, spread = beyond_of(share, one)
+        odd = _odd_columns(view.known, share @ one.fall, share @ one.fall_u) * view.step_mm
+        beyond[mine], u[mine], lit[mine] = mean, math.hypot(spread, odd), 0.5 - share @ one.past
+        deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
+        rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
+    size = float(share @ templates.size_mm) if proven else 0.0
+    return BrokenEnd(beyond, u, lit, size, max(rims) if proven else 0.0)
+
+
+def weights(s: Float, u_mm: Float) -> Float:
+    """What each frame (N,) at s (N,) mm counts, by what it does not see of the break beside those within CELL_MM.
+
+    1 for those that see most of it: a pass that sees the corner fixes the edge where it covers it.
+    """
+    cell = np.floor(np.nan_to_num(s) / CELL_MM).astype(np.int64)
+    cell -= cell.min()
+    least = np.full(int(cell.max()) + 1, np.inf)
+    np.minimum.at(least, cell[np.isfinite(s)], u_mm[np.isfinite(s)])
+    return np.where(np.isfinite(s), (np.minimum(least[cell], u_mm) ** 2 + ALIKE_MM**2) / (u_mm**2 + ALIKE_MM**2), 0.0)
+
+
+def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
+    """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates."""
+    mean = float(share @ seen.beyond)
+    return mean, math.sqrt(float(share @ ((seen.beyond - mean) ** 2 + seen.beyond_u**2)))
+
+
+def whole_end(frames: int) -> BrokenEnd:
+    """The end of a face of which nothing is broken."""
+    return BrokenEnd(np.zeros(frames), np.zeros(frames), np.full(frames, 0.5), 0.0, 0.0)
+
+
+def u_along(s: Float, u_mm: Float, at: Float) -> Float:
+    """What frames at s (N,) with u (N,), mm, do not see of the break together at stations (k,), mm; NaN in s: none."""
+    on = np.isfinite(s)
+    cell, weight = np.clip(np.searchsorted(at, s[on]), 0, at.size - 1), weights(s[on], u_mm[on])
+    total = np.bincount(cell, weight, at.size)
+    known = total > 0.0
+    return np.interp(at, at[known], np.bincount(cell, weight * u_mm[on], at.size)[known] / total[known])
+
+
+class EndTemplates(NamedTuple):
+    """T ends of a face: a sharp one first, roundings, chamfers."""
+
+    log_prior: Shaped[Float, " t"]
+    size_mm: Shaped[Float, " t"]  # radius of a rounding, height of a chamfer
+    turn: Shaped[Float, " t"]  # of a chamfer from the face, rad; 0: no chamfer
+
+    def of(self, which: Int) -> EndTemplates:
+        """Some of them; the sharp one keeps its share, the others theirs together."""
+        log = self.log_prior[which]
+        some, every = np.exp(log[1:]).sum(), np.exp(self.log_prior[1:]).sum()
+        log[1:] += math.log(every / some) if some > 0.0 else 0.0
+        return EndTemplates(log, self.size_mm[which], self.turn[which])
+
+
+RARE_MM, ALIKE_MM, CELL_MM = 0.15, 0.003, 4.0  # breaks beyond this are the rarer, the larger
+
+
+def end_templates(prior: EdgePrior) -> EndTemplates:
+    """All that a prior holds possible."""
+    sizes = np.geomspace(prior.least_mm, prior.most_mm, SIZES)
+    usual = np.minimum(1.0, (RARE_MM / sizes) ** 3)
+    usual /= usual.sum()
+    size = np.concatenate([[0.0], sizes, np.tile(sizes, TURNS.size)])
+    turn = np.concatenate([np.zeros(1 + SIZES), np.repeat(TURNS, SIZES)])
+    share = np.concatenate(
+        [[prior.sharp], prior.rounded * usual, np.tile(prior.chamfered * usual / TURNS.size, TURNS.size)]
+    )
+    with np.errstate(divide="ignore"):
+        return EndTemplates(np.log(share), size, turn)
+
+
+class EndView(NamedTuple):
+    """What one pass shows of the end: depths by groups of columns before the last return."""
+
+    known: Depths
+    edges_mm: Shaped[Float, " g1"]
+    inclination: float  # of the face to the rays' normal, rad
+    step_mm: float
+    phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
+    further: float  # columns beyond the line's end in which returns go on, on average
+    usually_further: float  # the same in the median frame
+
+
+def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
+    face = rim.face
+    frames = np.flatnonzero(here & (face.count > LEAST_GROUPS) & (face.sxx > 0.0))
+    if frames.size > SAMPLE_FRAMES:
+        frames = frames[np.unique(np.linspace(0, frames.size - 1, SAMPLE_FRAMES).round().astype(np.int64))]
+    if frames.size < LEAST_FRAMES:
+        frames = np.flatnonzero(here & (face.sxx > 0.0))
+        step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05
+        slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames]))) if frames.size else 1.0
+        edges = np.arange(LEAST_GROUPS + 1.0) * step
+        return EndView(_nothing_known(LEAST_GROUPS), edges, math.atan(slope), step, end_phases(True), 0.0, 0.0)
+    step = float(np.median(rim.step_mm[frames]))
+    slopes = face.sxz[frames] / face.sxx[frames]
+    slope = float(np.median(np.abs(slopes)))
+    width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) * math.hypot(1.0, slope)
+    edges = end_groups(min(width, DEEP_MM) / step)
+    line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
+    line += [rim.step_mm[frames], rim.sense[frames]]
+    depth, last = np.full((frames.size, edges.size - 1), np.nan), np.full((frames.size, 2), np.nan)
+    x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _last_returns(x, z, keep, as_input(np.stack(line, axis=1)), as_input(edges), depth, last)
+    depth = _between(depth)
+    mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
+    depth = depth[:, : int(mostly.argmin())]
+    depth = depth[np.isfinite(depth).all(axis=1)]
+    is_shown = len(depth) >= LEAST_FRAMES and depth.shape[1] >= LEAST_GROUPS
+    edges = edges[: depth.shape[1] + 1] if is_shown else edges[: LEAST_GROUPS + 1]
+    known = _known_depths(depth, edges * step) if is_shown else _nothing_known(edges.size - 1)
+    moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
+    further = float(last[:, 0].mean())
+    if not rim.on_line:  # a return under the line lies that much farther along the face
+        further -= float(np.nanmean(last[:, 1])) * slope / step
+    return EndView(
+        known, edges * step, math.atan(slope), step, end_phases(moved > STILL), further, float(np.median(last[:, 0]))
+    )
+
+
+def end_phases(moving: bool) -> Float:
+    """Places (p, q) of the end within its column; p alike likely, each the mean over q: all in turn where it moves."""
+    return (np.arange(12.0)[None] + 0.5) / 12.0 if moving else (np.arange(6.0)[:, None] + 0.5) / 6.0
+
+
+class SeenEnd(NamedTuple):
+    """T templates as one pass sees them."""
+
+    log: Shaped[Float, " t"]  # log-likelihood of the depths
+    beyond: Shaped[Float, " t"]  # of the virtual edge from where the returns on the line end, mm: mean
+    beyond_u: Shaped[Float, " t"]  # and standard deviation, by what the sensor still returns
+    past: Shaped[Float, " t"]  # columns by which the middle of the last pixel lies beyond the end: mean
+    fall: Shaped[Float, "t g"]  # depth under the line by groups of columns, mm
+    fall_u: Shaped[Float, "t g"]
+
+
+def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
+    """Every template under every greatest incidence, place within the column and pixel, averaged over these three."""
+    sizes, incidence, pixel, phase = (
+        a.ravel()
+        for a in np.meshgrid(
+            np.arange(templates.size_mm.size),
+            INCIDENCES,
+            np.arange(len(PIXELS)),
+            np.arange(len(view.phases)),
+            indexing="ij",
+        )
+    )
+    size, turn = templates.size_mm[sizes], templates.turn[sizes]
+    hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase)
+    fall_u = np.where(turn > 0.0, FLAT, QUARTER)[:, None] * fall
+    fall -= raised
+    log = np.empty(size.size)
+    order = np.lexsort((phase, incidence, pixel, size))
+    score = np.empty(size.size)
+    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u[order], score)
+    log[order] = score
+    log += np.log(PIXEL_PRIOR)[pixel]
+    beyond = np.where(size > 0.0, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm
+    beyond_u = np.where(size > 0.0, QUARTER * hidden, view.usually_further * view.step_mm)
+    shape = (templates.size_mm.size, -1)
+    log, beyond, beyond_u = log.reshape(shape), beyond.reshape(shape), beyond_u.reshape(shape)
+    most = log.max(axis=1, keepdims=True)
+    weight = np.exp(log - most)
+    total = weight.sum(axis=1)
+    weight /= total[:, None]
+    mean = (weight * beyond).sum(axis=1)
+    spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
+    past = (weight * PIXELS[pixel, 0].reshape(shape)).sum(axis=1)
+    falls = [np.einsum("ti,tig->tg", weight, of.reshape(*weight.shape, -1)) for of in (fall, fall_u)]
+    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, past, *falls)
+
+
+def rendered_end(
+    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int
+) -> tuple[Float, Float, Float]:
+    """Virtual edge beyond the last return (n,), depths (n, g) by groups of columns, and how far part-filled pixels
+    return above them (n, g), of n templates; mm.
+
+    A quarter circle of radius R leaves the line and is seen up to where its normal stands at the greatest incidence to
+    the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
+    of one that the end fills in part, that lies before its middle.
+    """
+    lean, column = view.inclination, view.step_mm
+    round_, seen = turn == 0.0, turn + lean < incidence
+    last = np.clip(incidence - lean, 0.0, math.pi / 2.0)  # turn of the circle where it is lost
+    shown = np.where(
+        round_,
+        size * (np.sin(last) - (1.0 - np.cos(last)) * math.tan(lean)),
+        np.where(seen, size * (1.0 - np.tan(turn) * math.tan(lean)), 0.0),
+    )
+    width = np.diff(view.edges_mm)
+    wide = width > 1.5 * column
+    within = np.where(wide[:, None], 0.5 * width[:, None], view.phases[:, None, :] * width[:, None])
+    place = view.edges_mm[None, :-1, None] + within  # (p, g, q) before the last return
+    falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
+    known = np.stack([np.where(round_, size, 0.0), shown, falls], axis=1)
+    depth = np.zeros((size.size, width.size))
+    _depths(known, phase, pixel, place, PIXELS * column, lean, depth)
+    before = place - column * PIXELS[:, 0, None, None, None]
+    half = column * PIXELS[:, 1, None, None, None]
+    raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
+    return size - shown, depth, raised
+
+
+@kernel
+def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, lean: float, out: Float) -> None:
+    """Fill in depths (n, g) under the line of n templates, known (n, 3): radius or 0, what is seen, fall of a chamfer.
+
+    place (p, g, q): of the pixels' middles before the last return; pixels (k, 2): how far they reach, half their width.
+    """
+    sine, cosine = math.sin(lean), math.cos(lean)
+    for n in range(len(known)):
+        radius, shown, falls = known[n]
+        past, half = pixels[pixel[n]]
+        for g in range(place.shape[1]):
+            total, count = 0.0, 0
+            for q in range(place.shape[2]):
+                middle = place[phase[n], g, q] - past
+                if middle - half > shown:
+                    count += WITHIN.size
+                    continue
+                for offset in WITHIN:
+                    w = middle + offset * half
+                    if w >= 0.0:
+                        count += 1
+                        on = max(shown - w, 0.0)
+                        if radius > 0.0 and on > 0.0:
+                            turn = min(on / radius * cosine + sine, 1.0)
+                            total += radius * (1.0 - math.sqrt(1.0 - turn * turn) * cosine - turn * sine)
+                        else:
+                            total += falls * on
+            out[n, g] = total / max(count, 1)
+            if total == 0.0 and place[phase[n], g, 0] - past - half > shown:
+                break  # further in lies the face
+
+
+def _odd_columns(known: Depths, fall: Float, fall_u: Float) -> int:
+    """How many of the last columns may be no part of the face: 0, if the templates explain all.
+
+    What a sensor's filter makes of an end may lie above the line, where no break lies.
+    """
+    left = known.mean - fall
+    covariance = known.noise + known.free + np.diag(fall_u**2 + ODD_MM**2)
+    lower = np.linalg.cholesky(covariance[::-1, ::-1])  # each group by what the face before it tells
+    if np.abs(np.linalg.solve(lower, left[::-1])).max() < MISFIT:
+        return 0
+    off = np.abs(left) > 3.0 * np.sqrt(np.diag(known.noise))
+    return int(np.argmin(off)) if not off.all() else off.size
+
+
+def _between(depth: Float) -> Float:
+    """Depths (f, g) with what a frame does not show between two groups that it does: its returns may lie at the limits
+    of the groups, one by one on this side or that.
+    """
+    beside = 0.5 * (depth[:, :-2] + depth[:, 2:])
+    return np.concatenate([depth[:, :1], np.where(np.isnan(depth[:, 1:-1]), beside, depth[:, 1:-1]), depth[:, -1:]], 1)
+
+
+def end_groups(columns: float) -> Float:
+    """Limits (g + 1,), in columns before the last return, of what is pooled: LAST columns each alone, then tenths."""
+    if columns < LAST:  # beyond them lies the next face
+        return np.arange(max(math.floor(columns), 1) + 1.0)
+    wide = max(1.0, (columns - LAST) / 10.0)
+    return np.concatenate([np.arange(LAST), np.arange(LAST, columns + 1e-9, wide)])
+
+
+@kernel
+def _one_surface(along: Float, below: Float, order: Int, step: float, fallen: float) -> tuple[float, float]:
+    """How many returns go on in one surface, without gap of columns or jump, from an end `fallen` deep; how far."""
+    reach, level, further = 0.0, fallen, 0
+    for j in order:
+        if along[j] - reach > 2.2 * step or abs(below[j] - level) > STEP_MM + 2.0 * level:
+            break
+        further += 1
+        reach, level = along[j], max(below[j], 0.0)
+    return float(further), reach
+
+
+@kernel
+def _group_of(place: float, edges: Float) -> int:
+    """Number of the group between `edges` (g + 1,) in which a place lies; -1 before them."""
+    group = -1
+    while group + 1 < edges.size and edges[group + 1] <= place:
+        group += 1
+    return group
+
+
+@kernel
+def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float, depth: Float, last: Float) -> None:
+    """Fill depth (f, g): mean depths under the line of f frames' returns, by how many columns they lie before the last.
+
+    known (f, 7): x and z of the line's middle, its slope, side, end, step and sense of a FaceRim. last (f, 2): how many
+    lie beyond those on the line, and how deep the last of these lies under it.
+    """
+    columns = x.shape[1]
+    along, below, order = np.empty(columns), np.empty(columns), np.empty(columns, np.int64)
+    for i in range(x.shape[0]):
+        middle_x, middle_z, slope, side = known[i, 0], known[i, 1], known[i, 2], known[i, 3]
+        end, step, sense = known[i, 4], known[i, 5], known[i, 6]
+        lean = math.sqrt(1.0 + slope * slope)
+        outside = 0
+        for j in range(columns):
+            xj, zj = np.float64(x[i, j]), np.float64(z[i, j])
+            along[j] = side * (xj - end) * lean
+            below[j] = (zj - middle_z - slope * (xj - middle_x)) / lean * sense
+            if keep[i, j] and abs(along[j]) <= 1e-6:
+                last[i, 1] = below[j]
+            if keep[i, j] and 1e-6 < along[j] < BROKEN_MM:
+                k = outside
+                while k > 0 and along[order[k - 1]] > along[j]:
+                    order[k] = order[k - 1]
+                    k -= 1
+                order[k] = j
+                outside += 1
+        # Where the end is told on a rounding, what falls to it and what follows it lie deep.
+        fallen = last[i, 1] if last[i, 1] > 0.0 else 0.0
+        deep = STEP_MM + fallen
+        last[i, 0], reach = _one_surface(along, below, order[:outside], step, fallen)
+        total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
+        for j in range(columns):
+            on_line = -edges[-1] * step < along[j] <= 1e-6
+            on_line &= -STEP_MM < below[j] < (deep if along[j] > -LAST * step else STEP_MM)
+            if keep[i, j] and (on_line or 1e-6 < along[j] <= reach):
+                group = _group_of((reach - along[j]) / step + 0.5, edges)
+                if 0 <= group < total.size:
+                    total[group] += below[j]
+                    count[group] += 1.0
+        for group in range(total.size):
+            if count[group] > 0.0:
+                depth[i, group] = total[group] / count[group]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Depths:
+    """What the last returns of a face lie under its line, by groups of columns from the last one on."""
+
+    mean: Shaped[Float, " g"]  # mm
+    noise: Shaped[Float, "g g"]  # covariance by noise and what patterns of the sensor may feign
+    # covariance of what says nothing of a rounding: the line's own place and turn, and a bow
+    free: Shaped[Float, "g g"]
+
+    def moved(self, mean: Shaped[Float, " g"]) -> Depths:
+        """The same of another end."""
+        return Depths(mean, self.noise, self.free)
+
+
+def _known_depths(depth: Float, edges_mm: Float) -> Depths:
+    """Of depths (f, g) of frames, between the limits (g + 1,) mm before the last return."""
+    level = np.sort(depth, axis=0)
+    cut = len(depth) // 20
+    mean = level[cut : len(depth) - cut].mean(axis=0)
+    low, high = level[cut], level[len(depth) - 1 - cut]
+    clipped = np.clip(depth, low, high)
+    noise = np.cov(clipped.T) * _alike(clipped) / len(depth)
+    middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
+    t = 2.0 * middle / edges_mm[-1] - 1.0
+    shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1)
+    inner = np.arange(t.size) >= min(LAST, t.size - 4)
+    weight = np.sqrt(np.diff(edges_mm)[inner])
+    fit = np.linalg.lstsq(shapes[inner] * weight[:, None], mean[inner] * weight, rcond=None)[0]
+    left = mean[inner] - shapes[inner] @ fit
+    pattern = float((left**2 - np.diag(noise)[inner]).sum()) / max(int(inner.sum()) - 3, 1)
+    far = np.abs(middle[:, None] - middle[None, :]) / (edges_mm[-1] / PATTERN_PLACES)
+    noise = noise + max(pattern, 0.0) * np.exp(-far) + DEPTH_U_MM**2 * np.eye(t.size)
+    return Depths(mean, noise, free_depths(edges_mm))
+
+
+def free_depths(edges_mm: Shaped[Float, " g1"]) -> Shaped[Float, "g g"]:
+    """Covariance of what says nothing of a break, between groups of columns: the line's place and turn, and a bow."""
+    middle = 0.5 * (edges_mm[1:] + edges_mm[:-1])
+    t = 2.0 * middle / edges_mm[-1] - 1.0
+    shapes = np.stack([np.ones_like(t), t, t * t - 1.0 / 3.0], axis=1) * [PLACE_MM, TURN_MM, BOW_MM]
+    return np.asarray(shapes @ shapes.T)
+
+
+def _alike(values: Float) -> float:
+    """How many neighbouring frames count as one, since they share their errors (roughness), of values (f, g) in order.
+
+    By how means of 2, 4, 8, ... frames scatter against single ones; as long as LEAST_MEANS of them are left.
+    """
+    single, size, most = values.var(axis=0, ddof=1), 2, 1.0
+    while len(values) // size >= LEAST_MEANS:
+        means = values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
+        most = max(most, size * float(np.mean(means.var(axis=0, ddof=1) / np.maximum(single, 1e-18))))
+        size *= 2
+    return most
+
+
+def _nothing_known(groups: int) -> Depths:
+    return Depths(np.zeros(groups), np.eye(groups), np.zeros((groups, groups)))
+
+
+@kernel
+def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, out: Float) -> None:
+    """Fill in those (s,) of means (g,) with a covariance (g, g), by what is expected (s, g), each with its own u.
+
+    Shapes reach from the last returns inwards: behind them nothing is expected, without u. The Cholesky rows of what
+    lies there stand first, and are kept from shape to shape.
+    """
+    size = len(mean)
+    lower, white, log = np.zeros((size, size)), np.empty(size), np.zeros(size + 1)
+    same = 0  # rows behind the last shape
+    for n in range(len(expected)):
+        behind = size
+        for i in range(size):
+            if u[n, i] != 0.0 or expected[n, i] != 0.0:
+                behind = size - 1 - i
+        for i in range(min(same, behind), size):  # Cholesky, and the forward substitution with it
+            row = size - 1 - i
+            for j in range(i + 1):
+                rest = covariance[row, size - 1 - j]
+                for k in range(j):
+                    rest -= lower[i, k] * lower[j, k]
+                lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(rest + u[n, row] ** 2)
+            rest = mean[row] - expected[n, row]
+            for k in range(i):
+                rest -= lower[i, k] * white[k]
+            white[i] = rest / lower[i, i]
+            log[i + 1] = log[i] - 0.5 * white[i] ** 2 - math.log(lower[i, i])
+        same = behind
+        out[n] = log[size]
+
+
+def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
+    """Standard uncertainty of where a face ends, mm, by what blind columns may hide (docs/method.md, 3).
+
+    Its end stays in one column, and others are blind elsewhere (check hidden_columns): it goes on by anything between
+    none and as many of them.
+    """
+    columns = next((check.value or 0.0 for check in cloud.checks if check.name == "hidden_columns"), 0.0)
+    if not columns:
+        return 0.0
+    lean = float(np.nanmedian(np.hypot(1.0, face.sxz / face.sxx)))
+    return columns * column_pitch_mm(cloud.x_mm) * lean / math.sqrt(3.0)

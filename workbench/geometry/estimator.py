@@ -1,0 +1,354 @@
+"""The estimator under every instrument: least squares with noise, priors and blunders, and what remains open.
+
+An instrument (`Instrument`) says what its observations leave of a prediction (`Rows`) and how an estimate moves. Here,
+once for all of them:
+
+- Gauss-Newton on the weighted residuals, steps that make it worse shortened (J. Nocedal, S. Wright, Numerical
+  Optimization, 2nd ed. 2006, section 10.3). Weights follow the estimate. Priors are observations: what comes out is
+  the maximum a posteriori, and with flat priors generalised least squares.
+- Noise is each observation's own, or that of poses which several share (`Shared`): a recorded pose errs once for all
+  that is seen from it, an observation between two takes a share of both (Woodbury's identity on a block-tridiagonal
+  matrix: the cost grows with the observations, not with their cube).
+- Blunders are left out one by one by the studentised residual, the distance from the fit of all others (W. Baarda, A
+  testing procedure for use in geodetic networks, 1968; R. Cook, S. Weisberg, Residuals and Influence in Regression,
+  1982).
+- The covariance is the inverse information, larger by chi-square over its degrees of freedom where that exceeds 1
+  (R. Birge, Phys. Rev. 40, 1932), and as good as infinite along what nothing determines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+import scipy
+
+from workbench.errors import InputError
+from workbench.units import Bool, Float, Int, Shaped
+
+S = TypeVar("S")  # an instrument's estimate of its unknowns
+
+STEPS, CONVERGED = 40, 1e-10  # of a step's length in standard deviations, squared
+WORSE = (1.5, 1.0)  # chi-square may grow so much by a step (factor, and more): weights move with the estimate
+OPEN = 1e-14  # eigenvalue of the scaled information below which nothing determines a direction
+ALONE = 1e-6  # share of its noise that the residual keeps, along what an observation determines alone
+GROSS = 5.0  # studentised residual of a blunder, as the length of three standard normal numbers
+THREE_QUARTERS = 2.03  # quantile of the length of three standard normal numbers
+MOST_GROSS = 0.25  # share of the observations; with more, nobody knows which are right
+LEAST_FREEDOM = 4  # to tell a blunder from noise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shared:
+    """m observations that share errors of poses, each error in standard deviations of it.
+
+    Poses lie in a row; an observation takes the share `fraction` of the next pose's error and the rest of its own
+    pose's. Errors of `whole` are common to all m.
+    """
+
+    rows: Shaped[Int, " m"]  # of the observations
+    alone: Shaped[Float, "m d d"]  # covariance of what is theirs alone
+    own: Shaped[Float, "m d e"]  # change with a pose's e errors
+    pose: Shaped[Int, " m"]
+    fraction: Shaped[Float, " m"]
+    poses: int
+    whole: Shaped[Float, "m d v"]
+
+    def only(self, keep: Bool) -> Shared:
+        """Of the observations marked in `keep` (n,), renumbered."""
+        kept, number = keep[self.rows], np.cumsum(keep) - 1
+        parts = {name: getattr(self, name)[kept] for name in ("alone", "own", "pose", "fraction", "whole")}
+        return replace(self, rows=number[self.rows[kept]], **parts)
+
+    def product(self, columns: Float) -> Float:
+        """C^T S^-1 C (c, c) of columns C (m, d, c) and the covariance S of the m observations together."""
+        joined, _ = within_poses(np.concatenate([columns, self.whole], axis=2), self)
+        return with_common(joined, self.whole.shape[2])[0]
+
+
+def within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
+    """C^T S^-1 C (c, c) of columns C (m, d, c) and log det S, but for the errors that all have in common.
+
+    I + U^T D^-1 U is block-tridiagonal, with D what observations have alone and U what poses' errors make of it.
+    """
+    inverse, own = np.linalg.inv(shared.alone), np.swapaxes(shared.own, 1, 2)
+    weighted, size = inverse @ columns, shared.own.shape[2]
+    joined = np.tensordot(columns, weighted, axes=([0, 1], [0, 1]))
+    square, side = own @ inverse @ shared.own, own @ weighted  # (m, e, e), (m, e, c)
+    diagonal, below = np.zeros((2, shared.poses + 1, size, size))
+    at_poses = np.zeros((shared.poses + 1, size, columns.shape[2]))
+    after, before = shared.fraction[:, None, None], 1 - shared.fraction[:, None, None]
+    np.add.at(diagonal, shared.pose, before**2 * square)
+    np.add.at(diagonal, shared.pose + 1, after**2 * square)
+    np.add.at(below, shared.pose, before * after * square)
+    np.add.at(at_poses, shared.pose, before * side)
+    np.add.at(at_poses, shared.pose + 1, after * side)
+    band = np.zeros((2 * size, shared.poses + 1, size))  # LAPACK's lower band storage
+    band[0] = 1.0
+    for row in range(size):
+        for column in range(size):
+            if row >= column:
+                band[row - column, :, column] += diagonal[:, row, column]
+            band[size + row - column, :-1, column] += below[:-1, row, column]
+    flat = at_poses.reshape(-1, columns.shape[2])
+    factor = scipy.linalg.cholesky_banded(band.reshape(2 * size, -1), lower=True)
+    joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat)
+    log_size = 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(shared.alone)[1].sum())
+    return joined, log_size
+
+
+def with_common(joined: Float, count: int) -> tuple[Float, Float]:
+    """Of C^T D^-1 C (..., c, c): C^T S^-1 C of all but the last `count` columns V, S = D + V V^T, log det S / det D."""
+    kept = joined.shape[-1] - count
+    across = joined[..., kept:, :kept]
+    own = np.eye(count) + joined[..., kept:, kept:]
+    inner = joined[..., :kept, :kept] - np.swapaxes(across, -1, -2) @ np.linalg.solve(own, across)
+    return np.asarray(inner), np.asarray(np.linalg.slogdet(own)[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """What n observations of d values each say about P unknowns, at an estimate of these."""
+
+    residual: Shaped[Float, "n d"]  # measured less predicted
+    jacobian: Shaped[Float, "n d P"]  # of the prediction
+    covariance: Shaped[Float, "n d d"]  # of each observation's noise, what it shares included
+    values: Shaped[Float, " n"]  # how many of the d say something new; less where observations repeat each other
+    prior: Shaped[Float, "P P"]  # information that there is before, about the unknowns
+    away: Shaped[Float, " P"]  # from the estimate to what is expected before
+    shared: tuple[Shared, ...] = ()
+
+    def only(self, keep: Bool) -> Rows:
+        """The observations marked in `keep` (n,)."""
+        if keep.all():
+            return self
+        parts = {name: getattr(self, name)[keep] for name in ("residual", "jacobian", "covariance", "values")}
+        shared = tuple(one.only(keep) for one in self.shared if keep[one.rows].any())
+        return replace(self, **parts, shared=shared)
+
+    def product(self, columns: Float) -> Float:
+        """C^T S^-1 C (c, c) of columns C (n, d, c) and the covariance S of all observations."""
+        alone = np.ones(len(columns), bool)
+        for one in self.shared:
+            alone[one.rows] = False
+        own = columns[alone]
+        out = np.tensordot(own, np.linalg.solve(self.covariance[alone], own), axes=([0, 1], [0, 1]))
+        for one in self.shared:
+            out = out + one.product(columns[one.rows])
+        return np.asarray(out)
+
+    def normal(self) -> Normal:
+        """The normal equations, prior included."""
+        joined = self.product(np.concatenate([self.jacobian, self.residual[..., None]], axis=2))
+        pull = self.prior @ self.away
+        chi2 = float(joined[-1, -1] + self.away @ pull)
+        return Normal(joined[:-1, :-1] + self.prior, joined[:-1, -1] + pull, chi2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Normal:
+    """Weighted least squares in normal form."""
+
+    information: Shaped[Float, "P P"]
+    side: Shaped[Float, " P"]
+    chi2: float  # sum of the weighted squares
+
+    def step(self) -> Float:
+        """To the minimum (P,), none along what nothing determines; unknowns differ in size, so scaled first."""
+        scale = 1.0 / np.sqrt(np.maximum(np.diagonal(self.information), 1e-12))
+        scaled = scale[:, None] * self.information * scale
+        return np.asarray(scale * np.linalg.lstsq(scaled, scale * self.side, rcond=1e-13)[0])
+
+
+def inverse_information(information: Float) -> Float:
+    """Inverse (P, P) of an information matrix; huge, not infinite, in directions that nothing determines."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))
+    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
+    return np.asarray(scale[:, None] * (vectors / np.maximum(values, OPEN)) @ vectors.T * scale)
+
+
+def worst(covariance: Float) -> tuple[float, Float]:
+    """Greatest standard uncertainty of a covariance (k, k), and its direction (k,), the largest part positive."""
+    values, vectors = np.linalg.eigh(covariance)
+    way = vectors[:, -1]
+    return float(np.sqrt(max(values[-1], 0.0))), way * np.sign(way[np.argmax(np.abs(way))])
+
+
+class Instrument(Protocol[S]):
+    """What is measured with: a prediction of its observations, and unknowns."""
+
+    def rows(self, at: S) -> Rows:
+        """What all observations say at an estimate."""
+
+    def moved(self, at: S, step: Float) -> S:
+        """The estimate after a step (P,) in the unknowns."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit(Generic[S]):
+    """An estimate, what it rests on and how sure it is."""
+
+    at: S
+    rows: Rows  # of all observations, at the estimate
+    used: Shaped[Bool, " n"]
+    information: Shaped[Float, "P P"]
+    chi2: float
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        known = int(np.count_nonzero(np.diagonal(self.rows.prior)))
+        return round(float(self.rows.values[self.used].sum())) + known - len(self.information)
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over its degrees of freedom."""
+        return self.chi2 / max(self.freedom, 1)
+
+    @property
+    def inverse(self) -> Float:
+        """Covariance (P, P) of the unknowns by the stated noise."""
+        return inverse_information(self.information)
+
+    @property
+    def covariance(self) -> Float:
+        """Covariance (P, P) of the unknowns, larger where the residuals are larger than the noise."""
+        return self.inverse * (max(1.0, self.misfit) if self.freedom > 0 else 1.0)
+
+    @property
+    def distance(self) -> Float:
+        """Of each observation (n,) from the fit of the others, in standard deviations as three normal numbers have."""
+        return distance(self.rows, self.used, self.inverse)
+
+    def carried(self, change: Float) -> Float:
+        """Change of the unknowns (P, q) by errors, not fitted, that change the observations by (n, d, q)."""
+        columns = np.concatenate([self.rows.jacobian, change], axis=2)
+        joined = self.rows.only(self.used).product(columns[self.used])
+        size = len(self.information)
+        return np.asarray(self.inverse @ joined[:size, size:])
+
+    def tested(self, change: Float) -> tuple[float, float]:
+        """What one more unknown would be, 0 as fitted, that changes the prediction by (n, d); and its u.
+
+        u is infinite where the other unknowns do the same, and larger where the residuals are larger than the noise.
+        """
+        rows, used, size = self.rows, self.used, len(self.information)
+        columns = np.concatenate([rows.jacobian, rows.residual[..., None], change[..., None]], axis=2)
+        joined = rows.only(used).product(columns[used])
+        across = self.inverse @ joined[:size, -1]
+        left, push = joined[-1, -1] - joined[-1, :size] @ across, joined[-1, size]
+        if left <= ALONE**1.5 * joined[-1, -1]:
+            return 0.0, float("inf")
+        rest = (self.chi2 - push**2 / left) / max(self.freedom - 1, 1)
+        return float(push / left), float(np.sqrt(max(1.0, rest) / left))
+
+
+def distance(rows: Rows, used: Bool, covariance: Float) -> Float:
+    """As `Fit.distance`, of a fit with this covariance (P, P) of its unknowns."""
+    sign = np.where(used, -1.0, 1.0)[:, None, None]
+    factor = np.linalg.cholesky(rows.covariance)
+    white, J = np.linalg.solve(factor, rows.residual[..., None])[..., 0], np.linalg.solve(factor, rows.jacobian)
+    spread = np.eye(J.shape[1]) + sign * (J @ covariance @ np.swapaxes(J, 1, 2))
+    size = np.einsum("ni,nij,nj->n", white, np.linalg.pinv(spread, rcond=ALONE, hermitian=True), white)
+    return as_of_three(size, J.shape[1])
+
+
+def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: int = STEPS) -> Fit[S]:
+    """The estimate of greatest posterior probability from a start near it, on the observations `used` (n,)."""
+    at, rows = start, instrument.rows(start)
+    used = np.ones(len(rows.residual), bool) if used is None else used
+    now = rows.only(used).normal()
+    for _ in range(steps):
+        step = now.step()
+        length = float(step @ now.information @ step)
+        for _ in range(6):
+            then_at = instrument.moved(at, step)
+            rows = instrument.rows(then_at)
+            then = rows.only(used).normal()
+            if then.chi2 < WORSE[0] * now.chi2 + WORSE[1]:
+                break
+            step = step / 3.0
+        at, now = then_at, then
+        if length < CONVERGED:
+            break
+    return Fit(at, rows, used, now.information, now.chi2)
+
+
+def as_of_three(chi2: Float, values: int) -> Float:
+    """Length of three standard normal numbers that is as rare as `chi2` of so many values.
+
+    By the cube root of chi-square, which is nearly normal (E. Wilson, M. Hilferty, Proc. Nat. Acad. Sci. 17, 1931).
+    """
+    bend, of_three = 2.0 / (9.0 * values), 2.0 / 27.0
+    normal = (np.cbrt(chi2 / values) - 1.0 + bend) / np.sqrt(bend)
+    return np.asarray(np.sqrt(3.0 * np.maximum(1.0 - of_three + normal * np.sqrt(of_three), 0.0) ** 3))
+
+
+def jacobian_of(predict: Callable[[Float], Float], steps: Float) -> Float:
+    """Derivative (n, d, P) at 0 of a prediction (n, d) by the unknowns (P,), by central differences of `steps` (P,)."""
+    columns = [(predict(one) - predict(-one)) / (2.0 * size) for one, size in zip(np.diag(steps), steps, strict=True)]
+    return np.stack(columns, axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """How messages speak of the observations."""
+
+    where: str  # the file
+    numbers: tuple[int, ...]  # of each observation there
+    name: str = "line"  # what a number counts
+    ask: str = ""  # what may be wrong where they contradict each other
+
+
+def without_blunders(
+    instrument: Instrument[S], start: S, labels: Labels, *, spare: int = LEAST_FREEDOM, lengths: int = 3
+) -> tuple[Fit[S], dict[int, str]]:
+    """The fit without blunders: what all others contradict most is left out, one by one.
+
+    More noise than stated is no blunder, and neither is what the model does not hold (gears, gravity): an observation
+    must be far off beside three quarters of *all*, those left out before counted as far off.
+
+    Args:
+        instrument: predicts the observations.
+        start: of every fit.
+        labels: for what is said.
+        spare: degrees of freedom that must be there to judge.
+        lengths: how many of an observation's values, the first, are mm.
+
+    Returns: the fit, and by number of the observation why it is left out.
+
+    Raises:
+        InputError: more blunders than can be told apart.
+    """
+    found, left_out = fit(instrument, start), dict[int, str]()
+    count = len(found.used)
+    while True:
+        distance = np.where(found.used, found.distance, np.inf)
+        worst = int(np.argmax(np.where(found.used, distance, -1.0)))
+        usual = max(1.0, float(np.quantile(distance, 1.0 - MOST_GROSS, method="lower")) / THREE_QUARTERS)
+        if found.freedom < spare or distance[worst] <= GROSS * usual:
+            return found, left_out
+        if (~found.used).sum() + 1 > MOST_GROSS * count:
+            raise contradictory(found.misfit, labels)
+        used = found.used.copy()
+        used[worst] = False
+        found = fit(instrument, start, used)
+        away, number = float(np.linalg.norm(found.rows.residual[worst, :lengths])), labels.numbers[worst]
+        left_out[number] = f"{labels.name} {number} is left out: it lies {away:.2f} mm from where all other rows put it"
+
+
+def contradictory(misfit: float, labels: Labels) -> InputError:
+    """The refusal of observations that contradict each other."""
+    words = f"the rows contradict each other: a misfit of {misfit:.0f} where 1 is usual; {labels.ask}"
+    return InputError(labels.where, words)
+
+
+def alike(place: Int, turn: Float, same: float) -> Float:
+    """Observations (n,) that say the same as each, itself included: of one place (n,), turned by less than `same`.
+
+    `turn` (n, n): between observations, rad. What is wrong in a posture is wrong in it however often it is written
+    down, so that all of a posture's observations weigh as much as one.
+    """
+    return np.asarray(((place[:, None] == place[None, :]) & (turn <= same)).sum(axis=1), dtype=np.float64)

@@ -1,0 +1,155 @@
+"""Errors that values along an edge share, and a course held against them: those of a robot on its way, above all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from workbench.geometry.penalised import BAND, Penalised
+from workbench.units import Float, Int, Shaped
+
+
+class Process(NamedTuple):
+    """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
+
+    Example:
+        >>> shared = Process(0.05, 10.0).covariance(np.array([0.0, 10.0]), np.zeros(2), np.zeros(2, int))
+        >>> [round(1e4 * float(one), 1) for one in shared[0]]
+        [25.0, 15.2]
+    """
+
+    strength: float  # standard deviation of a value, in its unit
+    length_mm: float
+
+    def covariance(self, s: Float, spread: Float, group: Int) -> Float:
+        """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
+        wide = self.length_mm**2 + spread[:, None] ** 2 + spread**2
+        alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * (s[:, None] - s) ** 2 / wide)
+        return np.where(group[:, None] == group, self.strength**2 * alike, 0.0)
+
+    def density(self, wave_mm: float) -> float:
+        """Of waves of this length: the variance that they have a wave number, times 2 pi; unit squared times mm."""
+        phase = 2.0 * math.pi * self.length_mm / wave_mm
+        return self.strength**2 * math.sqrt(2.0 * math.pi) * self.length_mm * math.exp(-0.5 * phase**2)
+
+
+class Shared(NamedTuple):
+    """What values along an edge share beside their own noise."""
+
+    over_mm: float | None = None  # length over which they share their scatter: bins are as long, waves four times
+    process: Process | None = None  # passes then need no offsets of their own
+    may_step: bool = False  # a step within a pass is looked for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correlated:
+    """The normal equations of a course through values whose noise has any covariance: as `Penalised`, but full."""
+
+    plain: Penalised  # of the same values, for the spline and what holds it back
+    squares: float  # y' M y, M the inverse of the covariance
+    normal: Shaped[Float, "K K"]  # B' M B
+    right: Shaped[Float, "K d"]  # B' M y
+    roughness: Shaped[Float, "2 K K"]
+    basis: Shaped[Float, "n K"]
+    inverse: Shaped[Float, "n n"]  # M
+
+    def evidence(self, strengths: Float) -> Float:
+        """As `Penalised.evidence`. Raises LinAlgError likewise."""
+        size, components = self.right.shape
+        scores = np.empty(len(strengths))
+        for k, (one, other) in enumerate(strengths):
+            prior = np.log(self.plain.waves[0] / one + self.plain.waves[1] / other).sum()
+            low = np.linalg.cholesky(self._beside(self.held(one, other)))
+            logs = np.log(np.diag(low)[:size]).sum() - 0.5 * prior
+            scores[k] = 0.5 * (low[size:, :size] ** 2).sum() - components * logs
+        return scores - 0.5 * self.squares
+
+    def _beside(self, held: Float) -> Float:
+        """A matrix whose Cholesky factor has that of A, and L^-1 B' M y as rows below it."""
+        far = np.diag(np.full(self.right.shape[1], 2.0 * self.squares + 1.0))
+        return np.block([[held, self.right], [self.right.T, far]])
+
+    def average(self, strengths: Float, share: Float, at: Float) -> tuple[Float, Float, Float]:
+        """As `Penalised.average`. Raises LinAlgError likewise."""
+        value, slope = self.plain.rows(at)
+        answers, variance = [], np.zeros((2, at.size))
+        for (one, other), of in zip(strengths, share, strict=True):
+            covariance = np.linalg.inv(self.held(one, other))
+            answers.append(covariance @ self.right)
+            for k, rows in enumerate((value, slope)):
+                variance[k] += of * np.einsum("mi,ij,mj->m", rows, covariance, rows)
+        mean = np.tensordot(share, np.array(answers), 1)
+        for answer, of in zip(answers, share, strict=True):
+            for k, rows in enumerate((value, slope)):
+                variance[k] += of * ((rows @ (answer - mean)) ** 2).mean(axis=1)
+        return mean, variance[0], variance[1]
+
+    def variance_by(self, noise: Float, strengths: Float, share: Float, at: Float) -> Float:
+        """What of the variance (m,) of the value at places (m,) is by noise of covariance (n, n)."""
+        weighted = self.inverse @ self.basis
+        rows, noisy = self.plain.rows(at)[0], weighted.T @ noise @ weighted
+        out = np.zeros(at.size)
+        for (one, other), of in zip(strengths, share, strict=True):
+            turned = np.linalg.solve(self.held(one, other), rows.T)
+            out += of * (turned * (noisy @ turned)).sum(axis=0)
+        return out
+
+    def spent(self, strengths: Float, share: Float) -> float:
+        """How many values' worth the course takes, on average over strengths (j, 2) by shares (j,)."""
+        each = [np.trace(np.linalg.solve(self.held(one, other), self.normal)) for one, other in strengths]
+        return float(share @ np.array(each))
+
+    def held(self, one: float, other: float) -> Float:
+        """A (K, K) of a pair of strengths."""
+        return np.asarray(self.normal + self.roughness[0] / one + self.roughness[1] / other)
+
+
+def shapes_told(
+    problem: Penalised | Correlated, s: Float, y: Float, weight: Float, shapes: Float, strengths: Float
+) -> tuple[Float, Float]:
+    """Sizes (j, k) of shapes (n, k) in the values y (n,) at s (n,), each beside the course alone, and their u (j, k).
+
+    By generalised least squares under each of the strengths (j, 2); weight (n,): of values with noise of their own.
+    """
+    plain = problem.plain if isinstance(problem, Correlated) else problem
+    basis = plain.rows(s)[0]
+    weighted = problem.inverse @ shapes if isinstance(problem, Correlated) else weight[:, None] * shapes
+    mixed, square, shown = basis.T @ weighted, (shapes * weighted).sum(axis=0), y @ weighted
+    right = np.column_stack([mixed, problem.right[:, 0]])
+    size, known = [], []
+    for one, other in strengths:
+        if isinstance(problem, Correlated):
+            solved = np.linalg.solve(problem.held(one, other), right)
+        else:
+            bands = problem.normal + problem.roughness[0] / one + problem.roughness[1] / other
+            lower = np.zeros((BAND, len(bands)))
+            for k in range(BAND):
+                lower[k, : len(bands) - k] = bands[k:, k]
+            solved = scipy.linalg.solveh_banded(lower, right, lower=True)
+        known.append(np.maximum(square - (mixed * solved[:, :-1]).sum(axis=0), 1e-300))
+        size.append((shown - solved[:, -1] @ mixed) / known[-1])
+    return np.array(size), 1.0 / np.sqrt(known)
+
+
+def correlated(plain: Penalised, s: Float, y: Float, inverse: Float) -> Correlated:
+    """Normal equations of values y (n, d) at s (n,) with the inverse (n, n) of their noise's covariance."""
+    basis, _ = plain.rows(s)
+    roughness = np.stack([_full(one) for one in plain.roughness])
+    if plain.free.shape[1]:  # a polynomial that is not held back
+        held, along = plain.free[1], float(plain.free[0] @ plain.free[1])
+        roughness[0] -= np.outer(held, held) / along
+    weighted = inverse @ basis
+    squares = float(np.einsum("nd,nm,md->", y, inverse, y))
+    return Correlated(plain, squares, basis.T @ weighted, weighted.T @ y, roughness, basis, inverse)
+
+
+def _full(banded: Float) -> Float:
+    """A symmetric matrix (K, K) from its bands (K, BAND)."""
+    out = np.diag(banded[:, 0])
+    for k in range(1, BAND):
+        out += np.diag(banded[k:, k], -k) + np.diag(banded[k:, k], k)
+    return out

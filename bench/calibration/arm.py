@@ -15,13 +15,13 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from bench.metrology.run import ROOT
-from workbench.api import DEG, Chain, Float, Recording, inverse_kinematics, pose_from, read_cell
+from workbench.api import DEG, Chain, Float, Recording, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import together
-from workbench.plugins.calibration.tracker import Seen, solve
-from workbench.scan.write import write
+from workbench.plugins.calibration.tracker import Seen, Tracking
+from workbench.recording_file import write
 
 CELL = ROOT / "data" / "robot" / "cell.json"
 TRUE = pose_from(
@@ -127,13 +127,9 @@ def circles(rng: np.random.Generator, centre: Float) -> tuple[Float, Float]:
     return np.column_stack([centre[:, 0], centre[:, 2], w]) + noise, spread
 
 
-def bound(predict: Callable[[Float], Float], size: int, scale: Float, covariance: list[Float], prior: Float) -> Float:
+def bound(predict: Callable[[Float], Float], scale: Float, covariance: list[Float], prior: Float) -> Float:
     """Cramer-Rao bound (P, P), priors included: by differences of what `predict` says of all unknowns."""
-    columns = []
-    for k in range(size):
-        step = np.zeros(size)
-        step[k] = STEP * scale[k]
-        columns.append((predict(step) - predict(-step)).ravel() / (2 * step[k]))
+    columns = [(predict(step) - predict(-step)).ravel() / (2 * step.sum()) for step in np.diag(STEP * scale)]
     J = np.column_stack(columns)
     information, at = np.diag(prior), 0
     for block in covariance:
@@ -149,16 +145,12 @@ def one_tracked(seed: int) -> tuple[Float, Float, Float]:
     rng = np.random.default_rng([seed, 0x7AC])
     arm = draw(rng)
     joints, places, frame = tracked(rng, arm)
-    n, P = len(joints), len(arm.x)
-    seen = Seen(
-        flange(arm, 0 * arm.x, np.repeat(joints, 3, axis=0)),
-        np.repeat(joints, 3, axis=0),
-        np.tile(np.arange(3), n),
-        places.reshape(-1, 3),
-        ("a", "b", "c"),
-        tuple(range(3 * n)),
-    )
-    found = solve(seen, arm.chain, arm.errors, (TRACKER_MM, POSE_MM, POSE), "simulated")
+    each = np.repeat(joints, 3, axis=0)
+    target = np.tile(np.arange(3), len(joints))
+    lines = tuple(range(len(each)))
+    seen = Seen(flange(arm, 0 * arm.x, each), each, target, places.reshape(-1, 3), ("a", "b", "c"), lines)
+    tracking = Tracking(seen, arm.chain, arm.errors, (TRACKER_MM, POSE_MM, POSE))
+    found = estimator.fit(tracking, tracking.begun())
 
     def predict(step: Float) -> Float:
         moved = pose_from(Rotation.from_rotvec(step[3:6]).as_matrix() @ frame[:3, :3], frame[:3, 3] + step[:3])
@@ -173,7 +165,11 @@ def one_tracked(seed: int) -> tuple[Float, Float, Float]:
         blocks.append(TRACKER_MM**2 * np.eye(9) + shared @ shared.T)
     scale = np.concatenate([np.full(3, 1.0), np.full(3, 1e-3), np.full(9, 1.0), arm.errors.prior])
     prior = np.concatenate([np.zeros(15), arm.errors.prior**-2])
-    return found.errors - arm.x, found.covariance[15:, 15:], bound(predict, 15 + P, scale, blocks, prior)[15:, 15:]
+    return (
+        found.at.errors - arm.x,
+        found.covariance[15:, 15:],
+        bound(predict, scale, blocks, prior)[15:, 15:],
+    )
 
 
 def one_sphere(seed: int) -> tuple[Float, Float, Float]:
@@ -202,10 +198,10 @@ def one_sphere(seed: int) -> tuple[Float, Float, Float]:
         blocks.append(own + to_circle @ by_pose @ by_pose.T @ to_circle.T)
     scale = np.concatenate([np.full(3, 1.0), np.full(3, 1e-3), np.full(4, 1.0), arm.errors.prior])
     prior = np.concatenate([np.zeros(9), [0.05**-2], arm.errors.prior**-2])
-    turned = Rotation.from_matrix(TRUE[:3, :3] @ found.estimate.rotation.T).as_rotvec()
-    error = np.concatenate([found.estimate.translation_mm - TRUE[:3, 3], -turned, found.errors - arm.x])
+    turned = Rotation.from_matrix(TRUE[:3, :3] @ found.at.estimate.rotation.T).as_rotvec()
+    error = np.concatenate([found.at.estimate.translation_mm - TRUE[:3, 3], -turned, found.at.errors - arm.x])
     keep = np.r_[0:6, 10 : 10 + len(arm.x)]
-    lowest = bound(shown, len(scale), scale, blocks, prior)
+    lowest = bound(shown, scale, blocks, prior)
     return error, found.covariance[np.ix_(keep, keep)], lowest[np.ix_(keep, keep)]
 
 

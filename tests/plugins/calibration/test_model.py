@@ -27,7 +27,7 @@ from workbench.plugins.calibration.model import (
     View,
     information,
     linearise,
-    normal_equations,
+    rows_of,
     volume_u,
 )
 from workbench.plugins.calibration.observations import by_pass, from_arrays
@@ -104,9 +104,9 @@ def test_frames_of_a_scan_share_errors(rng: np.random.Generator, common: float) 
     k = len(seen)
     inverse = np.linalg.inv(whole_covariance(linear, seen, noise))
     J, r = linear.jacobian.reshape(3 * k, -1), linear.residual.ravel()
-    found = normal_equations(linear, seen, noise, RADIUS)
+    found = rows_of(linear, seen, noise, RADIUS).normal()
     expected = J.T @ inverse @ J
     expected[9, 9] += noise.radius_u_mm**-2
-    np.testing.assert_allclose(found.matrix, expected, rtol=1e-6, atol=1e-6 * expected.max())
+    np.testing.assert_allclose(found.information, expected, rtol=1e-6, atol=1e-6 * expected.max())
     np.testing.assert_allclose(found.side, J.T @ inverse @ r, rtol=1e-5, atol=1e-6 * np.abs(found.side).max())
     assert found.chi2 == pytest.approx(float(r @ inverse @ r), rel=1e-6)

@@ -208,8 +208,8 @@ def test_the_covariance_of_handeye_json_holds_what_the_last_joint_takes_from_the
         found = together(start, from_arrays(circle, spread, recorded), joints, noise, arm.chain, arm.errors)
         view = View((0.0, 0.0), (16.0, 20.0))
         both = as_flange_errors(arm.chain, arm.errors, found, joints, view)
-        pose = pose_from(found.estimate.rotation, found.estimate.translation_mm)
-        off = beside_another_base(flange(arm, found.errors, joints) @ pose, flange(arm, arm.x, joints))
+        pose = pose_from(found.at.estimate.rotation, found.at.estimate.translation_mm)
+        off = beside_another_base(flange(arm, found.at.errors, joints) @ pose, flange(arm, arm.x, joints))
         inside.append(off @ np.linalg.solve(both, off))
     assert 4.0 < np.mean(inside) < 8.5  # six degrees of freedom, twelve robots: 6 +- 1
 

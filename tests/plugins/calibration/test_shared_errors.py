@@ -9,7 +9,7 @@ import pytest
 
 from tests.plugins.calibration.conftest import CENTER, TRUE, scan_recording, scans_over, whole_covariance
 from workbench.plugins.calibration import bundle, circles
-from workbench.plugins.calibration.model import Estimate, Noise, linearise, normal_equations
+from workbench.plugins.calibration.model import Estimate, Noise, linearise, rows_of
 from workbench.plugins.calibration.observations import Passes, by_pass
 from workbench.plugins.calibration.shared_errors import WHOLE, _Likelihood, _prior_of_scans, settled
 
@@ -34,11 +34,11 @@ def test_answers_are_those_of_the_normal_equations(
     def asked(a: float, b: float) -> tuple[float, np.ndarray, np.ndarray]:
         noise, seen = likely.noise(a, b), passes.place()
         linear = linearise(found.estimate, seen, noise)
-        now = normal_equations(linear, seen, noise, found.estimate.radius_mm)
-        covariance = np.linalg.inv(now.matrix)
+        now = rows_of(linear, seen, noise, found.estimate.radius_mm).normal()
+        covariance = np.linalg.inv(now.information)
         step = covariance @ now.side
         size = np.linalg.slogdet(whole_covariance(linear, seen, noise))[1]
-        log = -0.5 * (now.chi2 - now.side @ step + np.linalg.slogdet(now.matrix)[1] + size)
+        log = -0.5 * (now.chi2 - now.side @ step + np.linalg.slogdet(now.information)[1] + size)
         return log, step, covariance
 
     here = likely.along(np.array([whole]), own)

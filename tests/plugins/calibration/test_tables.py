@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.api import Float, InputError, Int
-from workbench.plugins.calibration.tables import Table, check_misfit, enough, noisy, poses, without_gross
+from workbench.api import Float, InputError, estimator
+from workbench.plugins.calibration.tables import Table, check_misfit, enough, noisy, poses
 
 
 @dataclass(frozen=True)
@@ -56,44 +56,10 @@ def test_residuals_far_from_the_stated_noise_are_told(misfit: float, words: str 
 
 
 def test_a_misfit_of_ten_times_the_noise_is_refused() -> None:
-    check_misfit(Mean(np.zeros(3), 99.0), "a.csv", "look")
+    labels = estimator.Labels("a.csv", (), ask="look")
+    check_misfit(Mean(np.zeros(3), 99.0), labels)
     with pytest.raises(InputError, match=r"a\.csv: .*misfit of 101 .*look"):
-        check_misfit(Mean(np.zeros(3), 101.0), "a.csv", "look")
-
-
-def left_out(values: Float, freedom: int = 20) -> tuple[Int, dict[int, str]]:
-    """Rows kept of numbers of standard deviation 1 about 0, on lines from 10."""
-
-    def solve(kept: Int) -> Mean:
-        return Mean(np.abs(values[kept]), freedom=freedom)
-
-    lines = tuple(range(10, 10 + values.size))
-    _, kept, out = without_gross(values.size, solve, lambda _, row: abs(values[row]), lines, "a.csv", "look")
-    return kept, out
-
-
-def test_gross_rows_are_left_out_by_their_lines_the_worst_first() -> None:
-    values = np.array([1.0, -2.0, 30.0, 0.5, -6.0, 1.5, 0.2, 1.1])
-    kept, told = left_out(values)
-    assert [*kept] == [0, 1, 3, 5, 6, 7]
-    assert told == {
-        12: "line 12 is left out: it lies 30.00 mm from where all other rows put it",
-        14: "line 14 is left out: it lies 6.00 mm from where all other rows put it",
-    }
-
-
-def test_what_is_far_off_beside_three_quarters_of_the_rows_only_is_gross() -> None:
-    assert left_out(np.array([1.0, 1.0, 1.0, 4.9]))[1] == {}
-    assert [*left_out(np.array([1.0, 1.0, 1.0, 5.1]))[1]] == [13]
-    assert left_out(np.array([4.06, 4.06, 4.06, 9.9]))[1] == {}  # noise of twice what is stated: 5 becomes 10
-    assert [*left_out(np.array([4.06, 4.06, 4.06, 10.1]))[1]] == [13]
-
-
-def test_where_more_than_a_quarter_is_off_or_little_checks_it_no_row_is_blamed() -> None:
-    with pytest.raises(InputError, match="the rows contradict each other"):
-        left_out(np.array([0.1, 0.2, 0.3, 0.1, 50.0, 60.0, 0.1]))
-    assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), freedom=3)[1] == {}
-    assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), freedom=4)[1] != {}
+        check_misfit(Mean(np.zeros(3), 101.0), labels)
 
 
 def table(folder: Path, text: str, needed: tuple[str, ...] = ("a", "b"), least: int = 1) -> Table:

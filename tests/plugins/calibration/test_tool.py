@@ -13,7 +13,6 @@ import pytest
 from workbench.api import DEG, Float, InputError, quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.calibration import tcp as tcp_stage
 from workbench.plugins.calibration import turntable as turntable_stage
-from workbench.plugins.calibration.tcp import _open
 
 TIP, SHANK = np.array([80.0, -20.0, 250.0]), np.array([80.0, -20.0, 200.0])
 REFERENCES = np.array([[1200.0, 100.0, 600.0], [1300.0, -200.0, 650.0]])
@@ -290,12 +289,3 @@ def test_angles_that_nothing_checks_are_told_and_not_good_enough(tmp_path: Path)
 def test_a_marker_written_down_again_counts_once(tmp_path: Path) -> None:
     rows = mark_rows(np.random.default_rng(17))
     assert turned(tmp_path, rows * 10)["u_mm"] > 0.95 * turned(tmp_path, rows)["u_mm"]
-
-
-def test_a_direction_that_nothing_determines_is_open_beside_those_known_very_well_and_less_well() -> None:
-    rng = np.random.default_rng(4)
-    axes = np.linalg.qr(rng.normal(size=(6, 6)))[0]
-    information = (axes * [0.0, 1e-2, 1.0, 1e3, 1e8, 1e9]) @ axes.T
-    covariance = _open(information, 2)
-    assert covariance == pytest.approx(1e12 * np.outer(axes[:, 0], axes[:, 0]), abs=1e8)
-    assert _open(information, 1) == pytest.approx(covariance[:3, :3])

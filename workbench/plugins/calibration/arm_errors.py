@@ -15,7 +15,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.api import DEG, Float, Int, Shaped, pieces, rotation_from_vector
+from workbench.api import (
+    DEG,
+    Chapter,
+    Document,
+    Float,
+    InputFile,
+    Int,
+    Part,
+    RobotFile,
+    Shaped,
+    pieces,
+    rotation_from_vector,
+)
+from workbench.plugins.calibration.tables import sentence
 
 if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
     from workbench.api import Chain
@@ -107,6 +120,21 @@ def pose_derivatives(chain: Chain, errors: ArmErrors, joints: Float) -> Float:
     return np.swapaxes(np.concatenate([place, own], axis=2), 1, 2)
 
 
+def erring_flange(chain: Chain, errors: ArmErrors, x: Float, joints: Float) -> tuple[Float, Float]:
+    """`base_from_flange` (n, 4, 4) of the chain with its errors `x` (P,), and its derivatives (n, 6, P) by them."""
+    from workbench.api import forward_kinematics
+
+    now, more = corrected(chain, errors, x)
+    return forward_kinematics(now, joints), pose_derivatives(now, more, joints)
+
+
+def chain_of(cell: InputFile | None) -> Chain | None:
+    """The cell's robot; None without a cell."""
+    from workbench.api import read_cell
+
+    return None if cell is None else read_cell(cell).chain
+
+
 def _turn(axis: Float, point: Float) -> Float:
     return np.concatenate([np.cross(point, axis), axis])
 
@@ -194,15 +222,25 @@ def _left(arm: ArmErrors, covariance: Float, u: Float) -> list[str]:
     return said
 
 
-def arm_html(document: dict[str, Any], said: str) -> str:
-    """The report's chapter: the parameters, and what was found, in words."""
+def robot_results(
+    arm: ArmErrors, values: Float, covariance: Float, more: dict[str, Any], said: str, part: Part
+) -> tuple[Document, Chapter]:
+    """robot.json and the report's chapter: the parameters, and what was found, in words.
+
+    `more`: what else the stage found, its verdict and warnings among it.
+    """
+    document = arm_document(arm, values, covariance, more)
     rows = [
         (one["name"], _number(one, "value"), _number(one, "u"), "" if one["determined"] else "nearly as built")
         for one in document["parameters"]
     ]
-    verdict = document["verdict"]
+    verdict, warnings = document["verdict"], tuple(document["warnings"]) + tuple(document["left_as_built"])
     table = pieces.table_html(("Error of the arm", "found", "u", ""), rows) if rows else ""
-    return table + pieces.paragraph(f"{said} {verdict[:1].upper() + verdict[1:]}.")
+    html = table + pieces.paragraph(f"{said} {sentence(verdict)}")
+    return (
+        Document(RobotFile.NAME, RobotFile.written(document)),
+        Chapter("Robot calibration", html, summary=verdict, part=part, about="instruments", warnings=warnings),
+    )
 
 
 def _number(one: dict[str, Any], name: str) -> str:

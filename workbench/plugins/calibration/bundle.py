@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from workbench.api import Bool, Float, Int, Shaped, kernel, vector_from_rotation
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Normal, linearise, normal_equations
+from workbench.api import Bool, Float, Int, Shaped, estimator, kernel, vector_from_rotation
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
 SEED_SIZE = 5  # postures whose signs are tried exhaustively: 32 patterns
@@ -32,8 +32,6 @@ SLACK = 9.0  # how much more than its noise a seed's answer may be off elsewhere
 DESIGN_MM, DESIGN_RAD = 50.0, 0.35  # how far the design may be off: a weak pull in the search only
 UNKNOWN_MM, UNKNOWN_RAD = 1000.0, 100.0  # the same without a design
 
-STEPS = 30
-CONVERGED = 1e-6  # of a step's length in standard deviations, squared
 GROSS = float(scipy.special.chdtri(3, 1e-5))  # squared distance of a posture, left out of the fit, that is no chance
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
@@ -277,52 +275,15 @@ def fit(
     *,
     used: Bool | None = None,
     with_offset: bool = False,
-    steps: int = STEPS,
+    steps: int = estimator.STEPS,
 ) -> Fit:
     """Least squares from `start` on the observations `used` (k,), None: all.
 
     Every step weights with the noise predicted at the estimate. The sphere's radius is pulled to the stated one; the
     pull is an observation like any other. `with_offset`: `seen` are passes whose clock offset is estimated too.
     """
-    count = len(seen.circle)
-    keep = np.ones(count, bool) if used is None else used
-
-    def system(estimate: Estimate) -> Normal:
-        here = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
-        here = here if keep.all() else here.subset(keep)
-        return normal_equations(linearise(estimate, here, noise, with_offset), here, noise, estimate.radius_mm)
-
-    estimate, now = start, system(start)
-    for _ in range(steps):
-        step = _step(now)
-        moved, then = estimate, now
-        for _ in range(6):
-            moved = estimate.moved(step)
-            then = system(moved)
-            if then.chi2 < 1.5 * now.chi2 + 1.0:  # weights move with the estimate, so it may rise a little
-                break
-            step = step / 3
-        length = float(step @ now.matrix @ step)
-        estimate, now = moved, then
-        if length < CONVERGED:
-            break
-    freedom = 3 * int(keep.sum()) + 1 - len(now.side)
-    return Fit(estimate, _inverse(now.matrix), now.chi2, freedom, keep)
-
-
-def _step(now: Normal) -> Float:
-    """Gauss-Newton step (P,), none along what nothing determines; mm and rad differ in size, so scaled first."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(now.matrix), 1e-12))
-    step = scale * np.linalg.lstsq(scale[:, None] * now.matrix * scale, scale * now.side, rcond=1e-13)[0]
-    return np.asarray(step * min(1.0, 0.5 / max(float(np.linalg.norm(step[3:6])), 1e-12)))
-
-
-def _inverse(information: Float) -> Float:
-    """Inverse of an information matrix; huge, not infinite, in directions that nothing determines."""
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))
-    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
-    values = np.maximum(values, 1e-14)
-    return np.asarray(scale[:, None] * (vectors / values) @ vectors.T * scale)
+    found = estimator.fit(Sphere(seen, noise, with_offset), start, used, steps)
+    return Fit(found.at, found.inverse, found.chi2, found.freedom, found.used)
 
 
 def without_gross(start: Estimate, seen: Observations, noise: Noise) -> Fit:
@@ -376,16 +337,8 @@ def matched(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
 
 def left_out(result: Fit, seen: Observations, noise: Noise) -> Float:
     """Squared distance (k,) of every observation from the fit of the others (of all that count, for one left out)."""
-    linear = linearise(result.estimate, seen, noise)
-    J = linear.jacobian
-    from_fit = J @ result.covariance[:SIZE, :SIZE] @ np.swapaxes(J, 1, 2)
-    sign = np.where(result.used, -1.0, 1.0)[:, None, None]
-    spread = linear.covariance + sign * from_fit
-    r = linear.residual
-    values, vectors = np.linalg.eigh(spread)  # a posture that alone determines a direction leaves no residual there
-    values = np.where(values > 1e-6 * values[:, -1:], values, np.inf)
-    along = (np.swapaxes(vectors, 1, 2) @ r[..., None])[..., 0]
-    return np.asarray(np.sum(along**2 / values, axis=1))
+    rows = Sphere(seen, noise).rows(result.estimate)
+    return estimator.distance(rows, result.used, result.covariance[:SIZE, :SIZE]) ** 2
 
 
 def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Float:

@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import scipy
 
-from workbench.api import DEG, Bool, Float, Shaped, rotation_from_vector
-from workbench.plugins.calibration.observations import Group, Observations
+from workbench.api import DEG, Bool, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
+from workbench.plugins.calibration.observations import Group, Observations, Passes
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
+MOST_TURN = 0.5  # rad, of a step
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
 
 
@@ -113,90 +113,82 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose, bent)
 
 
-@dataclass(frozen=True)
-class Normal:
-    """Weighted least squares in normal form: information (P, P), right-hand side (P,), sum of weighted squares."""
-
-    matrix: Float
-    side: Float
-    chi2: float
-
-
-def normal_equations(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> Normal:
-    """Normal equations of a Gauss-Newton step, pose errors that frames share and the prior of the radius included."""
-    both = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=-1)
-    own, at_rest = both[seen.still], linear.covariance[seen.still]
-    joined = np.tensordot(own, np.linalg.solve(at_rest, own), axes=([0, 1], [0, 1]))
-    for scan in seen.scans:
-        joined = joined + _scan_equations(linear, both, scan, noise)
-    pull, off = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
-    joined[SIZE - 1, SIZE - 1] += pull
-    joined[SIZE - 1, -1] += pull * off
-    return Normal(joined[:-1, :-1], joined[:-1, -1], float(joined[-1, -1] + pull * off**2))
-
-
-def _scan_equations(linear: Linear, both: Float, scan: Group, noise: Noise) -> Float:
-    """[J r]^T S^-1 [J r] (P + 1, P + 1) of a scan's m frames, S = D + U U^T + V V^T (Woodbury, twice).
-
-    D are the circles' covariances; U carries the errors that each recorded pose has of its own, in standard deviations,
-    to the frames, V the errors that all of them share.
-    """
+def shared_of(linear: Linear, scan: Group, noise: Noise) -> estimator.Shared:
+    """What the frames of a scan share: errors that each recorded pose has of its own, and those of all of them."""
     spread = linear.by_pose[scan.rows] * noise.spread
     bent = np.zeros((len(spread), 3, 1))
     scale = noise.common / (noise.common + (1 - noise.common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
     bent[:, 2, 0] = scale * linear.bent[scan.rows]  # an error in common is so squared too
     alone = linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
-    own, shared = spread * np.sqrt(1 - noise.common), spread * np.sqrt(noise.common)
-    columns = np.concatenate([both[scan.rows], shared, bent], axis=-1)
-    joined, _ = within_scan(columns, alone, own, scan)
-    return with_shared(joined, shared.shape[2] + 1)[0]
+    whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
+    own = spread * np.sqrt(1 - noise.common)
+    return estimator.Shared(scan.rows, alone, own, scan.node, scan.fraction, scan.nodes - 1, whole)
 
 
-def within_scan(columns: Float, alone: Float, own: Float, scan: Group) -> tuple[Float, float]:
-    """C^T S^-1 C (c, c) of columns C (m, 3, c) over a scan's m frames and log det S, S = D + U U^T (Woodbury).
+def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> estimator.Rows:
+    """Circles as the estimator sees them at an estimate of this radius, which has the stated one for a prior."""
+    size = linear.jacobian.shape[2]
+    prior, away = np.zeros((size, size)), np.zeros(size)
+    prior[SIZE - 1, SIZE - 1], away[SIZE - 1] = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
+    shared = tuple(shared_of(linear, scan, noise) for scan in seen.scans)
+    covariance = linear.covariance.copy()
+    for one in shared:
+        evened = seen.evened[one.rows, None, None]
+        own, whole = (each @ np.swapaxes(each, 1, 2) for each in (one.own, one.whole))
+        covariance[one.rows] = one.alone + evened * own + whole
+    values = np.full(len(linear.residual), 3.0)
+    return estimator.Rows(linear.residual, linear.jacobian, covariance, values, prior, away, shared)
 
-    alone (m, 3, 3): D; own (m, 3, 6): what a recorded pose's own error does to a frame, in standard deviations. A frame
-    rests on two poses, so I + U^T D^-1 U is block-tridiagonal: the cost grows with the frames, not their cube.
+
+class Sphere:
+    """A sphere's circles: unknown are hand-eye pose, centre and radius, and where asked for the clock's offset.
+
+    `known`: what is known of the hand-eye pose before, as information (6, 6) about that of an estimate.
     """
-    inverse = np.linalg.inv(alone)
-    weighted = inverse @ columns
-    joined = np.tensordot(columns, weighted, axes=([0, 1], [0, 1]))
-    square = np.swapaxes(own, 1, 2) @ inverse @ own  # (m, 6, 6)
-    side = np.swapaxes(own, 1, 2) @ weighted  # (m, 6, c)
-    diagonal, below = np.zeros((scan.nodes, 6, 6)), np.zeros((scan.nodes, 6, 6))
-    at_nodes = np.zeros((scan.nodes, 6, columns.shape[2]))
-    after, before = scan.fraction[:, None, None], 1 - scan.fraction[:, None, None]
-    np.add.at(diagonal, scan.node, before**2 * square)
-    np.add.at(diagonal, scan.node + 1, after**2 * square)
-    np.add.at(below, scan.node, before * after * square)
-    np.add.at(at_nodes, scan.node, before * side)
-    np.add.at(at_nodes, scan.node + 1, after * side)
-    band = np.zeros((12, scan.nodes, 6))  # LAPACK's lower band storage
-    band[0] = 1.0
-    for row in range(6):
-        for column in range(6):
-            if row >= column:
-                band[row - column, :, column] += diagonal[:, row, column]
-            band[6 + row - column, :-1, column] += below[:-1, row, column]
-    flat = at_nodes.reshape(-1, columns.shape[2])
-    factor = scipy.linalg.cholesky_banded(band.reshape(12, -1), lower=True)
-    joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat)
-    return np.asarray(joined), float(2 * np.log(factor[0]).sum() - np.linalg.slogdet(inverse)[1].sum())
+
+    def __init__(
+        self,
+        seen: Observations | Passes,
+        noise: Noise,
+        with_offset: bool = False,
+        known: tuple[Estimate, Float] | None = None,
+    ) -> None:
+        self.seen, self.noise, self.with_offset, self.known = seen, noise, with_offset, known
+
+    def rows(self, at: Estimate) -> estimator.Rows:
+        """With a clock's offset the frames go to the poses of other times."""
+        here = self.seen.place(at.offset_s) if isinstance(self.seen, Passes) else self.seen
+        rows = rows_of(linearise(at, here, self.noise, self.with_offset), here, self.noise, at.radius_mm)
+        if self.known is not None:
+            before, rows.prior[:6, :6] = self.known
+            rows.away[:3] = before.translation_mm - at.translation_mm
+            rows.away[3:6] = vector_from_rotation(before.rotation @ at.rotation.T)
+        return rows
+
+    def moved(self, at: Estimate, step: Float) -> Estimate:
+        """Turns by half a rad at most: beyond, the model is no plane."""
+        return at.moved(step * min(1.0, MOST_TURN / max(float(np.linalg.norm(step[3:6])), 1e-12)))
 
 
-def with_shared(joined: Float, more: int) -> tuple[Float, Float]:
-    """C^T S^-1 C (..., c, c) with the last `more` columns V taken into S (S + V V^T), and what log det S grows by."""
-    in_common = np.eye(more) + joined[..., -more:, -more:]
-    rest = joined[..., :-more, :-more] - joined[..., :-more, -more:] @ np.linalg.solve(
-        in_common, joined[..., -more:, :-more]
-    )
-    return np.asarray(rest), np.asarray(np.linalg.slogdet(in_common)[1])
+class Ball:
+    """A sphere's circles by a hand-eye pose that stays: unknown are centre and radius."""
+
+    def __init__(self, seen: Observations, noise: Noise) -> None:
+        self.sphere = Sphere(seen, noise)
+
+    def rows(self, at: Estimate) -> estimator.Rows:
+        """Those of the sphere without the pose."""
+        rows, free = self.sphere.rows(at), np.s_[6:SIZE]
+        return replace(rows, jacobian=rows.jacobian[..., free], prior=rows.prior[free, free], away=rows.away[free])
+
+    def moved(self, at: Estimate, step: Float) -> Estimate:
+        """The pose stays."""
+        return at.moved(np.concatenate([np.zeros(6), step]))
 
 
 def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:
     """Fisher information (P, P) of the unknowns, the prior of the radius included: its inverse is the bound."""
-    linear = linearise(estimate, seen, noise, with_offset)
-    return normal_equations(linear, seen, noise, estimate.radius_mm).matrix
+    return Sphere(seen, noise, with_offset).rows(estimate).normal().information
 
 
 @dataclass(frozen=True)

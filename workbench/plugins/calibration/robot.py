@@ -19,10 +19,9 @@ from workbench.api import (
     HandEyeFile,
     InputError,
     InputFile,
-    Int,
     Recording,
-    RobotFile,
     Shaped,
+    estimator,
     frozen,
     inverse,
     pose_from,
@@ -34,11 +33,10 @@ from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
     Priors,
-    arm_document,
     arm_errors,
-    arm_html,
-    corrected,
-    pose_derivatives,
+    chain_of,
+    erring_flange,
+    robot_results,
 )
 from workbench.plugins.calibration.model import (
     SIZE,
@@ -53,8 +51,7 @@ from workbench.plugins.calibration.model import (
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Demand, check_determined, solve
-from workbench.plugins.calibration.tables import JOINTS, Table, enough, noisy, studentised, without_gross
-from workbench.plugins.calibration.tracker import chain_of, flange_poses, inverse_information
+from workbench.plugins.calibration.tables import JOINTS, Table, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import serves
 
@@ -64,7 +61,6 @@ if TYPE_CHECKING:
 LEAST_POSTURES = 30  # for some fifteen parameters beside the ten of the sphere and the hand-eye pose
 SAME_MM, SAME_RAD = 1.0, 0.1 * DEG  # by which a recorded pose may differ from the cell's model at its joint angles
 COARSER = (16.0, 4.0, 1.0)  # the robot's noise in turn: its errors as built are larger, and the first steps long
-STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
 MOST_MISFIT = 25.0  # residuals of five times the noise: it is no such robot, or a wrong side of the laser plane
 CORRECTED = "for a controller into which the joint offsets and lengths of robot.json are entered, and for no other"
 BUILT_MM = 5.0  # limit of the start's uncertainty, with the robot as built: it only starts
@@ -72,16 +68,33 @@ BUILT_MM = 5.0  # limit of the start's uncertainty, with the robot as built: it 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Together:
-    """Hand-eye pose, sphere and errors of the arm, with the covariance of all: as in `model`, then the errors."""
+    """Hand-eye pose and sphere, as in `model`, and the errors of the arm."""
 
     estimate: Estimate
     errors: Shaped[Float, " P"]
-    covariance: Float  # (10 + P, 10 + P)
-    residual: Shaped[Float, "k 3"]  # of x_c, z_c and w
-    misfit: float
-    freedom: int
-    distance: Shaped[Float, " k"]
-    place_u_mm: float  # of the sphere's place as predicted in these postures, RMS of x and z
+
+
+class Posed:
+    """Circles of a sphere from a flange that errs as its arm does: unknown are those of `model`, then the errors."""
+
+    def __init__(self, seen: Observations, joints: Float, noise: Noise, chain: Chain, arm: ArmErrors) -> None:
+        self.seen, self.joints, self.noise, self.chain, self.arm = seen, joints, noise, chain, arm
+        self.back = inverse(erring_flange(chain, NO_ERRORS, np.zeros(0), joints)[0])
+
+    def rows(self, at: Together) -> estimator.Rows:
+        """The recorded poses are moved by what the errors move the flange by."""
+        flange, by_errors = erring_flange(self.chain, self.arm, at.errors, self.joints)
+        moved = dataclasses.replace(self.seen, base_from_flange=self.seen.base_from_flange @ self.back @ flange)
+        linear = linearise(at.estimate, moved, self.noise)
+        slope = np.concatenate([linear.jacobian, linear.by_pose @ by_errors], axis=2)
+        prior = np.concatenate([np.zeros(SIZE - 1), [self.noise.radius_u_mm**-2], self.arm.prior**-2])
+        away = np.concatenate([np.zeros(SIZE - 1), [self.noise.radius_mm - at.estimate.radius_mm], -at.errors])
+        values = np.full(len(slope), 3.0)
+        return estimator.Rows(linear.residual, slope, linear.covariance, values, np.diag(prior), away)
+
+    def moved(self, at: Together, step: Float) -> Together:
+        """Steps in the order of the unknowns."""
+        return Together(at.estimate.moved(step[:SIZE]), at.errors + step[SIZE:])
 
 
 @stage("calibrate.robot")
@@ -149,106 +162,77 @@ def robot(
     start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).fit.estimate
     arm = arm_errors(chain, Priors(offset_prior_deg * DEG, length_prior_mm))
 
-    def fit(rows: Int, arm: ArmErrors = arm) -> Together:
-        return together(start, seen.subset(np.isin(np.arange(len(seen)), rows)), angles[rows], noise, chain, arm)
-
     passes = tuple(int(recording.pass_index[frames[0]]) for frames in seen.frames)
-    found, kept, left_out = without_gross(
-        len(seen),
-        fit,
-        lambda one, row: _away_mm(one, seen, angles, row, noise, chain, arm),
-        passes,
-        where,
-        "did the sphere move, do joints and poses belong together?",
-        row_name="pass",
-    )
+    labels = estimator.Labels(where, passes, "pass", "did the sphere move, do joints and poses belong together?")
+    begun = together(start, seen, angles, noise, chain, arm).at
+    found, left_out = estimator.without_blunders(Posed(seen, angles, noise, chain, arm), begun, labels, lengths=2)
     if found.misfit > MOST_MISFIT:
         raise InputError(
             where,
             f"no joint offsets and lengths explain the postures: residuals are "
             f"{math.sqrt(found.misfit):.0f} times the stated noise; did the sphere move?",
         )
-    built = fit(kept, NO_ERRORS)
-    used = seen.subset(np.isin(np.arange(len(seen)), kept))
-    covariance = found.covariance[:6, :6]
-    check_determined(covariance, found.estimate, used, noise, Demand(view, max_u_mm, where))
-    u = volume_u(covariance, found.estimate.rotation, view)
-    seen_u = math.hypot(found.place_u_mm, _rms(found) / math.sqrt(2.0))
-    good, verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")
+    kept, estimate, covariance = found.used, found.at.estimate, found.covariance
+    used = seen.subset(kept)
+    built = together(start, used, angles[kept], noise, chain, NO_ERRORS)
+    check_determined(covariance[:6, :6], estimate, used, noise, Demand(view, max_u_mm, where))
+    u, rms = volume_u(covariance[:6, :6], estimate.rotation, view), rms_mm(found.rows.residual[kept, :2])
+    slope = found.rows.jacobian[kept, :2]
+    place_u2 = float(np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean())
+    seen_u = math.sqrt(place_u2 + rms**2 / 2.0)
+    verdict = enough(seen_u, bevel_deg, root_tolerance_mm, "the profiler on the corrected robot", "add postures")
     warnings = tuple(left_out.values()) + noisy(found, "the sphere's places", "did it move, does the robot repeat?")
-    pose = pose_from(found.estimate.rotation, found.estimate.translation_mm)
-    document = arm_document(
-        arm,
-        found.errors,
-        found.covariance[SIZE:, SIZE:],
-        {
-            "part": asdict(recording.part),
-            "flange_from_profiler": pose,
-            "hand_eye_covariance": covariance,
-            "volume_u_mm": u,
-            "u_mm": seen_u,
-            "sphere_center_mm": found.estimate.center_mm,
-            "sphere_diameter_mm": 2.0 * found.estimate.radius_mm,
-            "residual_rms_as_built_mm": _rms(built),
-            "residual_rms_mm": _rms(found),
-            "misfit": found.misfit,
-            "postures": len(kept),
-            "left_out": [{"pass": number, "cause": cause} for number, cause in left_out.items()],
-            "good_enough": good,
-            "verdict": verdict,
-            "warnings": warnings,
-        },
-    )
     both = as_flange_errors(chain, arm, found, angles[kept], view)
-    together_u = volume_u(both, found.estimate.rotation, view)
-    html = arm_html(
-        document,
-        f"The sphere's places lie {_rms(found):.3f} mm RMS (x and z) from the model, {_rms(built):.3f} mm with the "
-        f"robot as built. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. A point over the "
-        f"field of view: u = {together_u:.3f} mm of the hand-eye pose with these errors, {u:.3f} mm by itself.",
+    together_u = volume_u(both, estimate.rotation, view)
+    pose = pose_from(estimate.rotation, estimate.translation_mm)
+    more = {
+        "part": asdict(recording.part),
+        "flange_from_profiler": pose,
+        "hand_eye_covariance": covariance[:6, :6],
+        "volume_u_mm": u,
+        "u_mm": seen_u,
+        "sphere_center_mm": estimate.center_mm,
+        "sphere_diameter_mm": 2.0 * estimate.radius_mm,
+        "residual_rms_as_built_mm": rms_mm(built.rows.residual[:, :2]),
+        "residual_rms_mm": rms,
+        "postures": len(used),
+        **told(found, left_out, verdict, warnings, labels.name),
+    }
+    said = (
+        f"The sphere's places lie {rms:.3f} mm RMS (x and z) from the model, {more['residual_rms_as_built_mm']:.3f} mm "
+        f"with the robot as built. {fit_words(found)} A point over the field of view: u = {together_u:.3f} mm of the "
+        f"hand-eye pose with these errors, {u:.3f} mm by itself."
     )
+    document, chapter = robot_results(arm, found.at.errors, covariance[SIZE:, SIZE:], more, said, recording.part)
     hand_eye = HandEye(frozen(pose), frozen(both), recording.source, recording.part.recorded_at, together_u)
-    pose_serves = serves(
+    serving = serves(
         both,
-        found.estimate.rotation,
+        estimate.rotation,
         view,
         bevel_deg,
         (root_tolerance_mm, bevel_tolerance_deg),
         ("the hand-eye pose, with the corrected robot,", "add postures"),
     )
-    return (
-        hand_eye,
-        _hand_eye_document(
-            hand_eye, document, recording, profiles, used, _causes(seen, kept, passes, left_out), pose_serves
-        ),
-        Document(RobotFile.NAME, RobotFile.written(document)),
-        Chapter(
-            "Robot calibration",
-            html,
-            summary=verdict,
-            part=recording.part,
-            about="instruments",
-            warnings=warnings + tuple(document["left_as_built"]),
-        ),
-    )
+    causes = {frame: left_out[passes[k]] for k in np.flatnonzero(~kept) for frame in seen.frames[k]}
+    said_of_pose = _hand_eye_document(hand_eye, more, len(arm), recording, profiles, used, causes, serving)
+    return hand_eye, said_of_pose, document, chapter
 
 
-def as_flange_errors(chain: Chain, arm: ArmErrors, found: Together, joints: Float, view: View) -> Float:
+def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together], joints: Float, view: View) -> Float:
     """Covariance (6, 6) of the hand-eye pose together with what the arm's errors do to the flange in all postures.
 
     An error of the arm acts partly as another base, which scan and cut share, partly as another flange, which is as
     another hand-eye pose, and for the rest from posture to posture: least squares over the joint angles (n, 6), by
     what an error does over the field of view.
     """
-    now, more = corrected(chain, arm, found.errors)
-    flange, by_error = flange_poses(now, joints), pose_derivatives(now, more, joints)
+    flange, by_error = erring_flange(chain, arm, found.at.errors, joints)
     to_own = np.swapaxes(flange[:, :3, :3], 1, 2)
     moves = np.concatenate([to_own, -to_own @ cross_matrix(flange[:, :3, 3])], axis=2)  # of the flange, by another base
     base = np.concatenate([moves, np.concatenate([np.zeros_like(to_own), to_own], axis=2)], axis=1)
     own = np.concatenate([to_own @ by_error[:, :3], by_error[:, 3:]], axis=1)
     as_pose = np.eye(6)  # a flange that turns carries the profiler along
-    as_pose[:3, 3:] = -cross_matrix(found.estimate.translation_mm)
-    weight = np.linalg.cholesky(volume_weight(found.estimate.rotation, view)).T
+    as_pose[:3, 3:] = -cross_matrix(found.at.estimate.translation_mm)
+    weight = np.linalg.cholesky(volume_weight(found.at.estimate.rotation, view)).T
     rows = np.concatenate([np.broadcast_to(weight, (len(joints), 6, 6)), weight @ as_pose @ base], axis=2)
     seen = weight @ as_pose @ own
     parts = np.linalg.lstsq(rows.reshape(-1, 12), seen.reshape(-1, len(arm)), rcond=None)[0]
@@ -258,15 +242,10 @@ def as_flange_errors(chain: Chain, arm: ArmErrors, found: Together, joints: Floa
     return np.asarray((covariance + covariance.T) / 2.0)
 
 
-def _causes(seen: Observations, kept: Int, passes: tuple[int, ...], left_out: dict[int, str]) -> dict[int, str]:
-    """By frame of the recording, why its posture is left out."""
-    rows = set(range(len(seen))) - set(kept.tolist())
-    return {frame: left_out[passes[row]] for row in rows for frame in seen.frames[row]}
-
-
 def _hand_eye_document(
     hand_eye: HandEye,
     robot_json: dict[str, Any],
+    count: int,
     recording: Recording,
     profiles: SphereProfiles,
     used: Observations,
@@ -276,7 +255,7 @@ def _hand_eye_document(
     """`handeye.json`: the pose that goes with the corrected robot, as planning and inspection read it."""
     pose = hand_eye.flange_from_profiler
     rejected = {one.frame: one.cause for one in profiles.rejected} | causes
-    count, u = len(robot_json["parameters"]), robot_json["u_mm"]
+    u = robot_json["u_mm"]
     content = {
         "part": asdict(recording.part),
         "flange_from_profiler": pose,
@@ -323,7 +302,7 @@ def read_joints(path: InputFile, seen: Observations, recording: Recording, chain
     if missing:
         raise InputError(str(path), f"expected the joint angles of pass {missing[0]}, which sees the sphere")
     found = np.array([angles[one] for one in wanted])
-    apart = inverse(flange_poses(chain, found)) @ seen.base_from_flange
+    apart = inverse(erring_flange(chain, NO_ERRORS, np.zeros(0), found)[0]) @ seen.base_from_flange
     shift = np.linalg.norm(apart[:, :3, 3], axis=1)
     turn = np.linalg.norm(vector_from_rotation(apart[:, :3, :3]), axis=1)
     worst = int(np.argmax(np.maximum(shift / SAME_MM, turn / SAME_RAD)))
@@ -339,99 +318,16 @@ def read_joints(path: InputFile, seen: Observations, recording: Recording, chain
 
 def together(
     start: Estimate, seen: Observations, joints: Float, noise: Noise, chain: Chain, arm: ArmErrors
-) -> Together:
-    """Hand-eye pose, sphere and errors of the arm, from `start` and the robot as built."""
+) -> estimator.Fit[Together]:
+    """Hand-eye pose, sphere and errors of the arm, from `start` and the robot as built.
+
+    Circles' sizes say nothing at first: a wrong side of the laser plane would stay.
+    """
     by_place = seen.covariance.copy()
-    by_place[:, 2, 2] += (
-        noise.radius_mm**4
-    )  # circles' sizes say nothing yet: a wrong side of the laser plane would stay
-    begun = _Fit(start, np.zeros(len(arm)), dataclasses.replace(seen, covariance=by_place), joints, noise, chain, arm)
-    begun = begun.settled(_coarser(noise, COARSER[0]))
-    found = _Fit(begun.estimate, begun.x, seen, joints, noise, chain, arm)
-    for coarser in COARSER:
-        found = found.settled(_coarser(noise, coarser))
-    return found.result()
-
-
-def _coarser(noise: Noise, factor: float) -> Noise:
-    return dataclasses.replace(noise, pose_mm=factor * noise.pose_mm, pose_deg=factor * noise.pose_deg)
-
-
-class _Fit:
-    """Gauss-Newton about an estimate and errors x (P,), under one noise."""
-
-    def __init__(
-        self,
-        estimate: Estimate,
-        x: Float,
-        seen: Observations,
-        joints: Float,
-        noise: Noise,
-        chain: Chain,
-        arm: ArmErrors,
-    ) -> None:
-        self._of = (seen, joints, chain, arm)
-        self.estimate, self.x, self._noise = estimate, x, noise
-        now, more = corrected(chain, arm, x)
-        moved = inverse(flange_poses(chain, joints)) @ flange_poses(now, joints)
-        linear = linearise(estimate, dataclasses.replace(seen, base_from_flange=seen.base_from_flange @ moved), noise)
-        rows = np.concatenate([linear.jacobian, linear.by_pose @ pose_derivatives(now, more, joints)], axis=2)
-        factor = np.linalg.cholesky(linear.covariance)
-        self.residual, self._rows = linear.residual, rows
-        self._white, self._right = (
-            np.linalg.solve(factor, rows),
-            np.linalg.solve(factor, linear.residual[..., None])[..., 0],
-        )
-        self._prior = np.zeros(SIZE + len(arm))
-        self._prior[SIZE - 1], self._prior[SIZE:] = noise.radius_u_mm**-2, arm.prior**-2
-        self._pull = np.concatenate([np.zeros(SIZE), -x])
-        self._pull[SIZE - 1] = noise.radius_mm - estimate.radius_mm
-        self.information = np.einsum("nij,nik->jk", self._white, self._white) + np.diag(self._prior)
-        self.chi2 = float((self._right**2).sum() + (self._prior * self._pull**2).sum())
-
-    def settled(self, noise: Noise) -> _Fit:
-        """The fit under another noise; steps that make it worse are shortened."""
-        now = self._at(self.estimate, self.x, noise)
-        for _ in range(STEPS):
-            side = np.einsum("nij,ni->j", now._white, now._right) + now._prior * now._pull
-            step = inverse_information(now.information) @ side
-            length = float(step @ now.information @ step)
-            then = now
-            for _ in range(6):
-                then = now._at(now.estimate.moved(step[:SIZE]), now.x + step[SIZE:], noise)
-                if then.chi2 < 1.5 * now.chi2 + 1.0:  # weights move with the estimate, so it may rise a little
-                    break
-                step = step / 3.0
-            now = then
-            if length < CONVERGED:
-                break
-        return now
-
-    def _at(self, estimate: Estimate, x: Float, noise: Noise) -> _Fit:
-        seen, joints, chain, arm = self._of
-        return _Fit(estimate, x, seen, joints, noise, chain, arm)
-
-    def result(self) -> Together:
-        """The answer."""
-        freedom = 3 * len(self._right) + 1 - SIZE
-        misfit = self.chi2 / max(freedom, 1)
-        covariance = inverse_information(self.information)
-        distance = studentised(self._right, self._white, covariance)
-        covariance = covariance * max(1.0, misfit)
-        u = math.sqrt(float(np.einsum("nij,jk,nik->ni", self._rows, covariance, self._rows)[:, :2].mean()))
-        return Together(self.estimate, self.x, covariance, self.residual, misfit, freedom, distance, u)
-
-
-def _away_mm(
-    found: Together, seen: Observations, joints: Float, row: int, noise: Noise, chain: Chain, arm: ArmErrors
-) -> float:
-    """How far the sphere of a posture lies, in x and z, from where a fit without it puts it."""
-    one = seen.subset(np.arange(len(seen)) == row)
-    q = joints[row : row + 1]
-    now = flange_poses(corrected(chain, arm, found.errors)[0] if len(found.errors) else chain, q)
-    one = dataclasses.replace(one, base_from_flange=one.base_from_flange @ inverse(flange_poses(chain, q)) @ now)
-    return float(np.linalg.norm(linearise(found.estimate, one, noise).residual[0, :2]))
-
-
-def _rms(found: Together) -> float:
-    return math.sqrt(float(np.mean((found.residual[:, :2] ** 2).sum(axis=1))))
+    by_place[:, 2, 2] += noise.radius_mm**4
+    places, at = dataclasses.replace(seen, covariance=by_place), Together(start, np.zeros(len(arm)))
+    for circles, coarser in ((places, COARSER[0]), *((seen, one) for one in COARSER)):
+        rough = dataclasses.replace(noise, pose_mm=coarser * noise.pose_mm, pose_deg=coarser * noise.pose_deg)
+        found = estimator.fit(Posed(circles, joints, rough, chain, arm), at)
+        at = found.at
+    return found

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.api import Float, HandEye, HandEyeFile, InputError, InputFile, Recording, Shaped
+from workbench.api import Float, HandEye, HandEyeFile, InputError, InputFile, Recording, Shaped, estimator
 from workbench.plugins.calibration import bundle
-from workbench.plugins.calibration.model import SIZE, Estimate, Noise, linearise
+from workbench.plugins.calibration.model import Ball, Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import Sensor, rescaled
 
 LEAST_POSTURES = 3  # of a sphere: one circle does not tell its side of the laser plane, and a third one checks two
-STEPS = 10
 RIGID = 1e-6
 BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, for what it is off is in the result"
 
@@ -68,18 +67,9 @@ def sphere_place(hand_eye: HandEye, seen: Observations, noise: Noise, where: str
         raise InputError(where, f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}")
     pose = hand_eye.flange_from_profiler
     at = start_center(Estimate(pose[:3, :3], pose[:3, 3], np.zeros(3), noise.radius_mm), seen, noise)
-    for _ in range(STEPS):
-        linear = linearise(at, seen, noise)
-        weighted = np.linalg.solve(linear.covariance, linear.jacobian)
-        matrix = np.einsum("kip,kiq->pq", linear.jacobian[..., 6:SIZE], weighted)
-        side = np.einsum("kip,ki->p", weighted[..., 6:SIZE], linear.residual)
-        matrix[3, SIZE - 1] += noise.radius_u_mm**-2
-        side[3] += (noise.radius_mm - at.radius_mm) / noise.radius_u_mm**2
-        at = at.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix[:, 6:], side)]))
-    inverse = np.linalg.inv(matrix[:, 6:])
-    chi2 = np.einsum("ki,ki->", linear.residual, np.linalg.solve(linear.covariance, linear.residual[..., None])[..., 0])
-    misfit = float(chi2) / (3 * len(seen) - 3)
-    return Place(at.center_mm, inverse[:3, :3] * max(1.0, misfit), -(inverse @ matrix[:, :6])[:3])
+    found = estimator.fit(Ball(seen, noise), at)
+    by_pose = Sphere(seen, noise).rows(found.at).jacobian[..., :6]
+    return Place(found.at.center_mm, found.covariance[:3, :3], -found.carried(by_pose)[:3])
 
 
 def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:

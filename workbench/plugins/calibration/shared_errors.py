@@ -27,9 +27,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Float, Shaped, inverse, vector_from_rotation
+from workbench.api import Float, Shaped, estimator, inverse, vector_from_rotation
 from workbench.plugins.calibration.bundle import Fit, matched, without_gross
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise, with_shared, within_scan
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
 RIGHT_WITHIN = 1.5  # factor: one standard deviation of a repeatability as stated
@@ -179,7 +179,7 @@ class _Likelihood:
         into[:, np.arange(size), np.arange(size)] = 1.0
         into[:, size, size - 1], into[:, size, size] = whole**2, np.sqrt(2.0) * whole**2
         into[:, size + 1 :, size + 1 :] = whole[:, None, None] * np.eye(6)
-        by_scan, log_more = with_shared(np.swapaxes(into, 1, 2)[:, None] @ joined @ into[:, None], 7)
+        by_scan, log_more = estimator.with_common(np.swapaxes(into, 1, 2)[:, None] @ joined @ into[:, None], 7)
         normal = by_scan.sum(axis=1)  # (g, P + 1, P + 1)
         pull = self._stated.radius_u_mm**-2
         normal[:, SIZE - 1, SIZE - 1] += pull
@@ -207,7 +207,11 @@ class _Likelihood:
         joined = [np.swapaxes(still, 1, 2) @ np.linalg.solve(at_rest, still)]
         log_size = float(np.linalg.slogdet(at_rest)[1].sum())
         for scan in seen.scans:
-            more, log = within_scan(columns[scan.rows], alone[scan.rows], own * self._spread[scan.rows], scan)
+            by_pose, none = own * self._spread[scan.rows], np.zeros((len(scan.rows), 3, 0))
+            shared = estimator.Shared(
+                scan.rows, alone[scan.rows], by_pose, scan.node, scan.fraction, scan.nodes - 1, none
+            )
+            more, log = estimator.within_poses(columns[scan.rows], shared)
             joined.append(more[None])
             log_size += log
         return np.concatenate(joined), log_size

@@ -192,7 +192,7 @@ def _refine(starts: list[Estimate], seen: Observations, noise: Noise) -> list[Fi
         one = bundle.without_gross(start, seen, noise)
         if not any(bundle.same(one.estimate, other.estimate, 1e-3, 1e-5) for other in kept):
             kept.append(one)
-    return sorted(kept, key=lambda one: bundle.truncated(one.estimate, seen, noise, 1.0))
+    return sorted(kept, key=_cost)
 
 
 def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:

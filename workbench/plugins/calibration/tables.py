@@ -1,4 +1,4 @@
-"""What calibrations from tables share: reading them, rows that all others contradict, what the result is good for.
+"""What calibrations from tables share: reading them, what their fit says, what the result is good for.
 
 Tables are small: CSV with a header, lines that begin with # are comments.
 """
@@ -7,23 +7,29 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError, Int, numbered_lines, pose_from, read_text, rotation_from_quaternion
+from workbench.api import (
+    DEG,
+    Float,
+    InputError,
+    Int,
+    estimator,
+    numbered_lines,
+    pose_from,
+    read_text,
+    rotation_from_quaternion,
+)
 
 POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")  # a flange in the base
 JOINTS = tuple(f"q{k}_deg" for k in range(1, 7))
 MAX_BYTES = 2**24
 MOST = 1e6  # mm or degrees: beyond it lies nobody's cell
-GROSS = 5.0  # standard deviations of a row, as the others say it lies: a blunder, by far
-THREE_QUARTERS = 2.03  # quantile of the length of three standard normal numbers
 ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain may take
-MOST_GROSS = 0.25  # share of the rows; with more, nobody knows which are right
-LEAST_FREEDOM = 4  # to tell a blunder from noise
 NOISY = 2.0  # misfit that is told
 MOST_MISFIT = 100.0  # residuals of ten times the stated noise: no noise, and no robot that errs a little
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
@@ -99,79 +105,10 @@ def poses(table: Table) -> Float:
     return pose_from(rotation_from_quaternion(pose[:, 3:] / norm[:, None]), pose[:, :3])
 
 
-class Found(Protocol):
-    """A fit of some rows."""
-
-    @property
-    def distance(self) -> Float:
-        """Of each row (n,) from the rest, in its standard deviations, as the length of three normal numbers."""
-
-    @property
-    def misfit(self) -> float:
-        """Chi-square over degrees of freedom."""
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom."""
-
-
-F = TypeVar("F", bound=Found)
-
-
-def without_gross(
-    count: int,
-    solve: Callable[[Int], F],
-    away_mm: Callable[[F, int], float],
-    lines: tuple[int, ...],
-    where: str,
-    ask: str,
-    spare: int = LEAST_FREEDOM,
-    row_name: str = "line",
-) -> tuple[F, Int, dict[int, str]]:
-    """Leave out, one by one, the row that all others contradict most.
-
-    More noise than stated is no blunder, and neither is what the model does not hold (gears, gravity): a row must be
-    far off beside three quarters of *all* rows, those left out before counted as far off.
-
-    Args:
-        count: rows in all.
-        solve: the fit of some rows (k,).
-        away_mm: how far row i (of all) lies from where a fit without it puts it.
-        lines: of the file, one a row.
-        where: the file.
-        ask: what may be wrong where too many rows contradict each other.
-        spare: degrees of freedom that must be there to judge.
-        row_name: what a number of `lines` counts.
-
-    Returns: the fit, its rows, and by line of the file why one is left out.
-
-    Raises:
-        InputError: more blunders than can be told apart.
-    """
-    kept, left_out = np.arange(count), dict[int, str]()
-    while True:
-        found = solve(kept)
-        worst = int(np.argmax(found.distance))
-        all_ = np.concatenate([found.distance, np.full(len(left_out), np.inf)])
-        usual = max(1.0, float(np.quantile(all_, 1.0 - MOST_GROSS, method="lower")) / THREE_QUARTERS)
-        if found.freedom < spare or found.distance[worst] <= GROSS * usual:
-            return found, kept, left_out
-        if len(left_out) + 1 > MOST_GROSS * count:
-            raise _contradictory(found, where, ask)
-        row = int(kept[worst])
-        kept = np.delete(kept, worst)
-        line, away = lines[row], away_mm(solve(kept), row)
-        left_out[line] = f"{row_name} {line} is left out: it lies {away:.2f} mm from where all other rows put it"
-
-
-def check_misfit(found: Found, where: str, ask: str) -> None:
+def check_misfit(found: Found, labels: estimator.Labels) -> None:
     """Refuse rows of which too many lie too far from what fits them best for any to be called a blunder."""
-    if found.freedom >= LEAST_FREEDOM and found.misfit > MOST_MISFIT:
-        raise _contradictory(found, where, ask)
-
-
-def _contradictory(found: Found, where: str, ask: str) -> InputError:
-    return InputError(where, f"the rows contradict each other: a misfit of {found.misfit:.0f} where 1 is usual; {ask}")
+    if found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT:
+        raise estimator.contradictory(found.misfit, labels)
 
 
 def enough(
@@ -199,7 +136,7 @@ def enough(
 
 def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:
     """A warning where the residuals are larger than the stated noise, or smaller by far."""
-    if found.freedom < LEAST_FREEDOM:
+    if found.freedom < estimator.LEAST_FREEDOM:
         return ()
     if found.misfit < TOO_NEAR**-2:
         return (
@@ -214,19 +151,51 @@ def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:
     )
 
 
-def shared(place: Int, turn: Float, same: float) -> Float:
-    """Rows (n,) that say the same as each row, itself included: of the same place (n,), turned by less than `same`.
+def told(
+    found: estimator.Fit[Any],
+    left_out: dict[int, str],
+    verdict: tuple[bool, str],
+    warnings: tuple[str, ...],
+    name: str = "line",
+) -> dict[str, Any]:
+    """What every result file says of its fit; `name`: what a number of `left_out` counts."""
+    return {
+        "misfit": found.misfit,
+        "left_out": [{name: number, "cause": cause} for number, cause in left_out.items()],
+        "good_enough": verdict[0],
+        "verdict": verdict[1],
+        "warnings": warnings,
+    }
 
-    `turn` (n, n): between rows, rad. What is wrong in a posture is wrong in it however often it is written down, so
-    that all rows of a posture weigh as much as one.
-    """
-    alike = (place[:, None] == place[None, :]) & (turn <= same)
-    return np.asarray(alike.sum(axis=1), dtype=np.float64)
+
+def rms_mm(residual: Float) -> float:
+    """Root mean square of lengths (n, k)."""
+    return float(np.sqrt(np.mean((residual**2).sum(axis=1))))
 
 
-def studentised(white: Float, rows: Float, covariance: Float) -> Float:
-    """Distance (n,) of each row's whitened residuals (n, 3) from the fit of the others; rows (n, 3, P) its Jacobian."""
-    hat = np.einsum("nij,jk,nlk->nil", rows, covariance, rows)
-    apart = np.linalg.pinv(np.eye(white.shape[1]) - hat, rcond=1e-6)
-    size = np.einsum("ni,nij,nj->n", white, apart, white)
-    return np.asarray(np.sqrt(np.maximum(size, 0.0) * 3.0 / white.shape[1]))
+def sentence(words: str) -> str:
+    """Words as a sentence of the report."""
+    return f"{words[:1].upper()}{words[1:]}."
+
+
+def fit_words(found: estimator.Fit[Any]) -> str:
+    """How well a fit agrees with its noise, for the report."""
+    return f"Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}."
+
+
+def turned_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:
+    """Covariance (n, 3, 3) of points at the ends of levers (n, 3): of their place, and of an orientation (rad)."""
+    across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
+    return np.asarray(sigma_mm**2 * np.eye(3) + sigma**2 * across)
+
+
+class Found(Protocol):
+    """A fit of some rows."""
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over degrees of freedom."""
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""

@@ -21,11 +21,11 @@ from workbench.api import (
     InputError,
     InputFile,
     Int,
-    Part,
     PartNames,
     Recording,
     Shaped,
     ToolFile,
+    estimator,
     nearest,
     pieces,
     stage,
@@ -38,11 +38,13 @@ from workbench.plugins.calibration.tables import (
     Table,
     check_misfit,
     enough,
+    fit_words,
     noisy,
     poses,
-    shared,
-    studentised,
-    without_gross,
+    rms_mm,
+    sentence,
+    told,
+    turned_noise,
 )
 from workbench.plugins.calibration.values import SphereProfiles
 
@@ -53,8 +55,6 @@ ALONE_MM = 1e-3  # of a typed reference by itself
 SAME_POSTURE = 1.0 * DEG  # between touches of one tool point and reference, that count as one
 STAND_OFF = "stand_off_mm"
 FAR_BETTER = 0.25  # a misfit over another's: touches along the tool fit its mirror image, beyond the ball, as well
-ROUNDS = 3  # the lever of the orientation's noise is the answer's own
-MOST_ROUNDS = 40  # where balls are touched, whose normals are the answer's too
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,30 +75,6 @@ class Touches:
     def beside_mm(self) -> Float:
         """The distances (n,), 0 where nothing is said."""
         return np.nan_to_num(self.stand_off_mm)
-
-    def only(self, keep: Int) -> Touches:
-        """Some of the touches."""
-        return replace(
-            self,
-            base_from_flange=self.base_from_flange[keep],
-            tool_point=self.tool_point[keep],
-            reference=self.reference[keep],
-            stand_off_mm=self.stand_off_mm[keep],
-            lines=tuple(self.lines[i] for i in keep),
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ToolPoints:
-    """Tool points in the flange, with what the touches leave open."""
-
-    position_mm: Shaped[Float, "t 3"]
-    covariance: Float  # (3 t, 3 t) mm^2
-    reference_mm: Shaped[Float, "r 3"]  # in the base
-    residual_mm: Shaped[Float, "n 3"]
-    misfit: float  # chi-square over degrees of freedom
-    freedom: int
-    distance: Shaped[Float, " n"]  # of each touch from the rest, in standard deviations of that
 
 
 @stage("calibrate.tcp")
@@ -165,26 +141,23 @@ def tcp(
         every = with_scanned(every, references, seen_by(eye, profiles, recording), recording, eye, shown)
         believed = () if eye.covariance is not None else (BELIEVED,)
     noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
-    found, kept, left_out = without_gross(
-        len(every.lines),
-        lambda rows: solve(every.only(rows), noise),
-        lambda fit, row: _away_mm(fit, every, row),
-        every.lines,
-        str(touches),
-        ASKED,
-    )
-    check_misfit(found, str(touches), ASKED)
-    _check_reach(found, every.tool_names, least_reach_mm, str(touches))
+    labels = estimator.Labels(str(touches), every.lines, ask=ASKED)
+    found, left_out = estimator.without_blunders(_Touching(every, noise), _begun(every, noise), labels)
+    check_misfit(found, labels)
+    names, t = every.tool_names, 3 * len(every.tool_names)
+    place, spread = found.at.reshape(-1, 3), found.covariance[:t, :t]
+    of = [spread[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(names))]
+    _check_reach(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
-    _check_determined(found, every.tool_names, max_u_mm, str(touches), apart)
-    axis = _axis(found, every.tool_names)
-    u = [worst(found, k)[0] for k in range(len(every.tool_names))]
+    _check_determined(of, names, max_u_mm, str(touches), apart)
+    axis = _axis(place, spread, names)
+    u = [estimator.worst(one)[0] for one in of]
     good, verdict = enough(
         u[0], bevel_deg, root_tolerance_mm, "the tool", "touch in more orientations, or with less noise"
     )
     if believed:
         good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
-    warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(found, every.tool_names)
+    warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(place, names)
     who = UNKNOWN_PART.with_names(part)
     document = {
         "format": "tool-calibration",
@@ -192,28 +165,26 @@ def tcp(
         "part": asdict(who),
         "frame": "flange",
         "points": [
-            {
-                "name": name,
-                "position_mm": found.position_mm[k],
-                "u_mm": u[k],
-                "covariance_mm2": found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3],
-            }
-            for k, name in enumerate(every.tool_names)
+            {"name": name, "position_mm": place[k], "u_mm": u[k], "covariance_mm2": of[k]}
+            for k, name in enumerate(names)
         ],
         "axis": axis,
-        "covariance_mm2": found.covariance,
+        "covariance_mm2": spread,
         "references": [
-            {"name": name, "position_mm": found.reference_mm[k]} for k, name in enumerate(every.reference_names)
+            {"name": name, "position_mm": place[len(names) + k]} for k, name in enumerate(every.reference_names)
         ],
-        "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
-        "misfit": found.misfit,
-        "touches": len(kept),
-        "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
-        "good_enough": good,
-        "verdict": verdict,
-        "warnings": warnings,
+        "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
+        "touches": int(found.used.sum()),
+        **told(found, left_out, (good, verdict), warnings),
     }
-    return Document(ToolFile.NAME, ToolFile.written(document)), _chapter(found, every, u, axis, verdict, warnings, who)
+    head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
+    rows = [(name, *(f"{v:.3f}" for v in place[k]), f"{u[k]:.3f}") for k, name in enumerate(names)]
+    turned = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
+    html = pieces.table_html(head, rows) + pieces.paragraph(f"{turned}{fit_words(found)} {sentence(verdict)}")
+    return (
+        Document(ToolFile.NAME, ToolFile.written(document)),
+        Chapter("Tool calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings),
+    )
 
 
 def with_scanned(
@@ -277,114 +248,85 @@ def _check_stand_off(touches: Touches, radius_mm: float, where: str) -> None:
         )
 
 
-def solve(touches: Touches, noise: tuple[float, float]) -> ToolPoints:
-    """Weighted least squares. `noise`: of position (mm) and orientation (rad), each axis.
+class _Touching:
+    """Touches as the estimator sees them: unknown are all tool points (flange), then all references (base), mm."""
 
-    Where balls are touched, begun with tool points on the references; then each lies beside its reference towards the
-    flange, as a tool that presses, or where that beginning has left it, if that explains the touches far better.
+    def __init__(self, touches: Touches, noise: tuple[float, float], beside: Float | None = None) -> None:
+        """`noise`: of position (mm) and orientation (rad), each axis.
+
+        `beside`: where the tool points lie from their references (n, 3); None: the touches' distance away, anywhere.
+        """
+        self.rotation, self.position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
+        self.tool_point, self.noise = touches.tool_point, noise
+        n, tools, refs = len(self.rotation), len(touches.tool_names), len(touches.reference_names)
+        which, by = np.arange(n)[:, None], np.arange(3)
+        self.slope = np.zeros((n, 3, 3 * (tools + refs)))
+        self.slope[which, :, 3 * touches.tool_point[:, None] + by] = np.swapaxes(self.rotation, 1, 2)
+        self.slope[which, by, 3 * (tools + touches.reference[:, None]) + by] = -1.0
+        self.offset = np.zeros((n, 3)) if beside is None else beside
+        self.ball_mm = touches.beside_mm if beside is None else np.zeros(n)
+        turn = np.arccos(np.clip((np.einsum("nij,mij->nm", self.rotation, self.rotation) - 1.0) / 2.0, -1.0, 1.0))
+        nearby = np.linalg.norm(self.position[:, None] - self.position[None], axis=2)
+        ball = touches.beside_mm > 0.0  # round a ball the flange need not turn
+        turn = turn + np.divide(nearby, touches.beside_mm, out=np.zeros_like(turn), where=ball)
+        self.alike = estimator.alike(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE)
+        known = np.isfinite(touches.known_mm).all(axis=1)
+        held = np.flatnonzero(np.r_[np.zeros(3 * tools, bool), np.repeat(known, 3)])
+        self.prior, self.expected = np.zeros((self.slope.shape[2],) * 2), np.zeros(self.slope.shape[2])
+        self.prior[np.ix_(held, held)] = np.linalg.inv(touches.known_covariance)
+        self.expected[held] = touches.known_mm[known].ravel()
+
+    def apart(self, x: Float) -> Float:
+        """Of the tool points from their references (n, 3)."""
+        return np.asarray(self.slope @ x + self.position - self.offset)
+
+    def rows(self, x: Float) -> estimator.Rows:
+        """Residuals: of a point touched its place, of a ball the distance from it, in the first of the three."""
+        apart, slope, ball = self.apart(x), self.slope, self.ball_mm > 0.0
+        lever = np.einsum("nij,nj->ni", self.rotation, x.reshape(-1, 3)[self.tool_point])
+        covariance = turned_noise(lever, *self.noise)
+        residual, values = -apart, np.where(ball, 1, 3) / self.alike
+        if ball.any():
+            length = np.maximum(np.linalg.norm(apart[ball], axis=1), 1e-12)
+            way = apart[ball] / length[:, None]
+            slope = slope.copy()
+            residual[ball], residual[ball, 0] = 0.0, self.ball_mm[ball] - length
+            across = np.einsum("ni,nij,nj->n", way, covariance[ball], way)
+            covariance[ball] = np.eye(3)
+            covariance[ball, 0, 0] = across
+            along = np.einsum("ni,nij->nj", way, slope[ball])
+            slope[ball] = 0.0
+            slope[ball, 0] = along
+        covariance = covariance * self.alike[:, None, None]
+        return estimator.Rows(residual, slope, covariance, values, self.prior, self.expected - x)
+
+    def moved(self, x: Float, step: Float) -> Float:
+        """All unknowns are lengths."""
+        return x + step
+
+
+def _begun(touches: Touches, noise: tuple[float, float]) -> Float:
+    """Where to begin: each tool point on its reference, or where a ball keeps it off.
+
+    There it lies towards the flange, as a tool that presses, or where that beginning has left it, if that explains the
+    touches far better.
     """
-    plain = _fit(touches, noise, np.zeros((len(touches.lines), 3)))
+    on = _Touching(touches, noise, np.zeros((len(touches.lines), 3)))
+    plain = estimator.fit(on, np.zeros(on.slope.shape[2])).at
     if not touches.beside_mm.any():
         return plain
-    towards = -np.einsum("nij,nj->ni", touches.base_from_flange[:, :, :3], plain.position_mm[touches.tool_point])
-    pressed, other = (_fit(touches, noise, way) for way in (towards, plain.residual_mm))
-    return other if other.misfit < FAR_BETTER * pressed.misfit else pressed
-
-
-def _fit(touches: Touches, noise: tuple[float, float], way: Float) -> ToolPoints:
-    """The same from where each tool point lies beside its reference, directions `way` (n, 3); 0: on it, all of them."""
-    rotation, position = touches.base_from_flange[:, :, :3], touches.base_from_flange[:, :, 3]
-    n, tools, refs = len(rotation), len(touches.tool_names), len(touches.reference_names)
-    size = 3 * (tools + refs)
-    rows, right = np.zeros((3 * n, size)), -position.reshape(-1)
-    for i in range(n):
-        a, b = 3 * touches.tool_point[i], 3 * (tools + touches.reference[i])
-        rows[3 * i : 3 * i + 3, a : a + 3] = rotation[i]
-        rows[3 * i : 3 * i + 3, b : b + 3] = -np.eye(3)
-    prior, prior_right = _prior(touches, size)
-    points = np.zeros((tools, 3))
-    turn = np.arccos(np.clip((np.einsum("nij,mij->nm", rotation, rotation) - 1.0) / 2.0, -1.0, 1.0))
-    nearby = np.linalg.norm(position[:, None] - position[None], axis=2)  # round a ball the flange need not turn
-    turn = turn + np.divide(nearby, touches.beside_mm, out=np.zeros_like(turn), where=touches.beside_mm > 0.0)
-    once = np.sqrt(shared(touches.tool_point * refs + touches.reference, turn, SAME_POSTURE))[:, None, None]
-    beside = np.where(way.any(axis=1), touches.beside_mm, 0.0)
-    for _ in range(MOST_ROUNDS if beside.any() else ROUNDS):
-        way = way / np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
-        lever = np.einsum("nij,nj->ni", rotation, points[touches.tool_point])
-        root = _whitening(lever, noise[0], noise[1], np.where(beside[:, None] > 0.0, way, 0.0)) / once
-        white = np.einsum("nij,njk->nik", root, rows.reshape(n, 3, size)).reshape(3 * n, size)
-        target = right + (beside[:, None] * way).reshape(-1)
-        seen = np.einsum("nij,nj->ni", root, target.reshape(n, 3)).reshape(-1)
-        whole, wanted = np.concatenate([white, prior]), np.concatenate([seen, prior_right])
-        information = whole.T @ whole
-        inverse = np.linalg.pinv(information, rcond=1e-13, hermitian=True)
-        answer = inverse @ whole.T @ wanted
-        points = answer[: 3 * tools].reshape(tools, 3)
-        apart = (rows @ answer - right).reshape(n, 3)
-        way = np.where(beside[:, None] > 0.0, apart, way)
-    off = (white @ answer - seen).reshape(n, 3)
-    distance = studentised(off, white.reshape(n, 3, size), inverse)
-    told = np.where(beside > 0.0, 1, 3) * once[:, 0, 0] ** -2.0
-    freedom = round(float(told.sum())) + len(prior) - size
-    misfit = float(((whole @ answer - wanted) ** 2).sum() / max(freedom, 1))
-    covariance = inverse[: 3 * tools, : 3 * tools] * max(1.0, misfit if freedom > 0 else 1.0)
-    covariance = covariance + _open(information, tools)
-    length = np.linalg.norm(apart, axis=1)[:, None]
-    residual = apart * (1.0 - beside[:, None] / np.maximum(length, 1e-12))
-    return ToolPoints(
-        points, covariance, answer[3 * tools : 3 * (tools + refs)].reshape(refs, 3), residual, misfit, freedom, distance
+    lever = np.einsum("nij,nj->ni", on.rotation, plain.reshape(-1, 3)[touches.tool_point])
+    away = -touches.beside_mm[:, None] * lever / np.maximum(np.linalg.norm(lever, axis=1), 1e-12)[:, None]
+    pressed, other = (
+        estimator.fit(_Touching(touches, noise), start)
+        for start in (estimator.fit(_Touching(touches, noise, away), plain).at, plain)
     )
+    return other.at if other.misfit < FAR_BETTER * pressed.misfit else pressed.at
 
 
-def _prior(touches: Touches, size: int) -> tuple[Float, Float]:
-    """Whitened rows (p, size) that hold the measured references, and their right side."""
-    known = np.flatnonzero(np.isfinite(touches.known_mm).all(axis=1))
-    first = 3 * (len(touches.tool_names) + known)
-    rows = np.zeros((3 * len(known), size))
-    rows[np.arange(3 * len(known)), (first[:, None] + np.arange(3)).ravel()] = 1.0
-    factor = np.linalg.inv(np.linalg.cholesky(touches.known_covariance))
-    return factor @ rows, factor @ touches.known_mm[known].ravel()
-
-
-def _whitening(lever: Float, sigma_mm: float, sigma: float, way: Float) -> Float:
-    """Inverse square roots (n, 3, 3) of the touches' covariances: position, and orientation over the lever (n, 3).
-
-    A ball that is touched, its normal `way` (n, 3), tells what lies along that, in the first row; 0: a point.
-    """
-    across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
-    covariance = sigma_mm**2 * np.eye(3) + sigma**2 * across
-    values, vectors = np.linalg.eigh(covariance)
-    root = (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-    ball = way.any(axis=1)
-    root[ball] = 0.0
-    root[ball, 0] = way[ball] / np.sqrt(np.einsum("ni,nij,nj->n", way, covariance, way)[ball])[:, None]
-    return np.asarray(root)
-
-
-def _open(information: Float, tools: int) -> Float:
-    """Covariance (3 t, 3 t) of the directions that nothing determines: as good as infinite."""
-    values, vectors = np.linalg.eigh(information)
-    free = vectors[: 3 * tools, values < 1e-12 * values[-1]]
-    return np.asarray(1e12 * free @ free.T)
-
-
-def _away_mm(found: ToolPoints, touches: Touches, row: int) -> float:
-    """How far a touch lies from where a fit without it puts it."""
-    frame, point = touches.base_from_flange[row], found.position_mm[touches.tool_point[row]]
-    apart = np.linalg.norm(frame[:, :3] @ point + frame[:, 3] - found.reference_mm[touches.reference[row]])
-    return float(abs(apart - touches.beside_mm[row]))
-
-
-def worst(found: ToolPoints, k: int) -> tuple[float, Float]:
-    """Greatest standard uncertainty of tool point k, and its direction (3,) in the flange."""
-    values, vectors = np.linalg.eigh(found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3])
-    return math.sqrt(max(float(values[-1]), 0.0)), vectors[:, -1]
-
-
-def _check_reach(found: ToolPoints, names: tuple[str, ...], least_mm: float, where: str) -> None:
-    for k, name in enumerate(names):
-        reach = float(np.linalg.norm(found.position_mm[k]))
-        if reach < least_mm:
+def _check_reach(place: Float, names: tuple[str, ...], least_mm: float, where: str) -> None:
+    for name, point in zip(names, place, strict=False):
+        if (reach := float(np.linalg.norm(point))) < least_mm:
             raise InputError(
                 where,
                 f"the tool point '{name}' would lie {reach:.3g} mm from the flange's middle, expected {least_mm:g} mm "
@@ -392,9 +334,9 @@ def _check_reach(found: ToolPoints, names: tuple[str, ...], least_mm: float, whe
             )
 
 
-def _tip_nearest(found: ToolPoints, names: tuple[str, ...]) -> tuple[str, ...]:
+def _tip_nearest(place: Float, names: tuple[str, ...]) -> tuple[str, ...]:
     """A warning where the tip is no farther from the flange than the point from which the axis comes."""
-    tip, last = (float(np.linalg.norm(found.position_mm[k])) for k in (0, -1))
+    tip, last = (float(np.linalg.norm(place[k])) for k in (0, len(names) - 1))
     if len(names) < 2 or tip > last:
         return ()
     return (
@@ -404,12 +346,12 @@ def _tip_nearest(found: ToolPoints, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_determined(
-    found: ToolPoints, names: tuple[str, ...], max_u_mm: float, where: str, apart: tuple[str, ...]
+    covariances: list[Float], names: tuple[str, ...], max_u_mm: float, where: str, apart: tuple[str, ...]
 ) -> None:
-    for k, name in enumerate(names):
-        u, direction = worst(found, k)
+    for name, covariance in zip(names, covariances, strict=True):
+        u, direction = estimator.worst(covariance)
         if u > max_u_mm:
-            axes = ", ".join(f"{v:+.2f}" for v in direction * np.sign(direction[np.argmax(np.abs(direction))]))
+            axes = ", ".join(f"{v:+.2f}" for v in direction)
             size = "nothing determines" if u > 1e3 else f"u = {u:.2f} mm of"
             raise InputError(
                 where,
@@ -418,44 +360,22 @@ def _check_determined(
             )
 
 
-def _axis(found: ToolPoints, names: tuple[str, ...]) -> dict[str, object] | None:
+def _axis(place: Float, covariance: Float, names: tuple[str, ...]) -> dict[str, object] | None:
     """The axis, towards the tip: from the last tool point of the table to its first; None for a single one."""
     if len(names) < 2:
         return None
-    apart = found.position_mm[0] - found.position_mm[-1]
+    apart = place[0] - place[len(names) - 1]
     length = float(np.linalg.norm(apart))
     if length < 1.0:
         raise InputError("touches", f"expected tool points 1 mm or more apart for the axis, found {length:.3f} mm")
-    last = 3 * (len(names) - 1)
-    pick = np.zeros((3, found.covariance.shape[0]))
-    pick[:, :3], pick[:, last : last + 3] = np.eye(3), -np.eye(3)
-    across = np.eye(3) - np.outer(apart, apart) / length**2
-    turn = across @ pick @ found.covariance @ pick.T @ across / length**2
+    pick = np.zeros((3, len(covariance)))
+    pick[:, :3], pick[:, -3:] = np.eye(3), -np.eye(3)
+    across = (np.eye(3) - np.outer(apart, apart) / length**2) @ pick / length
+    turn = across @ covariance @ across.T
     return {
         "from": names[-1],
         "to": names[0],
         "direction": apart / length,
         "covariance_rad2": turn,
-        "u_deg": math.sqrt(float(np.linalg.eigvalsh(turn)[-1])) / DEG,
+        "u_deg": estimator.worst(turn)[0] / DEG,
     }
-
-
-def _chapter(
-    found: ToolPoints,
-    touches: Touches,
-    u: list[float],
-    axis: dict[str, object] | None,
-    verdict: str,
-    warnings: tuple[str, ...],
-    who: Part,
-) -> Chapter:
-    rows = [
-        (name, *(f"{v:.3f}" for v in found.position_mm[k]), f"{u[k]:.3f}") for k, name in enumerate(touches.tool_names)
-    ]
-    head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
-    turned = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
-    html = pieces.table_html(head, rows) + pieces.paragraph(
-        f"{turned}Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}. "
-        f"{verdict[:1].upper() + verdict[1:]}."
-    )
-    return Chapter("Tool calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings)

@@ -21,8 +21,8 @@ from workbench.api import (
     InputFile,
     Int,
     PartNames,
-    RobotFile,
     Shaped,
+    estimator,
     inverse,
     pose_from,
     rotation_from_vector,
@@ -32,11 +32,10 @@ from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
     Priors,
-    arm_document,
     arm_errors,
-    arm_html,
-    corrected,
-    pose_derivatives,
+    chain_of,
+    erring_flange,
+    robot_results,
 )
 from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.tables import (
@@ -45,10 +44,10 @@ from workbench.plugins.calibration.tables import (
     Table,
     check_misfit,
     enough,
+    fit_words,
     noisy,
     poses,
-    studentised,
-    without_gross,
+    told,
 )
 
 if TYPE_CHECKING:
@@ -57,7 +56,6 @@ if TYPE_CHECKING:
 PLACE = ("tracker_x_mm", "tracker_y_mm", "tracker_z_mm")
 ORDERLY = "are they in mm, and in the order of the postures?"
 LEAST_POSTURES = 4
-STEPS, CONVERGED = 30, 1e-8  # of a step's length in standard deviations, squared
 SAME_MM, SAME = 0.1, 0.02 * DEG  # between flange poses: less is the same posture, as a robot repeats it
 MOST_MM = 5.0  # that readings may lie off, RMS an axis: no robot is so badly built, as the lengths' prior says
 BEYOND = 5.0  # standard deviations of how a robot is built
@@ -68,38 +66,87 @@ START_ROUNDS = 30  # of registration and lever arms in turn, each by medians
 class Seen:
     """n readings of targets on the flange, at postures of the robot."""
 
-    base_from_flange: Shaped[Float, "n 4 4"]  # as the model says
+    flange: Shaped[Float, "n 4 4"]  # base_from_flange as the model says
     joints: Shaped[Float, "n 6"] | None  # rad
     target: Shaped[Int, " n"]
     place_mm: Shaped[Float, "n 3"]  # in the tracker's frame
     targets: tuple[str, ...]
     lines: tuple[int, ...]
 
-    def only(self, keep: Int) -> Seen:
-        """Some of the readings."""
-        return replace(
-            self,
-            base_from_flange=self.base_from_flange[keep],
-            joints=None if self.joints is None else self.joints[keep],
-            target=self.target[keep],
-            place_mm=self.place_mm[keep],
-            lines=tuple(self.lines[i] for i in keep),
-        )
+    @property
+    def posture(self) -> Int:
+        """Number (n,) of each reading's posture: its pose error is one, also where a robot came back to it."""
+        place, turn = self.flange[:, :3, 3], self.flange[:, :3, :3].reshape(len(self.lines), 9)
+        distance = scipy.spatial.distance
+        apart = np.hypot(distance.pdist(place) / SAME_MM, distance.pdist(turn) / (math.sqrt(2.0) * SAME))
+        near = distance.squareform(apart) <= 1.0
+        return np.asarray(scipy.sparse.csgraph.connected_components(near, directed=False)[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """Registration, targets and errors of the arm, with their covariance: t, turn (tracker), targets, errors."""
+    """Registration, targets and errors of the arm, as the unknowns' order is: 6, t times 3, P."""
 
     tracker_from_base: Shaped[Float, "4 4"]
     target_mm: Shaped[Float, "t 3"]  # in the flange
     errors: Shaped[Float, " P"]
-    covariance: Float  # (6 + 3 t + P, ...)
-    residual_mm: Shaped[Float, "n 3"]
-    predicted_u_mm: Shaped[Float, " n"]  # of a reading's place, RMS of the three axes, without its own noise
-    misfit: float
-    freedom: int
-    distance: Shaped[Float, " n"]
+
+
+class Tracking:
+    """A target p on the flange F is seen at x = T F(q, e) p: unknown are T, the targets and the arm's errors e."""
+
+    def __init__(self, seen: Seen, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float]) -> None:
+        """`sigma`: of a reading (mm), of the flange's position (mm) and orientation (rad), each axis."""
+        self.seen, self.chain, self.arm, self.posture = seen, chain, arm, seen.posture
+        self.alone, self.spread = sigma[0] ** 2 * np.eye(3), np.repeat(sigma[1:], 3)
+
+    def rows(self, at: Tracked) -> estimator.Rows:
+        """Residuals of the places; readings of one posture share its pose's error."""
+        seen, n, size = self.seen, len(self.seen.lines), 6 + at.target_mm.size + len(self.arm)
+        flange, by_errors = seen.flange, np.zeros((n, 6, 0))
+        if self.chain is not None and seen.joints is not None:
+            flange, by_errors = erring_flange(self.chain, self.arm, at.errors, seen.joints)
+        frame, turn, point = at.tracker_from_base[:3, :3], flange[:, :3, :3], at.target_mm[seen.target]
+        beyond = (np.einsum("nij,nj->ni", turn, point) + flange[:, :3, 3]) @ frame.T
+        by_pose = frame @ np.concatenate([np.tile(np.eye(3), (n, 1, 1)), -turn @ cross_matrix(point)], axis=2)
+        slope = np.zeros((n, 3, size))
+        slope[:, :, :3], slope[:, :, 3:6] = np.eye(3), -cross_matrix(beyond)
+        column = 6 + 3 * seen.target[:, None] + np.arange(3)
+        slope[np.arange(n)[:, None], :, column] = np.swapaxes(frame @ turn, 1, 2)
+        slope[:, :, size - len(self.arm) :] = by_pose @ by_errors
+        own = by_pose * self.spread
+        alone = np.tile(self.alone, (n, 1, 1))
+        shared = estimator.Shared(
+            np.arange(n), alone, own, self.posture, np.zeros(n), int(self.posture.max()) + 1, np.zeros((n, 3, 0))
+        )
+        prior = np.concatenate([np.zeros(size - len(self.arm)), self.arm.prior**-2])
+        away = np.concatenate([np.zeros(size - len(self.arm)), -at.errors])
+        residual = seen.place_mm - beyond - at.tracker_from_base[:3, 3]
+        covariance = alone + own @ np.swapaxes(own, 1, 2)
+        return estimator.Rows(residual, slope, covariance, np.full(n, 3.0), np.diag(prior), away, (shared,))
+
+    def moved(self, at: Tracked, step: Float) -> Tracked:
+        """The registration turns in the tracker's axes."""
+        frame, last = at.tracker_from_base, 6 + at.target_mm.size
+        frame = pose_from(rotation_from_vector(step[3:6]) @ frame[:3, :3], frame[:3, 3] + step[:3])
+        return Tracked(frame, at.target_mm + step[6:last].reshape(-1, 3), at.errors + step[last:])
+
+    def begun(self) -> Tracked:
+        """Registration and targets of the robot as built, in turn and by medians: a blunder does not draw them."""
+        seen, weight, frame = self.seen, np.ones(len(self.seen.lines)), np.eye(4)
+        points = np.zeros((len(seen.targets), 3))
+        for _ in range(START_ROUNDS):
+            at = np.einsum("nij,nj->ni", seen.flange[:, :3, :3], points[seen.target]) + seen.flange[:, :3, 3]
+            a, b = np.average(at, axis=0, weights=weight), np.average(seen.place_mm, axis=0, weights=weight)
+            left, _, right = np.linalg.svd((weight[:, None] * (seen.place_mm - b)).T @ (at - a))  # Kabsch
+            turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+            frame = pose_from(turn, b - turn @ a)
+            back = inverse(frame @ seen.flange)
+            local = np.einsum("nij,nj->ni", back[:, :3, :3], seen.place_mm) + back[:, :3, 3]
+            points = np.stack([np.median(local[seen.target == k], axis=0) for k in range(len(points))])
+            off = np.linalg.norm(local - points[seen.target], axis=1)
+            weight = 1.0 / np.maximum(1.0, off / max(float(np.median(off)), 1e-6)) ** 2
+        return Tracked(frame, points, np.zeros(len(self.arm)))
 
 
 @stage("calibrate.tracker")
@@ -154,85 +201,59 @@ def tracker(
     priors = Priors(offset_prior_deg * DEG, length_prior_mm, tilt_prior_deg * DEG)
     arm = NO_ERRORS if chain is None else arm_errors(chain, priors)
     sigma = (tracker_noise_mm, robot_noise_mm, robot_noise_deg * DEG)
-
-    def fit(rows: Int, arm: ArmErrors = arm) -> Tracked:
-        try:
-            return solve(every.only(rows), chain, arm, sigma, where)
-        except np.linalg.LinAlgError:  # its errors have run away
-            raise _no_such_robot(where, arm, math.inf) from None
-
-    found, kept, left_out = without_gross(
-        len(every.lines),
-        fit,
-        lambda one, row: _away_mm(one, every, row, chain, arm),
-        every.lines,
-        where,
-        ORDERLY,
-    )
-    built = fit(kept, NO_ERRORS) if len(arm) else found
-    rms = float(np.sqrt(np.mean(found.residual_mm**2)))
-    if rms > MOST_MM:
+    tracking, labels = Tracking(every, chain, arm, sigma), estimator.Labels(where, every.lines, ask=ORDERLY)
+    start = tracking.begun()
+    found, left_out = estimator.without_blunders(tracking, start, labels)
+    residual, count = found.rows.residual[found.used], len(every.targets)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    if not rms <= MOST_MM:
         raise _no_such_robot(where, arm, rms)
-    check_misfit(found, where, ORDERLY)
-    u = float(np.sqrt(np.mean(found.predicted_u_mm**2) + max(rms**2 - tracker_noise_mm**2, 0.0)))
-    good, verdict = enough(
-        u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works"
-    )
-    reasons = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
-    reasons += _not_as_built(arm, found.errors)
+    check_misfit(found, labels)
+    built = estimator.fit(
+        Tracking(every, chain, NO_ERRORS, sigma), replace(start, errors=np.zeros(0)), found.used
+    ).rows.residual[found.used]
+    slope, covariance = found.rows.jacobian[found.used], found.covariance
+    predicted = np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean()
+    u = float(np.sqrt(predicted + max(rms**2 - tracker_noise_mm**2, 0.0)))
+    verdict = enough(u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works")
+    warnings = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
+    warnings += _not_as_built(arm, found.at.errors)
     who = UNKNOWN_PART.with_names(part)
-    document = arm_document(
+    more = {
+        "part": asdict(who),
+        "tracker_from_base": found.at.tracker_from_base,
+        "registration_covariance": covariance[:6, :6],
+        "targets": [
+            {
+                "name": name,
+                "position_mm": found.at.target_mm[k],
+                "covariance_mm2": covariance[6 + 3 * k : 9 + 3 * k, 6 + 3 * k : 9 + 3 * k],
+            }
+            for k, name in enumerate(every.targets)
+        ],
+        "residual_rms_as_built_mm": float(np.sqrt(np.mean(built**2))),
+        "residual_rms_mm": rms,
+        "u_mm": u,
+        "readings": len(residual),
+        **told(found, left_out, verdict, warnings),
+    }
+    return robot_results(
         arm,
-        found.errors,
-        found.covariance[-len(arm) :, -len(arm) :] if len(arm) else np.zeros((0, 0)),
-        {
-            "part": asdict(who),
-            "tracker_from_base": found.tracker_from_base,
-            "registration_covariance": found.covariance[:6, :6],
-            "targets": [
-                {
-                    "name": name,
-                    "position_mm": found.target_mm[k],
-                    "covariance_mm2": found.covariance[6 + 3 * k : 9 + 3 * k, 6 + 3 * k : 9 + 3 * k],
-                }
-                for k, name in enumerate(every.targets)
-            ],
-            "residual_rms_as_built_mm": float(np.sqrt(np.mean(built.residual_mm**2))),
-            "residual_rms_mm": rms,
-            "u_mm": u,
-            "misfit": found.misfit,
-            "readings": len(kept),
-            "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
-            "good_enough": good,
-            "verdict": verdict,
-            "warnings": reasons,
-        },
-    )
-    html = arm_html(
-        document,
-        f"Readings lie {rms:.3f} mm RMS an axis from the model, {document['residual_rms_as_built_mm']:.3f} mm as "
-        f"built. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}.",
-    )
-    return (
-        Document(RobotFile.NAME, RobotFile.written(document)),
-        Chapter(
-            "Robot calibration",
-            html,
-            summary=verdict,
-            part=who,
-            about="instruments",
-            warnings=reasons + tuple(document["left_as_built"]),
-        ),
+        found.at.errors,
+        covariance[6 + 3 * count :, 6 + 3 * count :],
+        more,
+        f"Readings lie {rms:.3f} mm RMS an axis from the model, {more['residual_rms_as_built_mm']:.3f} mm as built. "
+        f"{fit_words(found)}",
+        who,
     )
 
 
 def _no_such_robot(where: str, arm: ArmErrors, rms_mm: float) -> InputError:
     by = "such a robot" if len(arm) else "these poses"
-    far = f"{rms_mm:.3g} mm RMS" if math.isfinite(rms_mm) else "far"
     return InputError(
         where,
-        f"the readings lie {far} from where {by} would put them: are joint angles in deg, in the URDF's order and "
-        "senses, poses the flange's, positions in mm and right-handed, rows in the order of the postures?",
+        f"the readings lie {rms_mm:.3g} mm RMS from where {by} would put them: are joint angles in deg, in the URDF's "
+        "order and senses, poses the flange's, positions in mm and right-handed, rows in the order of the postures?",
     )
 
 
@@ -245,149 +266,18 @@ def _not_as_built(arm: ArmErrors, values: Float) -> tuple[str, ...]:
     )
 
 
-def chain_of(cell: InputFile | None) -> Chain | None:
-    """The cell's robot; None without a cell."""
-    from workbench.api import read_cell
-
-    return None if cell is None else read_cell(cell).chain
-
-
 def read_readings(path: InputFile, chain: Chain | None) -> Seen:
     """The table: joint angles (with a cell) or the flange's pose, the target's name, its place."""
     table = Table(path, (*(POSE if chain is None else JOINTS), *PLACE), LEAST_POSTURES)
-    place = table.numbers(PLACE)
-    targets, target = table.labels("target", "target")
-    if chain is None:
-        joints, flange = None, poses(table)
-    else:
-        joints = table.numbers(JOINTS) * DEG
-        flange = flange_poses(chain, joints)
+    place, (targets, target) = table.numbers(PLACE), table.labels("target", "target")
+    joints = None if chain is None else table.numbers(JOINTS) * DEG
+    flange = (
+        poses(table) if chain is None or joints is None else erring_flange(chain, NO_ERRORS, np.zeros(0), joints)[0]
+    )
     seen = Seen(flange, joints, target, place, targets, tuple(table.lines))
-    if (count := len(_postures(seen))) < LEAST_POSTURES:
+    if (count := int(seen.posture.max()) + 1) < LEAST_POSTURES:
         raise InputError(str(path), f"expected at least {LEAST_POSTURES} different postures, found {count}")
+    if 3 * len(seen.lines) < 6 + 3 * len(targets):
+        words = f"{len(seen.lines)} readings of {len(targets)} targets leave the registration open"
+        raise InputError(str(path), f"{words}: measure more postures")
     return seen
-
-
-def solve(seen: Seen, chain: Chain | None, arm: ArmErrors, sigma: tuple[float, float, float], where: str) -> Tracked:
-    """Gauss-Newton on registration, targets and errors. `sigma`: of a reading, a position (mm), an orientation (rad).
-
-    Readings of one posture share its pose's error.
-    """
-    count, size = len(seen.targets), 6 + 3 * len(seen.targets) + len(arm)
-    frame, points = _start(seen)
-    x = np.zeros(len(arm))
-    groups = _postures(seen)
-    for _ in range(STEPS):
-        flange, by_errors = seen.base_from_flange, np.zeros((len(seen.lines), 6, len(arm)))
-        if chain is not None and seen.joints is not None:
-            now, more = corrected(chain, arm, x)
-            flange, by_errors = flange_poses(now, seen.joints), pose_derivatives(now, more, seen.joints)
-        point = points[seen.target]
-        in_base = np.einsum("nij,nj->ni", flange[:, :3, :3], point) + flange[:, :3, 3]
-        turned = in_base @ frame[:3, :3].T
-        off = seen.place_mm - (turned + frame[:3, 3])
-        by_pose = np.concatenate(
-            [np.broadcast_to(np.eye(3), (len(point), 3, 3)), -flange[:, :3, :3] @ cross_matrix(point)], axis=2
-        )
-        by_pose = frame[:3, :3] @ by_pose
-        rows = np.zeros((len(point), 3, size))
-        rows[:, :, :3], rows[:, :, 3:6] = np.eye(3), -cross_matrix(turned)
-        for k in range(count):
-            mine = seen.target == k
-            rows[mine, :, 6 + 3 * k : 9 + 3 * k] = frame[:3, :3] @ flange[mine, :3, :3]
-        rows[:, :, size - len(arm) :] = by_pose @ by_errors
-        white, right = _whitened(rows, off, by_pose, groups, sigma)
-        prior = np.zeros((size, size))
-        prior[np.arange(size - len(arm), size), np.arange(size - len(arm), size)] = arm.prior**-2
-        pull = np.concatenate([np.zeros(size - len(arm)), -x / arm.prior**2])
-        information = np.einsum("nij,nik->jk", white, white) + prior
-        covariance = inverse_information(information)
-        step = covariance @ (np.einsum("nij,ni->j", white, right) + pull)
-        if step @ information @ step < CONVERGED:
-            break
-        frame = pose_from(rotation_from_vector(step[3:6]) @ frame[:3, :3], frame[:3, 3] + step[:3])
-        points, x = points + step[6 : 6 + 3 * count].reshape(-1, 3), x + step[6 + 3 * count :]
-    freedom = 3 * len(seen.lines) - size + len(arm)
-    if freedom < 0:
-        raise InputError(
-            where, f"{len(seen.lines)} readings of {count} targets leave the registration open: measure more postures"
-        )
-    misfit = float(((right**2).sum() + ((x / arm.prior) ** 2).sum()) / max(freedom, 1))
-    distance = studentised(right, white, covariance)
-    covariance = covariance * max(1.0, misfit if freedom > 0 else 1.0)
-    u = np.sqrt(np.einsum("nij,jk,nik->n", rows, covariance, rows) / 3.0)
-    return Tracked(frame, points, x, covariance, off, u, misfit, freedom, distance)
-
-
-def _start(seen: Seen) -> tuple[Float, Float]:
-    """Registration and targets, in turn and by medians, so that a blunder does not draw them."""
-    points, weight = np.zeros((len(seen.targets), 3)), np.ones(len(seen.lines))
-    frame = np.eye(4)
-    for _ in range(START_ROUNDS):
-        at = np.einsum("nij,nj->ni", seen.base_from_flange[:, :3, :3], points[seen.target])
-        at += seen.base_from_flange[:, :3, 3]
-        share = weight / weight.sum()
-        a, b = share @ at, share @ seen.place_mm
-        left, _, right = np.linalg.svd((share[:, None] * (seen.place_mm - b)).T @ (at - a))
-        turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-        frame = pose_from(turn, b - turn @ a)
-        back = inverse(frame)
-        local = inverse(seen.base_from_flange) @ _homogeneous(seen.place_mm @ back[:3, :3].T + back[:3, 3])
-        points = np.stack([np.median(local[seen.target == k, :3, 0], axis=0) for k in range(len(points))])
-        away = np.linalg.norm(local[:, :3, 0] - points[seen.target], axis=1)
-        scale = max(float(np.median(away)), 1e-6)
-        weight = 1.0 / np.maximum(1.0, away / scale) ** 2
-    return frame, points
-
-
-def _homogeneous(points: Float) -> Float:
-    return np.concatenate([points, np.ones((len(points), 1))], axis=1)[:, :, None]
-
-
-def _postures(seen: Seen) -> list[Int]:
-    """Rows of each posture: readings whose pose error is one, those of a robot that came back to it too."""
-    place, turn = seen.base_from_flange[:, :3, 3], seen.base_from_flange[:, :3, :3].reshape(len(seen.lines), 9)
-    distance = scipy.spatial.distance
-    apart = np.hypot(distance.pdist(place) / SAME_MM, distance.pdist(turn) / (math.sqrt(2.0) * SAME))
-    near = distance.squareform(apart) <= 1.0
-    count, number = scipy.sparse.csgraph.connected_components(near, directed=False)
-    return [np.flatnonzero(number == k) for k in range(count)]
-
-
-def _whitened(
-    rows: Float, off: Float, by_pose: Float, groups: list[Int], sigma: tuple[float, float, float]
-) -> tuple[Float, Float]:
-    """Jacobian (n, 3, P) and residuals (n, 3), whitened by the readings' own noise and their postures'."""
-    spread = by_pose * np.repeat([sigma[1], sigma[2]], 3)
-    white, right = np.empty_like(rows), np.empty_like(off)
-    for group in groups:
-        m = 3 * len(group)
-        shared = spread[group].reshape(m, 6)
-        factor = np.linalg.cholesky(sigma[0] ** 2 * np.eye(m) + shared @ shared.T)
-        white[group] = np.linalg.solve(factor, rows[group].reshape(m, -1)).reshape(len(group), 3, -1)
-        right[group] = np.linalg.solve(factor, off[group].reshape(m)).reshape(len(group), 3)
-    return white, right
-
-
-def inverse_information(information: Float) -> Float:
-    """Inverse of an information matrix; huge, not infinite, in directions that nothing determines."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(information), 1e-12))
-    values, vectors = np.linalg.eigh(scale[:, None] * information * scale)
-    return np.asarray(scale[:, None] * (vectors / np.maximum(values, 1e-14)) @ vectors.T * scale)
-
-
-def flange_poses(chain: Chain, joints: Float) -> Float:
-    """`base_from_flange` (n, 4, 4)."""
-    from workbench.api import forward_kinematics
-
-    return forward_kinematics(chain, joints)
-
-
-def _away_mm(found: Tracked, seen: Seen, row: int, chain: Chain | None, arm: ArmErrors) -> float:
-    """How far a reading lies from where a fit without it puts it."""
-    flange = seen.base_from_flange[row]
-    if len(found.errors) and chain is not None and seen.joints is not None:
-        flange = flange_poses(corrected(chain, arm, found.errors)[0], seen.joints[row])
-    point = flange[:3, :3] @ found.target_mm[seen.target[row]] + flange[:3, 3]
-    place = found.tracker_from_base[:3, :3] @ point + found.tracker_from_base[:3, 3]
-    return float(np.linalg.norm(place - seen.place_mm[row]))

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
-import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -25,28 +24,23 @@ from workbench.api import (
     Recording,
     Shaped,
     TurntableFile,
+    estimator,
     pieces,
+    pose_from,
     rotation_from_vector,
     stage,
 )
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
-from workbench.plugins.calibration.tables import (
-    LEAST_FREEDOM,
-    Table,
-    check_misfit,
-    enough,
-    noisy,
-    shared,
-    studentised,
-    without_gross,
-)
+from workbench.plugins.calibration.tables import Table, check_misfit, enough, fit_words, noisy, rms_mm, sentence, told
 from workbench.plugins.calibration.values import SphereProfiles
 
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
+STARTS, TRIED = 40, 4  # directions from which the axis is sought, and the likeliest, which are refined
+STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 
@@ -65,35 +59,59 @@ class Marks:
         Float  # (n, 3, q): what one error for all of them moves them by, per standard deviation of each of its parts
     )
 
-    def only(self, keep: Int) -> Marks:
-        """Some of the points."""
-        lines = tuple(self.lines[i] for i in keep)
-        return replace(
-            self,
-            point_mm=self.point_mm[keep],
-            angle=self.angle[keep],
-            marker=self.marker[keep],
-            lines=lines,
-            covariance=self.covariance[keep],
-            shared=self.shared[keep],
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axis:
-    """The axis: a point on it, nearest to the markers' middle, and its direction; rising angles turn about it."""
+    """The axis: a point on it and its direction; rising angles turn about it. And the markers at angle 0."""
 
     point_mm: Shaped[Float, " 3"]
-    direction: Shaped[Float, " 3"]
-    across: Shaped[Float, "2 3"]  # unit vectors square to it: the axes of the covariance
-    covariance: Shaped[Float, "4 4"]  # of the point along both (mm), and of the direction's turn towards both (rad)
-    residual_mm: Shaped[Float, "n 3"]
-    misfit: float
-    freedom: int
-    distance: Shaped[Float, " n"]  # of each point from the rest, in its standard deviations
-    marker_mm: Shaped[Float, "k 3"]  # from the axis' point, at angle 0
-    scale: float  # of the angles, that the points show: 1, but for its u
-    scale_u: float
+    frame: Shaped[Float, "3 3"]  # rows: two unit vectors square to the axis, those of the covariance, and its direction
+    marker_mm: Shaped[Float, "k 3"]  # from the point
+
+
+class _Turning:
+    """Marker q at angle a lies at c + R(d, a) q: unknown are c and d, each along two axes, and the markers."""
+
+    def __init__(self, marks: Marks, angle_noise: float) -> None:
+        self.marks, self.angle_noise = marks, angle_noise
+        self.alike = estimator.alike(marks.marker, np.abs(marks.angle[:, None] - marks.angle), SAME_ANGLE)
+        self.middle = marks.point_mm.mean(axis=0)
+
+    def predicted(self, at: Axis) -> Float:
+        return np.asarray(at.point_mm + np.einsum("nij,nj->ni", self.turned(at), at.marker_mm[self.marks.marker]))
+
+    def turned(self, at: Axis) -> Float:
+        return rotation_from_vector(self.marks.angle[:, None] * at.frame[2])
+
+    def sway(self, at: Axis) -> Float:
+        """Change (n, 3) of the points with the table's angle."""
+        return np.asarray(np.cross(at.frame[2], self.marks.point_mm - at.point_mm))
+
+    def rows(self, at: Axis) -> estimator.Rows:
+        n, size = len(self.alike), 4 + 3 * self.marks.markers
+        sway = self.angle_noise * self.sway(at)
+        covariance = (self.marks.covariance + sway[:, :, None] * sway[:, None, :]) * self.alike[:, None, None]
+        slope = np.zeros((n, 3, size))
+        slope[:, :, :2] = at.frame[:2].T
+        slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
+        column = 4 + 3 * self.marks.marker[:, None] + np.arange(3)
+        slope[np.arange(n)[:, None], :, column] = np.swapaxes(self.turned(at), 1, 2)
+        residual = self.marks.point_mm - self.predicted(at)
+        return estimator.Rows(residual, slope, covariance, 3.0 / self.alike, np.zeros((size, size)), np.zeros(size))
+
+    def moved(self, at: Axis, step: Float) -> Axis:
+        """The point stays where the axis is nearest to the middle of all points."""
+        then = _turned(at, step[2:4])
+        point = at.point_mm + step[:2] @ at.frame[:2]
+        slid = (self.middle - point) @ then.frame[2] * then.frame[2]
+        return replace(then, point_mm=point + slid, marker_mm=at.marker_mm + step[4:].reshape(-1, 3) - slid)
+
+    def begun(self) -> Axis:
+        """The best of fits from directions all about: for one direction point and markers follow at once."""
+        zero = np.zeros((self.marks.markers, 3))
+        starts = [Axis(self.middle, _frame(one, np.eye(3)[np.argmin(np.abs(one))]), zero) for one in _sphere(STARTS)]
+        rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
+        return min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
 
 
 @stage("calibrate.turntable")
@@ -154,20 +172,19 @@ def turntable(
         )
         every = scanned_marks(marks, profiles, recording, eye, noise)
         believed = () if eye.covariance is not None else (BELIEVED,)
-    found, rows, left_out = without_gross(
-        len(every.lines),
-        lambda rows: solve(every.only(rows), angle_noise_deg * DEG, str(marks)),
-        lambda fit, row: _away_mm(fit, every, row),
-        every.lines,
-        str(marks),
-        ASKED,
-        spare=LEAST_FREEDOM + 3,
-    )
-    check_misfit(found, str(marks), ASKED)
-    kept = every.only(rows)
-    _check_angles(found, str(marks))
+    labels = estimator.Labels(str(marks), every.lines, ask=ASKED)
+    table = _Turning(every, angle_noise_deg * DEG)
+    _check_count(every, table.alike, str(marks))
+    found, left_out = estimator.without_blunders(table, table.begun(), labels, spare=estimator.LEAST_FREEDOM + 3)
+    check_misfit(found, labels)
+    if not np.isin(np.arange(every.markers), every.marker[found.used]).all():
+        raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
+    axis, shift = found.at, found.carried(every.shared)[:4]
+    covariance = found.covariance[:4, :4] + shift @ shift.T
+    scale, scale_u = found.tested(table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None])
+    _check_angles(1.0 + scale, scale_u, str(marks))
     apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
-    u, direction = worst(found, kept, reach_mm)
+    u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
     if not u <= max_u_mm:
         axes = ", ".join(f"{v:+.2f}" for v in direction)
         raise InputError(
@@ -181,10 +198,10 @@ def turntable(
     warnings = tuple(left_out.values()) + apart + believed
     if believed:
         good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
-    if found.scale_u > CHECKED:
+    if scale_u > CHECKED:
         good, verdict = False, f"{verdict}; not good enough: the points do not check the table's angles"
         warnings += (
-            f"the table's angles are believed: the points tell them to {100.0 * found.scale_u:.2g} % only, and an "
+            f"the table's angles are believed: the points tell them to {100.0 * scale_u:.2g} % only, and an "
             "error of them displaces the axis; measure at a third angle, or a marker farther from the others",
         )
     who = UNKNOWN_PART.with_names(part)
@@ -193,26 +210,22 @@ def turntable(
         "version": 1,
         "part": asdict(who),
         "frame": "base",
-        "base_from_turntable": _pose(found),
-        "axis_point_mm": found.point_mm,
-        "axis_direction": found.direction,
-        "across": found.across,
-        "covariance": found.covariance,
+        "base_from_turntable": pose_from(axis.frame.T, axis.point_mm),
+        "axis_point_mm": axis.point_mm,
+        "axis_direction": axis.frame[2],
+        "across": axis.frame[:2],
+        "covariance": covariance,
         "u_mm": u,
-        "direction_u_deg": math.sqrt(float(np.linalg.eigvalsh(found.covariance[2:, 2:])[-1])) / DEG,
-        "residual_rms_mm": float(np.sqrt(np.mean((found.residual_mm**2).sum(axis=1)))),
-        "misfit": found.misfit,
-        "points": len(kept.lines),
-        "left_out": [{"line": line, "cause": cause} for line, cause in left_out.items()],
-        "good_enough": good,
-        "verdict": verdict,
-        "warnings": warnings,
+        "direction_u_deg": estimator.worst(covariance[2:, 2:])[0] / DEG,
+        "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
+        "points": int(found.used.sum()),
+        **told(found, left_out, (good, verdict), warnings),
     }
     html = pieces.paragraph(
-        f"Axis through ({', '.join(f'{v:.3f}' for v in found.point_mm)}) mm along "
-        f"({', '.join(f'{v:.5f}' for v in found.direction)}); u = {u:.3f} mm in the least certain direction over a "
-        f"reach of {reach_mm:g} mm. Chi-square over degrees of freedom {found.misfit:.2f} on {found.freedom}."
-    ) + pieces.paragraph(f"{verdict[:1].upper() + verdict[1:]}.")
+        f"Axis through ({', '.join(f'{v:.3f}' for v in axis.point_mm)}) mm along "
+        f"({', '.join(f'{v:.5f}' for v in axis.frame[2])}); u = {u:.3f} mm in the least certain direction over a "
+        f"reach of {reach_mm:g} mm. {fit_words(found)}"
+    ) + pieces.paragraph(sentence(verdict))
     return (
         Document(TurntableFile.NAME, TurntableFile.written(document)),
         Chapter("Turntable calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings),
@@ -267,157 +280,42 @@ def _check_turn(angle_deg: Float, path: InputFile) -> None:
         )
 
 
-def solve(marks: Marks, angle_noise: float, where: str) -> Axis:
-    """Least squares with the noise of points and of the table's angle over each marker's radius."""
-    turn = np.abs(marks.angle[:, None] - marks.angle[None, :])
-    once = np.sqrt(shared(marks.marker, turn, SAME_ANGLE))[:, None, None]
-    freedom = 3 * round(float((once**-2.0).sum())) - 4 - 3 * marks.markers
-    if freedom < 0:
+def _check_count(marks: Marks, alike: Float, where: str) -> None:
+    if round(3.0 * float((1.0 / alike).sum())) < 4 + 3 * marks.markers:
         raise InputError(
             where,
             f"{len(marks.lines)} points of {marks.markers} markers leave the axis open: measure "
             "two markers at two angles, or one at three",
         )
-    if not np.isin(np.arange(marks.markers), marks.marker).all():
-        raise InputError(where, "a marker was measured at one angle only, and contradicts the others")
-    middle = marks.point_mm.mean(axis=0)
-    direction = _first_direction(marks)
-    across = _across(direction)
-    first = np.concatenate([_first_point(marks, direction, middle, across), np.zeros(2)])
-    unknown = np.concatenate([first, np.zeros(3 * marks.markers)])
-    unknown[4:] = _markers(marks, middle + first[:2] @ across, direction).ravel()
-    root = _whitening(marks.covariance)
-
-    def off(x: Float) -> Float:
-        away = _predicted(marks, x, middle, direction, across) - marks.point_mm
-        return np.asarray(np.einsum("nij,nj->ni", root, away).ravel())
-
-    root = root / once
-    for _ in range(2):  # the angle's noise has the radius of the answer
-        fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
-        unknown = fitted.x
-        axis = _direction(unknown, direction, across)
-        arm = np.cross(axis, marks.point_mm - (middle + unknown[:2] @ across))
-        root = _whitening(marks.covariance + angle_noise**2 * arm[:, :, None] * arm[:, None, :]) / once
-    fitted = scipy.optimize.least_squares(off, unknown, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
-    jacobian, misfit = fitted.jac, float(2.0 * fitted.cost / max(freedom, 1))
-    scale = np.linalg.norm(jacobian, axis=0) + 1e-30
-    values, vectors = np.linalg.eigh((jacobian / scale).T @ (jacobian / scale))
-    inverse = (vectors / np.maximum(values, 1e-12 * values[-1])) @ vectors.T / scale[:, None] / scale
-    white = fitted.fun.reshape(-1, 3)
-    rows = jacobian.reshape(-1, 3, unknown.size)
-    distance = studentised(white, rows, inverse)
-    shift = np.einsum("pq,njq,njk,nkr->pr", inverse[:4], rows, root, marks.shared)
-    turned_by, arms = marks.angle[:, None] - marks.angle.mean(), marks.point_mm - (middle + fitted.x[:2] @ across)
-    found, turned = _direction(fitted.x, direction, across), _across(_direction(fitted.x, direction, across), across)
-    return Axis(
-        middle + fitted.x[:2] @ across,
-        found,
-        turned,
-        inverse[:4, :4] * max(1.0, misfit if freedom > 0 else 1.0) + shift @ shift.T,
-        _predicted(marks, fitted.x, middle, direction, across) - marks.point_mm,
-        misfit,
-        freedom,
-        distance,
-        fitted.x[4:].reshape(-1, 3),
-        *_angle_scale(fitted, np.einsum("nij,nj->ni", root, np.cross(found, arms) * turned_by)),
-    )
 
 
-def _whitening(covariance: Float) -> Float:
-    """Inverse square roots (n, 3, 3)."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray((vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
-
-
-def _angle_scale(fitted: scipy.optimize.OptimizeResult, slope: Float) -> tuple[float, float]:
-    """By what factor the angles would fit best, and its standard uncertainty: one Gauss-Newton step with it free.
-
-    `slope` (n, 3): the change of the whitened residuals with the factor.
-    """
-    column = slope.ravel()
-    left = column - fitted.jac @ np.linalg.lstsq(fitted.jac, column, rcond=1e-10)[0]
-    size = float(left @ left)
-    if size <= 1e-9 * float(column @ column):
-        return 1.0, math.inf
-    step = -float(left @ fitted.fun) / size
-    freedom = max(len(column) - fitted.jac.shape[1] - 1, 1)
-    rest = float(((fitted.fun + step * left) ** 2).sum()) / freedom
-    return 1.0 + step, math.sqrt(max(1.0, rest) / size)
-
-
-def _check_angles(found: Axis, where: str) -> None:
-    if abs(found.scale - 1.0) > SURE * found.scale_u:
+def _check_angles(scale: float, scale_u: float, where: str) -> None:
+    if abs(scale - 1.0) > SURE * scale_u:
         raise InputError(
             where,
-            f"the points turn by {found.scale:.4g} times the angles given, to {found.scale_u:.2g} (u): are angle_deg "
+            f"the points turn by {scale:.4g} times the angles given, to {scale_u:.2g} (u): are angle_deg "
             "the table's own angles, in deg?",
         )
 
 
-def worst(found: Axis, marks: Marks, reach_mm: float) -> tuple[float, Float]:
-    """Greatest standard uncertainty of the axis' place over its reach, and its direction (3,)."""
-    most, way = 0.0, found.across[0]
-    middle = float(((marks.point_mm - found.point_mm) @ found.direction).mean())
-    for along in (middle - reach_mm, middle + reach_mm):
-        at = np.concatenate([np.eye(2), along * np.eye(2)], axis=1)
-        values, vectors = np.linalg.eigh(at @ found.covariance @ at.T)
-        if values[-1] > most:
-            most, way = float(values[-1]), vectors[:, -1] @ found.across
-    return math.sqrt(most), way
+def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> tuple[float, Float]:
+    """Greatest standard uncertainty of the axis' place over its reach about points (n, 3), and its direction (3,)."""
+    middle = float(((points_mm - axis.point_mm) @ axis.frame[2]).mean())
+    ends = [np.concatenate([np.eye(2), along * np.eye(2)], axis=1) for along in (middle - reach_mm, middle + reach_mm)]
+    u, way = max((estimator.worst(at @ covariance @ at.T) for at in ends), key=lambda one: one[0])
+    return u, way @ axis.frame[:2]
 
 
-def _predicted(marks: Marks, x: Float, middle: Float, direction: Float, across: Float) -> Float:
-    axis, point = _direction(x, direction, across), middle + x[:2] @ across
-    turned = rotation_from_vector(marks.angle[:, None] * axis)
-    return np.asarray(point + np.einsum("nij,nj->ni", turned, x[4:].reshape(-1, 3)[marks.marker]))
-
-
-def _direction(x: Float, direction: Float, across: Float) -> Float:
-    turned = direction + x[2:4] @ across
-    return np.asarray(turned / np.linalg.norm(turned))
-
-
-def _across(direction: Float, near: Float | None = None) -> Float:
-    """Two unit vectors square to the axis; `near` others, if given."""
-    hint = np.eye(3)[np.argmin(np.abs(direction))] if near is None else near[0]
-    a = hint - (hint @ direction) * direction
+def _frame(direction: Float, near: Float) -> Float:
+    """Rows: two unit vectors square to a unit vector, the first by `near`, and that vector."""
+    a = near - (near @ direction) * direction
     a = a / np.linalg.norm(a)
-    return np.stack([a, np.cross(direction, a)])
+    return np.stack([a, np.cross(direction, a), direction])
 
 
-def _first_direction(marks: Marks) -> Float:
-    """The axis that turns differences between markers, or a marker's way, as the angles say (rough)."""
-    best, least = np.array([0.0, 0.0, 1.0]), math.inf
-    grid = _sphere(400)
-    middle = marks.point_mm.mean(axis=0)
-    for axis in grid:
-        across = _across(axis)
-        point = middle + _first_point(marks, axis, middle, across) @ across
-        q = _markers(marks, point, axis)
-        turned = rotation_from_vector(marks.angle[:, None] * axis)
-        off = point + np.einsum("nij,nj->ni", turned, q[marks.marker]) - marks.point_mm
-        if (off**2).sum() < least:
-            best, least = axis, float((off**2).sum())
-    return best
-
-
-def _first_point(marks: Marks, axis: Float, middle: Float, across: Float) -> Float:
-    """Coordinates (2,) along `across` of the axis' point, linear in points and markers for a given direction."""
-    n, k = len(marks.lines), marks.markers
-    turned = rotation_from_vector(marks.angle[:, None] * axis)
-    rows, right = np.zeros((3 * n, 2 + 3 * k)), (marks.point_mm - middle).reshape(-1)
-    rows[:, :2] = np.tile(across.T, (n, 1))
-    for i in range(n):
-        rows[3 * i : 3 * i + 3, 2 + 3 * marks.marker[i] : 5 + 3 * marks.marker[i]] = turned[i]
-    return np.asarray(np.linalg.lstsq(rows, right, rcond=1e-12)[0][:2])
-
-
-def _markers(marks: Marks, point: Float, axis: Float) -> Float:
-    """Markers (k, 3) from the axis' point at angle 0, each the mean of its measured places turned back."""
-    back = rotation_from_vector(-marks.angle[:, None] * axis)
-    at = np.einsum("nij,nj->ni", back, marks.point_mm - point)
-    return np.stack([at[marks.marker == k].mean(axis=0) for k in range(marks.markers)])
+def _turned(at: Axis, turn: Float) -> Axis:
+    direction = at.frame[2] + turn @ at.frame[:2]
+    return replace(at, frame=_frame(direction / np.linalg.norm(direction), at.frame[0]))
 
 
 def _sphere(count: int) -> Float:
@@ -426,17 +324,3 @@ def _sphere(count: int) -> Float:
     z, turn = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
     r = np.sqrt(1.0 - z**2)
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
-
-
-def _pose(found: Axis) -> Float:
-    """base_from_turntable (4, 4): z along the axis, origin on it."""
-    pose = np.eye(4)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = *found.across, found.direction, found.point_mm
-    return pose
-
-
-def _away_mm(found: Axis, marks: Marks, row: int) -> float:
-    """How far a point lies from where a fit without it puts it."""
-    known = found.marker_mm[marks.marker[row]]
-    turned = rotation_from_vector(marks.angle[row] * found.direction)
-    return float(np.linalg.norm(found.point_mm + turned @ known - marks.point_mm[row]))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, Int, Part, Recording, Shaped, frozen, stage
+from workbench.api import Document, Float, InputError, Int, Part, Recording, Shaped, estimator, frozen, stage
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
+from workbench.plugins.calibration.model import SIZE, Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
 from workbench.plugins.calibration.scanned import start_center
@@ -22,8 +22,6 @@ from workbench.plugins.calibration.values import Calibration, SphereProfiles, Va
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
 # Postures that a calibration is not made from: left out in turn, or a second recording.
-
-STEPS = 10  # of the fit of a second recording's sphere
 
 
 @dataclass(frozen=True)
@@ -63,35 +61,17 @@ def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, s
 
 def _predicted(fitted: Fit, out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
     """Residuals of held-out postures, their covariances, y, and chi-square with all correlations."""
-    linear = linearise(fitted.estimate, out, noise)
-    J = linear.jacobian.reshape(-1, SIZE)
-    all_ = _noise(linear, out, noise) + J @ fitted.covariance[:SIZE, :SIZE] @ J.T
-    r = linear.residual.ravel()
-    blocks = all_.reshape(len(out), 3, len(out), 3)
-    index = np.arange(len(out))
-    return linear.residual, blocks[index, :, index], linear.centre[:, 1], float(r @ np.linalg.solve(all_, r))
+    rows, spread = Sphere(out, noise).rows(fitted.estimate), fitted.covariance[:SIZE, :SIZE]
+    joined = rows.product(np.concatenate([rows.jacobian, rows.residual[..., None]], axis=2))
+    matrix, side = joined[:-1, :-1], joined[:-1, -1]
+    chi2 = joined[-1, -1] - side @ np.linalg.solve(np.linalg.inv(spread) + matrix, side)  # Woodbury's identity
+    covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
+    return rows.residual, covariance, linearise(fitted.estimate, out, noise).centre[:, 1], float(chi2)
 
 
 def _passes(seen: Observations) -> list[Int]:
     """Rows of each posture held still, and of each scan: what is held out together."""
     return [*seen.still[:, None], *(scan.rows for scan in seen.scans)]
-
-
-def _noise(linear: Linear, seen: Observations, noise: Noise) -> Float:
-    """Covariance (3k, 3k) of the measured circles; those of a scan share errors of its poses."""
-    k = len(seen)
-    out, index = np.zeros((k, 3, k, 3)), np.arange(k)
-    out[index, :, index] = linear.covariance
-    for scan in seen.scans:
-        m = np.arange(len(scan.rows))
-        weight = np.zeros((len(m), scan.nodes))
-        weight[m, scan.node], weight[m, scan.node + 1] = 1 - scan.fraction, scan.fraction
-        spread = linear.by_pose[scan.rows] * noise.spread
-        alike = (1 - noise.common) * weight @ weight.T + noise.common
-        shared = np.einsum("ab,aip,bjp->aibj", alike, spread, spread)
-        shared[m, :, m] += linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2)
-        out[np.ix_(scan.rows, np.arange(3), scan.rows, np.arange(3))] = shared
-    return out.reshape(3 * k, 3 * k)
 
 
 def second_recording(
@@ -100,26 +80,14 @@ def second_recording(
     """A second recording: where its sphere stood is fitted with the calibration's hand-eye pose."""
     if len(seen) < 2:
         raise InputError(f"{source}: /robot", f"expected at least 2 postures to validate on, found {len(seen)}")
-    start = start_center(estimate, seen, noise)
-    free = np.s_[6:SIZE]
-    for _ in range(STEPS):
-        linear = linearise(start, seen, noise)
-        J, r = linear.jacobian.reshape(-1, SIZE), linear.residual.ravel()
-        spread = _noise(linear, seen, noise) + J[:, :6] @ calibration.covariance @ J[:, :6].T
-        weighted = np.linalg.solve(spread, J[:, free])
-        matrix = J[:, free].T @ weighted
-        matrix[3, 3] += noise.radius_u_mm**-2
-        side = weighted.T @ r
-        side[3] += (noise.radius_mm - start.radius_mm) / noise.radius_u_mm**2
-        start = start.moved(np.concatenate([np.zeros(6), np.linalg.solve(matrix, side)]))
-    index = np.arange(len(seen))
-    return HeldOut(
-        linear.residual,
-        spread.reshape(len(seen), 3, len(seen), 3)[index, :, index],
-        linear.centre[:, 1],
-        float(r @ np.linalg.solve(spread, r)),
-        len(r) - 3,
-    )
+    known = estimate, estimator.inverse_information(calibration.covariance)
+    found = estimator.fit(Sphere(seen, noise, known=known), start_center(estimate, seen, noise))
+    ball = replace(estimate, center_mm=found.at.center_mm, radius_mm=found.at.radius_mm)
+    rows = Sphere(seen, noise).rows(ball)
+    by_pose = rows.jacobian[..., :6]
+    covariance = rows.covariance + by_pose @ calibration.covariance @ np.swapaxes(by_pose, 1, 2)
+    y_mm = linearise(ball, seen, noise).centre[:, 1]
+    return HeldOut(rows.residual, covariance, y_mm, found.chi2, found.freedom)
 
 
 NEAR_EQUATOR = 0.1  # |y| over the largest, below which w says nothing of y

@@ -12,7 +12,7 @@ import scipy
 from workbench.api import DEG, Float, Recording, Shaped
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.circles import fit_arc
-from workbench.plugins.calibration.model import Linear, Noise, View, linearise, normal_equations, place_u
+from workbench.plugins.calibration.model import Linear, Noise, Sphere, View, place_u
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
@@ -121,13 +121,13 @@ def scales_of(
 ) -> Scales:
     """Both errors as the residuals about a fit tell them, which was made with the circles' sensor taken out."""
     count = result.covariance.shape[0]
-    linear = linearise(result.estimate, seen, noise, with_offset)
-    columns = -_by_scale(circles)
-    linear = replace(linear, jacobian=np.concatenate([linear.jacobian, columns], axis=-1)).subset(result.used)
-    now = normal_equations(linear, seen.subset(result.used), noise, result.estimate.radius_mm)
-    matrix, side = now.matrix[:count, :count], now.side[:count]
-    by_scale = -np.linalg.solve(matrix, now.matrix[:count, count:])
-    power = now.matrix[count:, count:] + now.matrix[count:, :count] @ by_scale  # information of the scales, rest free
+    rows = Sphere(seen, noise, with_offset).rows(result.estimate)
+    jacobian = np.concatenate([rows.jacobian, -_by_scale(circles)], axis=-1)
+    prior, away = np.pad(rows.prior, (0, 2)), np.pad(rows.away, (0, 2))
+    now = replace(rows, jacobian=jacobian, prior=prior, away=away).only(result.used).normal()
+    matrix, side = now.information[:count, :count], now.side[:count]
+    by_scale = -np.linalg.solve(matrix, now.information[:count, count:])
+    power = now.information[count:, count:] + now.information[count:, :count] @ by_scale  # of the scales, rest free
     pull = now.side[count:] + by_scale.T @ side
     left = now.chi2 - side @ np.linalg.solve(matrix, side)
     prior = np.where(free, FREE, stated_u) ** -2.0

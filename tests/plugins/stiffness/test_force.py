@@ -1,5 +1,6 @@
 """Milling force against the averaged formulas of a slot, symmetry, runout, and the stage on a path."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,12 @@ CUTTER = Cutter()
 def one(
     radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, steps: int = STEPS, **teeth: float
 ) -> Any:
+    return with_torque(radial, axial, feed, c, steps, **teeth)[:, :3]
+
+
+def with_torque(
+    radial: float, axial: float, feed: float = 0.05, c: CuttingCoefficients = C, steps: int = STEPS, **teeth: float
+) -> Any:
     met = np.array([feed]), np.array([radial]), np.array([axial])
     return milling_force(c, CUTTER, *met, Teeth(**teeth), steps)[0]
 
@@ -32,6 +39,16 @@ def test_mean_of_a_slot(helix_deg: float, name: str) -> None:
     radial = n * a / 4 * of.krc_n_mm2 * c + n * a / np.pi * of.kre_n_mm
     axial = n * a / np.pi * of.kac_n_mm2 * c + n * a / 2 * of.kae_n_mm
     assert np.allclose(found, [tangential, -radial, axial], rtol=1e-3)
+
+
+@pytest.mark.parametrize("helix_deg", [0.0, 30.0])
+def test_work_of_the_spindle_is_that_of_the_chip(helix_deg: float) -> None:
+    """Mean power without edge forces is K_tc times the volume removed in a time, whatever the cut and the helix."""
+    chip, rpm, f = replace(C, kte_n_mm=0.0, krc_n_mm2=0.0, kre_n_mm=0.0), 6000.0, 0.05
+    for radial, axial in ((0.5, 2.0), (4.0, 1.0), (10.0, 0.5)):
+        torque_nm = with_torque(radial, axial, f, chip, 7200, helix=np.radians(helix_deg))[:, 3].mean()
+        volume_mm3_s = radial * axial * f * CUTTER.flutes * rpm / 60
+        assert torque_nm * rpm * np.pi / 30 == pytest.approx(C.ktc_n_mm2 * volume_mm3_s / 1000, rel=2e-3)
 
 
 def test_mean_of_a_partial_cut() -> None:

@@ -1,6 +1,7 @@
 """Loading tests that are not what six springs and the cell file say: named, and right within u or refused."""
 
 import dataclasses
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from workbench.errors import InputError
 from workbench.plugins import stiffness
 from workbench.plugins.stiffness.beyond_springs import lack_of_fit
-from workbench.plugins.stiffness.equations import equations, robust
+from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.identify import identify_from
 from workbench.plugins.stiffness.load_checks import rounded, step_of
 from workbench.plugins.stiffness.values import LoadingTests
@@ -113,9 +114,8 @@ def test_sound_loads_lack_nothing(cell: Cell, noisy: Any, targets: int) -> None:
     assert cell.loading is not None
     for seed in range(70, 82):
         tests = noisy(seed, targets)
-        eq = equations(cell.chain, cell.loading, tests)
-        found, use = robust(eq)
-        lack = lack_of_fit(cell.chain, cell.loading, tests, eq, found, use)
+        loading = Loading(equations(cell.chain, cell.loading, tests))
+        lack = lack_of_fit(cell.chain, cell.loading, tests, loading, loading.fit())
         assert lack.causes == ""
         assert lack.widened < 1.5
         assert lack.change == pytest.approx(np.zeros(6), abs=1e-12)
@@ -126,17 +126,27 @@ def test_a_joint_that_no_load_turns_is_no_error_of_the_search(cell: Cell, noisy:
     tests = noisy(66)
     eq = equations(cell.chain, cell.loading, tests)
     eq = dataclasses.replace(eq, a=eq.a * [1, 1, 1, 1, 1, 0], torque=eq.torque * [1, 1, 1, 1, 1, 0])
-    found, use = robust(eq)
-    lack = lack_of_fit(cell.chain, cell.loading, tests, eq, found, use)
+    loading = Loading(eq)
+    lack = lack_of_fit(cell.chain, cell.loading, tests, loading, loading.fit())
     assert np.isfinite(lack.change).all()
     assert lack.change[5] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared(cell: Cell, noisy: Any) -> None:
+def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared_and_is_told_where_not(
+    cell: Cell, noisy: Any
+) -> None:
     assert cell.loading is not None
     tests = noisy(63)
-    blind = identify_from(cell.chain, cell.loading, tests)[0]
-    told = identify_from(cell.chain, cell.loading, tests, scale_relative_u=0.02)[0]
+    blind, notes = identify_from(cell.chain, cell.loading, tests)
+    gain, *others = notes["not_included"]
+    (times,) = re.findall(r"gain .* by 1 % \((\S+) u of joint", gain)
+    high = dataclasses.replace(tests, wrench=1.05 * tests.wrench)
+    off = np.abs(identify_from(cell.chain, cell.loading, high)[0].nm_per_rad - blind.nm_per_rad) / blind.u_nm_per_rad
+    assert off.max() == pytest.approx(5 * float(times), rel=0.1)
+    kinds = ["the force sensor's place", "the force sensor's axes", "the place of what is tracked", "a joint's zero"]
+    assert [one.split(":")[0] for one in others] == kinds
+    told, notes = identify_from(cell.chain, cell.loading, tests, scale_relative_u=0.02)
+    assert notes["not_included"] == others
     more = told.u_nm_per_rad**2 - blind.u_nm_per_rad**2
     assert np.sqrt(more) == pytest.approx(0.02 * told.nm_per_rad, rel=0.05)
 

@@ -56,6 +56,9 @@ MISTAKES: list[tuple[str, int, Change, str]] = [
     ("fy in kN", 0, scaled("wrench", 1, 1e-3), "column fy_n is 1,000 times too small: in kN?"),
     ("tz in Nmm", 0, scaled("wrench", 5, 1e3), "column tz_nm is 1,000 times too large: in Nmm?"),
     ("all torques in Nmm", 0, scaled("wrench", slice(3, 6), 1e3), "columns tx_nm to tz_nm are 1,000 times too large"),
+    ("forces in kgf", 0, scaled("wrench", slice(0, 3), 1 / 9.80665), "columns fx_n to fz_n are 9.8066 times too small"),
+    ("torques in kgf m", 4, scaled("wrench", slice(3, 6), 1 / 9.80665), "columns tx_nm to tz_nm are 9.8066 times"),
+    ("torques in kgf cm", 0, scaled("wrench", slice(3, 6), 10.1972), "tz_nm are 10.197 times too large: in kgf cm?"),
     ("p2y in m", 4, scaled("targets_mm", (1, 1), 1e-3), "column p2y_mm is 1,000 times too small: in m?"),
     (
         "all points in m",
@@ -78,6 +81,7 @@ def test_mistakes_are_named(cell: Cell, noisy: Any, targets: int, change: Change
         identify_from(cell.chain, cell.loading, change(noisy(20, targets), cell))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) <= 200
 
 
 @pytest.mark.parametrize(

@@ -18,15 +18,18 @@ from workbench.plugins.stiffness.elastic import give_way
 from workbench.plugins.stiffness.path_points import path_points, turn_about_z
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.robot import (
+    SIDES,
     Cell,
     CollisionModel,
+    Side,
+    arm_sides,
     forward_kinematics,
     inverse_kinematics,
     jacobian,
     turntable_pose,
     within_limits,
 )
-from workbench.robot.cell import ON_BASE, Shape
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
 from workbench.units import Float
 
 from .conftest import ROOT, K
@@ -73,11 +76,11 @@ def dressed(cell: Cell) -> Cell:
     return dataclasses.replace(cell, chain=dataclasses.replace(cell.chain, limits=limits))
 
 
-def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: float) -> tuple[float, Float]:
-    """The least mean displacement and the feasible cells (t, a), by inverse kinematics, limits and fcl."""
+def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: float) -> Float:
+    """Mean displacement (8, t, a) in each branch of the inverse, inf: infeasible, by its limits and fcl."""
     points = path_points(path, acts, load="mean", reach_mm=15.0, planned=0.0)
     model, angles = CollisionModel(cell), np.radians(np.arange(-180, 180, step_deg))
-    best = np.full((len(angles), len(angles)), np.inf)
+    best = np.full((8, len(angles), len(angles)), np.inf)
     low, high = cell.chain.limits.T + np.radians([[2.0], [-2.0]])
     reach = np.array([[1796.25]] * 3 + [[1.0]] * 3)
     for (t, rotation), (a, table) in itertools.product(enumerate(angles), enumerate(angles)):
@@ -103,8 +106,8 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
                 np.linalg.norm(give_way(cell.chain, K, one, at, load, order=1, with_kc=False)[0][:3])
                 for one, at, load in zip(q, local, loads, strict=True)
             ]
-            best[t, a] = min(best[t, a], np.mean(np.array(length)[points.loaded]))
-    return float(best.min()), best
+            best[branch, t, a] = np.mean(np.array(length)[points.loaded])
+    return best
 
 
 @pytest.mark.parametrize("where", ["cell", "cluttered", "dressed"])
@@ -115,10 +118,18 @@ def test_choice_and_map_are_those_of_plain_loops(
     sure = dataclasses.replace(here.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
     here = dataclasses.replace(here, margins=sure, process=None)  # the loops know of no uncertainty and no home
     made, _, document, _ = posture(here, stiffness, path, acts, **COARSE)
-    least, each = best_by_loops(here, path, acts, 30.0)
+    every = best_by_loops(here, path, acts, 30.0)
+    each = every.min(axis=0)
     length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]
-    assert np.isclose(length.mean(), least, rtol=1e-9)
-    over = json.loads(document.content)["map"]
+    assert np.isclose(length.mean(), each.min(), rtol=1e-9)
+    file = json.loads(document.content)
+    prices = {tuple(one["configuration"]): one for one in file["configurations"]}
+    assert len(prices) == 8
+    assert all(one["proven"] for one in prices.values())
+    least = sorted(np.inf if one["price_percent"] is None else one["price_percent"] for one in prices.values())
+    assert np.allclose(least, np.sort(100 * (every.min(axis=(1, 2)) / every.min() - 1)), rtol=1e-6, atol=1e-6)
+    assert prices[tuple(file["constant"]["configuration"])]["price_percent"] == 0.0
+    over = file["map"]
     assert not np.isfinite(each[:, 0]).any()  # the turntable at its limit
     each = each[:, 1:]
     found = np.array([[np.inf if x is None else x for x in row] for row in over["mean_displacement_mm"]])
@@ -135,6 +146,60 @@ def test_choice_and_map_are_those_of_plain_loops(
     bodies = {name for pair in over["collision_pairs"] for name in pair}
     assert any(name.startswith("box") for name in bodies) == (where == "cluttered")
     assert 0 < feasible.sum() < feasible.size
+
+
+@pytest.mark.parametrize("wanted", [["front"], ["front", "elbow_up", "flipped"]])
+def test_a_configuration_is_kept_at_its_price(
+    wanted: list[Side], cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
+) -> None:
+    """By the cell's key and by the parameter; the arm stands as its words say, and gives way as the price says."""
+    free, _, _, _ = posture(cell, stiffness, path, acts, **COARSE)
+    made, _, document, _ = posture(
+        dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **COARSE
+    )
+    asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, whole_map=False, **COARSE)
+    assert (asked.joints == made.joints).all()
+    sides = arm_sides(cell.chain, made.joints)
+    for word in wanted:
+        which = next(i for i, pair in enumerate(SIDES) if word in pair)
+        assert (sides[:, which] == SIDES[which].index(word)).all()
+    file = json.loads(document.content)
+    price = next(
+        one["price_percent"]
+        for one in file["configurations"]
+        if one["configuration"] == file["constant"]["configuration"]
+    )
+    mean, least = (np.linalg.norm(one.displacement_mm, axis=1)[one.cutting].mean() for one in (made, free))
+    assert np.isclose(price, 100 * (mean / least - 1), atol=1e-6)
+    assert price > 1.0
+
+
+def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
+    cell: Cell, path: Toolpath, acts: MillingForce
+) -> None:
+    """The chosen cell is the least awkward of those that loops over the robot's inverse and fcl find free."""
+    sure = dataclasses.replace(cell.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
+    here = dataclasses.replace(cell, margins=sure, process=None)
+    gate = PathGate(passed=True, reason="checked", toolpath=path, tolerance_mm=0.3)
+    made, told, document, _ = posture(here, None, path, acts, gate, **COARSE)
+    assert np.isnan(made.displacement_mm).all()
+    assert any("NOT CHECKED: how far the robot gives way" in line for line in told.loosened)
+
+    def awkward(q: Float) -> float:
+        limits = cell.chain.limits + np.radians([2.002, -2.002])  # by the margin, and a program's digits
+        j = jacobian(cell.chain, q, cell.flange_from_cutter[:3, 3]) / np.array([[1796.25]] * 3 + [[1.0]] * 3)
+        condition = np.linalg.norm(j) * np.linalg.norm(np.linalg.inv(j)) / 6
+        return condition * np.mean(np.ptp(limits, axis=1) ** 2 / (4 * (q - limits[:, 0]) * (limits[:, 1] - q)))
+
+    file = json.loads(document.content)
+    mean = np.mean([awkward(q) for q in made.joints[made.cutting]])
+    assert np.isclose(file["mean_awkwardness"], mean, rtol=1e-4)
+    assert file["mean_displacement_mm"] is None
+    free = [one["mean_awkwardness"] for one in file["configurations"] if one["price_percent"] is not None]
+    assert min(free) <= mean * (1 + 1e-6)
+    ways = np.isfinite(best_by_loops(here, path, acts, 30.0)).any(axis=0)[:, 1:]
+    found = np.array([[x is not None for x in row] for row in file["map"]["mean_awkwardness"]])
+    assert (found == ways).all()
 
 
 def test_postures_stand_at_the_path(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:
@@ -248,6 +313,19 @@ def test_a_path_in_the_turntable_is_refused(cell: Cell, path: Toolpath, stiffnes
         posture(cell, stiffness, low, force(low)[0], **COARSE)
 
 
+def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffness: JointStiffness) -> None:
+    """Points 60 mm apart, a clamp round the cutter half way: in the way of every posture."""
+    path = thinned(read(toolpath=PATH), 60)
+    points = path_points(path, force(path)[0], load="mean", reach_mm=6.5, planned=0.0)
+    assert cell.turntable is not None
+    pose = np.eye(4)
+    pose[:3, 3] = (points.base_from_point @ points.point_from_tip)[:2, :3, 3].mean(axis=0)
+    clamp = Shape("clamp", ON_TURNTABLE, "box", (20.0, 20.0, 20.0), inverse(cell.turntable.base_from_turntable) @ pose)
+    here = dataclasses.replace(cell, shapes=(*cell.shapes, clamp))
+    with pytest.raises(InputError, match=r"no cutter rotation .* collision .*'cutter' with 'clamp'"):
+        posture(here, stiffness, path, force(path)[0], step_deg=5.0)
+
+
 def test_force_of_another_path_is_refused(
     cell: Cell, acts: MillingForce, path: Toolpath, stiffness: JointStiffness
 ) -> None:
@@ -256,7 +334,7 @@ def test_force_of_another_path_is_refused(
         posture(cell, stiffness, other, acts, **COARSE)
     idle = dataclasses.replace(acts.layers[0], mean_in_path_n=acts.layers[0].mean_in_path_n * 0)
     with pytest.raises(InputError, match="found none"):
-        posture(cell, stiffness, path, MillingForce((idle,), ""), **COARSE)
+        posture(cell, stiffness, path, MillingForce((idle,), "", 6000.0), **COARSE)
 
 
 def test_shipped_path_is_small() -> None:

@@ -162,7 +162,7 @@ def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limit
     """Best constant pair, law and bound on a grid of 2 deg; no margins, which would leave the turntable no gain."""
     cell = dataclasses.replace(cell, margins=Margins(limit=0.0, wrist=0.0, condition=1e6), margin_mm=0.0)
     examiner, angles = Examiner(cell, fast_arm(cell.chain), points), np.radians(np.arange(-180, 180, 2.0))
-    choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles), whole_map=False)
+    choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles))
     start = constant_law(examiner, K, choice)
     grid = Grid(angles, angles, np.array(bands), STEP_COST_MM)
     return start, *improved_law(examiner, K, start, grid, limits)

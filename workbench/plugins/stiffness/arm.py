@@ -16,11 +16,13 @@ import numpy as np
 
 from workbench.api import (
     AnyArray,
+    Cell,
     Chain,
     Float,
     InputError,
     Shaped,
     arm_sides,
+    dexterity,
     forward_kinematics,
     inverse,
     inverse_kinematics,
@@ -39,17 +41,18 @@ from workbench.plugins.stiffness.arm_kernels import (
     lowest_kernel,
     traverse_kernel,
 )
+from workbench.plugins.stiffness.path_points import turn_about_z
 
 # The posture optimiser's calls for any arm that has an inverse: slower, by joint angles instead of algebra.
 #
 # Configurations are told apart by the three sides of the arm (`workbench.api.arm_sides`). A spherical wrist has one
 # solution each; so has a UR. Where an arm has two with the same sides (CRX, at a quarter of its poses) the one that
-# is farther from singular counts. The two flips of a wrist that is not spherical give way differently: cells of the
-# grid are ranked by the better one, so with `Choice` the optimum is proven among what one flip can do, not over both.
+# is farther from singular counts.
 
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
 NO_SPRINGS = np.ones(6)  # of which joint angles take no notice
 FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # indices of `arm.CAUSES`
+COMFORT_ROWS = 16  # of a path that are looked at for awkwardness
 STRETCHED = 1e-6  # smallest singular value of the Jacobian, lengths in m, below which a posture is singular
 
 
@@ -126,21 +129,84 @@ class GeneralArm:
         return both[0], both[1].astype(np.uint8), both[2], both[3].astype(np.uint8)
 
     def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
-        """As `arm.traverse`: mean displacement (a, t) and the worst that is said of it, of the better flip."""
+        """As `arm.traverse`."""
         tables, points = path.base_from_cutter.shape[:2]
-        turns = np.tile(np.eye(4), (len(angles), 1, 1))
-        turns[:, 0, 0], turns[:, 0, 1] = np.cos(angles), -np.sin(angles)
-        turns[:, 1, 0], turns[:, 1, 1] = np.sin(angles), np.cos(angles)
-        flange = path.base_from_cutter[:, :, None] @ turns @ inverse(path.flange_from_cutter)
+        flange = path.base_from_cutter[:, :, None] @ turn_about_z(angles) @ inverse(path.flange_from_cutter)
         tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (path.load_mm, path.force_n))
         one, said, other, flipped = (
             part.reshape(tables, points, len(angles))
             for part in self.displacements(stiffness, flange.reshape(-1, 4, 4), tip, force, first)
         )
         worst = np.stack([said.max(axis=1), flipped.max(axis=1)])
-        mean = np.stack([one.mean(axis=1), other.mean(axis=1)])
-        mean = np.where(worst == worst.min(axis=0), mean, np.inf).min(axis=0)
-        return mean, worst.min(axis=0).astype(np.uint8)
+        return np.stack([one.mean(axis=1), other.mean(axis=1)]), worst.astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unsprung:
+    """A robot whose stiffness nobody knows: its awkwardness stands where others have a displacement.
+
+    Of all rows of a path COMFORT_ROWS are looked at, and of the grid what `arm` can reach.
+    """
+
+    arm: Arm | GeneralArm
+    cell: Cell  # with its margins
+
+    def joint_angles(self, base_from_flange: Float, branch: int) -> Float:
+        """Those of the arm."""
+        shoulder, elbow = BRANCHES[branch // 2]
+        return joint_angles(self.arm, base_from_flange, shoulder=shoulder, elbow=elbow, flip=branch % 2)
+
+    def displacements(
+        self, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, first: int
+    ) -> tuple[Float, AnyArray, Float, AnyArray]:
+        """Awkwardness (n,), 0 where nothing pushes, and what is said (n,) of two flips; else as `GeneralArm` has it."""
+        shoulder, elbow = BRANCHES[first // 2]
+        _, said = displacements(self.arm, NO_SPRINGS, base_from_flange, tip_mm, force_n, shoulder=shoulder, elbow=elbow)
+        loaded = np.broadcast_to(np.linalg.norm(force_n, axis=-1) > 0, said.shape)
+        both: list[AnyArray] = []
+        for branch in (first, first + 1):
+            q = within_limits(self.cell.chain, self.joint_angles(base_from_flange, branch))
+            inside = np.isfinite(q).all(axis=1)
+            cost = np.where(inside, 0.0, np.inf)
+            rows = inside & loaded
+            cost[rows] = awkwardness(self.cell, q[rows])
+            both += [cost, np.where((said == FREE) & ~inside, LIMIT, said).astype(np.uint8)]
+        return both[0], both[1], both[2], both[3]
+
+    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
+        """As `arm.traverse`, the mean over the loaded rows."""
+        shoulder, elbow = BRANCHES[first // 2]
+        _, said = traverse(self.arm, NO_SPRINGS, path, angles, shoulder=shoulder, elbow=elbow)
+        loaded = np.flatnonzero(np.linalg.norm(path.force_n[0], axis=-1) > 0)
+        rows = loaded[np.unique(np.linspace(0, len(loaded) - 1, min(COMFORT_ROWS, len(loaded))).astype(int))]
+        mean, tool = np.full(said.shape, np.inf), turn_about_z(angles) @ inverse(path.flange_from_cutter)
+        for flip, table in np.ndindex(said.shape[:2]):
+            free = np.flatnonzero(said[flip, table] == FREE)
+            if not len(free) or not len(rows):
+                continue
+            flange = (path.base_from_cutter[table, rows, None] @ tool[free]).reshape(-1, 4, 4)
+            q = within_limits(self.cell.chain, self.joint_angles(flange, first + flip))
+            inside = np.isfinite(q).all(axis=1)
+            cost = np.full(len(q), np.inf)
+            cost[inside] = awkwardness(self.cell, q[inside])
+            mean[flip, table, free] = cost.reshape(len(rows), -1).mean(axis=0)
+            said[flip, table, free[~np.isfinite(mean[flip, table, free])]] = LIMIT
+        return mean * (len(loaded) / path.base_from_cutter.shape[1]), said
+
+
+def awkwardness(cell: Cell, joints: Shaped[Float, "n 6"]) -> Float:
+    """How near postures (n, 6) are to singular ones and to limits (n,): 1 at best, infinite there.
+
+    The Jacobian's condition number of Frobenius norms (Angeles 1992), times the mean over the joints of
+    range^2 / (4 (q - low) (high - q)) (Chan and Dubey 1995).
+    """
+    chain = cell.chain
+    tip = (forward_kinematics(chain, joints) @ cell.flange_from_cutter)[:, :3, 3]
+    _, condition, _ = dexterity(chain, joints, tip, np.zeros(6), np.inf)
+    low, high = chain.limits.T
+    with np.errstate(divide="ignore"):
+        room = (high - low) ** 2 / (4 * np.maximum(joints - low, 0.0) * np.maximum(high - joints, 0.0))
+    return np.asarray(condition / 6 * room.mean(axis=1))
 
 
 CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
@@ -161,10 +227,10 @@ class Arm:
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
 
 
-AnyArm = Arm | GeneralArm
+AnyArm = Arm | GeneralArm | Unsprung
 
 
-def arm_of(chain: Chain) -> AnyArm:
+def arm_of(chain: Chain) -> Arm | GeneralArm:
     """The arm of a robot: for the kernels here where they hold for it, else by its inverse kinematics.
 
     Raises:
@@ -248,7 +314,7 @@ def displacements(
         shoulder: 0: the arm reaches forward, 1: over its back.
         elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
     """
-    if isinstance(arm, GeneralArm):
+    if not isinstance(arm, Arm):
         at, acts = (np.broadcast_to(part, (len(base_from_flange), 3)) for part in (tip_mm, force_n))
         one, first, other, second = arm.displacements(stiffness, base_from_flange, at, acts, 4 * shoulder + 2 * elbow)
         better = (first < second) | ((first == second) & (one <= other))
@@ -289,21 +355,22 @@ def traverse(
         elbow: likewise.
 
     Returns:
-        Mean displacement (a, t), mm, and the worst that is said of one of the path's postures (a, t), see CAUSES; of
-        the wrist's two flips, each kept all along the path, the better one.
+        Mean displacement (2, a, t), mm, of both flips of the wrist, each kept all along the path, and the worst that is
+        said of one of the path's postures (2, a, t), see CAUSES.
     """
-    if isinstance(arm, GeneralArm):
+    if not isinstance(arm, Arm):
         return arm.traverse(stiffness, path, angles, 4 * shoulder + 2 * elbow)
     branch, told = _branch(arm, stiffness, shoulder, elbow), _in_arm_frame(arm, path)
-    return traverse_kernel(branch, told, np.cos(angles), np.sin(angles))
+    mean, *said = traverse_kernel(branch, told, np.cos(angles), np.sin(angles))
+    return np.stack([mean, mean]), np.stack(said)
 
 
 def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
     """The least displacement (a, p), mm, over all rotations and branches; inf: no posture. Arguments as `traverse`."""
-    if isinstance(arm, GeneralArm):
+    if not isinstance(arm, Arm):
         single = LoadedPath(path.flange_from_cutter, *(part.reshape(-1, 1, *part.shape[2:]) for part in path[1:]))
         found = [arm.traverse(stiffness, single, angles, 4 * s + 2 * e) for s, e in BRANCHES]
-        least = [np.where(said == 0, mean, np.inf).min(axis=1) for mean, said in found]
+        least = [np.where(said == 0, mean, np.inf).min(axis=(0, 2)) for mean, said in found]
         return np.asarray(np.min(least, axis=0).reshape(path.base_from_cutter.shape[:2]))
     told, cosine, sine = _in_arm_frame(arm, path), np.cos(angles), np.sin(angles)
     best = np.full(path.base_from_cutter.shape[:2], np.inf)
@@ -338,7 +405,7 @@ def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elb
 
     Meaningless, but finite, where `displacements` says of the posture that it is unreachable or singular.
     """
-    if isinstance(arm, GeneralArm):
+    if not isinstance(arm, Arm):
         return arm.joint_angles(base_from_flange, 4 * shoulder + 2 * elbow + flip)
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]

@@ -44,7 +44,9 @@ class PerRotation(NamedTuple):
 
 
 @kernel(error_model="numpy")
-def traverse_kernel(branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray) -> tuple[AnyArray, AnyArray]:
+def traverse_kernel(
+    branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """In the arm frame. The innermost loop runs over the cutter's rotations, several side by side."""
     tables, points, steps = path.at.shape[0], path.at.shape[1], len(cosine)
     total, worst, flipped = np.zeros((tables, steps)), np.zeros((tables, steps)), np.zeros((tables, steps))
@@ -52,7 +54,7 @@ def traverse_kernel(branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyAr
         found = PerRotation(total[i], worst[i], flipped[i])
         for j in range(points):
             _turn_cutter(branch, path, i, j, cosine, sine, found)
-    return total / points, np.minimum(worst, flipped).astype(np.uint8)
+    return total / points, worst.astype(np.uint8), flipped.astype(np.uint8)
 
 
 @kernel(error_model="numpy")

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Chain, Float, Int, LoadingSetup, Shaped, forward_kinematics, rotation_from_vector
-from workbench.plugins.stiffness.equations import Equations, Estimate, curvature, equations, whiten
+from workbench.api import DEG, Chain, Float, LoadingSetup, Shaped, estimator, forward_kinematics, rotation_from_vector
+from workbench.plugins.stiffness.equations import Equations, Loading, equations
 from workbench.plugins.stiffness.values import LoadingTests
 
 SURE_SIGMAS = 5.0  # of a cause: of 40 causes one in 40,000 sound sets of loads has one
@@ -33,129 +33,147 @@ class LackOfFit:
     causes: str  # in words, the surest first; empty: none
     change: Shaped[Float, " 6"]  # rad/Nm, by which the compliance would change if the causes were put right
     widened: float  # variance of the residuals that follow the loads, over the noise's; at least 1
+    hidden: tuple[str, ...]  # what an error that the residuals do not show would change, with its size
 
 
 @dataclass(frozen=True, slots=True)
-class _Cause:
+class Cause:
     """Something that is not as the cell file and the loads say, in units of `unit`."""
 
     words: str  # "{0}" is replaced by its size
     unit: float  # what 1 of `words` is in the units of `changed`
     changed: Callable[[float], tuple[LoadingSetup, LoadingTests]]
+    hidden: tuple[str, str, str] | None = None  # where it may not show: its kind, 1 of it in words, the unit
 
 
 def lack_of_fit(
-    chain: Chain, setup: LoadingSetup, tests: LoadingTests, eq: Equations, found: Estimate, use: Float
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
 ) -> LackOfFit:
     """Causes that the residuals show, what they do to the compliance, and how much else follows the loads."""
-    whitened = whiten(eq, np.abs(found.compliance)) * use[:, None, None]
-    rest = _whole(whitened, found.residual)
-    columns = (whitened @ eq.a).reshape(-1, 6)
-    groups = _wrench_spaces(tests, use)
-    modelled = _modelled(tests, eq, found)  # a direction made of what was measured would share its noise
-    as_modelled = equations(chain, setup, modelled)
-    directions = [
-        (cause, _whole(whitened, _direction(chain, as_modelled, found, *cause.changed(STEP * cause.unit)) / STEP))
-        for cause in _causes(chain, setup, modelled)
-    ]
-    told: list[str] = []
-    taken = columns
-    while len(told) < MOST_CAUSES and directions:
-        basis = np.linalg.qr(taken / _sizes(taken))[0]
-        left = rest - basis @ (basis.T @ rest)
-        noise2 = _noise(left.reshape(len(use), -1), groups, eq)
-        gains = []
-        for _, direction in directions:
-            free = direction - basis @ (basis.T @ direction)
-            size = float(free @ free)
-            own = size > RANK * float(direction @ direction) > 0
-            gains.append((float(free @ left) / size, float(free @ left) ** 2 / size / noise2) if own else (0.0, 0.0))
-        best = int(np.argmax([gain for _, gain in gains]))
-        value, gain = gains[best]
-        if gain < SURE_SIGMAS**2:
+    modelled = _modelled(tests, loading.eq, found)  # a direction made of what was measured would share its noise
+    causes = list(_causes(chain, setup, modelled))
+    directions = [direction_of(cause, chain, setup, modelled, loading, found) for cause in causes]
+    columns = np.stack([*np.moveaxis(found.rows.jacobian, 2, 0), *directions, found.rows.residual], axis=2)
+    whole = found.rows.only(found.used).product(columns[found.used])
+    repeated, linear = _repeated(tests, loading, found, columns)
+    scale = _scale(whole)
+    whole, repeated = (scale[:, None] * one * scale for one in (whole, repeated))
+    others = float(found.rows.values[found.used].sum()) - linear
+    taken, told = list(range(6)), list[str]()
+    while len(told) < MOST_CAUSES:
+        left = _without(whole, taken)
+        noise2 = max(_without(repeated, taken)[-1, -1] / scale[-1] ** 2 / others, 1.0) if others > 0 else 1.0
+        size, push = np.diagonal(left)[6:-1], left[6:-1, -1]
+        gain = np.where(size > RANK, push**2 / np.maximum(size, RANK), 0.0) / scale[-1] ** 2 / noise2
+        gain[np.array(taken[6:], int) - 6] = 0.0
+        best = int(np.argmax(gain))
+        if gain[best] < SURE_SIGMAS**2:
             break
-        cause, direction = directions.pop(best)
-        told.append(f"{cause.words.format(f'{value:+.3g}')} ({np.sqrt(gain):.0f} standard uncertainties)")
-        taken = np.column_stack([taken, direction])
-    sizes = _sizes(taken)
-    solved = np.linalg.lstsq(taken / sizes, rest, rcond=None)[0] / sizes
-    left = (rest - taken @ solved).reshape(len(use), -1)
+        value = push[best] / size[best] * scale[6 + best] / scale[-1]
+        told.append(f"{causes[best].words.format(f'{value:+.3g}')} ({np.sqrt(gain[best]):.0f} standard uncertainties)")
+        taken.append(6 + best)
+    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)])[0] @ whole[taken, -1]) / scale[-1]
+    lacking = (_without(whole, taken) - _without(repeated, taken))[-1, -1] / scale[-1] ** 2
+    freedom = linear - len(taken)
+    chance = freedom < 1 or lacking < scipy.special.chdtri(freedom, CHANCE)
+    untold = [k for k in range(6, len(whole) - 1) if k not in taken]
+    changes = (scale[:6, None] * _inverse(whole[:6, :6])[0] @ whole[:6, untold]) / scale[untold]
+    left = np.diagonal(_without(whole, list(range(6))))[untold]
+    shown2 = np.divide(
+        SURE_SIGMAS**2 * noise2 * scale[untold] ** 2, left, out=np.full(len(left), np.inf), where=left > RANK
+    )
     more = [f"and {len(told) - TOLD} more"] if len(told) > TOLD else []
     return LackOfFit(
-        "; ".join([*told[:TOLD], *more]), np.asarray(solved[:6]), _widened(left, groups, eq, taken.shape[1])
+        "; ".join([*told[:TOLD], *more]),
+        np.asarray(solved[:6]),
+        1.0 if chance else lacking / freedom,
+        _hidden([causes[k - 6] for k in untold], found, changes.T, np.sqrt(shown2)),
     )
 
 
-def _sizes(columns: Float) -> Float:
-    """Lengths of columns (n, m), to divide by: a joint that no load turns has 0."""
-    size = np.linalg.norm(columns, axis=0)
-    return np.asarray(np.where(size > 0.0, size, 1.0))
+def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, shown: Float) -> tuple[str, ...]:
+    """Of each kind of cause the one that changes a joint most before the residuals show it, by `SURE_SIGMAS`.
+
+    changes (m, 6): rad/Nm for each unit of a cause; shown (m,): its size from which the residuals show it.
+    """
+    u, worst = np.sqrt(np.diag(found.covariance)), dict[str, tuple[float, str]]()
+    for cause, change, size in zip(causes, changes, shown, strict=True):
+        if cause.hidden is None:
+            continue
+        kind, which, unit = cause.hidden
+        joint = int(np.argmax(np.abs(change) / u))
+        share, times = 100.0 * abs(change[joint] / found.at[joint]), abs(change[joint]) / u[joint]
+        words = f"{kind}: {which} changes joint {joint + 1} by {share:.2g} % ({times:.2g} u); "
+        words += f"the residuals show {size:.2g} {unit}" if np.isfinite(size) else "no residual shows it"
+        worst[kind] = max(worst.get(kind, (0.0, "")), (times * size, words))
+    return tuple(words for _, words in worst.values())
 
 
-def _whole(whitened: Float, rows: Float) -> Float:
-    """Rows (L, r) of equal variance, one after the other; 0 where a load is left out or a point not seen."""
-    return np.asarray((whitened @ rows[..., None]).reshape(-1))
+def direction_of(
+    cause: Cause,
+    chain: Chain,
+    setup: LoadingSetup,
+    modelled: LoadingTests,
+    loading: Loading,
+    found: estimator.Fit[Float],
+) -> Float:
+    """(n, d): by how much the residuals would be smaller if a cause of size 1 were put right."""
+    here, other = (
+        equations(chain, *one).residual(found.at) for one in ((setup, modelled), cause.changed(STEP * cause.unit))
+    )
+    return loading.observed(here - other) / STEP
 
 
-def _modelled(tests: LoadingTests, eq: Equations, found: Estimate) -> LoadingTests:
+def _scale(products: Float) -> Float:
+    """What makes columns (c,) with these products of length 1; 0 of one that is nothing, as of a joint never turned."""
+    square = np.diagonal(products)
+    return np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
+
+
+def _inverse(matrix: Float) -> tuple[Float, int]:
+    """Inverse of products (c, c) of columns of length 1, none along what they do not hold; and their rank."""
+    values, vectors = np.linalg.eigh(matrix)
+    held = values > RANK
+    return (vectors[:, held] / values[held]) @ vectors[:, held].T, int(held.sum())
+
+
+def _without(products: Float, taken: list[int]) -> Float:
+    """Products (c, c) of columns after what the columns `taken` explain of them."""
+    across = products[:, taken]
+    return np.asarray(products - across @ _inverse(products[np.ix_(taken, taken)])[0] @ across.T)
+
+
+def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float], columns: Float) -> tuple[Float, int]:
+    """Products of the columns (c, c) without all that is linear in the wrench at its posture, and how much that is."""
+    products, rank = np.zeros((columns.shape[2],) * 2), 0
+    scale = np.maximum(np.abs(tests.wrench).max(axis=0), 1e-12)
+    postures = np.unique(np.round(tests.joints, 9), axis=0, return_inverse=True)[1].reshape(-1)
+    for posture in np.unique(postures[loading.load[found.used]]):
+        here = found.used & (postures[loading.load] == posture)
+        loads, load = np.unique(loading.load[here], return_inverse=True)
+        u, s, _ = np.linalg.svd(tests.wrench[loads] / scale, full_matrices=False)
+        basis = u[load][:, s > RANK * s[0]]
+        points, point = np.unique(loading.point[here], return_inverse=True)
+        linear = np.einsum("nb,np,ij->nibpj", basis, np.eye(len(points))[point], np.eye(columns.shape[1]))
+        linear = linear.reshape(*columns[here].shape[:2], -1)
+        joined = found.rows.only(here).product(np.concatenate([columns[here], linear], axis=2))
+        kept = columns.shape[2]
+        size = _scale(joined)[kept:]
+        inverse, more = _inverse(size[:, None] * joined[kept:, kept:] * size)
+        across = joined[:kept, kept:] * size
+        products, rank = products + joined[:kept, :kept] - across @ inverse @ across.T, rank + more
+    return products, rank
+
+
+def _modelled(tests: LoadingTests, eq: Equations, found: estimator.Fit[Float]) -> LoadingTests:
     """The loads with the displacements that the springs would have; points that were not seen stay so."""
-    moved = np.where(eq.seen > 0, eq.y - found.residual, np.nan)
+    moved = np.where(eq.seen, eq.y - eq.residual(found.at), np.nan)
     if tests.displacement is not None:
         return dataclasses.replace(tests, displacement=moved)
     return dataclasses.replace(tests, targets_mm=moved.reshape(len(moved), -1, 3))
 
 
-def _direction(chain: Chain, eq: Equations, found: Estimate, setup: LoadingSetup, tests: LoadingTests) -> Float:
-    """(L, r): by how much the residuals would be smaller under another setup, or if the loads were others."""
-    other = equations(chain, setup, tests)
-
-    def residual(of: Equations) -> Float:
-        return (of.y - curvature(of, found.compliance) - of.a @ found.compliance) * of.seen
-
-    return residual(eq) - residual(other)
-
-
-def _wrench_spaces(tests: LoadingTests, use: Float) -> list[tuple[Int, Float]]:
-    """Of each posture: its loads (n,) and an orthonormal basis (n, <= 6) of what is linear in the wrench."""
-    spaces = []
-    scale = np.maximum(np.abs(tests.wrench).max(axis=0), 1e-12)
-    for posture in np.unique(np.round(tests.joints, 9), axis=0):
-        at = np.flatnonzero((np.abs(tests.joints - posture).max(axis=1) < 1e-8) & (use > 0))
-        if not len(at):
-            continue
-        u, s, _ = np.linalg.svd(tests.wrench[at] / scale, full_matrices=False)
-        spaces.append((at, u[:, s > RANK * s[0]]))
-    return spaces
-
-
-def _shares(left: Float, spaces: list[tuple[Int, Float]], eq: Equations) -> tuple[float, float, float, float]:
-    """Sum of squares that is linear in the wrench at its posture, its freedom; the same of all the rest."""
-    linear = freedom = other = others = 0.0
-    for at, basis in spaces:
-        whole = float((left[at] ** 2).sum())
-        inside = float(((basis.T @ left[at]) ** 2).sum())
-        rows = float(eq.seen[at].sum()) / len(at)
-        linear, freedom = linear + inside, freedom + rows * basis.shape[1]
-        other, others = other + whole - inside, others + rows * (len(at) - basis.shape[1])
-    return linear, freedom, other, others
-
-
-def _noise(left: Float, spaces: list[tuple[Int, Float]], eq: Equations) -> float:
-    """Variance over the noise's that repeats at no posture, at least 1: eq. (L1)."""
-    _, _, other, others = _shares(left, spaces, eq)
-    return max(other / others, 1.0) if others > 0 else 1.0
-
-
-def _widened(left: Float, spaces: list[tuple[Int, Float]], eq: Equations, unknowns: int) -> float:
-    """Variance of what is linear in the wrench, which is all that the compliance sees; 1 where chance explains it."""
-    linear, freedom, _, _ = _shares(left, spaces, eq)
-    freedom -= unknowns
-    if freedom < 1 or linear < scipy.special.chdtri(freedom, CHANCE):
-        return 1.0
-    return linear / freedom
-
-
-def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[_Cause]:
+def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """What may be other than told. Sizes in words are in mm, deg, N, Nm, % and micrometres per N."""
     yield from _of_frames(setup, tests)
     yield from _of_wrench(setup, tests)
@@ -165,10 +183,11 @@ def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[
         def turned(v: float, joint: int = joint) -> tuple[LoadingSetup, LoadingTests]:
             return setup, dataclasses.replace(tests, joints=tests.joints + v * np.eye(6)[joint])
 
-        yield _Cause(f"joint {joint + 1} {{0}} deg off its recorded angle", DEG, turned)
+        words = f"joint {joint + 1} {{0}} deg off its recorded angle"
+        yield Cause(words, DEG, turned, ("a joint's zero", f"1 deg of joint {joint + 1}", "deg"))
 
 
-def _of_frames(setup: LoadingSetup, tests: LoadingTests) -> Iterator[_Cause]:
+def _of_frames(setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """Sensor and tool stand elsewhere on the flange."""
     for k, axis in enumerate(AXES):
 
@@ -184,9 +203,11 @@ def _of_frames(setup: LoadingSetup, tests: LoadingTests) -> Iterator[_Cause]:
                 setup, flange_from_tool=_moved(setup.flange_from_tool, v, k), targets_mm=shifted
             ), tests
 
-        yield _Cause(f"the force sensor {{0}} mm along its {axis} axis from its place in the cell file", 1.0, moved)
-        yield _Cause(f"the force sensor turned by {{0}} deg about its {axis} axis", DEG, turned)
-        yield _Cause(f"what is tracked {{0}} mm along its {axis} axis from its place in the cell file", 1.0, tool)
+        words, which = f"{{0}} mm along its {axis} axis from its place in the cell file", f"1 mm along its {axis} axis"
+        yield Cause(f"the force sensor {words}", 1.0, moved, ("the force sensor's place", which, "mm"))
+        words_turned = f"the force sensor turned by {{0}} deg about its {axis} axis"
+        yield Cause(words_turned, DEG, turned, ("the force sensor's axes", f"1 deg about its {axis} axis", "deg"))
+        yield Cause(f"what is tracked {words}", 1.0, tool, ("the place of what is tracked", which, "mm"))
 
 
 def _moved(pose: Float, v: float, axis: int) -> Float:
@@ -201,23 +222,23 @@ def _turned(pose: Float, v: float, axis: int) -> Float:
     return out
 
 
-def _of_wrench(setup: LoadingSetup, tests: LoadingTests) -> Iterator[_Cause]:
+def _of_wrench(setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """Forces scaled against torques, and a wrench that is not 0 without load."""
 
     def scaled(v: float) -> tuple[LoadingSetup, LoadingTests]:
         return setup, dataclasses.replace(tests, wrench=tests.wrench * ([1 + v] * 3 + [1.0] * 3))
 
-    yield _Cause("forces that need {0} % against the torques", 0.01, scaled)
+    yield Cause("forces that need {0} % against the torques", 0.01, scaled)
     for k in range(6):
 
         def offset(v: float, k: int = k) -> tuple[LoadingSetup, LoadingTests]:
             return setup, dataclasses.replace(tests, wrench=tests.wrench - v * np.eye(6)[k])
 
         name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
-        yield _Cause(f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load", 1.0, offset)
+        yield Cause(f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load", 1.0, offset)
 
 
-def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[_Cause]:
+def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """Axes, scale, drift and backlash of what was tracked, and a base that gives."""
     force = (_sensor_axes(chain, setup, tests) @ tests.wrench[:, :3, None])[..., 0]
     forwards = np.linspace(0.0, 1.0, len(tests.lines))
@@ -232,25 +253,25 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
         def turned(v: float, unit: Float = unit) -> tuple[LoadingSetup, LoadingTests]:
             return setup, _changed(tests, lambda d: d @ rotation_from_vector(v * unit).T)
 
-        yield _Cause(f"the displacements' axes turned by {{0}} deg about the base's {axis} axis", DEG, turned)
+        yield Cause(f"the displacements' axes turned by {{0}} deg about the base's {axis} axis", DEG, turned)
         for words, along in (
             (f"a displacement of {{0}} mm along {axis} in every load", np.ones(len(forwards))),
             (f"a drift of {{0}} mm along {axis} from the first load to the last", forwards),
             (f"backlash: {{0}} mm along {axis} either way", sense[:, k]),
         ):
             column = np.outer(along, -unit)
-            yield _Cause(words, 1.0, lambda v, column=column: added(v, column))  # type: ignore[misc]
+            yield Cause(words, 1.0, lambda v, column=column: added(v, column))  # type: ignore[misc]
         give = np.outer(force[:, k], -unit)
-        yield _Cause(f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, lambda v, g=give: added(v, g))  # type: ignore[misc]
+        yield Cause(f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, lambda v, g=give: added(v, g))  # type: ignore[misc]
     # an even give as one cause too: along one axis it may look like a joint
-    yield _Cause("a base or links that give by {0} µm/N along every axis", 1e-3, lambda v: added(v, -force))
+    yield Cause("a base or links that give by {0} µm/N along every axis", 1e-3, lambda v: added(v, -force))
     if tests.displacement is not None:
         displacement = tests.displacement
 
         def scaled(v: float) -> tuple[LoadingSetup, LoadingTests]:
             return setup, dataclasses.replace(tests, displacement=displacement * ([1 + v] * 3 + [1.0] * 3))
 
-        yield _Cause("displacements that need {0} % against the rotations", 0.01, scaled)
+        yield Cause("displacements that need {0} % against the rotations", 0.01, scaled)
 
 
 def _sensor_axes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Float:

@@ -1,10 +1,8 @@
 """The equations of identification, eq. (24): what each load says about the joints' compliance; and their solution.
 
-One *observation* is one load's displacement: its equations y = A c, c the compliance of the joints in rad/Nm. Rows are
-mm and rad of the tool frame, or mm of the tracked points that were seen.
-
-They are solved by weighted least squares, gross errors found and rejected; which joints the loads cannot determine is
-told in words.
+One load's displacement has the equations y = A c, c the compliance of the joints in rad/Nm. Rows are mm and rad of the
+tool frame, or mm of the tracked points that were seen. `Loading` is what the estimator solves; which joints the loads
+cannot determine is told in words.
 """
 
 from __future__ import annotations
@@ -12,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from workbench.api import (
     AnyArray,
+    Bool,
     Chain,
     Float,
     LoadingSetup,
     Shaped,
+    estimator,
     forward_kinematics,
     jacobian_at,
     jacobian_derivative,
@@ -28,11 +27,8 @@ from workbench.api import (
 from workbench.plugins.stiffness.elastic import MM, geometric_stiffness, torques, wrench_at
 from workbench.plugins.stiffness.values import LoadingTests
 
-GROSS = 1e-4  # chance that a sound set of loads loses one
-ITERATIONS = 6
-TYPICAL = 1e-6  # rad/Nm, scales the unknowns
+TYPICAL = 1e-6  # rad/Nm, to begin with
 SOFTEST = 1e-3  # rad/Nm, three times the softest plausible
-WIDE = 1e-3  # rad/Nm, standard deviation of a prior that decides nothing: it keeps what no load determines finite
 ALIKE = 0.9  # correlation above which two joints count as not told apart
 SURE = 3.0  # standard uncertainties by which a compliance counts as negative
 LITTLE = 0.02  # torque over force times reach below which a load does not turn a joint
@@ -51,7 +47,12 @@ class Equations:
     kc: Shaped[Float, "L 6 6"]  # Nm/rad, of the load at its own posture
     noise: Shaped[Float, " r"]  # standard deviation of a row
     wrench_noise: Shaped[Float, " 6"]  # N, Nm
-    seen: Shaped[Float, "L r"]  # 1 or 0
+    seen: Shaped[Bool, "L r"]
+    values: int  # of an observation: 6 of the tool frame, 3 of a tracked point
+
+    def residual(self, compliance: Float) -> Float:
+        """Measured less modelled (L, r); 0 where nothing was seen."""
+        return np.asarray((self.y - curvature(self, compliance) - self.a @ compliance) * self.seen)
 
 
 def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equations:
@@ -76,7 +77,8 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         jacobian=jacobian,
         kc=_kc(axes, at_sensor, sensor, tests.wrench),
         noise=noise,
-        seen=seen.astype(float),
+        seen=seen,
+        values=6 if tests.targets_mm is None else 3,
         wrench_noise=np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3),
     )
 
@@ -129,99 +131,72 @@ def covariances(eq: Equations, compliance: Float) -> Float:
     return through @ np.swapaxes(through, -1, -2) + np.diag(eq.noise**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
-    """Compliance of the joints and what the loads say about it."""
+class Loading:
+    """Loads as the estimator sees them: unknown is the joints' compliance (6,), rad/Nm.
 
-    compliance: Shaped[Float, " 6"]  # rad/Nm
-    covariance: Shaped[Float, "6 6"]
-    misfit: Shaped[Float, " L"]  # chi-square of each load
-    rows: Shaped[Float, " L"]  # how many rows each has
-    residual: Shaped[Float, "L r"]  # measured minus modelled
-    scale2: float  # variance of the residuals over what the noise predicts
-    freedom: float  # its degrees of freedom
-
-    @property
-    def u(self) -> Float:
-        """Standard uncertainties (6,), rad/Nm."""
-        return np.sqrt(np.diag(self.covariance))
-
-
-def solve(eq: Equations, use: Float) -> Estimate:
-    """Compliance from the loads with `use` (L,) 1; weights and second order follow the estimate until it rests.
-
-    The noise of the wrench acts through the compliance itself, so weights depend on it. A joint that no load turns gets
-    a compliance near 0 and a huge variance, not an error.
+    An observation is what one load shows of the tool frame, or of one tracked point that was seen: n of them. Errors of
+    the wrench belong to a load and act through the robot on all its points alike.
     """
-    compliance: Float = np.full(6, TYPICAL)
-    for iteration in range(ITERATIONS):
-        whitened = whiten(eq, np.abs(compliance)) * use[:, None, None]
-        extra = curvature(eq, compliance) if iteration else 0.0
-        a = (whitened @ eq.a).reshape(-1, 6) * TYPICAL
-        y = (whitened @ (eq.y - extra)[..., None]).reshape(-1)
-        information = a.T @ a + np.eye(6) * (TYPICAL / WIDE) ** 2
-        # softer joints than any robot's come of loads that contradict each other: their second order would run away
-        found = np.clip(TYPICAL * np.linalg.solve(information, a.T @ y), -SOFTEST, SOFTEST)
-        resting = np.abs(found - compliance).max() < 1e-10 * np.abs(found).max()
-        compliance = found
-        if resting:
-            break
-    residual = (eq.y - curvature(eq, compliance) - eq.a @ compliance) * eq.seen
-    misfit = np.sum((whiten(eq, np.abs(compliance)) @ residual[..., None])[..., 0] ** 2, axis=1)
-    rows = eq.seen.sum(axis=1)
-    freedom = max(float((rows * use).sum()) - 6, 1.0)
-    covariance: AnyArray = np.linalg.inv(information) * TYPICAL**2
-    return Estimate(compliance, covariance, misfit, rows, residual, float((misfit * use).sum()) / freedom, freedom)
+
+    def __init__(self, eq: Equations) -> None:
+        self.eq = eq
+        self.load, self.point = np.nonzero(self._points(eq.seen).all(axis=2))
+
+    def _points(self, rows: Shaped[AnyArray, "L r ..."]) -> AnyArray:
+        return rows.reshape(len(rows), -1, self.eq.values, *rows.shape[2:])
+
+    def observed(self, rows: Float) -> Float:
+        """What rows (L, r, ...) say of each observation (n, d, ...)."""
+        return np.asarray(self._points(rows)[self.load, self.point])
+
+    def rows(self, at: Float) -> estimator.Rows:
+        """The second order follows the estimate, and so does what the wrench's noise does through the joints."""
+        eq, n, d = self.eq, len(self.load), self.eq.values
+        own = self.observed((eq.jacobian * np.abs(at)) @ eq.by_wrench * eq.wrench_noise)
+        noise = self.observed(np.broadcast_to(eq.noise, eq.y.shape))
+        alone = noise[:, :, None] ** 2 * np.eye(d)
+        shared = estimator.Shared(np.arange(n), alone, own, self.load, np.zeros(n), len(eq.y), np.zeros((n, d, 0)))
+        covariance, values = alone + own @ np.swapaxes(own, 1, 2), np.full(n, float(d))
+        residual = self.observed(eq.residual(at))
+        return estimator.Rows(
+            residual, self.observed(eq.a), covariance, values, np.zeros((6, 6)), np.zeros(6), (shared,)
+        )
+
+    def moved(self, at: Float, step: Float) -> Float:
+        """Loads that contradict each other make joints softer than any robot's: their second order would run away."""
+        return np.clip(at + step, -SOFTEST, SOFTEST)
+
+    def fit(self) -> estimator.Fit[Float]:
+        """The compliance by all loads."""
+        return estimator.fit(self, np.full(6, TYPICAL))
 
 
-def whiten(eq: Equations, compliance: Float) -> Float:
-    """(L, r, r) that turns rows into independent ones of variance 1; what was not seen becomes 0."""
-    covariance = covariances(eq, compliance)
-    both = eq.seen[:, :, None] * eq.seen[:, None, :]
-    hidden = (1 - eq.seen)[:, :, None] * np.eye(eq.seen.shape[1])
-    lower = np.linalg.cholesky(covariance * both + hidden)
-    return np.asarray(np.linalg.inv(lower) * eq.seen[:, None, :])
+def misfit_of_loads(eq: Equations, compliance: Float) -> Float:
+    """Chi-square of each load (L,) over how many rows were seen of it."""
+    off, covariance = eq.residual(compliance), covariances(eq, np.abs(compliance))
+    found = np.zeros(len(off))
+    for i, seen in enumerate(eq.seen):
+        e = off[i, seen]
+        found[i] = e @ np.linalg.solve(covariance[i][np.ix_(seen, seen)], e) / max(len(e), 1)
+    return found
 
 
-def excess(found: Estimate, use: Float) -> Float:
-    """(L,) misfit of each load in use over what chance explains; above 1 it contradicts the others.
-
-    Judged against the noise or, where all loads fit worse than that, against the spread of most of them.
-    """
-    inside = (use > 0) & (found.rows > 0)
-    if not inside.any():
-        return np.zeros(len(use))
-    level = scipy.special.chdtri(found.rows, GROSS / len(use))
-    spread = max(1.0, float(np.median(found.misfit[inside] / scipy.special.chdtri(found.rows[inside], 0.5))))
-    return np.asarray(np.where(inside, found.misfit / np.maximum(level * spread, 1e-300), 0.0))
-
-
-def robust(eq: Equations) -> tuple[Estimate, Float]:
-    """The estimate, and which loads it rests on (L,): the worst is rejected as long as chance does not explain it.
-
-    At most a fifth of them: where one more contradicts the rest, see `excess`.
-    """
-    use = np.ones(len(eq.y))
-    found = solve(eq, use)
-    for _ in range(len(use) // 5):
-        over = excess(found, use)
-        if over.max() <= 1:
-            break
-        use[int(np.argmax(over))] = 0.0
-        found = solve(eq, use)
-    return found, use
-
-
-def unobserved(found: Estimate, largest_relative_u: float) -> list[int]:
+def unobserved(compliance: Float, covariance: Float, largest_relative_u: float) -> list[int]:
     """Joints (from 0) whose compliance has a relative uncertainty above the limit, the worst first."""
     relative = np.full(6, np.inf)
-    np.divide(
-        found.u * np.sqrt(max(found.scale2, 1.0)), found.compliance, out=relative, where=found.compliance > 1e-300
-    )
+    np.divide(np.sqrt(np.diag(covariance)), compliance, out=relative, where=compliance > 1e-300)
     return [int(j) for j in np.argsort(-relative) if relative[j] > largest_relative_u]
 
 
-def reason(joint: int, found: Estimate, eq: Equations, chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> str:
+def reason(
+    joint: int,
+    compliance: Float,
+    covariance: Float,
+    eq: Equations,
+    chain: Chain,
+    setup: LoadingSetup,
+    tests: LoadingTests,
+) -> str:
     """Why the loads say too little about a joint."""
     axes, points = joint_axes(chain, tests.joints)
     sensor = forward_kinematics(chain, tests.joints) @ setup.flange_from_sensor
@@ -238,19 +213,19 @@ def reason(joint: int, found: Estimate, eq: Equations, chain: Chain, setup: Load
             f"every force acts through its axis or nearly so, as with an in-line tool (largest torque about it "
             f"{torque.max():.3g} Nm): load it through a lever beside its axis"
         )
-    partners = _alike(joint, found.covariance)
+    partners = _alike(joint, covariance)
     if partners:
         names = " and ".join(str(j + 1) for j in partners)
         return f"its share cannot be told from that of joint {names}: use postures and directions that part them"
-    u = found.u[joint] * np.sqrt(max(found.scale2, 1.0))
-    if found.compliance[joint] < -SURE * u:
+    u = np.sqrt(covariance[joint, joint])
+    if compliance[joint] < -SURE * u:
         return (
-            f"it would give way against its load, compliance {found.compliance[joint]:.2g} ± {u:.2g} rad/Nm: the axes "
+            f"it would give way against its load, compliance {compliance[joint]:.2g} ± {u:.2g} rad/Nm: the axes "
             "of wrench and displacement do not belong together"
         )
     return (
         f"its loads are too small for the noise: torques up to {torque.max():.3g} Nm, compliance "
-        f"{found.compliance[joint]:.2g} ± {u:.2g} rad/Nm"
+        f"{compliance[joint]:.2g} ± {u:.2g} rad/Nm"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from workbench.api import (
     Engagement,
     Float,
     InputError,
+    InputFile,
     Layer,
     LayerEngagement,
     Part,
@@ -28,7 +29,8 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.stiffness.values import LayerForce, MillingForce
+from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
+from workbench.plugins.stiffness.values import CuttingProcess, LayerForce, MillingForce
 
 STAND_IN = "al7075_t6"  # of a plate whose material nobody states
 Pressure = Annotated[float, Field(ge=0, le=1e5)]
@@ -44,6 +46,7 @@ def force(
     material: Literal["al6061_t6", "al6082_t6", "al7075_t6", "al7075_t6_ref160", "al7075_ref47", "al7075_hss"]
     | None = None,
     coefficients: Six | None = None,
+    coefficients_file: InputFile | None = None,
     spindle_rpm: Annotated[float, Field(gt=0, le=1e5)] = 6000.0,
     radial_depth_mm: Annotated[float | None, Field(gt=0, le=100)] = None,
     axial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
@@ -62,6 +65,8 @@ def force(
         cell: the robot cell, whose file may state the workpiece's material.
         material: whose published coefficients to take; null: the cell's material, or al7075_t6 stands in.
         coefficients: instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six).
+        coefficients_file: instead: a `coefficients.json`, as `stiffness.identify_forces` writes it; the mean force has
+            its u then.
         spindle_rpm: number of turns a minute.
         radial_depth_mm: depth of material before the cutter, normal to the bevel face, where no engagement is known;
             null: the path's depth of cut.
@@ -83,7 +88,13 @@ def force(
         >>> file.name
         'milling_force.json'
     """
-    of, assumed = _coefficients(cell, material, coefficients)
+    if coefficients_file is not None and (coefficients or material) is not None:
+        raise InputError("stiffness.force", "expected a coefficients_file, or coefficients or a material, not both")
+    of, assumed = (
+        (read_coefficients(coefficients_file), "")
+        if coefficients_file is not None
+        else _coefficients(cell, material, coefficients)
+    )
     met = {} if engagement is None else {layer.index: layer for layer in engagement.layers}
     layers = []
     for layer in toolpath.layers:
@@ -94,16 +105,10 @@ def force(
                 f"expected a radial depth of at most the cutter's diameter, found {radial.max():.3g} mm",
             )
         per_tooth = layer.feed_mm_s * 60 / (spindle_rpm * toolpath.cutter.flutes)
-        through = milling_force(
-            of,
-            toolpath.cutter,
-            per_tooth,
-            radial,
-            axial,
-            Teeth(helix_deg * DEG, runout_mm, runout_angle_deg * DEG),
-        )
-        layers.append(_layer_force(layer, through))
-    found = MillingForce(tuple(layers), of.source, assumed)
+        cut = Cut(per_tooth, radial, axial, Teeth(helix_deg * DEG, runout_mm, runout_angle_deg * DEG))
+        layers.append(_layer_force(layer, toolpath.cutter, of, cut))
+    process = CuttingProcess(of, helix_deg * DEG)
+    found = MillingForce(tuple(layers), of.source, spindle_rpm, assumed, process)
     return found, Document("milling_force.json", _document(found, toolpath.part))
 
 
@@ -136,9 +141,20 @@ def _depths(
     return np.where(layer.cutting, radial, 0.0), np.where(layer.cutting, axial, 0.0)
 
 
-def _layer_force(layer: Layer, through: Float) -> LayerForce:
-    """Mean and peak of a revolution (k, steps, 3), in the point's axes and in the path's frame."""
+class Cut(NamedTuple):
+    """What the cutter meets at the k points of a layer."""
+
+    per_tooth_mm: Shaped[Float, " k"]
+    radial_mm: Shaped[Float, " k"]
+    axial_mm: Shaped[Float, " k"]
+    teeth: Teeth
+
+
+def _layer_force(layer: Layer, cutter: Cutter, of: CuttingCoefficients, cut: Cut) -> LayerForce:
+    """Mean and peak of a revolution in the point's axes and the path's frame, its mean torque; u of the mean."""
+    through = milling_force(of, cutter, *cut)
     rotation = rotation_from_quaternion(layer.quaternion_wxyz)
+    torque_nm, through = through[:, :, 3].mean(axis=1), through[:, :, :3]
     size = np.linalg.norm(through, axis=2)
     peak = np.take_along_axis(through, size.argmax(axis=1)[:, None, None], axis=1)[:, 0]
     mean = through.mean(axis=1)
@@ -149,7 +165,17 @@ def _layer_force(layer: Layer, through: Float) -> LayerForce:
         peak_n=peak,
         mean_in_path_n=(rotation @ mean[..., None])[..., 0],
         peak_in_path_n=(rotation @ peak[..., None])[..., 0],
+        torque_nm=torque_nm,
+        radial_mm=cut.radial_mm,
+        axial_mm=cut.axial_mm,
+        u_mean_n=None if of.covariance is None else _u_mean(of.covariance, cutter, cut),
     )
+
+
+def _u_mean(covariance: Float, cutter: Cutter, cut: Cut) -> Float:
+    """Standard uncertainty (k, 3) of the mean force, which is linear in the coefficients."""
+    each = [milling_force(CuttingCoefficients(*one), cutter, *cut).mean(axis=1)[:, :3] for one in np.eye(len(NAMES))]
+    return np.asarray(np.sqrt(np.einsum("ikr,ij,jkr->kr", each, covariance, each)))
 
 
 def _document(found: MillingForce, part: Part) -> bytes:
@@ -159,12 +185,15 @@ def _document(found: MillingForce, part: Part) -> bytes:
             "version": 1,
             "part": asdict(part),
             "coefficients": found.source,
+            "spindle_rpm": found.spindle_rpm,
             "layers": [
                 {
                     "index": layer.index,
                     "arc_length_mm": layer.arc_length_mm,
                     "mean_n": layer.mean_n,
                     "peak_n": layer.peak_n,
+                    "torque_nm": layer.torque_nm,
+                    **({} if layer.u_mean_n is None else {"u_mean_n": layer.u_mean_n}),
                 }
                 for layer in found.layers
             ],
@@ -199,7 +228,7 @@ def milling_force(
     teeth: Teeth,
     steps: int = STEPS,
 ) -> Float:
-    """Force on the cutter (k, steps, 3) in N through one revolution, for k engagements.
+    """Force on the cutter in N and torque that it asks of the spindle in Nm (k, steps, 4), through one revolution.
 
     On an edge element: F_t = (K_tc h + K_te) db against its motion, F_r = (K_rc h + K_re) db towards the axis,
     F_a = (K_ac h + K_ae) db towards the tip (right-hand helix). The chip h is what the tooth takes beyond the teeth
@@ -217,11 +246,9 @@ def milling_force(
     pitch = 2 * np.pi / cutter.flutes
     radius = cutter.diameter_mm / 2
     offset = teeth.runout_mm * np.cos(teeth.runout_angle - pitch * np.arange(cutter.flutes))
-    c = coefficients
-    table = np.array([[c.ktc_n_mm2, c.kte_n_mm], [c.krc_n_mm2, c.kre_n_mm], [c.kac_n_mm2, c.kae_n_mm]])
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
     feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
-    edges = CutterEdges(table, offset, radius, float(np.tan(teeth.helix)))
+    edges = CutterEdges(np.ascontiguousarray(coefficients.table), offset, radius, float(np.tan(teeth.helix)))
     return np.asarray(_revolutions(edges, feed, radial, axial, steps))
 
 
@@ -236,7 +263,7 @@ class CutterEdges(NamedTuple):
 
 @kernel
 def _revolutions(edges: CutterEdges, feed: AnyArray, radial: AnyArray, axial: AnyArray, steps: int) -> AnyArray:
-    force = np.zeros((len(feed), steps, 3))
+    force = np.zeros((len(feed), steps, 4))
     for k in range(len(feed)):
         if radial[k] > 0.0 and axial[k] > 0.0:
             last = np.arccos(max(1.0 - radial[k] / edges.radius, -1.0))
@@ -264,6 +291,7 @@ def _add_teeth(force: AnyArray, edges: CutterEdges, feed: float, last: float, ax
             force[0] += ft * np.sin(phi) - fr * np.cos(phi)
             force[1] += -ft * np.cos(phi) - fr * np.sin(phi)
             force[2] += (table[2, 0] * h + table[2, 1]) * db
+            force[3] += ft * radius / 1000.0
 
 
 @kernel
@@ -274,38 +302,3 @@ def _chip(offset: AnyArray, tooth: int, radial_feed: float) -> float:
     for m in range(1, flutes + 1):
         least = min(least, m * radial_feed + offset[tooth] - offset[(tooth - m) % flutes])
     return least
-
-
-# Published coefficients of the mechanistic milling force, and where they come from.
-
-REVIEW = (
-    "Duan et al., Milling force model for aviation aluminum alloy, Chin. J. Mech. Eng. 34 (2021) 18, "
-    "doi 10.1186/s10033-021-00536-9, Table 5, row"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class CuttingCoefficients:
-    """Forces on a cutting edge, per area of chip (c) and per length of edge (e): tangential, radial, axial."""
-
-    ktc_n_mm2: float
-    krc_n_mm2: float
-    kac_n_mm2: float
-    kte_n_mm: float
-    kre_n_mm: float
-    kae_n_mm: float
-    source: str = "given"
-
-
-# Rows of one alloy show how far apart published coefficients are: the cutter's geometry is in them.
-# The review prints the edge coefficients' unit as N mm; per length of edge it is N/mm. Rows without axial values: 0.
-PUBLISHED = {
-    "al6061_t6": CuttingCoefficients(243.77, 113.5, 0.0, 7.53, 7.83, 0.0, f"{REVIEW} [160] (carbide, dry)"),
-    "al6082_t6": CuttingCoefficients(631.0, 99.0, 273.0, 13.0, 10.0, 2.8, f"{REVIEW} [189] (carbide, dry)"),
-    "al7075_t6": CuttingCoefficients(767.01, 168.8, 222.0, 27.7, 26.6, 0.7, f"{REVIEW} [190] (carbide, dry)"),
-    "al7075_t6_ref160": CuttingCoefficients(600.46, 180.96, 0.0, 17.9, 20.42, 0.0, f"{REVIEW} [160] (carbide, dry)"),
-    "al7075_ref47": CuttingCoefficients(1319.41, 788.83, 48.75, 19.65, 26.77, 2.05, f"{REVIEW} [47] (carbide, dry)"),
-    "al7075_hss": CuttingCoefficients(
-        951.365, 262.597, 323.33, 11.115, 11.314, 1.105, f"{REVIEW} [156] (high-speed steel, dry)"
-    ),
-}

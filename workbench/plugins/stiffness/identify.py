@@ -24,14 +24,13 @@ from workbench.api import (
     LoadingSetup,
     PartNames,
     abb_angles,
-    forward_kinematics,
+    estimator,
     pieces,
     stage,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit, lack_of_fit
-from workbench.plugins.stiffness.equations import Estimate, equations, robust, solve
+from workbench.plugins.stiffness.equations import Loading, equations, misfit_of_loads
 from workbench.plugins.stiffness.load_checks import (
-    check_agreement,
     check_clipped,
     check_filled,
     check_limits,
@@ -40,6 +39,7 @@ from workbench.plugins.stiffness.load_checks import (
     check_size,
     check_springs,
     check_stated,
+    contradictory,
     counted_once,
     explain,
     rounded,
@@ -47,83 +47,7 @@ from workbench.plugins.stiffness.load_checks import (
 from workbench.plugins.stiffness.read import read_loads, stiffness_document
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
-GROSS = 1e-4  # chance that a sound set of loads loses a point
-
-
-def check_rigid(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> tuple[LoadingTests, tuple[str, ...]]:
-    """The tests without points that contradict the others, and a line on each.
-
-    A load's points are fitted with a small rigid motion (six unknowns). Where the misfit is no chance, the point
-    without which the others agree is rejected; where three points disagree and none can be told, all of them are.
-    """
-    if tests.targets_mm is None:
-        return tests, ()
-    at = _levers(chain, setup, tests)
-    seen = np.isfinite(tests.targets_mm[..., 0])
-    moved, notes = tests.targets_mm.copy(), []
-    spread = _spread(moved, at, seen, setup.target_noise_mm)
-    for i in range(len(moved)):
-        for k in _gross(moved[i], at[i], seen[i], setup.target_noise_mm * spread, len(moved)):
-            moved[i, k] = np.nan
-            notes.append(f"line {tests.lines[i]}: point p{k + 1} does not move with the others: left out")
-    if np.isnan(moved).all():
-        raise InputError(tests.source, "expected tracked points that move as one rigid body, found none")
-    return dataclasses.replace(tests, targets_mm=moved), tuple(notes)
-
-
-def _levers(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Float:
-    """(L, k, 3) from the points' middle to each point, in base axes."""
-    assert tests.targets_mm is not None
-    count = tests.targets_mm.shape[1]
-    if count > len(setup.targets_mm):
-        raise InputError(
-            tests.source,
-            f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
-            f"$.loading.targets_mm places no p{count}",
-        )
-    rotation = forward_kinematics(chain, tests.joints)[:, None, :3, :3]
-    arms = setup.targets_mm[:count] - setup.targets_mm[:count].mean(axis=0)
-    return np.asarray((rotation @ arms[:, :, None])[..., 0])
-
-
-def _misfit(moved: Float, at: Float, use: Bool) -> float:
-    """Sum of squares (mm^2) that no small rigid motion explains."""
-    x, y, z = at[use].T
-    o = np.zeros_like(x)
-    turn = np.stack([np.stack([o, z, -y], -1), np.stack([-z, o, x], -1), np.stack([y, -x, o], -1)], 1)
-    a = np.concatenate([np.broadcast_to(np.eye(3), turn.shape), turn], axis=2).reshape(-1, 6)
-    b = moved[use].reshape(-1)
-    return float(np.sum((b - a @ np.linalg.lstsq(a, b, rcond=None)[0]) ** 2))
-
-
-def _spread(moved: Float, at: Float, seen: Bool, noise_mm: float) -> float:
-    """How many times the stated noise most loads show, at least 1."""
-    ratios = [
-        _misfit(m, a, s) / noise_mm**2 / scipy.special.chdtri(3 * s.sum() - 6, 0.5)
-        for m, a, s in zip(moved, at, seen, strict=True)
-        if s.sum() >= 3
-    ]
-    return max(1.0, float(np.sqrt(np.median(ratios)))) if ratios else 1.0
-
-
-def _gross(moved: Float, at: Float, seen: Bool, noise_mm: float, loads: int) -> list[int]:
-    """Points of one load to leave out."""
-    use = seen.copy()
-    while use.sum() >= 3 and _misfit(moved, at, use) > noise_mm**2 * scipy.special.chdtri(
-        3 * use.sum() - 6, GROSS / loads
-    ):
-        if use.sum() == 3:
-            return [int(k) for k in np.flatnonzero(seen)]
-        without = []
-        for k in np.flatnonzero(use):
-            rest = use.copy()
-            rest[k] = False
-            without.append((_misfit(moved, at, rest), int(k)))
-        use[min(without)[1]] = False
-    return [int(k) for k in np.flatnonzero(seen & ~use)]
-
-
-MANY = 0.1  # share of loads or points: where more contradict the rest, it is no gross error here and there
+MANY = 0.1  # share of what was seen: where more contradicts the rest, it is no gross error here and there
 
 
 @stage("stiffness.identify")
@@ -175,9 +99,7 @@ def identify(
     found, notes = identify_from(cell.chain, rounded(cell.loading, tests), tests, largest_relative_u, scale_relative_u)
     if cell.joint_stiffness_nm_per_rad is not None:
         check_stated(found, cell.joint_stiffness_nm_per_rad, cell.source, tests)
-    chapter = stiffness_chapter(
-        found, tests.labels, notes["residual_over_noise_of_load"], notes["load_used"], scale_relative_u
-    )
+    chapter = stiffness_chapter(found, tests.labels, notes)
     who = UNKNOWN_PART.with_names(part)
     chapter = dataclasses.replace(chapter, part=who, about="instruments")
     return found, chapter, stiffness_document(found, part=dataclasses.asdict(who), **notes)
@@ -192,71 +114,95 @@ def identify_from(
 ) -> tuple[JointStiffness, dict[str, Any]]:
     """Stiffness from tests in memory, their angles the controller's; and what the result file adds to it."""
     check_filled(tests)
-    sound, points_out = check_rigid(chain, setup, tests)
-    eq = equations(chain, setup, sound)
-    found, use = robust(eq)
-    _refuse_mistakes(chain, setup, tests, found, use, len(points_out), largest_relative_u)
-    check_agreement(tests, found, use)
-    lack = lack_of_fit(chain, setup, sound, eq, found, use)
-    covariance = found.covariance * max(lack.widened, _surely_more(found))
-    by_noise = dataclasses.replace(found, covariance=covariance, scale2=min(found.scale2, 1.0))
-    scaled = scale_relative_u * found.compliance
-    systematic = np.outer(lack.change, lack.change) + np.outer(scaled, scaled)
-    known = dataclasses.replace(by_noise, covariance=covariance + systematic)
-    check_observed(by_noise, eq, chain, setup, sound, largest_relative_u, lack)
-    check_springs(known, lack, tests, largest_relative_u)
-    check_size(found, tests)
-    out = (
-        *points_out,
-        *(f"line {tests.lines[i]}: this load contradicts the others: left out" for i in np.flatnonzero(use == 0)),
-    )
-    warnings = [*tests.warnings, *out, *check_pairs(sound, eq, found.compliance, use, found.scale2)]
-    warnings += lack_in_words(found, lack, covariance)
-    return _stiffness(known, covariance, sound, use, tuple(warnings)), {
-        "joint_compliance_rad_per_nm": found.compliance,
-        "compliance_covariance": known.covariance,
-        "residual_over_noise": float(np.sqrt(found.scale2)),
-        "residual_over_noise_of_load": np.sqrt(found.misfit / np.maximum(found.rows, 1)),
-        "load_used": [bool(one) for one in use],
-        "rejected": list(out),
+    _check_points(setup, tests)
+    eq = equations(chain, setup, tests)
+    loading = Loading(eq)
+    labels = estimator.Labels(tests.source, tuple(range(len(loading.load))))
+    try:
+        found, left_out = estimator.without_blunders(loading, loading.fit().at, labels)
+    except InputError:
+        found, left_out = loading.fit(), dict.fromkeys(range(len(loading.load)), "")
+    many = len(left_out) > MANY * len(loading.load)
+    mistake = explain(chain, setup, tests, loading.fit() if many else found, largest_relative_u)
+    if mistake:
+        raise InputError(tests.source, mistake)
+    if len(left_out) == len(loading.load):
+        raise contradictory(tests, loading, found)
+    used = np.zeros_like(eq.seen.reshape(len(eq.y), -1, eq.values))
+    used[loading.load[found.used], loading.point[found.used]] = True
+    sound = dataclasses.replace(eq, seen=used.reshape(eq.seen.shape))
+    lack = lack_of_fit(chain, setup, tests, loading, found)
+    covariance = found.inverse * max(lack.widened, _surely_more(found))
+    scaled = scale_relative_u * found.at
+    known = covariance + np.outer(lack.change, lack.change) + np.outer(scaled, scaled)
+    check_observed(found.at, covariance, eq, chain, setup, tests, largest_relative_u, lack)
+    check_springs(found.at, known, lack, tests, largest_relative_u)
+    check_size(found.at, tests)
+    out = _left_out(tests, loading, found)
+    warnings = [*tests.warnings, *out, *check_pairs(tests, sound, found), *lack_in_words(found, lack, covariance)]
+    use = np.isin(np.arange(len(eq.y)), loading.load[found.used])
+    return _stiffness(found, known, covariance, tests, use, tuple(warnings)), {
+        "joint_compliance_rad_per_nm": found.at,
+        "compliance_covariance": known,
+        "residual_over_noise": float(np.sqrt(found.misfit)),
+        "residual_over_noise_of_load": np.sqrt(misfit_of_loads(eq, found.at)),
+        "load_used": use.tolist(),
+        "rejected": out,
+        "not_included": [*([] if scale_relative_u else [_gain(found)]), *lack.hidden],
     }
 
 
-def _refuse_mistakes(
-    chain: Chain,
-    setup: LoadingSetup,
-    tests: LoadingTests,
-    found: Estimate,
-    use: Float,
-    points_out: int,
-    largest_relative_u: float,
-) -> None:
-    """A mistake that explains a bad fit is an error. Where many loads were rejected, they are looked at with it."""
-    points = 0 if tests.targets_mm is None else tests.targets_mm.size / 3
-    if points_out > MANY * points or (use == 0).sum() > MANY * len(use):
-        found = solve(equations(chain, setup, tests), np.ones(len(use)))
-    mistake = explain(chain, setup, tests, found, largest_relative_u)
-    if mistake:
-        raise InputError(tests.source, mistake)
+def _check_points(setup: LoadingSetup, tests: LoadingTests) -> None:
+    count = 0 if tests.targets_mm is None else tests.targets_mm.shape[1]
+    if count > len(setup.targets_mm):
+        raise InputError(
+            tests.source,
+            f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
+            f"$.loading.targets_mm places no p{count}",
+        )
 
 
-def _surely_more(found: Estimate) -> float:
+def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> list[str]:
+    """A line on each load, and each point of one, that contradicts the others."""
+    lines = []
+    for i in np.unique(loading.load[~found.used]):
+        points = loading.point[(loading.load == i) & ~found.used]
+        if len(points) == (loading.load == i).sum():
+            lines.append(f"line {tests.lines[i]}: this load contradicts the others: left out")
+        else:
+            names = " and ".join(f"p{k + 1}" for k in points)
+            verb = "does" if len(points) == 1 else "do"
+            lines.append(f"line {tests.lines[i]}: point {names} {verb} not move with the others: left out")
+    return lines
+
+
+def _gain(found: estimator.Fit[Float]) -> str:
+    """What a scale that no load shows would change."""
+    times = 0.01 * found.at / np.sqrt(np.diag(found.covariance))
+    joint = int(np.argmax(times))
+    return (
+        "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
+        f"({times[joint]:.2g} u of joint {joint + 1}); no residual shows it, scale_relative_u declares it"
+    )
+
+
+def _surely_more(found: estimator.Fit[Float]) -> float:
     """Variance of the residuals over the noise's, where that is more than chance; else 1."""
-    noisy = found.scale2 > scipy.special.chdtri(found.freedom, 0.001) / found.freedom
-    return found.scale2 if noisy else 1.0
+    noisy = found.freedom > 0 and found.misfit > scipy.special.chdtri(found.freedom, 0.001) / found.freedom
+    return found.misfit if noisy else 1.0
 
 
-def lack_in_words(found: Estimate, lack: LackOfFit, covariance: Float) -> list[str]:
+def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, covariance: Float) -> list[str]:
     """What stands in u beside the cell's noise, a line each."""
-    times = np.sqrt(covariance[0, 0] / found.covariance[0, 0])
+    times = np.sqrt(covariance[0, 0] / found.inverse[0, 0])
     lines = []
     if times > 1.0:
         lines.append(
-            f"residuals are {np.sqrt(found.scale2):.2f} times what the cell's noise predicts: "
+            f"residuals are {np.sqrt(found.misfit):.2f} times what the cell's noise predicts: "
             f"uncertainties are widened {times:.2f} times"
         )
     if lack.causes:
-        share = np.abs(lack.change / found.compliance)
+        share = np.abs(lack.change / found.at)
         joint = int(np.argmax(share))
         lines.append(
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
@@ -266,22 +212,27 @@ def lack_in_words(found: Estimate, lack: LackOfFit, covariance: Float) -> list[s
 
 
 def _stiffness(
-    known: Estimate, by_noise: Float, tests: LoadingTests, use: Float, warnings: tuple[str, ...]
+    found: estimator.Fit[Float],
+    covariance: Float,
+    by_noise: Float,
+    tests: LoadingTests,
+    use: Bool,
+    warnings: tuple[str, ...],
 ) -> JointStiffness:
-    """Stiffness as the reciprocal of the compliance; `by_noise` (6, 6) is what of its covariance is random.
+    """Stiffness as the reciprocal of the compliance; `by_noise` (6, 6) is what of its `covariance` is random.
 
     The compliance is normal and unbiased, its reciprocal is not: its mean is high by the relative variance (that of the
     residuals, where the loads are better than their stated noise), and its variance has terms of fourth order, which
     count where a joint is known to 10 or 20 % only.
     """
-    k = 1 / known.compliance
-    relative = known.covariance * np.outer(k, k)
+    k = 1 / found.at
+    relative = covariance * np.outer(k, k)
     r = np.diag(by_noise) * k**2
     fourth = relative * np.outer(1 + 3 * r, 1 + 3 * r) + 2 * relative**2
     values = np.linalg.eigvalsh(np.linalg.inv(relative))
     used = [tests.labels[i] for i in np.flatnonzero(use)]
     return JointStiffness(
-        nm_per_rad=k / (1 + r * known.scale2),
+        nm_per_rad=k / (1 + r * min(found.misfit, 1.0)),
         covariance=fourth * np.outer(k, k),
         condition_number=float(np.sqrt(values[-1] / values[0])),
         postures=len(set(used)),
@@ -294,10 +245,8 @@ def _stiffness(
 # The identified stiffness as a chapter of the report.
 
 
-def stiffness_chapter(
-    found: JointStiffness, labels: tuple[str, ...], residual: Float, used: list[bool], scale_relative_u: float
-) -> Chapter:
-    """Stiffness with its uncertainty, and how each load fits."""
+def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dict[str, Any]) -> Chapter:
+    """Stiffness with its uncertainty, what that does not hold, and how each load fits; `notes`: of the result file."""
     share = 2 * found.u_nm_per_rad / found.nm_per_rad
     worst = int(np.argmax(share))
     summary = (
@@ -310,17 +259,11 @@ def stiffness_chapter(
     ]
     text = (
         pieces.table_html(("Joint", "Stiffness ± U, 10⁶ N·m/rad", "U / value"), rows)
-        + pieces.note(
-            f"U: expanded uncertainty, U = 2 u. Condition number {found.condition_number:.1f}. Scale of force sensor "
-            + (
-                f"against tracker: u = {100 * scale_relative_u:.2g} %, in U."
-                if scale_relative_u
-                else "and tracker: not in U, no loading test shows it (scale_relative_u declares it)."
-            )
-        )
+        + pieces.note(f"U: expanded uncertainty, U = 2 u. Condition number {found.condition_number:.1f}. Not in U is:")
+        + pieces.list_html(notes["not_included"])
         + pieces.list_html(found.warnings)
         + pieces.figure_html(
-            _picture(labels, residual, used),
+            _picture(labels, notes["residual_over_noise_of_load"], notes["load_used"]),
             "Residual of each load over its noise",
             "Residual of each load over its standard uncertainty; ×: left out.",
         )

@@ -14,7 +14,18 @@ import numpy as np
 
 from workbench.api import AnyArray, Bool, Float, Int, Shaped, kernel, within_limits
 from workbench.plugins.stiffness.arm import BRANCHES, displacements, traverse
-from workbench.plugins.stiffness.traversal import FREE, MOST_STEP, Choice, Configuration, Examiner, flange_poses, placed
+from workbench.plugins.stiffness.traversal import (
+    EVERY,
+    FREE,
+    MOST_STEP,
+    Choice,
+    Configuration,
+    Examiner,
+    Share,
+    flange_poses,
+    placed,
+    silent,
+)
 
 BLOCK = 32  # points between which the values are kept; those inside are computed anew on the way back
 
@@ -105,7 +116,7 @@ class _Costs:
         moved, said = traverse(
             self.examiner.arm, self.stiffness, path, self.grid.rotations, shoulder=self.shoulder, elbow=self.elbow
         )
-        found[rows] = np.where(said == 0, moved, np.inf)
+        found[rows] = np.where(said == 0, moved, np.inf).min(axis=0)
         if self.closed_off is not None:
             found[self.closed_off(i)] = np.inf
         return found
@@ -113,6 +124,7 @@ class _Costs:
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
 STEP_COST_MM = 1e-4  # what a step of the grid costs, times its size squared: the law rests where little is to be gained
+AWKWARD_STEP = 1e-2  # likewise, of a law by awkwardness
 ROUNDS = 5  # of moving that window along with the law
 NEAR = 1e-3  # relative: a law so near its bound is good enough
 EQUAL = 1e-9  # relative: two costs that are the same but for rounding
@@ -153,7 +165,15 @@ def constant_law(examiner: Examiner, stiffness: Float, choice: Choice) -> Law:
     return Law(rotation, table, choice.configuration, choice.joints, float(cost))
 
 
-def improved_law(examiner: Examiner, stiffness: Float, start: Law, grid: Grid, limits: Limits) -> tuple[Law, float]:
+def improved_law(
+    examiner: Examiner,
+    stiffness: Float,
+    start: Law,
+    grid: Grid,
+    limits: Limits,
+    allowed: Bool = EVERY,
+    progress: Share = silent,
+) -> tuple[Law, float]:
     """The law of least cost in any one configuration, never worse than `start`; and a bound below any law's cost.
 
     In each branch of the arm first the best law of the whole grid without regard to speed, acceleration and collision,
@@ -162,14 +182,18 @@ def improved_law(examiner: Examiner, stiffness: Float, start: Law, grid: Grid, l
     coarse look at the grid shows as infeasible. The bound says how far the law may be from the optimum.
     """
     best, bound = start, np.inf
-    for branch in sorted(range(len(BRANCHES)), key=lambda b: b != start.configuration.branch):
+    for turn, branch in enumerate(sorted(range(len(BRANCHES)), key=lambda b: b != start.configuration.branch)):
+        progress(turn / len(BRANCHES))
+        flips = [flip for flip in (0, 1) if allowed[2 * branch + flip]]
+        if not flips:
+            continue
         relaxed = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm)
         if relaxed is None:
             continue
         bound = min(bound, relaxed.cost_mm)
-        for flip in (0, 1):
+        for flip in flips:
             best = _better(best, examiner, stiffness, Configuration(branch, flip), relaxed, grid, limits)
-        for flip in (0, 1):
+        for flip in flips:
             if relaxed.cost_mm >= best.cost_mm * (1 - NEAR):
                 break
             configuration = Configuration(branch, flip)

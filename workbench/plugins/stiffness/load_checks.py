@@ -23,22 +23,12 @@ from workbench.api import (
     InputError,
     LoadingSetup,
     abb_angles,
+    estimator,
     forward_kinematics,
     within_limits,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit
-from workbench.plugins.stiffness.equations import (
-    SURE,
-    Equations,
-    Estimate,
-    covariances,
-    curvature,
-    equations,
-    excess,
-    reason,
-    solve,
-    unobserved,
-)
+from workbench.plugins.stiffness.equations import SURE, Equations, Loading, covariances, equations, reason, unobserved
 from workbench.plugins.stiffness.read import DISPLACEMENT, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
@@ -56,49 +46,52 @@ OPPOSITE = 0.05  # of the wrench: how far the two may be from opposite
 COMPLAINED = 1e-3  # chance that sound pairs are complained of
 
 
-def makes_sense(found: Estimate, largest_relative_u: float) -> bool:
+def makes_sense(found: estimator.Fit[Float], largest_relative_u: float) -> bool:
     """Whether an estimate is of a possible robot, and known well enough."""
-    u = found.u * np.sqrt(max(found.scale2, 1.0))
-    if not (found.compliance > 0).all() or (u > largest_relative_u * found.compliance).any():
+    if not (found.at > 0).all() or unobserved(found.at, found.covariance, largest_relative_u):
         return False
-    return PLAUSIBLE_NM_PER_RAD[0] < mean_stiffness(found) < PLAUSIBLE_NM_PER_RAD[1]
+    return PLAUSIBLE_NM_PER_RAD[0] < mean_stiffness(found.at) < PLAUSIBLE_NM_PER_RAD[1]
 
 
-def _possible(found: Estimate) -> bool:
+def _possible(found: estimator.Fit[Float]) -> bool:
     """Whether nothing but too large an uncertainty speaks against an estimate."""
-    sure = found.compliance > -SURE * found.u * np.sqrt(max(found.scale2, 1.0))
-    known = found.compliance[found.compliance > SURE * found.u]
+    sure = found.at > -SURE * np.sqrt(np.diag(found.covariance))
+    known = found.at[found.at > SURE * np.sqrt(np.diag(found.inverse))]
     low, high = PLAUSIBLE_NM_PER_RAD
-    return bool(sure.all()) and (not len(known) or low < np.exp(-np.mean(np.log(known))) < high)
+    return bool(sure.all()) and (not len(known) or low < mean_stiffness(known) < high)
 
 
-def mean_stiffness(found: Estimate) -> float:
+def mean_stiffness(compliance: Float) -> float:
     """Geometric mean over the joints, Nm/rad."""
-    return float(np.exp(-np.mean(np.log(found.compliance))))
+    return float(np.exp(-np.mean(np.log(compliance))))
 
 
 def explain(
-    chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: Estimate, largest_relative_u: float
+    chain: Chain, setup: LoadingSetup, tests: LoadingTests, found: estimator.Fit[Float], largest_relative_u: float
 ) -> str | None:
-    """The mistake that explains best why an estimate fits badly or makes no sense, in words; None: none does."""
+    """The mistake that explains best why an estimate fits badly or makes no sense, in words; None: none does.
+
+    A second one that explains it half as well is named behind it.
+    """
     sense = makes_sense(found, largest_relative_u)
-    if found.scale2 < MISFIT and (sense or (found.scale2 > 1 / MISFIT and _possible(found))):
+    if found.misfit < MISFIT and (sense or (found.misfit > 1 / MISFIT and _possible(found))):
         return None
-    away = np.log(max(found.scale2 / MISFIT, MISFIT))
+    away = np.log(max(found.misfit / MISFIT, MISFIT))
     fits = []
     for what, changed in _readings(chain, tests):
-        eq = equations(chain, setup, changed)
-        other = solve(eq, np.ones(len(tests.lines)))
-        share = _share_left(eq, other)
-        if makes_sense(other, largest_relative_u) and share < EXPLAINED and abs(np.log(other.scale2)) < away:
-            fits.append((abs(np.log(other.scale2)) + np.log(share), what))
-    return min(fits)[1] if fits else None
+        other = Loading(equations(chain, setup, changed)).fit()
+        share = _share_left(other)
+        if makes_sense(other, largest_relative_u) and share < EXPLAINED and abs(np.log(other.misfit)) < away:
+            fits.append((abs(np.log(other.misfit)) + np.log(share), what))
+    fits = sorted(fits)[:2]
+    return "; or ".join(what for score, what in fits if score < fits[0][0] + np.log(2.0)) or None
 
 
-def _share_left(eq: Equations, found: Estimate) -> float:
+def _share_left(found: estimator.Fit[Float]) -> float:
     """Square of the residuals over that of the displacements, both over the noise."""
-    variance = np.diagonal(covariances(eq, np.abs(found.compliance)), axis1=1, axis2=2)
-    return float(np.sum(found.residual**2 / variance) / np.sum((eq.y * eq.seen) ** 2 / variance))
+    variance = np.diagonal(found.rows.covariance, axis1=1, axis2=2)
+    moved = found.rows.residual + found.rows.jacobian @ found.at
+    return float(np.sum(found.rows.residual**2 / variance) / np.sum(moved**2 / variance))
 
 
 def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
@@ -141,7 +134,11 @@ def _turned(tests: LoadingTests, of_wrench: Float | None, of_displacement: Float
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     """Single columns and groups of columns that are a factor off, or of the other sign."""
     yield "the wrench is 1,000 times too small: in kN and kNm?", dataclasses.replace(tests, wrench=1e3 * tests.wrench)
-    of_wrench = {"n": (TURNED, ("kN", 1e3), ("mN", 1e-3)), "nm": (TURNED, ("Nmm", 1e-3), ("kNm", 1e3))}
+    kgf, lbf = scipy.constants.kgf, scipy.constants.lbf
+    of_wrench = {
+        "n": (TURNED, ("kN", 1e3), ("mN", 1e-3), ("kgf", kgf), ("lbf", lbf)),
+        "nm": (TURNED, ("Nmm", 1e-3), ("kNm", 1e3), ("kgf m", kgf), ("kgf cm", 1e-2 * kgf)),
+    }
     for columns, factor, unit in _factors(WRENCH, of_wrench):
         scaled = tests.wrench.copy()
         scaled[:, [WRENCH.index(name) for name in columns]] *= factor
@@ -198,22 +195,22 @@ def opposite_pairs(tests: LoadingTests) -> list[tuple[int, int]]:
     return pairs
 
 
-def check_pairs(tests: LoadingTests, eq: Equations, compliance: Float, use: Float, scale2: float) -> tuple[str, ...]:
-    """A line for each posture whose opposite loads do not give opposite displacements."""
-    covariance = covariances(eq, compliance) * max(scale2, 1.0)
-    even = eq.y - eq.a @ compliance - curvature(eq, compliance)
+def check_pairs(tests: LoadingTests, eq: Equations, found: estimator.Fit[Float]) -> tuple[str, ...]:
+    """A line for each posture whose opposite loads do not give opposite displacements; `eq`: what is used of them."""
+    covariance, even = covariances(eq, found.at) * max(found.misfit, 1.0), eq.residual(found.at)
     sums: dict[str, list[tuple[float, int, float]]] = {}
     for i, j in opposite_pairs(tests):
-        both = (eq.seen[i] * eq.seen[j] * use[i] * use[j]) > 0
+        both = eq.seen[i] & eq.seen[j]
         if not both.any():
             continue
         e = (even[i] + even[j])[both] / 2
         square = e @ np.linalg.solve((covariance[i] + covariance[j])[np.ix_(both, both)] / 4, e)
         sums.setdefault(tests.labels[i], []).append((float(square), int(both.sum()), float(np.linalg.norm(e[:3]))))
     notes = []
-    for label, found in sums.items():
-        if sum(s for s, _, _ in found) > scipy.special.chdtri(sum(n for _, n, _ in found), COMPLAINED / len(sums)):
-            most = max(mm for _, _, mm in found)
+    for label, of_pairs in sums.items():
+        limit = scipy.special.chdtri(sum(n for _, n, _ in of_pairs), COMPLAINED / len(sums))
+        if sum(square for square, _, _ in of_pairs) > limit:
+            most = max(mm for _, _, mm in of_pairs)
             notes.append(
                 f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
                 "remain): drift, backlash or friction beside elasticity"
@@ -237,17 +234,17 @@ def check_filled(tests: LoadingTests) -> None:
         )
 
 
-def check_agreement(tests: LoadingTests, found: Estimate, use: Float) -> None:
-    """Loads of which more than a fifth contradict the rest are no test with gross errors here and there."""
-    out = np.flatnonzero((use == 0) | (excess(found, use) > 1))
-    if len(out) > len(use) // 5 > 0:
-        names = [tests.labels[i] for i in out]
-        label = max(set(names), key=lambda one: names.count(one) / tests.labels.count(one))
-        raise InputError(
-            tests.source,
-            f"{len(out)} of {len(use)} loads contradict the others, most of them at posture {label}: are its angles "
-            "those at which the loads were put on?",
-        )
+def contradictory(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> InputError:
+    """The refusal of loads that contradict each other; of the postures, the one whose loads do most is named."""
+    distance = {
+        label: float(np.median(found.distance[[tests.labels[i] == label for i in loading.load]]))
+        for label in {tests.labels[i] for i in loading.load}
+    }
+    return InputError(
+        tests.source,
+        f"the loads contradict each other, a misfit of {found.misfit:.0f} where 1 is usual, most of them at posture "
+        f"{max(distance, key=lambda one: distance[one])}: are its angles those at which the loads were put on?",
+    )
 
 
 def counted_once(tests: LoadingTests) -> LoadingTests:
@@ -366,7 +363,8 @@ def check_limits(chain: Chain, tests: LoadingTests, convention: AngleConvention)
 
 
 def check_observed(
-    found: Estimate,
+    compliance: Float,
+    covariance: Float,
     eq: Equations,
     chain: Chain,
     setup: LoadingSetup,
@@ -375,9 +373,9 @@ def check_observed(
     lack: LackOfFit,
 ) -> None:
     """Joints that are not known well enough are refused, each with the reason, and with what else may be wrong."""
-    lost = unobserved(found, largest_relative_u)
+    lost = unobserved(compliance, covariance, largest_relative_u)
     if lost:
-        why = {j: reason(j, found, eq, chain, setup, tests) for j in sorted(lost)}
+        why = {j: reason(j, compliance, covariance, eq, chain, setup, tests) for j in sorted(lost)}
         texts = {text: [str(j + 1) for j in why if why[j] == text] for text in why.values()}
         lines = [
             f"joint{'s' if len(j) > 1 else ''} {' and '.join(j)} cannot be determined: {text}"
@@ -388,11 +386,13 @@ def check_observed(
         raise InputError(tests.source, "; ".join(lines))
 
 
-def check_springs(known: Estimate, lack: LackOfFit, tests: LoadingTests, largest_relative_u: float) -> None:
+def check_springs(
+    compliance: Float, covariance: Float, lack: LackOfFit, tests: LoadingTests, largest_relative_u: float
+) -> None:
     """Displacements of which something else than six springs has a large share are refused, and it is named."""
-    lost = unobserved(known, largest_relative_u)
+    lost = unobserved(compliance, covariance, largest_relative_u)
     if lost and lack.causes:  # else it is what was declared of the scale
-        share = 100 * abs(lack.change[lost[0]] / known.compliance[lost[0]])
+        share = 100 * abs(lack.change[lost[0]] / compliance[lost[0]])
         raise InputError(
             tests.source,
             f"six springs alone do not explain the displacements; what would: {lack.causes}. That would "
@@ -400,9 +400,9 @@ def check_springs(known: Estimate, lack: LackOfFit, tests: LoadingTests, largest
         )
 
 
-def check_size(found: Estimate, tests: LoadingTests) -> None:
+def check_size(compliance: Float, tests: LoadingTests) -> None:
     """All lengths or all forces in another unit fit as well as they should, but to an impossible robot."""
-    mean = mean_stiffness(found)
+    mean = mean_stiffness(compliance)
     low, high = PLAUSIBLE_NM_PER_RAD
     if not low <= mean <= high:
         cause = "displacements in m, or wrenches in mN" if mean > high else "wrenches in kN, or displacements too large"

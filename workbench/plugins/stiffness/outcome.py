@@ -8,13 +8,14 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.api import (
     DEG,
     AnyArray,
+    Bool,
     Cell,
     Chapter,
     Float,
@@ -31,11 +32,21 @@ from workbench.api import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
-from workbench.plugins.stiffness.arm import BRANCHES
+from workbench.plugins.stiffness.arm import Unsprung, awkwardness
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
-from workbench.plugins.stiffness.traversal import CAUSES, COLLISION, FREE, Choice, Configuration, Examiner, PostureMap
+from workbench.plugins.stiffness.traversal import (
+    CAUSES,
+    COLLISION,
+    CONFIGURATIONS,
+    EVERY,
+    FREE,
+    Choice,
+    Examiner,
+    PostureMap,
+    Price,
+)
 from workbench.plugins.stiffness.values import JointStiffness
 
 COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#7a8b99", "workpiece": "#b59b6a"}  # as view-cell's
@@ -60,9 +71,19 @@ class Case:
     rotation: float
     table: float
     joints: Shaped[Float, "n 6"]
-    displacement_mm: Shaped[Float, " l"]  # of the loaded points
+    cost: Shaped[Float, " l"]  # of the loaded points, in the found's measure
     cause: int  # index into `traversal.CAUSES`: free or in collision
     pair: tuple[str, str] | None  # that collides
+
+
+class Measure(NamedTuple):
+    """What postures are chosen by."""
+
+    name: str
+    unit: str  # with what stands before it
+
+
+DISPLACEMENT, AWKWARDNESS = Measure("displacement", ", mm"), Measure("awkwardness", "")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,41 +95,60 @@ class Found:
     choice: Choice  # the constant pair
     map: PostureMap
     mode: str
-    bound_mm: Shaped[Float, " s"]  # least displacement over the grid of each sampled loaded point, collision aside
-    law_bound_mm: float | None  # below the mean displacement and step cost of any law; None: constant angles
+    measure: Measure
+    cost: Shaped[Float, " l"]  # of the loaded points as chosen
+    words: Sequence[tuple[str, ...]]  # what each of CONFIGURATIONS is called
+    bound: Shaped[Float, " s"] | None  # least displacement over the grid of each sampled loaded point, collision aside
+    law_bound: float | None  # below the mean cost of any law, its steps included; None: constant angles
     law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
     bound_at: Shaped[Int, " s"]  # which of the loaded points they are
     cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
 
     @property
-    def displacement_mm(self) -> Float:
-        """Length of the displacement (l,) of the loaded points as chosen."""
-        return np.asarray(np.linalg.norm(self.postures.displacement_mm[self.points.loaded], axis=1))
+    def gap(self) -> float | None:
+        """How far the law is above the point-wise bound, as a share of it."""
+        return None if self.bound is None else float(self.cost[self.bound_at].mean() / self.bound.mean() - 1)
 
     @property
-    def gap(self) -> float:
-        """How far the law is above the point-wise bound, as a share of it."""
-        return float(self.displacement_mm[self.bound_at].mean() / self.bound_mm.mean() - 1)
+    def configuration(self) -> tuple[str, ...]:
+        """Of the choice."""
+        return self.words[CONFIGURATIONS.index(self.choice.configuration)]
+
+    @property
+    def prices(self) -> list[tuple[tuple[str, ...], Price, float | None]]:
+        """Each configuration by its words, its best cell, and what it costs in percent of the best of all."""
+        least = min((one.mean for one in self.map.prices if one.rotation is not None), default=np.inf)
+        return [
+            (self.words[one.configuration], one, 100 * (one.mean / least - 1) if np.isfinite(one.mean) else None)
+            for one in self.map.prices
+        ]
 
 
-def case_at(examiner: Examiner, k: Float, rotation: float, table: float) -> Case | None:
-    """The best configuration for a constant pair of angles; one in collision only where none is free."""
-    points, n = examiner.points, len(examiner.points.layer)
+def costs(examiner: Examiner, k: Float, joints: Float, table: Float) -> Float:
+    """Length of the displacement of the loaded points (l,), or their awkwardness, at joints (n, 6), angles (n,)."""
+    points = examiner.points
+    if isinstance(examiner.arm, Unsprung):
+        return awkwardness(examiner.cell, joints[points.loaded])
+    moved = _displacements(examiner.cell, k, joints, points.turned(examiner.cell, table), points)
+    return np.asarray(np.linalg.norm(moved[points.loaded], axis=1))
+
+
+def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed: Bool = EVERY) -> Case | None:
+    """The best of the `allowed` (8,) configurations for a constant pair of angles; in collision where none is free."""
+    n = len(examiner.points.layer)
     angles = np.full(n, rotation), np.full(n, table)
     found = []
-    for branch, flip in np.ndindex(len(BRANCHES), 2):
-        joints, cause, hit = examiner.along(Configuration(branch, flip), *angles)
+    for which in np.flatnonzero(allowed).tolist():
+        joints, cause, hit = examiner.along(CONFIGURATIONS[which], *angles)
         if cause in (FREE, COLLISION):
-            moved = _displacements(examiner.cell, k, joints, points.turned(examiner.cell, angles[1]), points)
-            length = np.linalg.norm(moved[points.loaded], axis=1)
             pair = examiner.screen.pair(hit) if cause == COLLISION else None
-            found.append(Case(rotation, table, joints, length, cause, pair))
-    return min(found, key=lambda case: (case.cause, case.displacement_mm.mean()), default=None)
+            found.append(Case(rotation, table, joints, costs(examiner, k, joints, angles[1]), cause, pair))
+    return min(found, key=lambda case: (case.cause, case.cost.mean()), default=None)
 
 
 def postures(
     examiner: Examiner,
-    stiffness: JointStiffness,
+    stiffness: JointStiffness | None,
     toolpath: Toolpath,
     law: Law,
     warnings: tuple[str, ...],
@@ -117,7 +157,9 @@ def postures(
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
     targets = forward_kinematics(cell.chain, joints) @ flange_from_point
-    turned = points.turned(cell, law.table)
+    moved = np.full((len(joints), 3), np.nan)
+    if stiffness is not None:
+        moved = _displacements(cell, stiffness.nm_per_rad, joints, points.turned(cell, law.table), points)
     return Postures(
         toolpath=toolpath,
         layer=points.layer,
@@ -129,12 +171,14 @@ def postures(
         cutter_rotation=law.rotation,
         turntable=law.table,
         joints=joints,
-        displacement_mm=_displacements(cell, stiffness.nm_per_rad, joints, turned, points),
+        displacement_mm=moved,
         clearance_mm=examiner.screen.clearances_mm(joints, law.table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
         warnings=warnings + _too_fast(cell, joints, points),
         planned_turntable=points.planned,
+        torque_nm=points.torque_nm,
+        spindle_rpm=points.spindle_rpm,
     )
 
 
@@ -297,32 +341,59 @@ def _cut_to_content(figure: Any) -> bytes:
 def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
     made = found.postures
+    above = "" if found.gap is None else f", {100 * found.gap:.1f} % above the best posture of each single point"
     summary = (
-        f"Postures for {len(found.points.layer)} points: mean displacement {found.displacement_mm.mean():.4f} mm, "
-        f"{100 * found.gap:.1f} % above the best posture of each single point; least clearance "
+        f"Postures for {len(found.points.layer)} points: {mean_of(found)}{above}; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
     )
     text = (
         pieces.paragraph(pieces.minus(_how(found)))
         + pieces.list_html(made.warnings)
         + _table(found)
+        + _prices(found)
         + _causes(found)
-        + pieces.heading("Mean displacement over cutter rotation and turntable angle")
-        + pieces.figure_html(map_picture(found), "Map of the mean displacement, with the chosen postures")
+        + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
+        + pieces.figure_html(map_picture(found), f"Map of the mean {found.measure.name}, with the chosen postures")
         + pieces.heading("The robot at the middle of the path")
         + robots_html(cell, found, toolpath)
-        + pieces.heading("Displacement and margins along the path")
-        + pieces.figure_html(along_picture(cell, found), "Displacement, margins and angles along the path")
+        + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
+        + pieces.figure_html(along_picture(cell, found), "Cost, margins and angles along the path")
     )
     return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
+
+
+def mean_of(found: Found) -> str:
+    """The mean of what was chosen by, in words."""
+    if found.measure == DISPLACEMENT:
+        return f"mean displacement {found.cost.mean():.4f} mm"
+    return f"mean awkwardness {found.cost.mean():.2f} (1 is best; no stiffness is known)"
+
+
+def _prices(found: Found) -> str:
+    """What keeping to a configuration costs."""
+    if not found.prices:
+        return ""
+    rows = []
+    for words, one, percent in found.prices:
+        places = [f"{angle / DEG:g}" for angle in (one.rotation, one.table) if angle is not None] or ["–", "–"]
+        value = "–" if percent is None else f"{'' if one.proven else 'at least '}{one.mean:.4g}"
+        more = "no cell is free" if percent is None else f"{'' if one.proven else 'at least '}{percent:+.1f} %"
+        chosen = " (chosen)" if words == found.configuration else ""
+        rows.append((", ".join(words).replace("_", " ") + chosen, *places, value, more))
+    head = ("Configuration", "Cutter rotation, °", "Turntable, °", _label(found.measure), "More than the best")
+    return pieces.heading("What a configuration costs, on the map's grid") + pieces.table_html(head, rows)
+
+
+def _label(measure: Measure) -> str:
+    return f"Mean {measure.name}{measure.unit}"
 
 
 def _how(found: Found) -> str:
     choice, over = found.choice, found.map
     line = (
         f"Of {choice.of} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g}° and "
-        f"{choice.table / DEG:g}° give the least mean displacement; every better pair was examined and excluded. "
-        f"The map shows {over.mean_mm.size} of them."
+        f"{choice.table / DEG:g}° ({', '.join(found.configuration).replace('_', ' ')}) give the least mean "
+        f"{found.measure.name}; every better pair was examined and excluded. The map shows {over.mean.size} of them."
     )
     if found.mode == "along_path":
         gap = found.law_gap or 0.0
@@ -334,15 +405,15 @@ def _how(found: Found) -> str:
 def _table(found: Found) -> str:
     """The choice beside what it is compared with."""
     rows = [_row(name, case) for name, case in found.cases.items()]
-    solved = found.map.without_collision_mm
+    solved = found.map.without_collision
     at = np.unravel_index(np.nanargmin(solved), solved.shape)
     angles = (f"{angle / DEG:g}" for angle in (found.map.rotations[at[0]], found.map.tables[at[1]]))
     rows.append(("best, without the collision check", *angles, f"{solved[at]:.4f}", "–", ""))
     if found.mode == "along_path":
-        made, moved = found.postures, found.displacement_mm
+        made, moved = found.postures, found.cost
         spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, made.turntable))
         rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
-    head = ("Posture", "Cutter rotation, °", "Turntable, °", "Mean displacement, mm", "Largest, mm", "Remark")
+    head = ("Posture", "Cutter rotation, °", "Turntable, °", _label(found.measure), "Largest", "Remark")
     return pieces.table_html(head, rows, text=(5,))
 
 
@@ -350,7 +421,7 @@ def _row(name: str, case: Case | None) -> tuple[str, ...]:
     if case is None:
         return name, "–", "–", "–", "–", "out of the robot's reach or limits"
     said = f"collision of {case.pair[0]} with {case.pair[1]}" if case.pair else ""
-    d = case.displacement_mm
+    d = case.cost
     return name, f"{case.rotation / DEG:g}", f"{case.table / DEG:g}", f"{d.mean():.4f}", f"{d.max():.4f}", said
 
 
@@ -370,7 +441,7 @@ SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by 
 
 
 def map_picture(found: Found) -> bytes:
-    """Contours of the mean displacement; what is infeasible in the colour of its cause; the choice on top (SVG)."""
+    """Contours of the mean cost; what is infeasible in the colour of its cause; the choice on top (SVG)."""
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
 
@@ -394,12 +465,12 @@ def map_picture(found: Found) -> bytes:
                 alpha=0.55,
                 interpolation="nearest",
             )
-            drawn = axes.contourf(x, y, over.mean_mm.T, levels=16, cmap="viridis")
-            figure.colorbar(drawn, ax=axes, label="mean displacement, mm")
+            drawn = axes.contourf(x, y, over.mean.T, levels=16, cmap="viridis")
+            figure.colorbar(drawn, ax=axes, label=_label(found.measure).lower())
             axes.set_ylabel("turntable, °")
         else:
-            axes.plot(x, over.mean_mm[:, 0])
-            axes.set_ylabel("mean displacement, mm")
+            axes.plot(x, over.mean[:, 0])
+            axes.set_ylabel(_label(found.measure).lower())
         for c, colour in SHADES.items():
             if (over.cause == c).any():
                 axes.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
@@ -413,11 +484,11 @@ def _mark(axes: Any, found: Found) -> None:
     """The chosen law, and the constant pairs that it is compared with."""
     made, flat = found.postures, len(found.map.tables) == 1
     loaded = found.points.loaded
-    height = found.displacement_mm if flat else made.turntable[loaded] / DEG
+    height = found.cost if flat else made.turntable[loaded] / DEG
     axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color=pieces.PURPLE, ms=4, label="chosen, at each point")
     for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
         if case is not None:
-            at = case.displacement_mm.mean() if flat else case.table / DEG
+            at = case.cost.mean() if flat else case.table / DEG
             axes.plot(case.rotation / DEG, at, mark, mfc="white", mec="black", ms=9, label=name)
 
 
@@ -441,10 +512,11 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         top, *others = np.ravel(figure.subplots(1 + rows, 1, sharex=True, height_ratios=(2, *[1] * rows)))
         for name, case in found.cases.items():
             if case is not None and not (name == "best" and found.mode == "constant"):
-                top.plot(case.displacement_mm, lw=1, label=name)
-        top.plot(found.displacement_mm, color=pieces.INK, lw=1.4, label="as chosen")
-        top.plot(found.bound_at, found.bound_mm, color=pieces.INK, ls=":", lw=1, label="best of each single point")
-        top.set_ylabel("displacement,\nmm")
+                top.plot(case.cost, lw=1, label=name)
+        top.plot(found.cost, color=pieces.INK, lw=1.4, label="as chosen")
+        if found.bound is not None:
+            top.plot(found.bound_at, found.bound, color=pieces.INK, ls=":", lw=1, label="best of each single point")
+        top.set_ylabel(f"{found.measure.name}{found.measure.unit}".replace(" ", "\n"))
         top.set_ylim(0, top.get_ylim()[1])
         top.legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
         if turned:

@@ -23,6 +23,7 @@ from workbench.api import (
     interpolate_poses,
     inverse,
     pose_from,
+    quaternion_from_rotation,
     rotation_from_quaternion,
 )
 from workbench.plugins.stiffness.values import MillingForce
@@ -38,11 +39,13 @@ class PathPoints:
     base_from_point: Shaped[Float, "n 4 4"]  # with the turntable where it was when the path was planned
     feed_mm_s: Shaped[Float, " n"]  # towards the point
     force_n: Shaped[Float, "n 3"]  # on the cutter at the point, base axes; 0 in travel moves
+    torque_nm: Shaped[Float, " n"]  # of the spindle, mean of a revolution
     layer: Shaped[Int, " n"]  # index of the layer; 0: travel between layers
     cutting: Shaped[Bool, " n"]
     measured: Shaped[Bool, " n"]
     point_from_tip: Shaped[Float, "4 4"]  # the cutter's tip: a radius off along x, its reach along z
     planned: float  # where the turntable stood, rad
+    spindle_rpm: float
     source: str  # of the path, for messages
 
     @property
@@ -58,8 +61,18 @@ class PathPoints:
 
     def only(self, indices: Int) -> PathPoints:
         """Some of the points."""
-        columns = ("base_from_point", "feed_mm_s", "force_n", "layer", "cutting", "measured")
+        columns = ("base_from_point", "feed_mm_s", "force_n", "torque_nm", "layer", "cutting", "measured")
         return dataclasses.replace(self, **{name: getattr(self, name)[indices] for name in columns})
+
+    def densified(self, step_mm: float) -> PathPoints:
+        """With points between, where neighbours are farther apart: there the tool goes straight and turns evenly."""
+        poses = self.base_from_point
+        way = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+        pieces = np.maximum(np.ceil(way / step_mm), 1).astype(int)
+        at = np.append(np.repeat(np.arange(len(way)), pieces) + _shares(pieces), len(way))
+        quaternion = quaternion_from_rotation(poses[:, :3, :3])
+        between = interpolate_poses(at, np.arange(len(poses), dtype=float), poses[:, :3, 3], quaternion)
+        return dataclasses.replace(self.only(np.ceil(at - 1e-9).astype(int)), base_from_point=between)
 
     def turned(self, cell: Cell, turntable: Float) -> Float:
         """Motions (..., 4, 4) in the base of what stands on the turntable when it goes to angles (...)."""
@@ -88,27 +101,38 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
     base = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
     parts = list(_parts(toolpath))
     poses, feeds = zip(*(_filled(parts, i) for i in range(len(parts))), strict=True)
-    by_layer = {layer.index: getattr(layer, f"{load}_in_path_n") for layer in force.layers}
-    forces, both = [], list(zip(parts, poses, strict=True))
+    by_layer = {
+        layer.index: np.column_stack([getattr(layer, f"{load}_in_path_n"), layer.torque_nm]) for layer in force.layers
+    }
+    loads, both = [], list(zip(parts, poses, strict=True))
     for part, pose in both:
-        acts = by_layer.get(part.index) if isinstance(part, Layer) else np.zeros((len(pose), 3))
+        acts = by_layer.get(part.index) if isinstance(part, Layer) else np.zeros((len(pose), 4))
         if acts is None or len(acts) != len(pose) or not np.isfinite(acts).all():
             raise InputError("milling force", "expected that of this path, point by point")
-        forces.append(acts @ base[:3, :3].T)
+        loads.append(acts)
+    acting = np.concatenate(loads)
     found = PathPoints(
         base_from_point=base @ np.concatenate(poses),
         feed_mm_s=np.concatenate(feeds),
-        force_n=np.concatenate(forces),
+        force_n=acting[:, :3] @ base[:3, :3].T,
+        torque_nm=acting[:, 3],
         layer=np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both]),
         cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
         planned=planned,
+        spindle_rpm=force.spindle_rpm,
         source=toolpath.source or "milling path",
     )
     if not len(found.loaded):
         raise InputError("milling force", "expected points where the cutter is loaded, found none")
     return found
+
+
+def _shares(pieces: Int) -> Float:
+    """0, 1/k, ..., (k - 1)/k for each k of `pieces`, one after the other."""
+    first = np.cumsum(pieces) - pieces
+    return np.asarray((np.arange(pieces.sum()) - np.repeat(first, pieces)) / np.repeat(pieces, pieces))
 
 
 def _parts(toolpath: Toolpath) -> Iterator[Layer | Travel]:
@@ -135,7 +159,7 @@ def _filled(parts: list[Layer | Travel], i: int) -> tuple[Float, Float]:
         return own, part.feed_mm_s
     way = np.linalg.norm(np.diff(position, axis=0), axis=1)
     pieces = np.maximum(np.ceil(way / AIR_STEP_MM), 1).astype(int)
-    at = np.concatenate([k + np.arange(pieces[k]) / pieces[k] for k in range(len(pieces))] + [[len(pieces)]])
+    at = np.append(np.repeat(np.arange(len(pieces)), pieces) + _shares(pieces), len(pieces))
     towards = feed[np.minimum(np.ceil(at - 1e-9).astype(int), len(feed) - 1)]
     keep = slice(len(before), len(at) - len(after))
     poses = interpolate_poses(at, np.arange(len(feed), dtype=float), position, quaternion)

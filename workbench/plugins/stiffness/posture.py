@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
@@ -12,6 +13,7 @@ from pydantic import Field
 from workbench.api import (
     DEG,
     AnyArray,
+    Bool,
     Cell,
     Chapter,
     Document,
@@ -20,28 +22,60 @@ from workbench.api import (
     PathGate,
     PostureFile,
     Postures,
+    Progress,
+    Side,
     Toolpath,
     inverse,
+    refuse_contradiction,
     stage,
     within_margins,
 )
-from workbench.plugins.stiffness.arm import arm_of
-from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, constant_law, improved_law
-from workbench.plugins.stiffness.outcome import Case, Found, case_at, posture_chapter, postures
+from workbench.plugins.stiffness.arm import NO_SPRINGS, AnyArm, Unsprung, arm_of
+from workbench.plugins.stiffness.law import (
+    AWKWARD_STEP,
+    BAND,
+    STEP_COST_MM,
+    Grid,
+    Limits,
+    constant_law,
+    improved_law,
+)
+from workbench.plugins.stiffness.outcome import (
+    AWKWARDNESS,
+    DISPLACEMENT,
+    Case,
+    Found,
+    case_at,
+    costs,
+    mean_of,
+    posture_chapter,
+    postures,
+)
 from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
+    CONFIGURATIONS,
+    EVERY,
     JUDGED,
     Choice,
     Examiner,
     PostureMap,
+    Price,
     lowest,
+    mapped,
     sample,
     search,
     traversal,
+    within,
+    words_of,
 )
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
+STEP_DEG, COARSE_DEG = 1.0, 5.0  # of the grid, with and without stiffness
+NO_STIFFNESS = (
+    "how far the robot gives way: nobody states its joint stiffness ($.robot.joint_stiffness_nm_per_rad, or "
+    "stiffness.identify from loading tests)"
+)
 OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points
 Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-360, le=360)]]
 
@@ -54,6 +88,8 @@ def posture(
     force: MillingForce,
     gate: PathGate | None = None,
     *,
+    progress: Progress = None,
+    configuration: list[Side] | None = None,
     mode: Literal["constant", "along_path"] = "constant",
     turntable_moves: bool = False,
     cutter_rotation_deg: Range = (
@@ -61,7 +97,7 @@ def posture(
         180,
     ),
     turntable_deg: Range | None = None,
-    step_deg: Annotated[float, Field(ge=0.25, le=30)] = 1.0,
+    step_deg: Annotated[float, Field(ge=0.25, le=30)] | None = None,
     sampled_points: Annotated[int, Field(ge=2, le=5000)] = 60,
     load: Load = "mean",
     reach_mm: Annotated[
@@ -71,38 +107,40 @@ def posture(
     planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
     acceleration_deg_s2: Annotated[float, Field(gt=0, le=10000)] = 100.0,
     step_cost_mm: Annotated[
-        float,
+        float | None,
         Field(ge=0, le=0.1),
-    ] = STEP_COST_MM,
+    ] = None,
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
 
     `constant`: the pair of angles with the least mean displacement J K^-1 J^T f of the path's points, the proven
-    optimum of the grid. `along_path`: a law of the cutter rotation, or of both angles, by dynamic programming, never
-    worse; the file says how far it can be from the best. All of it keeps the cell's margins (docs/stiffness.md). Writes
-    `posture.json`.
+    optimum of the grid; of a robot whose stiffness nobody knows, with the least awkwardness, which counts how near its
+    postures are to singular ones and to limits. What each configuration costs stands beside it. `along_path`: a law of
+    the cutter rotation, or of both angles, by dynamic programming, never worse; the file says how far it can be from
+    the best. All of it keeps the cell's margins (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
-        stiffness: of the joints.
+        stiffness: of the joints; None: nobody knows it, and no displacement is predicted.
         toolpath: the path, as planned.
         force: on the cutter along it.
         gate: of this path's own checks, passed on; without them there is no decision and no program.
+        configuration: in which the arm is to stay, one word of each pair at most; null: the cell file's.
         mode: one pair of angles for all points, or a law along the path.
         turntable_moves: along_path: the law turns the turntable too; else it stands at one angle, chosen for the law.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
-        step_deg: of the grid, both ways.
+        step_deg: of the grid, both ways; null: 1, or 5 without stiffness.
         sampled_points: number of loaded points, evenly spread, that the traversal averages; the result holds for all.
         load: the force of a revolution that counts: its mean or its peak.
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
         planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
         acceleration_deg_s2: along_path: largest of any axis of the law, besides the cell's own.
         step_cost_mm: along_path: what a step costs, displacement of one point times the step's size squared in grid
-            steps; a larger one makes a calmer law.
-        whole_map: false: cells worse than the optimum are not examined for collision.
+            steps; a larger one makes a calmer law; null: 1e-4, or 0.01 of awkwardness.
+        whole_map: false: cells worse than the optimum are not examined for collision, and no configuration has a price.
         map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
             whole path, which takes about 2 ms.
 
@@ -124,31 +162,33 @@ def posture(
     """
     if cell is None:
         return None if gate is None else (gate,)
-    if stiffness is None:
-        raise InputError(
-            "stiffness.posture", "expected the joint stiffness of this robot (stiffness.read behind robot.cell)"
-        )
     kept = within_margins(cell)
     _check_home(kept)
-    arm, k = arm_of(kept.chain), stiffness.nm_per_rad
+    arm, k = _arm(kept, stiffness)
+    words = words_of(arm, kept.chain)
+    allowed = _allowed(words, cell.configuration if configuration is None else configuration)
+    step_deg = step_deg or (STEP_DEG if stiffness else COARSE_DEG)
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
     at = sample(points, sampled_points)
     examiner, some = Examiner(cell, arm, points), points.only(at)
+    _check_apart(examiner)
     traversed = traversal(arm, kept, k, some, rotations, tables)
-    choice, over = search(examiner, traversed, whole_map=False)
+    choice, over = search(examiner, traversed, allowed, within(progress, 0.0, 0.3))
     if whole_map:
         every = max(int(map_step_deg / step_deg + 1e-9), 1)
-        over = search(examiner, traversed.thinned(every, choice.rotation, choice.table), whole_map=True)[1]
-    chosen, bound_mm = constant_law(examiner, k, choice), None
+        thinned = traversed.thinned(every, choice.rotation, choice.table)
+        over = mapped(examiner, thinned, within(progress, 0.3, 0.6))
+    chosen, bound = constant_law(examiner, k, choice), None
     if mode == "along_path":
         limits = _law_limits(cell, acceleration_deg_s2)
         band = _table_band(cell, points, step_deg, gate) if turntable_moves else 0
-        over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost_mm)
-        chosen, bound_mm = improved_law(examiner, k, chosen, over_both, limits)
+        step_cost = (STEP_COST_MM if stiffness else AWKWARD_STEP) if step_cost_mm is None else step_cost_mm
+        over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost)
+        chosen, bound = improved_law(examiner, k, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
-    worst = float(np.linalg.norm(made.displacement_mm, axis=1).max())
+    worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
         raise InputError(
             "stiffness.posture",
@@ -160,11 +200,14 @@ def posture(
         choice=choice,
         map=over,
         mode=mode,
+        measure=DISPLACEMENT if stiffness else AWKWARDNESS,
+        cost=costs(examiner, k, made.joints, made.turntable),
+        words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
         cases=_cases(examiner, k, choice, over),
-        bound_mm=lowest(arm, kept, k, some, rotations, tables).min(axis=1),
-        law_bound_mm=None if bound_mm is None else bound_mm / len(points.loaded),
-        law_gap=None if bound_mm is None else max(chosen.cost_mm / bound_mm - 1, 0.0),
+        bound=lowest(arm, kept, k, some, rotations, tables).min(axis=1) if stiffness else None,
+        law_bound=None if bound is None else bound / len(points.loaded),
+        law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
     )
     return (
         made,
@@ -172,6 +215,21 @@ def posture(
         Document("posture.json", posture_document(found)),
         posture_chapter(cell, found, toolpath),
     )
+
+
+def _arm(kept: Cell, stiffness: JointStiffness | None) -> tuple[AnyArm, Float]:
+    """The robot, and its springs; without any it is judged by its awkwardness."""
+    arm = arm_of(kept.chain)
+    return (Unsprung(arm, kept), NO_SPRINGS) if stiffness is None else (arm, stiffness.nm_per_rad)
+
+
+def _allowed(words: Sequence[tuple[str, ...]], wanted: Sequence[Side]) -> Bool:
+    """Which of CONFIGURATIONS (8,) are wanted."""
+    try:
+        refuse_contradiction(wanted)
+    except ValueError as error:
+        raise InputError("stiffness.posture.configuration", str(error)) from None
+    return np.array([set(wanted) <= set(one) for one in words])
 
 
 def grid(limits_deg: Range, step_deg: float) -> Float:
@@ -196,6 +254,17 @@ def _check_home(kept: Cell) -> None:
         raise InputError(
             f"{kept.source}: $.process.home.joints_deg[{i}]",
             f"expected joint {i + 1} within its limits by their margin, {room}, found {home[i] / DEG:g}",
+        )
+
+
+def _check_apart(examiner: Examiner) -> None:
+    """Refuse bodies that no posture takes apart, before any search."""
+    pair = examiner.screen.always_near()
+    if pair is not None:
+        raise InputError(
+            f"{examiner.cell.source}: {pair[0]}, {pair[1]}",
+            "expected bodies that some posture keeps apart, found these too near in every one: is a shape too large or "
+            "out of place, or may they touch ($.may_touch)?",
         )
 
 
@@ -241,22 +310,23 @@ def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
 
 def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:
     """What the choice is compared with: how the path was planned, and the worst that could have been chosen."""
-    worst = np.unravel_index(np.nanargmax(over.mean_mm), over.mean_mm.shape)
+    worst = np.unravel_index(np.nanargmax(over.mean), over.mean.shape)
     places = {
         "as planned": (0.0, examiner.points.planned if examiner.cell.turntable else 0.0),
         "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
         "best": (choice.rotation, choice.table),
     }
-    return {name: case_at(examiner, k, *place) for name, place in places.items()}
+    chosen = np.array([one == choice.configuration for one in CONFIGURATIONS])
+    return {name: case_at(examiner, k, *at, chosen if name == "best" else EVERY) for name, at in places.items()}
 
 
 def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate | None:
     """The decision so far, with what was found; None where it is on another path, or there is none."""
     if gate is None or gate.toolpath is not found.postures.toolpath:
         return None
-    mean = found.displacement_mm.mean()
-    reason = f"postures found for {len(found.points.layer)} points, mean displacement {mean:.4f} mm"
-    assumed = (f"NOT CHECKED: {force.assumed}",) if force.assumed else ()
+    reason = f"postures found for {len(found.points.layer)} points, {mean_of(found)}"
+    assumed = [f"NOT CHECKED: {force.assumed}"] if force.assumed and found.measure == DISPLACEMENT else []
+    assumed += [f"NOT CHECKED: {NO_STIFFNESS}"] if found.measure == AWKWARDNESS else []
     loosened = (*gate.loosened, *assumed)
     return dataclasses.replace(gate, reason=f"{gate.reason}; {reason}", reached=True, loosened=loosened)
 
@@ -274,35 +344,56 @@ def posture_document(found: Found) -> bytes:
             "version": 1,
             "part": asdict(made.toolpath.part),
             "mode": found.mode,
-            "mean_displacement_mm": float(found.displacement_mm.mean()),
+            **_measured(found, float(found.cost.mean())),
             "constant": {
                 "cutter_rotation_deg": round(found.choice.rotation / DEG, 6),
                 "turntable_deg": round(found.choice.table / DEG, 6),
-                "mean_displacement_mm": _mean(found.cases["best"]),
+                "configuration": list(found.configuration),
+                **_measured(found, _mean(found.cases["best"])),
                 "cells_examined": found.choice.examined,
             },
-            "compared": {name: None if case is None else _case(case) for name, case in found.cases.items()},
-            "pointwise_bound_mm": float(found.bound_mm.mean()),
+            "configurations": [_priced(found, *one) for one in found.prices],
+            "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
+            "pointwise_bound_mm": None if found.bound is None else float(found.bound.mean()),
             "gap_to_bound": found.gap,
-            "law_bound_mm": found.law_bound_mm,
+            "law_bound_mm": found.law_bound if found.measure == DISPLACEMENT else None,
             "gap_to_best_law": found.law_gap,
             "warnings": list(made.warnings),
             "points": _rows(made, np.flatnonzero(~air)),
             "travels": _rows(made, np.flatnonzero(air)),
-            "map": _map(found.map),
+            "map": _map(found),
         }
     )
 
 
+def _measured(found: Found, mean: Any) -> dict[str, Any]:
+    """What postures were chosen by, under the name of its measure; `mean_displacement_mm` is always there."""
+    if found.measure == DISPLACEMENT:
+        return {"mean_displacement_mm": mean}
+    return {"mean_displacement_mm": np.full(np.shape(mean), np.nan), "mean_awkwardness": mean}
+
+
+def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | None) -> dict[str, Any]:
+    """The best cell of one configuration; not `proven`: the cost is at least that, its cell was not found."""
+    return {
+        "configuration": list(words),
+        "cutter_rotation_deg": None if one.rotation is None else round(one.rotation / DEG, 6),
+        "turntable_deg": None if one.table is None else round(one.table / DEG, 6),
+        **_measured(found, None if percent is None else one.mean),
+        "price_percent": percent,
+        "proven": one.proven,
+    }
+
+
 def _mean(case: Case | None) -> float | None:
-    return None if case is None else float(case.displacement_mm.mean())
+    return None if case is None else float(case.cost.mean())
 
 
-def _case(case: Case) -> dict[str, Any]:
+def _case(found: Found, case: Case) -> dict[str, Any]:
     return {
         "cutter_rotation_deg": round(case.rotation / DEG, 6),
         "turntable_deg": round(case.table / DEG, 6),
-        "mean_displacement_mm": _mean(case),
+        **_measured(found, _mean(case)),
         "cause": CAUSES[case.cause],
         "pair": case.pair,
     }
@@ -321,11 +412,12 @@ def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
 
 
-def _map(over: PostureMap) -> dict[str, Any]:
+def _map(found: Found) -> dict[str, Any]:
+    over = found.map
     return {
         "cutter_rotation_deg": _rounded(over.rotations / DEG, 6),
         "turntable_deg": _rounded(over.tables / DEG, 6),
-        "mean_displacement_mm": _rounded(over.mean_mm, 6),
+        **_measured(found, _rounded(over.mean, 6)),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],
         "collision_pairs": [list(pair) for pair in over.pairs],

@@ -47,13 +47,15 @@ def read(
 ) -> JointStiffness | None:
     """Take the robot's joint stiffness from a file, as given, or from the cell's file: that of this robot, no other's.
 
+    None where nobody states it: postures are then chosen without it.
+
     Args:
         cell: the robot cell, whose file may state the stiffness.
         stiffness: a `stiffness.json`, as `stiffness.identify` writes it; null: the numbers given here, or the cell's.
         joint_stiffness_nm_per_rad: of the six joints, exact, where no file is named; null: the cell's.
 
     Raises:
-        InputError: a stiffness of zero or less, a covariance that is none; a cell whose stiffness nobody states.
+        InputError: a stiffness of zero or less, a covariance that is none.
 
     Example:
         >>> from workbench import robot
@@ -65,14 +67,7 @@ def read(
     if stiffness is not None:
         return read_stiffness(stiffness)
     given = joint_stiffness_nm_per_rad
-    if given is None and cell is not None:
-        if cell.joint_stiffness_nm_per_rad is None:
-            where = f"{cell.source}: $.robot.joint_stiffness_nm_per_rad"
-            raise InputError(
-                where,
-                "expected the joint stiffness of this robot, here or as a stiffness.json "
-                "(stiffness.identify makes it from loading tests)",
-            )
+    if given is None and cell is not None and cell.joint_stiffness_nm_per_rad is not None:
         return _exact(cell.joint_stiffness_nm_per_rad, cell.source)
     return None if given is None else _exact(np.array(given), "given")
 

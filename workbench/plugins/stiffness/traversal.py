@@ -6,13 +6,16 @@ least mean displacement is found by best-first search.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.api import (
     DEG,
+    SIDES,
     AnyArray,
     Bool,
     Cell,
@@ -22,6 +25,7 @@ from workbench.api import (
     InputError,
     Int,
     Shaped,
+    arm_sides,
     dexterity,
     forward_kinematics,
     inverse,
@@ -46,6 +50,8 @@ SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are l
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
+MOST_PRICED = 640  # cells that are examined for the price of one configuration, some 2 s
+POSTURES = 400  # at which the configurations' names are found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,21 +60,32 @@ class Traversal:
 
     rotations: Shaped[Float, " t"]
     tables: Shaped[Float, " a"]
-    mean_mm: Shaped[Float, "4 a t"]  # mean displacement in each of BRANCHES; meaningless where it is not solved
-    said: Shaped[AnyArray, "4 a t"]  # index into `arm.CAUSES`: 0 where joint angles exist
+    mean: Shaped[Float, "8 a t"]  # cost in each of CONFIGURATIONS: displacement in mm, or awkwardness; inf: not solved
+    said: Shaped[AnyArray, "8 a t"]  # index into `arm.CAUSES`: 0 where joint angles exist
 
-    @property
-    def ranked(self) -> Int:
-        """Flat indices of all solved (branch, turntable, rotation), their mean displacement rising."""
-        flat = np.flatnonzero(self.said == FREE)
-        return np.asarray(flat[np.argsort(self.mean_mm.reshape(-1)[flat], kind="stable")])
+    def ranked(self, allowed: Bool) -> Int:
+        """Flat indices of all solved (configuration, turntable, rotation) of `allowed` (8,), their mean rising."""
+        flat = np.flatnonzero((self.said == FREE) & allowed[:, None, None])
+        return np.asarray(flat[np.argsort(self.mean.reshape(-1)[flat], kind="stable")])
 
     def thinned(self, every: int, rotation: float, table: float) -> Traversal:
         """Every so many-th angle both ways, those of a cell of the grid among them."""
         t, a = (int(np.abs(at - of).argmin()) % every for at, of in ((self.rotations, rotation), (self.tables, table)))
         cells = (slice(None), slice(a, None, every), slice(t, None, every))
-        mean, said = np.ascontiguousarray(self.mean_mm[cells]), np.ascontiguousarray(self.said[cells])
+        mean, said = np.ascontiguousarray(self.mean[cells]), np.ascontiguousarray(self.said[cells])
         return Traversal(self.rotations[t::every], self.tables[a::every], mean, said)
+
+
+Share = Callable[[float], None]  # is told how much of the work is done
+
+
+def silent(share: float) -> None:
+    """Nobody listens."""
+
+
+def within(progress: Share | None, low: float, high: float) -> Share:
+    """Progress of a part that makes up the shares `low` to `high` of the whole."""
+    return silent if progress is None else lambda share: progress(low + (high - low) * share)
 
 
 def sample(points: PathPoints, count: int) -> Int:
@@ -90,7 +107,7 @@ def traversal(
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
     path = placed(cell, points, tables)
     found = [traverse(arm, stiffness, path, rotations, shoulder=s, elbow=e) for s, e in BRANCHES]
-    mean, said = (np.array(part) for part in zip(*found, strict=True))
+    mean, said = (np.concatenate(part) for part in zip(*found, strict=True))
     return Traversal(rotations, tables, mean * (len(points.layer) / len(points.loaded)), said)
 
 
@@ -128,13 +145,27 @@ class Configuration:
         return joint_angles(arm, flange, shoulder=shoulder, elbow=elbow, flip=self.flip)
 
 
+CONFIGURATIONS = tuple(Configuration(branch, flip) for branch in range(len(BRANCHES)) for flip in (0, 1))
+EVERY = np.ones(len(CONFIGURATIONS), bool)  # all of them are allowed
+
+
+def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
+    """What each of CONFIGURATIONS is called by the sides of the arm (`arm_sides`)."""
+    low, high = np.clip(chain.limits.T, -np.pi, np.pi)
+    q = np.random.default_rng(0).uniform(low, high, (POSTURES, 6))
+    flange, sides = forward_kinematics(chain, q), arm_sides(chain, q).astype(int)
+    off = [np.abs((one.joints(arm, flange) - q + np.pi) % (2 * np.pi) - np.pi).max(axis=1) for one in CONFIGURATIONS]
+    found = np.array(off).argmin(axis=0)
+    named = [np.round(sides[found == i].mean(axis=0)).astype(int) for i in range(len(CONFIGURATIONS))]
+    return [tuple(pair[side] for pair, side in zip(SIDES, one, strict=True)) for one in named]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdicts:
     """What was found out about c cells of the grid."""
 
     cause: Shaped[Int, " c"]  # index into CAUSES
     hit: Shaped[Int, " c"]  # pair of bodies that collides, or -1
-    flip: Shaped[Int, " c"]  # of the wrist, where it is free
     how: Shaped[Int, " c"]  # index into JUDGED
 
 
@@ -145,34 +176,27 @@ class Examiner:
         """Build once, ask often; the cell is as its file says."""
         self.whole, self.cell, self.arm, self.points = cell, within_margins(cell), arm, points
         self.screen = CollisionScreen(self.cell)
+        beside = -1 if cell.turntable is None else 7  # values of `Shape.link`: what stands still with the part
+        links = np.array([[cell.shapes[i].link for i in pair] for pair in self.screen.model.pairs]).reshape(-1, 2)
+        self.on_part = (links == 6).any(axis=1) & (links == beside).any(
+            axis=1
+        )  # pairs of the tool and the part's bodies
+        self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
-    def examine(self, branch: Int, rotation: Float, table: Float) -> Verdicts:
-        """Verdicts on cells (c,) all along the path; each flip of the wrist is tried.
+    def examine(self, configuration: Int, rotation: Float, table: Float) -> Verdicts:
+        """Verdicts on cells (c,), each in one of CONFIGURATIONS all along the path.
 
         Joint angles and their limits at the stations. Bodies are proven apart along the whole way or, round the
         stations where that fails, asked of fcl at every point. Margins to singular postures at SAMPLED_AT stations.
         """
-        count = len(branch)
-        cause, hit, flips, how = (
-            np.full(count, LIMIT),
-            np.full(count, -1),
-            np.zeros(count, int),
-            np.full(count, SAMPLED),
-        )
+        count = len(configuration)
+        made = Verdicts(np.full(count, LIMIT), np.full(count, -1), np.full(count, SAMPLED))
         flange = self._flange(self._stations, rotation, table)
-        for flip in (0, 1):
-            for which in range(len(BRANCHES)):
-                todo = np.flatnonzero((branch == which) & (cause != FREE))
-                if not len(todo):
-                    continue
-                found = self._judged(Configuration(which, flip), flange[todo], rotation[todo], table[todo])
-                better = (found.cause == FREE) | (found.cause == COLLISION)
-                better |= (found.cause == SINGULAR) & (cause[todo] == LIMIT)
-                into = todo[better]
-                cause[into], hit[into], how[into] = found.cause[better], found.hit[better], found.how[better]
-                flips[into] = flip
-        hit[cause == FREE] = -1
-        return Verdicts(cause, hit, flips, how)
+        for which in np.unique(configuration).tolist():
+            some = np.flatnonzero(configuration == which)
+            found = self._judged(CONFIGURATIONS[which], flange[some], rotation[some], table[some])
+            made.cause[some], made.hit[some], made.how[some] = found.cause, found.hit, found.how
+        return made
 
     def _judged(self, configuration: Configuration, flange: Float, rotation: Float, table: Float) -> Verdicts:
         """Verdicts on cells (c,) in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
@@ -186,7 +210,7 @@ class Examiner:
         hit, how = np.full(count, -1), np.full(count, SAMPLED)
         for end in (0, -1):
             still = np.flatnonzero(said == FREE)
-            cells, at = inside[still], np.full(len(still), self._stations[end])
+            cells, at = inside[still], np.full(len(still), end % len(self.points.layer))
             there = flange[cells, end], table[cells], joints[cells, end]
             said[still], hit[cells] = self.away(configuration, at, *there)
         cause[inside] = said
@@ -203,7 +227,7 @@ class Examiner:
         some = asked[doubtful]
         hit[some] = self._hits(configuration, joints[some], open_[doubtful], rotation[some], table[some])
         cause[some[hit[some] >= 0]] = COLLISION
-        return Verdicts(cause, hit, np.full(count, configuration.flip), how)
+        return Verdicts(cause, hit, how)
 
     def _hits(self, configuration: Configuration, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
         """The first hit (c,) of paths with joints (c, s, 6) at the stations, or -1; where they are `open_` (c, s)."""
@@ -217,7 +241,7 @@ class Examiner:
             if not len(which):
                 continue
             of = rest[which]
-            flange = flange_poses(self.cell, self.points, at, rotation[of], table[of])
+            flange = flange_poses(self.cell, self.dense, at, rotation[of], table[of])
             hits = self.screen.hits(configuration.joints(self.arm, flange), table[of])
             found[of[hits >= 0]] = hits[hits >= 0]
         return found
@@ -226,12 +250,12 @@ class Examiner:
         """Poses of the flange (c, p, 4, 4) at points (p,), with cutter and turntable turned by (c,)."""
         turned = self.points.turned(self.cell, table)[:, None]
         tool = turn_about_z(rotation) @ inverse(self.cell.flange_from_cutter)
-        return np.asarray(turned @ (self.points.base_from_point[at] @ self.points.point_from_tip) @ tool[:, None])
+        return np.asarray(turned @ (self.dense.base_from_point[at] @ self.points.point_from_tip) @ tool[:, None])
 
     @functools.cached_property
     def _stations(self) -> Int:
         """Points of the path, in their order, so near each other that what lies between them is nearly a chord."""
-        poses, lever = self.points.base_from_point, self.points.point_from_tip[:3, 3]
+        poses, lever = self.dense.base_from_point, self.points.point_from_tip[:3, 3]
         there = np.hstack([poses[:, :3, 3] + poses[:, :3, :3] @ lever, LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
         chosen, n = [0], len(there)
         while chosen[-1] < n - 1:
@@ -246,7 +270,7 @@ class Examiner:
     def _owner(self) -> Int:
         """The station (n,) that is nearest to each point along the path."""
         at = self._stations
-        return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.points.layer))))
+        return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.dense.layer))))
 
     def along(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""
@@ -359,9 +383,19 @@ class Choice:
     table: float
     configuration: Configuration
     joints: Shaped[Float, "n 6"]  # at all points
-    mean_mm: float
-    examined: int  # cells that were better or equal, itself included
+    examined: int  # cells that were better or equal, itself included, each configuration by itself
     of: int  # cells of the grid
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """What keeping to one configuration costs: its best cell of the map's grid."""
+
+    configuration: int  # index into CONFIGURATIONS
+    mean: float  # least cost of a free cell; of `proven`, what all better ones were excluded up to
+    rotation: float | None  # None: no cell is free
+    table: float | None
+    proven: bool  # false: MOST_PRICED better cells were excluded, and the rest not looked at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -370,102 +404,141 @@ class PostureMap:
 
     rotations: Shaped[Float, " t"]
     tables: Shaped[Float, " a"]
-    mean_mm: Shaped[Float, "t a"]
+    mean: Shaped[Float, "t a"]
     cause: Shaped[Int, "t a"]  # index into `traversal.CAUSES`
     pair: Shaped[Int, "t a"]  # index into `pairs`, -1: no collision
     pairs: tuple[tuple[str, str], ...]
     how: Shaped[Int, "t a"]  # index into `traversal.JUDGED`
-    without_collision_mm: Shaped[Float, "t a"]
+    without_collision: Shaped[Float, "t a"]
+    prices: tuple[Price, ...] = ()
 
 
-def search(examiner: Examiner, grid: Traversal, *, whole_map: bool) -> tuple[Choice, PostureMap]:
-    """Cells in the order of their mean displacement, each examined until one is free at every point of the path.
+def search(
+    examiner: Examiner, grid: Traversal, allowed: Bool = EVERY, progress: Share = silent
+) -> tuple[Choice, PostureMap]:
+    """Cells in a configuration of `allowed` (8,) in the order of their means, each examined until one is free.
 
-    All better cells are proven infeasible, so the choice is the optimum of the grid. `whole_map`: the others are
-    examined too; without it they count as infeasible by collision only where that was found. No cell is called free
-    that was not judged along the whole path: the map says how (`how`).
+    All better cells are proven infeasible, so the choice is the optimum of the grid. The map holds what was found on
+    the way: cells that are worse count as free.
 
     Raises:
         InputError: no cell is free; the line says what stands in the way.
     """
-    state = _State(grid)
-    ranked = grid.ranked
-    choice, start, size = None, 0, FIRST_CHUNK
-    while start < len(ranked) and (whole_map or choice is None):
-        flat = state.still_open(ranked[start : start + size])
-        branch, table, rotation = np.unravel_index(flat, grid.said.shape)
-        verdicts = examiner.examine(branch, grid.rotations[rotation], grid.tables[table])
-        state.note(flat, verdicts.cause, verdicts.hit, verdicts.how)
-        for i in np.flatnonzero(verdicts.cause == FREE) if choice is None else ():
-            choice = _tried(examiner, grid, int(flat[i]), int(verdicts.flip[i]), state)
-            if choice is not None:
-                break
+    state, ranked, start, size = _State(examiner, grid), grid.ranked(allowed), 0, FIRST_CHUNK
+    while start < len(ranked):
+        flat = ranked[start : start + size]
+        flat = flat[state.cause[flat] == FREE]
+        progress(start / len(ranked))
+        for one in flat[state.examine(flat) == FREE].tolist():
+            which, rotation, table = state.place(one)
+            n = len(examiner.points.layer)
+            driven = examiner.driven(CONFIGURATIONS[which], np.full(n, rotation), np.full(n, table))
+            if driven[1] == FREE:
+                best = Choice(rotation, table, CONFIGURATIONS[which], driven[0], state.examined, grid.said[0].size)
+                return best, state.map()
+            state.note(np.array([one]), Verdicts(*(np.array([x]) for x in (driven[1], driven[2], EVERY_POINT))))
         start, size = start + size, min(2 * size, LARGEST_CHUNK)
-    found = state.map(examiner)
-    if choice is None:
-        raise InputError(examiner.points.source, _why_not(found))
-    return choice, found
+    raise InputError(examiner.points.source, _why_not(state.map(), allowed))
 
 
-def _tried(examiner: Examiner, grid: Traversal, flat: int, flip: int, state: _State) -> Choice | None:
-    """The choice of one cell, if it is free all along; else its cause is noted."""
-    branch, table, rotation = (int(i) for i in np.unravel_index(flat, grid.said.shape))
-    n = len(examiner.points.layer)
-    at = grid.rotations[rotation], grid.tables[table]
-    for wrist in (flip, 1 - flip):
-        configuration = Configuration(branch, wrist)
-        joints, cause, hit = examiner.driven(configuration, np.full(n, at[0]), np.full(n, at[1]))
-        if cause == FREE:
-            mean = float(grid.mean_mm[branch, table, rotation])
-            return Choice(float(at[0]), float(at[1]), configuration, joints, mean, state.examined, grid.said[0].size)
-    state.note(np.array([flat]), np.array([cause]), np.array([hit]), np.array([EVERY_POINT]))
-    return None
+def mapped(examiner: Examiner, grid: Traversal, progress: Share = silent) -> PostureMap:
+    """The grid with the best free configuration of each cell, or with what stands in the way of all; and the prices.
+
+    No cell is called free that was not judged along the whole path: the map says how (`how`).
+    """
+    state, open_, size = _State(examiner, grid), grid.ranked(EVERY), FIRST_CHUNK
+    most = len(open_)
+    while len(open_):
+        progress(0.5 * (1 - len(open_) / most))
+        open_ = open_[~state.settled[open_ % state.cells] & (state.cause[open_] == FREE)]
+        first = np.sort(np.unique(open_[:size] % state.cells, return_index=True)[1])  # of each cell the best
+        state.examine(open_[first])
+        open_, size = np.delete(open_, first), min(2 * size, LARGEST_CHUNK)
+    prices = [_price(state, which, progress) for which in range(len(CONFIGURATIONS))]
+    return dataclasses.replace(state.map(), prices=tuple(prices))
+
+
+def _price(state: _State, which: int, progress: Share) -> Price:
+    """The best free cell of one configuration."""
+    ranked, count = state.grid.ranked(np.arange(len(CONFIGURATIONS)) == which), 0
+    progress(0.5 + 0.5 * which / len(CONFIGURATIONS))
+    for start in range(0, len(ranked), FIRST_CHUNK):
+        flat = ranked[start : start + FIRST_CHUNK]
+        fresh = flat[state.how[flat] == SOLVED]
+        if count + len(fresh) > MOST_PRICED:
+            return Price(which, float(state.grid.mean.reshape(-1)[flat[0]]), None, None, False)
+        state.examine(fresh)
+        count += len(fresh)
+        for one in flat[state.cause[flat] == FREE].tolist():
+            _, rotation, table = state.place(one)
+            return Price(which, float(state.grid.mean.reshape(-1)[one]), rotation, table, True)
+    return Price(which, np.inf, None, None, True)
 
 
 class _State:
-    """What is known of each (branch, turntable, rotation)."""
+    """What is known of each (configuration, turntable, rotation)."""
 
-    def __init__(self, grid: Traversal) -> None:
-        self.grid, self.cause = grid, grid.said.astype(np.int64).reshape(-1)
+    def __init__(self, examiner: Examiner, grid: Traversal) -> None:
+        self.examiner, self.grid, self.cause = examiner, grid, grid.said.astype(np.int64).reshape(-1)
         self.hit = np.full(self.cause.shape, -1)
         self.how = np.full(self.cause.shape, SOLVED)
-        self.settled = np.zeros(grid.said[0].size, bool)  # a branch of it is free
+        self.cells = grid.said[0].size
+        self.settled = np.zeros(self.cells, bool)  # it is free in a configuration
         self.examined = 0
 
-    def still_open(self, flat: Int) -> Int:
-        """Without those whose cell is free in a better branch."""
-        return flat[~self.settled[flat % len(self.settled)]]
+    def place(self, flat: int) -> tuple[int, float, float]:
+        """Configuration, rotation and turntable angle."""
+        which, table, rotation = np.unravel_index(flat, self.grid.said.shape)
+        return int(which), float(self.grid.rotations[rotation]), float(self.grid.tables[table])
 
-    def note(self, flat: Int, cause: Int, hit: Int, how: Int) -> None:
-        self.cause[flat], self.hit[flat], self.how[flat] = cause, hit, how
-        self.settled[flat % len(self.settled)] = False
-        self.settled[(flat % len(self.settled))[cause == FREE]] = True
-        self.examined += len(flat)
+    def examine(self, flat: Int) -> Int:
+        """What stands in the way of each."""
+        if len(flat):
+            which, table, rotation = np.unravel_index(flat, self.grid.said.shape)
+            found = self.examiner.examine(which, self.grid.rotations[rotation], self.grid.tables[table])
+            self.note(flat, found)
+            self._spread(rotation, found)
+            self.examined += len(flat)
+        return np.asarray(self.cause[flat])
 
-    def map(self, examiner: Examiner) -> PostureMap:
-        """The best free branch of each cell, or the cause of the branch that came farthest."""
-        shape = self.grid.said.shape
+    def _spread(self, rotation: Int, found: Verdicts) -> None:
+        """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""
+        hits = (
+            (found.cause == COLLISION) & (found.how == EVERY_POINT) & np.append(self.examiner.on_part, False)[found.hit]
+        )
+        for turn, hit in dict(zip(rotation[hits].tolist(), found.hit[hits].tolist(), strict=True)).items():
+            flat = np.arange(turn, self.cause.size, len(self.grid.rotations))
+            flat = flat[self.cause[flat] == FREE]
+            self.cause[flat], self.hit[flat], self.how[flat] = COLLISION, hit, EVERY_POINT
+
+    def note(self, flat: Int, found: Verdicts) -> None:
+        self.cause[flat], self.hit[flat], self.how[flat] = found.cause, found.hit, found.how
+        self.settled[(flat % self.cells)[found.cause == FREE]] = True
+
+    def map(self) -> PostureMap:
+        """The best free configuration of each cell, or the cause of the one that came farthest."""
+        shape, screen = self.grid.said.shape, self.examiner.screen
         cause, hit, how = self.cause.reshape(shape), self.hit.reshape(shape), self.how.reshape(shape)
-        mean = np.where(cause == FREE, self.grid.mean_mm, np.inf)
+        mean = np.where(cause == FREE, self.grid.mean, np.inf)
         far = np.where(cause == COLLISION, -1, cause)  # nearest to free: collision, then singular, limit, unreachable
         which = np.where(np.isfinite(mean).any(axis=0), mean.argmin(axis=0), far.argmin(axis=0))[None]
         best = [np.take_along_axis(part, which, axis=0)[0].T for part in (mean, cause, hit, how)]
-        solved = np.where(self.grid.said == FREE, self.grid.mean_mm, np.inf).min(axis=0).T
+        solved = np.where(self.grid.said == FREE, self.grid.mean, np.inf).min(axis=0).T
         used = [int(i) for i in np.unique(best[2]) if i >= 0]
         number = {hit: i for i, hit in enumerate(used)}
         return PostureMap(
             rotations=self.grid.rotations,
             tables=self.grid.tables,
-            mean_mm=np.where(best[1] == FREE, best[0], np.nan),
+            mean=np.where(best[1] == FREE, best[0], np.nan),
             cause=best[1],
             pair=np.vectorize(lambda i: number.get(int(i), -1), otypes=[int])(best[2]),
-            pairs=tuple(examiner.screen.pair(i) for i in used),
+            pairs=tuple(screen.pair(i) for i in used),
             how=best[3],
-            without_collision_mm=np.where(np.isfinite(solved), solved, np.nan),
+            without_collision=np.where(np.isfinite(solved), solved, np.nan),
         )
 
 
-def _why_not(found: PostureMap) -> str:
+def _why_not(found: PostureMap, allowed: Bool) -> str:
     """What stands in the way everywhere, in one line."""
     shares = [
         f"{CAUSES[c]} {100 * np.mean(found.cause == c):.0f} %"
@@ -474,7 +547,8 @@ def _why_not(found: PostureMap) -> str:
     ]
     pairs = [f"'{a}' with '{b}'" for a, b in found.pairs[:3]]
     return (
-        "no cutter rotation and turntable angle lets the robot follow it; of the grid: "
+        "no cutter rotation and turntable angle lets the robot follow it"
+        + ("; of the grid: " if allowed.all() else " in the `configuration` asked for; of the grid in any: ")
         + ", ".join(shares)
         + (f" ({', '.join(pairs)})" if pairs else "")
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import Float, Shaped
+from workbench.api import Bodies, Float, Int, Shaped
+from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
 TABLE_2_NM_PER_RAD = (1.77e6, 3.43e6, 0.85e6, 0.87e6, 0.50e6, 0.14e6)  # the paper's Table 2
 TABLE_A1_DEG = ((0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45))  # Denavit-Hartenberg
@@ -28,6 +29,68 @@ class JointStiffness:
     def u_nm_per_rad(self) -> Float:
         """Standard uncertainties (6,)."""
         return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMode:
+    """A mode of spindle and cutter, the same in all directions across the cutter's axis and at all postures."""
+
+    frequency_hz: float
+    damping_ratio: float
+    stiffness_n_per_um: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotModes:
+    """A robot of rigid links on springs and dampers about its joints."""
+
+    nm_per_rad: Shaped[Float, " 6"]
+    bodies: Bodies  # the tool on the sixth link
+    damping: Shaped[Float, " *d"]  # of all modes alike, a ratio (1,); or of each joint (6,), Nm s/rad
+    covariance: Shaped[Float, "p p"]  # of the logarithms of stiffness, masses and damping, 12 + d
+    tool: ToolMode | None = None
+    declared: tuple[str, ...] = ()  # what nobody measured
+    misfit: float | None = None  # chi-square of tap tests over its degrees of freedom; None: no tap tests
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """Of the parameters."""
+        damping = ["damping ratio"] if len(self.damping) == 1 else [f"damping of joint {i}" for i in range(1, 7)]
+        return [*(f"{what} {i}" for what in ("stiffness of joint", "mass of link") for i in range(1, 7)), *damping]
+
+    def moved(self, step: Float) -> RobotModes:
+        """With the logarithms of all parameters changed by `step` (p,)."""
+        by = np.exp(step)
+        bodies = Bodies(
+            self.bodies.mass_kg * by[6:12], self.bodies.centre_mm, self.bodies.inertia_kg_m2 * by[6:12, None, None]
+        )
+        return replace(self, nm_per_rad=self.nm_per_rad * by[:6], bodies=bodies, damping=self.damping * by[12:])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathStability:
+    """Limiting depths of cut at m places of a path, mm; infinite: none up to the largest that was looked at."""
+
+    at: Shaped[Int, " m"]  # of the postures' points
+    layer: Shaped[Int, " m"]
+    depth_mm: Shaped[Float, " m"]  # of the cut, along the cutter
+    up_limit_mm: Shaped[Float, " m"]  # as the path runs
+    down_limit_mm: Shaped[Float, " m"]  # the path run backwards
+    coupling_limit_mm: Shaped[Float, " m"]  # of mode coupling alone, milling up
+    u_log: Shaped[Float, " m"]  # standard uncertainty of the logarithm of a limit
+    spindle_rpm: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def margin(self) -> Float:
+        """Limiting over actual depth (m,), milling up."""
+        return self.up_limit_mm / self.depth_mm
+
+    @property
+    def least_margin(self) -> Float:
+        """The margin less its U (k = 2), of its logarithm (m,)."""
+        return np.asarray(self.margin * np.exp(-2.0 * self.u_log))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +131,18 @@ class LayerForce:
     peak_n: Shaped[Float, "k 3"]  # where the revolution's force is greatest
     mean_in_path_n: Shaped[Float, "k 3"]  # the same in the frame of the path: base or work object
     peak_in_path_n: Shaped[Float, "k 3"]
+    torque_nm: Shaped[Float, " k"]  # that the spindle gives, mean of a revolution
+    radial_mm: Shaped[Float, " k"]  # depths of cut; 0 in travel moves
+    axial_mm: Shaped[Float, " k"]
+    u_mean_n: Shaped[Float, "k 3"] | None = None  # of mean_n, by the coefficients alone; None: nobody states theirs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CuttingProcess:
+    """What makes the force along a path, but for the depths."""
+
+    coefficients: CuttingCoefficients
+    helix: float  # rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +151,9 @@ class MillingForce:
 
     layers: tuple[LayerForce, ...]
     source: str  # of the coefficients
+    spindle_rpm: float
     assumed: str = ""  # what stands in for what nobody stated: programs say so
+    process: CuttingProcess | None = None  # None: nobody knows it, and no stability is told
     warnings: tuple[str, ...] = ()
 
 

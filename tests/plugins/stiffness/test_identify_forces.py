@@ -1,0 +1,169 @@
+"""Cutting coefficients from recordings: known truth, axes, noise, real files, and what is refused."""
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.force_recordings import DYNAMOMETER, Slot, recording, write
+from workbench.api import Cutter, read_forces
+from workbench.errors import InputError
+from workbench.path import read as read_path
+from workbench.plugins.stiffness import force, identify_forces
+from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, read_coefficients
+from workbench.plugins.stiffness.identify_forces import Cutting, mean_matrix
+from workbench.robot import read_cell
+
+ROOT = Path(__file__).parents[3]
+SHIPPED = [ROOT / "data" / "synthetic" / "forces" / f"slot_f{feed}.csv" for feed in (300, 600, 900)]
+FEEDS = [300.0, 600.0, 900.0]
+CUT = {"spindle_rpm": 6000.0, "flutes": 2, "cutter_diameter_mm": 10.0, "axial_depth_mm": 3.0}
+NAMED = {"material": "al7075_t6", "tool": "simulated"}
+TRUE = PUBLISHED["al7075_t6"].values
+REAL = ROOT.parent / "shared" / "data" / "real" / "kistler_dynoware_f300.csv"
+
+
+def found(files, feeds, **more):
+    return json.loads(identify_forces(recordings=files, feeds_mm_min=feeds, **CUT | NAMED | more)[0].content)
+
+
+def values(document) -> np.ndarray:
+    return np.array([document[name] for name in NAMES])
+
+
+@pytest.mark.parametrize("pair", itertools.combinations(range(3), 2))
+def test_any_two_feeds_give_the_coefficients_and_the_third_mean(pair: tuple[int, int]) -> None:
+    """Cutting within 5 %, edge within 20 %, a feed that was not used within 3 %; through run-out and ringing."""
+    got = values(found([SHIPPED[k] for k in pair], [FEEDS[k] for k in pair]))
+    assert np.allclose(got[:3], TRUE[:3], rtol=0.05)
+    assert np.allclose(got[3:5], TRUE[3:5], rtol=0.2)
+    (other,) = set(range(3)) - set(pair)
+    cut = Cutting(Cutter(diameter_mm=10.0, flutes=2, flute_length_mm=3.0), 3.0, (0.0, np.pi), 450.0, 6000.0)
+    mean = read_forces(SHIPPED[other]).value.mean(axis=0)
+    predicted = mean_matrix(cut, FEEDS[other] / 12000.0) @ got
+    assert np.linalg.norm(DYNAMOMETER @ predicted - mean) < 0.03 * np.linalg.norm(mean)
+
+
+def test_run_out_and_misfit_are_told() -> None:
+    got = found(SHIPPED, FEEDS)
+    assert 0.004 < got["least_runout_mm"] < 0.006  # 0.005 at an angle of 0.4 rad
+    assert got["misfit"] < 5
+    assert got["recordings"][0]["spindle_rpm"] == pytest.approx(6000, abs=2)
+    assert all(0 < share < 1 for row in got["recordings"] for share in row["variance_beyond_bandwidth"])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("swap", [False, True])
+def test_however_the_dynamometer_stands(tmp_path: Path, swap: bool, sign: float) -> None:
+    axes = np.array([[0, sign, 0], [1, 0, 0], [0, 0, 1.0]]) if swap else np.diag([sign, 1.0, -1.0])
+    files = [tmp_path / f"{feed:.0f}.csv" for feed in FEEDS[:2]]
+    for k, (path, feed) in enumerate(zip(files, FEEDS, strict=False)):
+        write(path, recording(Slot(axes=axes, runout_mm=0.0), feed, k))
+    assert np.allclose(values(found(files, FEEDS[:2]))[:3], TRUE[:3], rtol=0.05)
+
+
+def test_the_noise_is_what_u_says(tmp_path: Path) -> None:
+    """Errors over u of 20 draws: the estimator is unbiased, and its u is that of the noise."""
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    off = []
+    for seed in range(20):
+        for k, (path, feed) in enumerate(zip(files, (300.0, 900.0), strict=True)):
+            write(path, recording(Slot(runout_mm=0.0, seconds=0.3, noise_n=20.0), feed, 2 * seed + k))
+        got = found(files, [300.0, 900.0])
+        off.append((values(got) - TRUE) / np.sqrt(np.diag(got["covariance"])))
+    size = np.sqrt(np.mean(np.square(off)))
+    assert 0.75 < size < 1.4
+
+
+@pytest.mark.parametrize("angles", [(0.0, 1.1), (np.pi - 1.1, np.pi), (0.0, np.pi)])
+def test_means_are_the_integrals(angles: tuple[float, float]) -> None:
+    """Up, down, slot: over the angles of engagement, by summing what an edge element does."""
+    cutter, c = Cutter(diameter_mm=10.0, flutes=3, flute_length_mm=5.0), 0.05
+    phi = angles[0] + (np.arange(20000) + 0.5) / 20000 * np.ptp(angles)
+    chip = c * np.sin(phi)
+    ft, fr, fa = (TRUE[k] * chip + TRUE[k + 3] for k in range(3))
+    push = [ft * np.sin(phi) - fr * np.cos(phi), -ft * np.cos(phi) - fr * np.sin(phi), fa]
+    mean = np.mean(push, axis=1) * np.ptp(angles) * 2.0 * 3 / (2 * np.pi)
+    assert np.allclose(mean_matrix(Cutting(cutter, 2.0, angles, 450.0, 6000.0), c) @ TRUE, mean, rtol=1e-6)
+
+
+def test_a_real_recording_is_read() -> None:
+    if not REAL.exists():
+        pytest.skip("no real recording here")
+    from workbench.plugins.stiffness.identify_forces import _recorded
+
+    cut = Cutting(Cutter(diameter_mm=10.0, flutes=2, flute_length_mm=3.0), 3.0, (0.0, np.pi), 450.0, 6000.0)
+    one = _recorded(REAL, read_forces(REAL), cut)
+    assert one.rpm == pytest.approx(6000, rel=2e-4)
+    assert one.turns == 100
+    assert one.beyond[0] == pytest.approx(0.14, abs=0.01)
+    assert one.sense > 10 or one.sense < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"feeds_mm_min": [300.0, 300.0]}, "two feeds"),
+        ({"feeds_mm_min": [300.0]}, "one feed a recording"),
+        ({"spindle_rpm": 6400.0}, "found 6"),
+        ({"flutes": 3}, "flutes"),
+        ({"radial_depth_mm": 30.0}, "diameter"),
+        ({"axes": ("x", "x", "z")}, "once each"),
+        ({"feeds_mm_min": [900.0, 300.0]}, "order"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(change, words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        identify_forces(**CUT | NAMED | {"recordings": SHIPPED[:3:2], "feeds_mm_min": [300.0, 900.0]} | change)
+    assert "\n" not in str(error.value)
+
+
+def spoilt(how: str, samples: np.ndarray) -> np.ndarray:
+    if how == "short":
+        return samples[: int(0.15 * 5000)]
+    if how == "saturated":
+        return np.column_stack([samples[:, :1], np.clip(samples[:, 1:], -60.0, 60.0)])
+    swing = 60.0 * np.sin(2 * np.pi * 137.0 * samples[:, :1])
+    return np.column_stack([samples[:, :1], samples[:, 1:] + swing])
+
+
+@pytest.mark.parametrize(
+    ("how", "words"), [("short", "20 whole turns"), ("saturated", "saturated"), ("chatters", "chatters")]
+)
+def test_what_is_no_stable_cut_is_refused(tmp_path: Path, how: str, words: str) -> None:
+    path = tmp_path / "spoilt.csv"
+    write(path, spoilt(how, recording(Slot(), 300.0, 5)))
+    with pytest.raises(InputError, match=words):
+        found([path, SHIPPED[2]], [300.0, 900.0])
+
+
+def test_the_file_goes_into_the_force_with_its_u(tmp_path: Path) -> None:
+    document, _ = identify_forces(recordings=SHIPPED, feeds_mm_min=FEEDS, **CUT, **NAMED)
+    path = tmp_path / document.name
+    path.write_bytes(document.content)
+    plan, cell = (
+        read_path(toolpath=ROOT / "data/synthetic/paths/raw_arc.json"),
+        read_cell(ROOT / "data/robot/cell.json"),
+    )
+    made, _ = force(plan, None, cell, coefficients_file=path)
+    same, _ = force(plan, None, cell, coefficients=tuple(read_coefficients(path).values))
+    layer = made.layers[-1]
+    assert np.allclose(layer.mean_n, same.layers[-1].mean_n)
+    cut = layer.axial_mm > 0
+    assert (layer.u_mean_n[cut] > 0).all()
+    assert (layer.u_mean_n[cut] < 0.2 * np.linalg.norm(layer.mean_n[cut], axis=1)[:, None]).all()
+    assert same.layers[-1].u_mean_n is None
+    with pytest.raises(InputError, match="not both"):
+        force(plan, None, cell, coefficients_file=path, material="al7075_t6")
+
+
+def test_a_covariance_that_is_none_is_refused(tmp_path: Path) -> None:
+    document, _ = identify_forces(recordings=SHIPPED, feeds_mm_min=FEEDS, **CUT, **NAMED)
+    spoiled = json.loads(document.content)
+    spoiled["covariance"][0][1] += 1e6
+    path = tmp_path / "coefficients.json"
+    path.write_text(json.dumps(spoiled))
+    with pytest.raises(InputError, match="covariance"):
+        read_coefficients(path)

@@ -1,0 +1,257 @@
+"""Modes of the robot: pin's mass matrix, solids, tap tests of a known robot, their files, and what is refused."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from workbench.errors import InputError
+from workbench.plugins.stiffness import modes
+from workbench.plugins.stiffness.dynamics import _solid, at_tool, bodies_of, mass_matrices
+from workbench.plugins.stiffness.modes import _Taps, at_posture, swings
+from workbench.plugins.stiffness.tap_tests import TapTests, read_responses
+from workbench.robot import forward_kinematics, read_cell
+from workbench.robot.cell import Shape
+
+ROOT = Path(__file__).parents[3]
+MASSES = (400.0, 300.0, 200.0, 120.0, 30.0, 5.0)
+HZ = np.arange(4.0, 80.0, 0.5)
+AXES = "xyz"
+
+
+def with_inertias(folder: Path) -> Path:
+    """The shipped cell, its URDF with masses."""
+    bodies = bodies_of(dataclasses.replace(read_cell(ROOT / "data/robot/cell.json"), tool_mass_kg=None), MASSES)
+    model = pin.buildModelFromUrdf(str(ROOT / "data/robot/irb6700_150_320.urdf"))
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    text = (ROOT / "data/robot/irb6700_150_320.urdf").read_text()
+    for k in range(6):
+        own = data.oMi[k + 1].actInv(pin.Inertia(bodies.mass_kg[k], bodies.centre_mm[k] / 1e3, bodies.inertia_kg_m2[k]))
+        x, i = own.lever, own.inertia
+        inertial = (
+            f'<inertial><origin xyz="{x[0]} {x[1]} {x[2]}"/><mass value="{own.mass}"/><inertia ixx="{i[0, 0]}" '
+            f'ixy="{i[0, 1]}" ixz="{i[0, 2]}" iyy="{i[1, 1]}" iyz="{i[1, 2]}" izz="{i[2, 2]}"/></inertial>'
+        )
+        text = text.replace(f'<link name="link_{k + 1}">', f'<link name="link_{k + 1}">{inertial}')
+    (folder / "irb6700_150_320.urdf").write_text(text)
+    (folder / "cell.json").write_text((ROOT / "data/robot/cell.json").read_text())
+    return folder / "cell.json"
+
+
+def test_mass_matrix_is_pins(tmp_path: Path) -> None:
+    cell = read_cell(with_inertias(tmp_path))
+    assert cell.chain.bodies is not None
+    model = pin.buildModelFromUrdf(str(tmp_path / "irb6700_150_320.urdf"))
+    data = model.createData()
+    q = np.random.default_rng(0).uniform(*cell.chain.limits.T, (20, 6))
+    ours = mass_matrices(cell.chain, cell.chain.bodies, q).sum(axis=0)
+    for k in range(20):
+        upper = np.triu(pin.crba(model, data, q[k]))
+        assert np.allclose(ours[k], upper + np.triu(upper, 1).T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [("box", (300.0, 200.0, 100.0)), ("sphere", (80.0,)), ("cylinder", (60.0, 240.0)), ("capsule", (60.0, 240.0))],
+)
+def test_solids_are_what_points_in_them_are(shape) -> None:
+    kind, size = shape
+    rng = np.random.default_rng(0)
+    p = rng.uniform(-1, 1, (400_000, 3)) * 200
+    if kind == "box":
+        inside = (np.abs(p) < np.array(size) / 2).all(axis=1)
+    elif kind == "sphere":
+        inside = np.linalg.norm(p, axis=1) < size[0]
+    else:
+        over = np.maximum(np.abs(p[:, 2]) - size[1] / 2, 0.0)
+        flat = np.hypot(p[:, 0], p[:, 1])
+        inside = np.hypot(flat, over) < size[0] if kind == "capsule" else (flat < size[0]) & (over == 0)
+    got = p[inside] / 1e3
+    volume, centre, inertia = _solid(Shape("a", 1, kind, size, np.eye(4)))
+    square = got.T @ got / len(got)
+    assert volume == pytest.approx(inside.mean() * 400.0**3, rel=0.02)
+    assert np.allclose(inertia, np.trace(square) * np.eye(3) - square, atol=0.02 * inertia.max())
+    assert np.allclose(centre, 0)
+
+
+def test_a_mesh_is_its_box() -> None:
+    corners = np.array([[x, y, z] for x in (0, 300.0) for y in (0, 200.0) for z in (0, 100.0)])
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    mesh = _solid(Shape("a", 1, "mesh", (), np.eye(4), corners, triangles))
+    box = _solid(Shape("a", 1, "box", (300.0, 200.0, 100.0), np.eye(4)))
+    assert mesh[0] == pytest.approx(box[0])
+    assert np.allclose(mesh[1], [150, 100, 50])
+    assert np.allclose(mesh[2], box[2])
+
+
+def test_static_compliance_is_the_stiffness(cell, stiffness) -> None:
+    """At frequency 0 the modes add up to J K^-1 J^T, whatever the masses."""
+    from workbench.plugins.stiffness.elastic import MM
+    from workbench.robot import jacobian
+
+    found, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    q = np.array([[0.1, 0.4, -0.2, 0.3, 1.0, 0.2]])
+    there = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
+    one = at_posture(cell, found, q)
+    together = one.shape[0] @ np.linalg.solve(one.stiffness[0], one.shape[0].T)
+    linear = there[0, :3, :3].T @ jacobian(cell.chain, q[0], cell.flange_from_cutter[:3, 3])[:3] / MM
+    assert np.allclose(together, linear / stiffness.nm_per_rad @ linear.T, rtol=1e-9)
+    assert np.allclose(swings(one)[1], 0.03, rtol=1e-6)
+
+
+def test_modes_of_spindle_and_cutter_stand_beside(cell, stiffness) -> None:
+    tool = {"tool_frequency_hz": 900.0, "tool_stiffness_n_um": 10.0}
+    found, *_ = modes(cell, stiffness, link_masses_kg=MASSES, **tool)
+    one = at_posture(cell, found, np.array([[0.1, 0.4, -0.2, 0.3, 1.0, 0.2]]))
+    assert one.shape.shape == (1, 3, 8)
+    alone = one.shape[0][:, 6:] @ np.diag(1 / np.diag(one.stiffness[0])[6:]) @ one.shape[0][:, 6:].T
+    assert np.allclose(alone, np.diag([1e-7, 1e-7, 0]))
+
+
+def test_load_makes_its_own_stiffness(cell, stiffness) -> None:
+    found, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    q = np.array([[0.1, 0.4, -0.2, 0.3, 1.0, 0.2]])
+    there = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
+    free, loaded = (at_tool(cell.chain, found, q, there, force) for force in (None, np.array([[0.0, 0.0, 2000.0]])))
+    change = np.abs(np.diagonal(loaded.stiffness[0]) / np.diagonal(free.stiffness[0]) - 1).max()
+    assert 1e-5 < change < 0.05
+
+
+def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0) -> TapTests:
+    """Responses along three axes at eight postures of a known robot."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform([-1, -0.5, -0.6, -1, 0.5, -1], [1, 0.8, 0.5, 1, 1.5, 1], (8, 6))
+    posture, hz = np.repeat(np.arange(8), 3 * len(HZ)), np.tile(HZ, 24)
+    way = np.tile(np.repeat(np.eye(3), len(HZ), axis=0), (8, 1))
+    point = np.tile(cell.flange_from_cutter[:3, 3], (8, 1))
+    tests = TapTests("taps", q, point, posture, hz, np.ones(len(hz), complex), way, way, np.zeros(8, bool), 0)
+    value, _ = _Taps.of(cell.chain, truth, tests, 1.0, np.ones(18)).compliance(np.zeros(18))
+    blurred = np.exp(noise * (rng.normal(size=len(hz)) + 1j * rng.normal(size=len(hz))))
+    return dataclasses.replace(tests, value=scale * value * blurred)
+
+
+def truth_of(begun, seed: int):
+    """A robot within what is declared, its joints damped apart."""
+    rng = np.random.default_rng(seed)
+    moved = begun.moved(np.concatenate([rng.normal(0, 0.07, 6), rng.normal(0, 0.2, 6), [0.0]]))
+    dampers = 0.06 * np.exp(rng.normal(0, 0.2, 6)) * np.sqrt(moved.nm_per_rad * np.array([3e3, 3e3, 9e2, 60, 50, 8]))
+    return dataclasses.replace(moved, damping=dampers, covariance=np.zeros((18, 18)))
+
+
+def written(folder: Path, tests: TapTests, form: str) -> Path:
+    """As a list and its files."""
+    listed = []
+    for k, q in enumerate(tests.joints):
+        rows = [tests.posture == k]
+        columns = [tests.value[rows[0] & (tests.to[:, axis] == 1)] for axis in range(3)]
+        name = f"{k}.{form}"
+        if form == "csv":
+            head = "hz," + ",".join(f"{a}{a}_re,{a}{a}_im" for a in AXES)
+            body = [
+                ",".join([f"{f:.3f}", *(f"{v.real:.9e},{v.imag:.9e}" for v in row)])
+                for f, *row in zip(HZ, *columns, strict=True)
+            ]
+            (folder / name).write_text("\n".join([head, *body, ""]))
+        else:
+            (folder / name).write_text("".join(uff(axis + 1, columns[axis]) for axis in range(3)))
+        listed.append(
+            {"file": name, "joints_deg": np.degrees(q).tolist()} | ({"kind": "compliance"} if form == "csv" else {})
+        )
+    path = folder / "taps.json"
+    path.write_text(json.dumps({"format": "tap-tests", "version": 1, "tests": listed}))
+    return path
+
+
+def uff(axis: int, value: np.ndarray, kind: int = 8) -> str:
+    """One data set 58, double precision, as accelerance where `kind` is 12."""
+    step = HZ[1] - HZ[0]
+    head = [
+        "    -1",
+        "    58",
+        *["NONE"] * 5,
+        f"{4:5d}{1:10d}{1:5d}{0:10d} {'TIP':10s}{1:10d}{axis:4d} {'TIP':10s}{1:10d}{axis:4d}",
+        f"{6:10d}{len(value):10d}{1:10d}{HZ[0]:13.5E}{step:13.5E}{0.0:13.5E}",
+        f"{18:10d}{0:5d}{0:5d}{0:5d} {'Frequency':20s} {'Hz':20s}",
+        f"{kind:10d}{0:5d}{0:5d}{0:5d} {'Displacement':20s} {'m':20s}",
+        f"{13:10d}{0:5d}{0:5d}{0:5d} {'Force':20s} {'N':20s}",
+        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}",
+    ]
+    value = value * (2j * np.pi * HZ) ** {8: 0, 11: 1, 12: 2}[kind]
+    numbers = np.column_stack([value.real, value.imag]).ravel()
+    body = ["".join(f"{x:20.12E}" for x in numbers[i : i + 4]) for i in range(0, len(numbers), 4)]
+    return "\n".join([*head, *body, "    -1", ""])
+
+
+@pytest.mark.parametrize("form", ["csv", "uff"])
+def test_tap_tests_find_the_robot(cell, stiffness, tmp_path: Path, form: str) -> None:
+    begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    truth = truth_of(begun, 3)
+    path = written(tmp_path, tapped(cell, truth, 4), form)
+    found, file, _ = modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
+    u = np.sqrt(np.diag(found.covariance))
+    off = np.log(
+        np.concatenate(
+            [
+                found.nm_per_rad / truth.nm_per_rad,
+                found.bodies.mass_kg / truth.bodies.mass_kg,
+                found.damping / truth.damping,
+            ]
+        )
+    )
+    assert 0.5 < np.sqrt(np.mean((off / u) ** 2)) < 1.8
+    assert np.abs(off[:6]).max() < 0.02
+    assert found.misfit == pytest.approx(1.0, abs=0.1)
+    assert found.declared == ()
+    assert json.loads(file.content)["misfit"] == pytest.approx(found.misfit)
+
+
+@pytest.mark.parametrize("kind", [8, 11, 12])
+def test_uff_of_any_kind_is_the_same_response(tmp_path: Path, kind: int) -> None:
+    value = 1e-6 / (1 - (HZ / 12) ** 2 + 0.06j * HZ / 12)
+    path = tmp_path / "a.uff"
+    path.write_text(uff(2, value, kind))
+    (one,) = read_responses(path, None)
+    power = {"compliance": 0, "mobility": 1, "accelerance": 2}[one.kind]
+    assert np.allclose(one.value / (2j * np.pi * one.hz) ** power, value, rtol=1e-9)
+    assert (one.to, one.by) == ("y", "y")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace("-1\n    58", "-1\n   58b"), "binary"),
+        (lambda text: text[: len(text) // 2], "does not end"),
+        (lambda text: text.replace("   13    0", "   12    0"), "by force"),
+        (lambda text: "\n".join([*text.splitlines()[:40], "    -1"]), "numbers"),
+        (lambda text: "hello,there\n1,2\n", "kind"),
+    ],
+)
+def test_a_spoilt_uff_is_one_line(tmp_path: Path, change, words: str) -> None:
+    path = tmp_path / "a.uff"
+    path.write_text(change(uff(1, np.ones(len(HZ)) + 0j)))
+    with pytest.raises(InputError, match=words) as error:
+        read_responses(path, None)
+    assert "\n" not in str(error.value)
+
+
+def test_responses_in_other_units_or_of_another_robot_are_refused(cell, stiffness, tmp_path: Path) -> None:
+    begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    truth = truth_of(begun, 3)
+    for scale, words in ((1e3, "mm"), (9.80665, "in g")):
+        path = written(tmp_path, tapped(cell, truth, 4, scale=scale), "csv")
+        with pytest.raises(InputError, match=words):
+            modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
+    softer = dataclasses.replace(truth, nm_per_rad=truth.nm_per_rad * [1, 1, 0.5, 1, 1, 1])
+    path = written(tmp_path, tapped(cell, softer, 4), "csv")
+    with pytest.raises(InputError, match="joint 3"):
+        modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
+
+
+def test_no_masses_are_refused(cell, stiffness) -> None:
+    with pytest.raises(InputError, match="link_masses_kg"):
+        modes(cell, stiffness)

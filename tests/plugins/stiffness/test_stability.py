@@ -1,0 +1,119 @@
+"""Stability of milling: published numbers, closed forms, all eigenvalues, and a simulation in the time domain."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bench.chatter_simulation import agreement
+from workbench.plugins.stiffness.stability import (
+    Dynamics,
+    Judge,
+    Milling,
+    directions,
+    limits,
+    mean_direction,
+    milling,
+    screened,
+)
+
+W = 2 * np.pi * 922.0
+DING = Dynamics(np.array([[[W**2]]]), np.array([[[2 * 0.011 * W]]]), np.array([[[0.0], [0.03993**-0.5], [0.0]]]))
+PUBLISHED = {0.2: 0.8192, 0.5: 1.0726, 0.7: 1.2197, 1.0: 1.4040}  # spectral radius by depth, mm
+cases = settings(max_examples=20, deadline=None, derandomize=True)
+
+
+@pytest.mark.parametrize("way", [0, 1])
+def test_spectral_radius_is_the_published_one(way: int) -> None:
+    """Ding et al. (2010): one mode along the feed, two teeth, a slot at 5000 a minute, 600 and 200 N/mm2."""
+    cut = milling((600.0, 200.0, 0.0), 2, 10.0, 10.0, 0.0, 5000.0)[way]
+    found = Judge(DING, cut).radius(np.array(list(PUBLISHED)))
+    assert np.allclose(found, list(PUBLISHED.values()), rtol=0.005)
+
+
+def test_the_limit_is_where_the_radius_is_one() -> None:
+    cut = milling((600.0, 200.0, 0.0), 2, 10.0, 10.0, 0.0, 5000.0)[0]
+    limit = limits(DING, cut, 10.0)[0]
+    below, above = Judge(DING, cut).radius(limit * np.array([0.995, 1.005]))
+    assert below < 1 < above
+    assert limits(DING, cut, 10.0, np.array([5.0]))[0] == pytest.approx(limit, rel=0.01)  # found from above too
+
+
+@cases
+@given(seed=st.integers(0, 10**6))
+def test_mode_coupling_is_the_closed_form(seed: int) -> None:
+    """Two undamped modes: they meet where (k1 - k2 + s a)^2 + 4 s^2 b = 0, of w^2 and s = depth (Gasparetto 1998)."""
+    rng = np.random.default_rng(seed)
+    w = np.sort((2 * np.pi * rng.uniform(8, 30, 2)) ** 2)
+    turn = rng.uniform(0, np.pi)
+    shape = np.zeros((3, 2))
+    ways = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    shape[:2] = ways / np.sqrt(rng.uniform(50, 400, 2))
+    cut = milling((800.0, 250.0, 0.0), 4, 10.0, float(rng.uniform(0.5, 6)), 0.0, 6000.0)[rng.integers(2)]
+    p = shape.T @ mean_direction(cut) @ shape[:2] * 1e3
+    # eigenvalues of diag(w) - s p meet where the discriminant (w1 - w2 - s (p11 - p22))^2 + 4 s^2 p12 p21 vanishes
+    a, b = p[0, 0] - p[1, 1], p[0, 1] * p[1, 0]
+    roots = np.roots([a**2 + 4 * b, -2 * a * (w[0] - w[1]), (w[0] - w[1]) ** 2])
+    meet = [s.real for s in roots if abs(s.imag) < 1e-12 * abs(s) and s.real > 0]
+    determinant = np.roots([p[0, 0] * p[1, 1] - b, -(w[0] * p[1, 1] + w[1] * p[0, 0]), w[0] * w[1]])
+    meet += [s.real for s in determinant if abs(s.imag) < 1e-12 * abs(s) and s.real > 0]  # a stiffness that is used up
+    one = Dynamics(np.diag(w)[None], np.zeros((1, 2, 2)), shape[None])
+    found = screened(one, cut, 1e4, regeneration=False)[0]
+    if not meet or min(meet) > 0.9e4:
+        assert not np.isfinite(found) or found > 0.9e4
+    else:
+        assert found == pytest.approx(min(meet), rel=1e-9)
+
+
+@cases
+@given(seed=st.integers(0, 10**6))
+def test_the_krylov_space_holds_the_largest_eigenvalue(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    dynamics, cut = random_case(rng)
+    judge, depth = Judge(dynamics, cut, 20), np.array([0.3, 3.0])
+    few = judge.radius(depth)
+    judge.size = len(judge.free) + 2 * judge.steps
+    assert np.allclose(few, judge.radius(depth), rtol=1e-7)
+
+
+def random_case(rng: np.random.Generator) -> tuple[Dynamics, Milling]:
+    n = 4
+    w = 2 * np.pi * rng.uniform(6, 90, n)
+    shape = rng.normal(size=(3, n)) / 12
+    up, down = milling((800.0, 250.0, 150.0), 3, 10.0, float(rng.uniform(0.3, 9)), 0.5, 6000.0)
+    return Dynamics(np.diag(w**2)[None], np.diag(0.06 * w)[None], shape[None]), up if rng.integers(2) else down
+
+
+@cases
+@given(seed=st.integers(0, 10**6), depth=st.floats(0.1, 30))
+def test_the_helix_changes_no_mean(seed: int, depth: float) -> None:
+    _, cut = random_case(np.random.default_rng(seed))
+    mean = directions(cut, np.array([depth]), 37).mean(axis=(0, 1))
+    assert np.allclose(mean, mean_direction(cut), atol=1e-9 * np.abs(mean_direction(cut)).max())
+
+
+@cases
+@given(seed=st.integers(0, 10**6), factor=st.floats(0.2, 5))
+def test_limits_scale_with_force_and_mass(seed: int, factor: float) -> None:
+    """Twice the coefficients, half the depth; twice all masses, stiffnesses and dampers, twice the depth."""
+    dynamics, cut = random_case(np.random.default_rng(seed))
+    cut = cut._replace(lag=0.0)
+    one = screened(dynamics, cut, 1e3)
+    stronger = cut._replace(chip=tuple(factor * k for k in cut.chip))
+    heavier = dynamics._replace(shape=dynamics.shape / np.sqrt(factor))
+    assert np.allclose(screened(dynamics, stronger, 1e3 / factor) * factor, one, rtol=1e-6)
+    assert np.allclose(screened(heavier, cut, 1e3 * factor) / factor, one, rtol=1e-6)
+
+
+def test_without_a_cut_there_is_no_limit() -> None:
+    dynamics, cut = random_case(np.random.default_rng(1))
+    assert not np.isfinite(screened(dynamics, cut._replace(chip=(0.0, 0.0, 0.0)), 1e3)).any()
+    assert not np.isfinite(limits(dynamics, cut._replace(chip=(0.0, 0.0, 0.0)), 1e3)).any()
+
+
+@pytest.mark.slow
+def test_a_simulation_in_the_time_domain_says_the_same() -> None:
+    """At 0.9 and 1.1 of the limit; `python -m bench.chatter_simulation` asks for more."""
+    right, asked = agreement(10, 1)
+    assert asked >= 14
+    assert right >= 0.9 * asked

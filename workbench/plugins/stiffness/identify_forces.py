@@ -1,0 +1,514 @@
+"""`stiffness.identify_forces`: cutting and edge coefficients from recordings of the milling force."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    AnyArray,
+    Bool,
+    Chapter,
+    CoefficientsFile,
+    Cutter,
+    Document,
+    Float,
+    Forces,
+    InputError,
+    InputFile,
+    Shaped,
+    estimator,
+    pieces,
+    read_forces,
+    stage,
+)
+from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
+from workbench.plugins.stiffness.force import Teeth, milling_force
+
+LEAST_TURNS = 20
+BLOCKS = 10  # of whole turns, whose scatter tells the noise of the mean
+SPEED_SHARE = 0.02  # by which the speed found may differ from the one stated
+CHATTER_SHARE = 0.1  # of the strongest line's power, between the harmonics of the spindle
+ROUNDS = 3  # of run-out and coefficients, which hang on each other
+MUCH = 10.0  # times the power, beyond which one line is not another's neighbour by chance
+BELOW = 5.0  # standard uncertainties, by which an edge coefficient may lie below zero
+CLIPPED = 3  # samples in a row on the channel's very extreme
+Positive = Annotated[float, Field(gt=0, le=1e5)]
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+
+class Cutting(NamedTuple):
+    """What all recordings have in common."""
+
+    cutter: Cutter
+    axial_mm: float
+    angles: tuple[float, float]  # of a tooth, in and out of the cut, from the normal of the feed towards it
+    bandwidth_hz: float
+    stated_rpm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """One recording, over whole turns."""
+
+    source: str
+    rpm: float  # as found
+    turns: int
+    mean_n: Shaped[Float, " 3"]  # in the dynamometer's axes
+    covariance: Shaped[Float, "3 3"]
+    beyond: Shaped[Float, " 3"]  # share of each channel's variance above the dynamometer's bandwidth
+    sense: float  # power of the tooth line that turns from x to y, over that which turns back; 1: neither
+    once_n: float  # amplitude of the once-per-turn line across the axis
+
+
+@stage("stiffness.identify_forces")
+def identify_forces(
+    *,
+    recordings: list[InputFile],
+    feeds_mm_min: list[Positive],
+    spindle_rpm: Positive,
+    flutes: Annotated[int, Field(ge=1, le=20)],
+    cutter_diameter_mm: Annotated[float, Field(gt=0, le=200)],
+    axial_depth_mm: Annotated[float, Field(gt=0, le=200)],
+    material: Annotated[str, Field(min_length=1, max_length=80)],
+    tool: Annotated[str, Field(min_length=1, max_length=80)],
+    radial_depth_mm: Annotated[float | None, Field(gt=0, le=200)] = None,
+    direction: Literal["up", "down"] = "up",
+    axes: tuple[Axis, Axis, Axis] | None = None,
+    bandwidth_hz: Annotated[float, Field(gt=0, le=1e5)] = 450.0,
+    rate_hz: Annotated[float | None, Field(gt=0, le=1e7)] = None,
+    helix_deg: Annotated[float, Field(ge=0, le=60)] = 30.0,
+) -> tuple[Document, Chapter]:
+    """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
+
+    Means know nothing of the dynamometer's resonances, waveforms do: these serve for the spindle's speed, the sense in
+    which the force turns and the run-out only. Writes `coefficients.json` for `stiffness.force`.
+
+    Args:
+        recordings: DynoWare exports, or tables with the columns fx_n, fy_n, fz_n and time_s, one a feed.
+        feeds_mm_min: number of mm a minute, of each recording.
+        spindle_rpm: number of turns a minute, as commanded; the recordings' own is compared with it.
+        flutes: number of the cutter's.
+        cutter_diameter_mm: of the cutter.
+        axial_depth_mm: of the cut.
+        material: of the workpiece, for the file.
+        tool: that cut, for the file.
+        radial_depth_mm: of the cut; null: a slot.
+        direction: of a partial cut, which changes the means.
+        axes: of the dynamometer that point across the feed into the material, along the feed, and from shank to tip, of
+            the force on the cutter; null: all are tried by signs and by the sense in which the force turns.
+        bandwidth_hz: up to which the dynamometer's response is flat; above it nothing is used.
+        rate_hz: of tables without time_s.
+        helix_deg: of the cutter, right-hand; it changes no mean, but the run-out's line.
+
+    Raises:
+        InputError: one feed only, fewer than 20 whole turns, a saturated channel, a line of chatter, another number of
+            flutes or speed by the spectrum; no axes, or several, that give coefficients above zero.
+
+    Example:
+        >>> from workbench.plugins import stiffness
+        >>> files = [f"data/synthetic/forces/slot_f{feed}.csv" for feed in (300, 900)]
+        >>> cut = {"spindle_rpm": 6000, "flutes": 2, "cutter_diameter_mm": 10, "axial_depth_mm": 3}
+        >>> named = {"material": "al7075_t6", "tool": "simulated"}
+        >>> file, chapter = stiffness.identify_forces(recordings=files, feeds_mm_min=[300, 900], **cut, **named)
+        >>> file.name
+        'coefficients.json'
+    """
+    where = "stiffness.identify_forces"
+    if len(recordings) != len(feeds_mm_min):
+        raise InputError(where, f"expected one feed a recording, found {len(feeds_mm_min)} for {len(recordings)}")
+    if len(set(feeds_mm_min)) < 2:
+        raise InputError(where, "expected at least two feeds: one alone does not part cutting from edge forces")
+    if radial_depth_mm is not None and radial_depth_mm > cutter_diameter_mm:
+        raise InputError(f"{where}: radial_depth_mm", f"expected at most {cutter_diameter_mm:g}, the cutter's diameter")
+    last = np.pi if radial_depth_mm is None else float(np.arccos(1 - 2 * radial_depth_mm / cutter_diameter_mm))
+    angles = (0.0, last) if direction == "up" else (np.pi - last, np.pi)
+    cutter = Cutter(diameter_mm=cutter_diameter_mm, flutes=flutes, flute_length_mm=axial_depth_mm)
+    cut = Cutting(cutter, axial_depth_mm, angles, bandwidth_hz, spindle_rpm)
+    recorded = [_recorded(path, read_forces(path, rate_hz), cut) for path in recordings]
+    per_tooth = np.array([f / (one.rpm * flutes) for f, one in zip(feeds_mm_min, recorded, strict=True)])
+    none = np.zeros((len(recorded), 3))
+    tried = [_fitted(recorded, per_tooth, cut, turn, none) for turn in _turns(axes)]
+    chosen = _chosen(tried, recorded, axes is not None)
+    for _ in range(ROUNDS):
+        runout = _run_out(chosen, recorded, per_tooth, cut, np.radians(helix_deg))
+        chosen = _fitted(recorded, per_tooth, cut, chosen.turn, runout.lost_n)
+    found = Identified(material, tool, cut, tuple(recorded), per_tooth, tuple(tried), chosen, runout)
+    return Document(CoefficientsFile.NAME, _document(found)), _chapter(found)
+
+
+def _recorded(path: Path, forces: Forces, cut: Cutting) -> Recorded:
+    """A recording over whole turns; raises InputError for what cannot be used."""
+    value = _channels(path, forces)
+    stated = cut.stated_rpm / 60.0
+    if len(value) / forces.rate_hz * stated < LEAST_TURNS:
+        turns = len(value) / forces.rate_hz * stated
+        raise InputError(str(path), f"expected at least {LEAST_TURNS} whole turns, found {turns:.1f}: record longer")
+    _check_clipped(path, value)
+    turn_hz = _spindle_hz(value, forces.rate_hz, cut)
+    if abs(turn_hz / stated - 1) > SPEED_SHARE:
+        raise InputError(
+            str(path),
+            f"expected the spindle at {cut.stated_rpm:g} a minute, found {60 * turn_hz:.0f} in the spectrum: is "
+            "spindle_rpm or rate_hz another?",
+        )
+    per_turn = forces.rate_hz / turn_hz
+    turns = int(len(value) / per_turn + 1e-9)
+    used = value[: round(turns * per_turn)]
+    spectrum = np.fft.fft(used - used.mean(axis=0), axis=0) / len(used)  # line k is k / turns of a turn's frequency
+    _check_lines(path, spectrum, turns, turn_hz, cut)
+    edges = np.round(np.linspace(0, turns, BLOCKS + 1).astype(int) * per_turn).astype(int)
+    blocks = np.array([used[a:b].mean(axis=0) for a, b in itertools.pairwise(edges)])
+    hz = np.abs(np.fft.fftfreq(len(used), 1.0 / forces.rate_hz))
+    power = np.abs(spectrum) ** 2
+    across = np.fft.fft(used[:, 0] + 1j * used[:, 1]) / len(used)
+    tooth = cut.cutter.flutes * turns
+    return Recorded(
+        source=str(path),
+        rpm=60.0 * turn_hz,
+        turns=turns,
+        mean_n=used.mean(axis=0),
+        covariance=np.cov(blocks.T) / BLOCKS + np.eye(3) * 1e-12,
+        beyond=power[hz > cut.bandwidth_hz].sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300),
+        sense=float(abs(across[tooth]) ** 2 / max(abs(across[-tooth]) ** 2, 1e-300)),
+        once_n=float(np.hypot(abs(across[turns]), abs(across[-turns]))),
+    )
+
+
+def _channels(path: Path, forces: Forces) -> Float:
+    """Fx, Fy, Fz (n, 3), N."""
+    try:
+        at = [forces.channel.index(name) for name in ("Fx", "Fy", "Fz")]
+    except ValueError:
+        raise InputError(str(path), f"expected the channels Fx, Fy and Fz, found {', '.join(forces.channel)}") from None
+    if any(forces.unit[k] != "N" for k in at):
+        raise InputError(str(path), "expected forces in N, found volts: apply the amplifier's scale when exporting")
+    return np.asarray(forces.value[:, at])
+
+
+def _check_clipped(path: Path, value: Float) -> None:
+    """Refuse a channel that stays on its extreme; a quantised one meets it now and then, but not in rows."""
+    for name, channel in zip(("Fx", "Fy", "Fz"), value.T, strict=True):
+        for extreme in (channel.max(), channel.min()):
+            on = np.diff(np.flatnonzero(np.concatenate([[True], channel != extreme, [True]]))) - 1
+            if channel.std() > 0 and (on >= CLIPPED).sum() >= LEAST_TURNS / 2:
+                raise InputError(
+                    str(path),
+                    f"{name} is saturated: {(on >= CLIPPED).sum()} times {CLIPPED} samples or more in a row at "
+                    f"{extreme:.6g} N; record with a larger range",
+                )
+
+
+def _spindle_hz(value: Float, rate_hz: float, cut: Cutting) -> float:
+    """Turns a second: where the harmonics of a turn below the bandwidth hold the most power, about what is stated."""
+    off = (value - value.mean(axis=0)) * np.hanning(len(value))[:, None]
+    time = np.arange(len(off)) / rate_hz
+    stated = cut.stated_rpm / 60.0
+    most = max(int(cut.bandwidth_hz / stated), 1)
+    orders = np.array([k for k in (1, cut.cutter.flutes, 2 * cut.cutter.flutes) if k <= most])
+    orders = np.unique(np.append(orders, 1))
+
+    def power(hz: float) -> float:
+        return sum(float((np.abs(np.exp(-2j * np.pi * k * hz * time) @ off) ** 2).sum()) for k in orders)
+
+    width = rate_hz / len(off) / orders[-1]
+    at = np.arange(stated * (1 - 2.5 * SPEED_SHARE), stated * (1 + 2.5 * SPEED_SHARE), width / 2)
+    best = float(at[int(np.argmax([power(hz) for hz in at]))])
+    for step in width * 0.5 ** np.arange(2, 9):
+        best = max((best - step, best, best + step), key=power)
+    return best
+
+
+def _check_lines(path: Path, spectrum: AnyArray, turns: int, turn_hz: float, cut: Cutting) -> None:
+    """Refuse chatter, and another number of flutes, by the lines below the bandwidth."""
+    power = (np.abs(spectrum) ** 2).sum(axis=1)[: len(spectrum) // 2]
+    most = min(int(cut.bandwidth_hz / turn_hz * turns), len(power) - 2)
+    order = np.arange(most + 1) / turns
+    lines = np.array([power[k * turns] for k in range(1, most // turns + 1)])
+    if not len(lines):
+        return
+    between = np.where(np.abs(order - np.round(order)) > 0.25, power[: most + 1], 0.0)
+    worst = int(np.argmax(between))
+    if between[worst] > CHATTER_SHARE * lines.max():
+        raise InputError(
+            str(path),
+            f"chatters: a line at {worst / turns * turn_hz:.1f} Hz, between the harmonics of the spindle "
+            f"({turn_hz:.2f} Hz), with {100 * np.sqrt(between[worst] / lines.max()):.0f} % of the strongest one's "
+            "amplitude; means of a stable cut are needed",
+        )
+    n = cut.cutter.flutes
+    strongest = int(np.argmax(lines)) + 1
+    own = lines[n - 1] if n <= len(lines) else 0.0
+    if strongest != 1 and n <= len(lines) and lines[strongest - 1] > MUCH * own:
+        raise InputError(
+            str(path),
+            f"expected {n} flutes, the spectrum has its strongest line at {strongest} times a turn: is 'flutes' wrong?",
+        )
+
+
+class Tried(NamedTuple):
+    """How the dynamometer's axes may stand, and what comes of it."""
+
+    turn: Shaped[Float, "3 3"]  # rows: across the feed into the material, along the feed, to the tip; of the cutter
+    values: Shaped[Float, " 6"]
+    covariance: Shaped[Float, "6 6"]
+    misfit: float | None  # chi-square over its degrees of freedom; None: as many coefficients as means
+
+    @property
+    def words(self) -> str:
+        """The axes, as `axes` takes them."""
+        return " ".join(("-" if row.sum() < 0 else "") + "xyz"[int(np.argmax(np.abs(row)))] for row in self.turn)
+
+    @property
+    def positive(self) -> bool:
+        """Cutting coefficients above zero, and edge coefficients not surely below."""
+        edge = self.values[3:] + BELOW * np.sqrt(np.diag(self.covariance)[3:])
+        return bool((self.values[:3] > 0).all() and (edge > 0).all())
+
+    @property
+    def handed(self) -> float:
+        """1: the dynamometer's x, y turn into each other as the cutter's do; -1: the other way."""
+        return float(np.linalg.det(self.turn[:2, :2]))
+
+
+def _turns(axes: Sequence[str] | None) -> list[Float]:
+    """Signed permutations that are tried: z stays z."""
+    unit = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
+    if axes is not None:
+        made = np.array([(-1.0 if one[0] == "-" else 1.0) * unit[one[-1]] for one in axes])
+        if abs(np.linalg.det(made)) < 0.5 or not abs(made[2, 2]):
+            raise InputError("stiffness.identify_forces: axes", "expected x, y and z once each, z the last")
+        return [made]
+    across = [np.array([[a, 0], [0, b]]) for a in (1.0, -1.0) for b in (1.0, -1.0)]
+    found = []
+    for two in [*across, *(one[::-1] for one in across)]:
+        for sign in (1.0, -1.0):
+            turn = np.zeros((3, 3))
+            turn[:2, :2], turn[2, 2] = two, sign
+            found.append(turn)
+    return found
+
+
+def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:
+    """(3, 6): mean force over a turn, linear in the coefficients; x into the material, y along the feed, z to the tip.
+
+    Averages over the angles of engagement of what `force.milling_force` adds up (Altintas 2012, section 2.8).
+    """
+    p, q = cut.angles
+    sine, cosine = np.cos(p) - np.cos(q), np.sin(q) - np.sin(p)
+    square = (q - p) / 2 - (np.sin(2 * q) - np.sin(2 * p)) / 4
+    both = (np.sin(q) ** 2 - np.sin(p) ** 2) / 2
+    c = per_tooth_mm
+    scale = cut.cutter.flutes * cut.axial_mm / (2 * np.pi)
+    return scale * np.array(
+        [
+            [c * square, -c * both, 0, sine, -cosine, 0],
+            [-c * both, -c * square, 0, -cosine, -sine, 0],
+            [0, 0, c * sine, 0, 0, q - p],
+        ]
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Means:
+    """The estimator's instrument: mean forces, linear in the coefficients."""
+
+    mean_n: Shaped[Float, "n 3"]
+    covariance: Shaped[Float, "n 3 3"]
+    matrix: Shaped[Float, "n 3 6"]
+
+    def rows(self, at: Float) -> estimator.Rows:
+        left = self.mean_n - self.matrix @ at
+        return estimator.Rows(
+            left, self.matrix, self.covariance, np.full(len(left), 3.0), np.zeros((6, 6)), np.zeros(6)
+        )
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return np.asarray(at + step)
+
+
+def _fitted(recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: Float, lost_n: Float) -> Tried:
+    """Coefficients of the mean forces; `lost_n` (n, 3) is what run-out takes from them, known to a half of itself."""
+    matrix = np.array([mean_matrix(cut, c) for c in per_tooth])
+    mean = np.array([turn @ one.mean_n for one in recorded]) - lost_n
+    covariance = np.array([turn @ one.covariance @ turn.T for one in recorded])
+    found = estimator.fit(_Means(mean, covariance, matrix), np.zeros(6))
+    by_runout = found.carried(0.5 * lost_n[..., None])
+    return Tried(
+        turn, found.at, found.covariance + by_runout @ by_runout.T, found.misfit if found.freedom > 0 else None
+    )
+
+
+def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
+    """The one way that gives forces above zero and turns as the recorded force does."""
+    sense = float(np.exp(np.mean([np.log(one.sense) for one in recorded])))
+    turning: Bool = np.array([sense**one.handed >= 1.0 or stated for one in tried])
+    positive = np.array([one.positive for one in tried])
+    fitting = [one for one, a, b in zip(tried, turning, positive, strict=True) if a and b]
+    where = recorded[0].source
+    if len(fitting) == 1:
+        return fitting[0]
+    if not fitting:
+        k = dict(zip(NAMES, tried[int(np.argmax(turning))].values, strict=True))
+        raise InputError(
+            where,
+            "expected coefficients above zero, found none with "
+            + (
+                f"these axes ({k['ktc_n_mm2']:.0f}, {k['krc_n_mm2']:.0f}, {k['kac_n_mm2']:.0f} N/mm2)"
+                if stated
+                else "any axes"
+            )
+            + ": are the feeds in the recordings' order, the direction and the depths those of the cut?",
+        )
+    raise InputError(where, f"several axes fit: {'; '.join(one.words for one in fitting)}; name them by 'axes'")
+
+
+class RunOut(NamedTuple):
+    """What the once-per-turn line says."""
+
+    mm: float  # at least, where tooth 1 stands worst
+    lost_n: Shaped[Float, "n 3"]  # mean force with it less that without: where a chip ends, its edge force does too
+
+
+def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, helix: float) -> RunOut:
+    """The least run-out that makes the lines; none of one flute, and of a partial cut none is looked for."""
+    lost = np.zeros((len(recorded), 3))
+    if cut.cutter.flutes < 2 or cut.angles != (0.0, np.pi):
+        return RunOut(0.0, lost)
+    of = CuttingCoefficients(*tried.values)
+
+    def through(c: float, size: float, angle: float) -> Float:
+        feed, radial, axial = (np.array([one]) for one in (c, cut.cutter.diameter_mm, cut.axial_mm))
+        return np.asarray(milling_force(of, cut.cutter, feed, radial, axial, Teeth(helix, size, angle))[0, :, :3])
+
+    def line(c: float, size: float, angle: float) -> float:
+        turn = through(c, size, angle)
+        lines = np.fft.fft(turn[:, 0] + 1j * turn[:, 1]) / len(turn)
+        return float(np.hypot(abs(lines[1]), abs(lines[-1])))
+
+    small = 0.1 * float(per_tooth.min())
+    angles = np.linspace(0, np.pi, 13)[:-1]
+    worst = float(angles[int(np.argmax([line(float(per_tooth[0]), small, float(one)) for one in angles]))])
+    size = float(
+        np.mean([one.once_n / line(c, small, worst) * small for one, c in zip(recorded, per_tooth, strict=True)])
+    )
+    for k, c in enumerate(per_tooth):
+        lost[k] = through(c, size, worst).mean(axis=0) - through(c, 0.0, worst).mean(axis=0)
+    return RunOut(size, lost)
+
+
+class Identified(NamedTuple):
+    """All that was found, for file and chapter."""
+
+    material: str
+    tool: str
+    cut: Cutting
+    recorded: tuple[Recorded, ...]
+    per_tooth: Float
+    tried: tuple[Tried, ...]
+    chosen: Tried
+    runout: RunOut
+
+    @property
+    def left_n(self) -> Float:
+        """Mean forces less those of the fit (n, 3), cutter's axes."""
+        turn = self.chosen.turn
+        return np.array(
+            [
+                turn @ one.mean_n - lost - mean_matrix(self.cut, c) @ self.chosen.values
+                for one, c, lost in zip(self.recorded, self.per_tooth, self.runout.lost_n, strict=True)
+            ]
+        )
+
+    @property
+    def not_included(self) -> list[str]:
+        """What the file cannot know, and how much it may cost."""
+        ktc, _, _, kte, *_ = self.chosen.values
+        inverse = np.linalg.pinv(np.concatenate([mean_matrix(self.cut, c) for c in self.per_tooth]))
+        offset = np.abs(inverse @ np.tile([1.0, 0, 0], len(self.per_tooth)))
+        return [
+            f"the dynamometer's scale: 1 % of gain is 1 % of every coefficient ({0.01 * ktc:.1f} N/mm2 of K_tc), "
+            f"{0.01 * ktc / np.sqrt(self.chosen.covariance[0, 0]):.1f} u of it",
+            f"drift and zero of the charge amplifier: 1 N in all recordings changes K_te by {offset[3]:.2f} N/mm "
+            f"({100 * offset[3] / max(abs(kte), 1e-9):.0f} %) and no K_c",
+            "depths of cut: 1 % of the axial depth is 1 % of every coefficient",
+            "wear and other cutting speeds: the coefficients are those of this edge at this speed",
+        ]
+
+
+def _document(found: Identified) -> bytes:
+    chosen = found.chosen
+    return CoefficientsFile.written(
+        {
+            "format": "cutting-coefficients",
+            "version": 1,
+            "material": found.material,
+            "tool": found.tool,
+            "cutter_diameter_mm": found.cut.cutter.diameter_mm,
+            "flutes": found.cut.cutter.flutes,
+            **dict(zip(NAMES, chosen.values, strict=True)),
+            "u": dict(zip(NAMES, np.sqrt(np.diag(chosen.covariance)), strict=True)),
+            "covariance": chosen.covariance,
+            "misfit": chosen.misfit,
+            "axes": chosen.words,
+            "axes_tried": [
+                {"axes": one.words, **dict(zip(NAMES[:3], one.values[:3], strict=True))} for one in found.tried
+            ],
+            "least_runout_mm": found.runout.mm,
+            "recordings": [
+                {
+                    "file": Path(one.source).name,
+                    "feed_per_tooth_mm": c,
+                    "spindle_rpm": one.rpm,
+                    "turns": one.turns,
+                    "mean_n": one.mean_n,
+                    "residual_n": left,
+                    "variance_beyond_bandwidth": one.beyond,
+                    "once_per_turn_n": one.once_n,
+                }
+                for one, c, left in zip(found.recorded, found.per_tooth, found.left_n, strict=True)
+            ],
+            "bandwidth_hz": found.cut.bandwidth_hz,
+            "not_included": found.not_included,
+        }
+    )
+
+
+def _chapter(found: Identified) -> Chapter:
+    u = np.sqrt(np.diag(found.chosen.covariance))
+    named = zip(("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae"), found.chosen.values, u, strict=True)
+    rows = [(n, f"{k:.4g} ± {2 * s:.2g}", "N/mm²" if n[-1] == "c" else "N/mm") for n, k, s in named]
+    of = [
+        (
+            f"{c:.4g}",
+            f"{one.rpm:.1f}",
+            f"{one.turns}",
+            ", ".join(f"{x:.1f}" for x in found.chosen.turn @ one.mean_n),
+            ", ".join(f"{x:.2f}" for x in left),
+            ", ".join(f"{100 * x:.0f}" for x in one.beyond),
+        )
+        for one, c, left in zip(found.recorded, found.per_tooth, found.left_n, strict=True)
+    ]
+    head = ("Feed per tooth, mm", "rev/min", "Turns", "Mean force, N", "Residual, N", "Variance beyond bandwidth, %")
+    misfit = found.chosen.misfit
+    summary = (
+        f"Cutting coefficients of {found.material}: K_tc = {found.chosen.values[0]:.0f} N/mm² ± {2 * u[0]:.0f} "
+        f"(k = 2), from {len(found.recorded)} recordings"
+    )
+    text = (
+        pieces.table_html(("Coefficient", "Value ± U", "Unit"), rows)
+        + pieces.table_html(head, of)
+        + pieces.paragraph(
+            f"Dynamometer's axes, as the cutter has them: {found.chosen.words} ({len(found.tried)} tried). Misfit: "
+            + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")
+            + f". Run-out by the once-per-turn line: at least {found.runout.mm:.4f} mm."
+        )
+        + pieces.list_html([f"Not included: {one}" for one in found.not_included])
+    )
+    return Chapter("Cutting coefficients", text, summary=summary)

@@ -1,0 +1,302 @@
+"""`stiffness.modes`: how the robot swings at the tool, from masses and joint stiffness, or fitted to tap tests."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    NO_NAMES,
+    UNKNOWN_PART,
+    AnyArray,
+    Cell,
+    Chain,
+    Chapter,
+    Document,
+    Float,
+    InputError,
+    InputFile,
+    ModesFile,
+    PartNames,
+    Shaped,
+    estimator,
+    forward_kinematics,
+    jacobian,
+    pieces,
+    stage,
+)
+from workbench.plugins.stiffness.dynamics import at_tool, bodies_of, mass_matrices
+from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.stability import Dynamics
+from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
+from workbench.plugins.stiffness.values import JointStiffness, RobotModes, ToolMode
+
+Mass = Annotated[float, Field(gt=0, le=1e4)]
+Angle = Annotated[float, Field(ge=-720, le=720)]
+Hertz = Annotated[float, Field(gt=0, le=1e4)]
+FLAT = 2.0  # u of a logarithm that nobody knows: a factor of seven
+FLOOR = 0.02  # of the middle response: noise that does not fall with the response
+CONTRADICTS = 3.0  # times the standard uncertainty, from the stated stiffness
+TOO_MUCH = 25.0  # chi-square over its degrees of freedom: the model is another's
+SCALES = {1e3: "in 1/mm or mm", 1e-3: "in mm, not m", 9.80665: "in g, not m/s2", 1 / 9.80665: "in g, not m/s2"}
+
+
+@stage("stiffness.modes")
+def modes(
+    cell: Cell,
+    stiffness: JointStiffness,
+    *,
+    taps: InputFile | None = None,
+    link_masses_kg: tuple[Mass, Mass, Mass, Mass, Mass, Mass] | None = None,
+    mass_relative_u: Annotated[float, Field(gt=0, le=2)] = 0.3,
+    stiffness_relative_u: Annotated[float, Field(ge=0, le=2)] = 0.1,
+    damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.03,
+    damping_relative_u: Annotated[float, Field(gt=0, le=2)] = 0.5,
+    tool_frequency_hz: Hertz | None = None,
+    tool_damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.02,
+    tool_stiffness_n_um: Annotated[float, Field(gt=0, le=1e4)] = 20.0,
+    band_hz: tuple[Hertz, Hertz] = (4.0, 80.0),
+    response_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.05,
+    joints_deg: tuple[Angle, Angle, Angle, Angle, Angle, Angle] = (0, 38, -5, 20, 55, -10),
+    part: PartNames = NO_NAMES,
+) -> tuple[RobotModes, Document, Chapter]:
+    """Mass, stiffness and damping of the robot at the tool: declared, or fitted to tap tests of several postures.
+
+    Rigid links on springs and dampers about their joints. Without tap tests masses come from the URDF (or are given)
+    and damping is declared: every result says so. With them stiffness, masses and dampers are fitted together, what was
+    declared being a prior. Writes `modes.json`.
+
+    Args:
+        cell: the robot, with its tool's mass and centre of gravity.
+        stiffness: of its joints; with u, a prior of the fit.
+        taps: a list of tap tests (JSON) beside their files in UFF 58 or CSV; null: none.
+        link_masses_kg: of the six links, spread evenly in their shapes; null: the URDF's.
+        mass_relative_u: ratio of standard uncertainty to value of each link's mass.
+        stiffness_relative_u: likewise a ratio, of each joint's stiffness, where `stiffness` is without.
+        damping_ratio: of all modes, as a share of the critical; with tap tests where the fit begins.
+        damping_relative_u: ratio of standard uncertainty to value of it.
+        tool_frequency_hz: of the first mode of spindle and cutter; null: none that counts.
+        tool_damping_ratio: of that mode, as a share of the critical.
+        tool_stiffness_n_um: of that mode at the cutter's tip, a number of N/um.
+        band_hz: of the responses that are fitted.
+        response_relative_u: ratio of standard uncertainty to size of a line of a response.
+        joints_deg: a posture whose modes are told.
+        part: whose tests they are, for the file and the page.
+
+    Raises:
+        InputError: no masses; a file of another kind or of too low a coherence; responses that the model does not fit
+            (other units, axes, point), or that contradict the stated stiffness.
+
+    Example:
+        >>> from workbench import robot
+        >>> from workbench.plugins import stiffness
+        >>> cell = robot.cell(cell="data/robot/cell.json")
+        >>> masses = [400, 300, 200, 120, 30, 5]
+        >>> found, file, chapter = stiffness.modes(cell, stiffness.read(cell), link_masses_kg=masses)
+        >>> len(found.declared), file.name
+        (3, 'modes.json')
+    """
+    bodies = bodies_of(cell, link_masses_kg)
+    stated = np.sqrt(np.diag(stiffness.covariance)) / stiffness.nm_per_rad
+    k_relative = np.where(stated > 0, stated, stiffness_relative_u)
+    u = np.concatenate([k_relative, np.full(6, mass_relative_u), [damping_relative_u]])
+    tool = None
+    if tool_frequency_hz is not None:
+        tool = ToolMode(tool_frequency_hz, tool_damping_ratio, tool_stiffness_n_um)
+    declared = [
+        f"damping: {damping_ratio:g} of critical ± {2 * damping_relative_u * damping_ratio:.2g} (k = 2), not measured",
+        f"masses: {'of the URDF' if link_masses_kg is None else 'given, even in the collision shapes'}, "
+        f"± {200 * mass_relative_u:.0f} % (k = 2)",
+    ]
+    if not stated.any():
+        declared.append(f"stiffness: without u, ± {200 * stiffness_relative_u:.0f} % (k = 2) assumed")
+    begun = RobotModes(stiffness.nm_per_rad, bodies, np.array([damping_ratio]), np.diag(u**2), tool, tuple(declared))
+    if taps is None:
+        found, tests = begun, None
+    else:
+        tests = read_tap_tests(taps, cell.flange_from_cutter[:3, 3], band_hz)
+        found = fitted(cell.chain, begun, tests, response_relative_u)
+    joints = np.array([joints_deg], float) * DEG
+    who = UNKNOWN_PART.with_names(part)
+    shown = at_posture(cell, found, joints)
+    chapter = replace(_chapter(found, shown, tests, joints_deg), part=who, about="instruments")
+    return found, Document(ModesFile.NAME, _document(found, shown, asdict(who), joints_deg)), chapter
+
+
+def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
+    """At the cutter's tip, in the cutter's axes, of postures (k, 6)."""
+    return at_tool(cell.chain, modes, joints, forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Taps:
+    """The estimator's instrument: logarithms of compliances, whose noise is even; by the logarithms of parameters."""
+
+    chain: Chain
+    start: RobotModes
+    tests: TapTests
+    slopes: Shaped[Float, "n 2 6"]  # of the response's and the force's direction, m/rad
+    prior: Shaped[Float, " 18"]  # standard uncertainties
+    relative_u: float
+
+    @classmethod
+    def of(cls, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float) -> _Taps:
+        flange = forward_kinematics(chain, tests.joints)[:, :3, :3]
+        turn = np.where(tests.in_flange[:, None, None], flange, np.eye(3))
+        linear = np.array([jacobian(chain, q, at)[:3] for q, at in zip(tests.joints, tests.point_mm, strict=True)]) / MM
+        both = np.stack([tests.to, tests.by], axis=1)
+        inside = np.einsum("nrc,nac->nar", turn[tests.posture], both)
+        return cls(chain, start, tests, np.einsum("nar,nri->nai", inside, linear[tests.posture]), prior, relative_u)
+
+    def compliance(self, at: Float) -> tuple[AnyArray, AnyArray]:
+        """Complex (n,), m/N, and its derivative by the logarithms of the parameters (n, 18)."""
+        now = self.start.moved(at)
+        parts = mass_matrices(self.chain, now.bodies, self.tests.joints)
+        mass = parts.sum(axis=0)[self.tests.posture]
+        w = (2 * np.pi * self.tests.hz)[:, None]
+        whole = -(w[..., None] ** 2) * mass + np.diag(now.nm_per_rad) + 1j * w[..., None] * np.diag(now.damping)
+        moved = np.linalg.solve(whole, np.swapaxes(self.slopes, 1, 2).astype(complex))  # (n, 6, 2)
+        to, by = moved[..., 0], moved[..., 1]
+        by_mass = (
+            np.stack([np.einsum("ni,nij,nj->n", to, part[self.tests.posture], by) for part in parts], axis=1) * w**2
+        )
+        change = np.concatenate([-now.nm_per_rad * to * by, by_mass, -1j * w * now.damping * to * by], axis=1)
+        return np.einsum("ni,ni->n", self.slopes[:, 0], by), change
+
+    def rows(self, at: Float) -> estimator.Rows:
+        value, change = self.compliance(at)
+        off, slope = np.log(self.tests.value / value), change / value[:, None]
+        size = np.abs(self.tests.value)
+        u2 = self.relative_u**2 + (FLOOR * np.median(size) * self.relative_u / size) ** 2
+        return estimator.Rows(
+            residual=np.stack([off.real, off.imag], axis=1),
+            jacobian=np.stack([slope.real, slope.imag], axis=1),
+            covariance=u2[:, None, None] * np.eye(2),
+            values=np.full(len(size), 2.0),
+            prior=np.diag(1 / self.prior**2),
+            away=-at,
+        )
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return np.asarray(np.clip(at + step, -4.0, 4.0))
+
+
+def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float) -> RobotModes:
+    """Stiffness, masses and joint dampers fitted to tap tests.
+
+    Raises:
+        InputError: the model does not fit the responses; stiffness that contradicts the stated one.
+    """
+    mass = mass_matrices(chain, start.bodies, tests.joints).sum(axis=0)
+    inertia = np.einsum("kii->i", mass) / len(mass)
+    dampers = 2 * start.damping[0] * np.sqrt(start.nm_per_rad * inertia)
+    begun = replace(start, damping=dampers, covariance=np.zeros((18, 18)))
+    u = np.sqrt(np.diag(start.covariance))
+    prior = np.concatenate([u[:12], np.full(6, FLAT)])
+    calm = _Taps.of(chain, begun, tests, 10 * relative_u, prior)  # far from the answer, resonances mislead
+    _check_scale(calm, tests)
+    near = estimator.fit(calm, np.zeros(18))
+    found = estimator.fit(_Taps.of(chain, begun, tests, relative_u, prior), near.at)
+    if not np.isfinite(found.chi2) or found.misfit > TOO_MUCH:
+        raise InputError(
+            tests.source,
+            f"rigid links on joint springs do not fit these responses: misfit {found.misfit:.0f} where 1 is usual; are "
+            "axes, point (point_mm), joint angles or kind others? A narrower band_hz leaves the links' own modes out",
+        )
+    change, known = found.at[:6], np.sqrt(np.diag(found.covariance)[:6] + prior[:6] ** 2)
+    worst = int(np.argmax(np.abs(change) / known))
+    if abs(change[worst]) > CONTRADICTS * known[worst]:
+        raise InputError(
+            tests.source,
+            f"the responses ask for {np.exp(change[worst]):.2f} times the stated stiffness of joint {worst + 1}, "
+            f"{abs(change[worst]) / known[worst]:.0f} u: another robot or load, or a wrong unit?",
+        )
+    made = begun.moved(found.at)
+    notes: tuple[str, ...] = (f"{tests.left_out} lines of too low a coherence left out",) if tests.left_out else ()
+    if len(tests.joints) < 3:
+        notes += (f"{len(tests.joints)} postures only: masses and dampers are told apart by three or more",)
+    return replace(made, covariance=found.covariance, declared=(), misfit=found.misfit, warnings=notes)
+
+
+def _check_scale(taps: _Taps, tests: TapTests) -> None:
+    """Refuse responses in other units: their size below the resonances is known from the stiffness."""
+    value, _ = taps.compliance(np.zeros(18))
+    ratio = float(np.exp(np.median(np.log(np.abs(tests.value) / np.abs(value)))))
+    for scale, words in SCALES.items():
+        if abs(np.log(ratio / scale)) < 0.5 * abs(np.log(scale)) and abs(np.log(ratio)) > np.log(4.0):
+            raise InputError(
+                tests.source,
+                f"the responses are {ratio:.3g} times what stiffness and masses ask for: are they {words}?",
+            )
+
+
+NOT_INCLUDED = (
+    "the links' own bending and the base's: modes above some 60 Hz of a large robot; they lower the limit where the "
+    "teeth come near them",
+    "friction and backlash of the joints: damping of small swings is larger, of large ones smaller than fitted",
+    "the controller's own stiffness below some 5 Hz, which a standing robot shows and a moving one does not",
+)
+
+
+def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints_deg: tuple[float, ...]) -> bytes:
+    frequency, ratio = swings(shown)
+    return ModesFile.written(
+        {
+            "format": "robot-modes",
+            "version": 1,
+            "part": who,
+            "joint_stiffness_nm_per_rad": found.nm_per_rad,
+            "link_masses_kg": found.bodies.mass_kg,
+            **(
+                {"damping_ratio": float(found.damping[0])}
+                if len(found.damping) == 1
+                else {"joint_damping_nm_s_per_rad": found.damping}
+            ),
+            "parameters": found.names,
+            "covariance_of_logarithms": found.covariance,
+            "declared": list(found.declared),
+            "misfit": found.misfit,
+            "spindle_and_cutter": None if found.tool is None else asdict(found.tool),
+            "example": {
+                "joints_deg": list(joints_deg),
+                "frequency_hz": frequency,
+                "damping_ratio": ratio,
+                "shape_per_sqrt_kg": shown.shape[0].T,
+            },
+            "not_included": [*NOT_INCLUDED, *(f"not measured: {one}" for one in found.declared)],
+            "warnings": list(found.warnings),
+        }
+    )
+
+
+def swings(one: Dynamics) -> tuple[Float, Float]:
+    """Frequencies (n,), Hz, and shares of critical damping (n,) of the modes of one place, as they decay."""
+    n = one.stiffness.shape[1]
+    whole = np.block([[np.zeros((n, n)), np.eye(n)], [-one.stiffness[0], -one.damping[0]]])
+    roots = np.linalg.eigvals(whole)
+    roots = roots[roots.imag > 0]
+    roots = roots[np.argsort(np.abs(roots))]
+    return np.abs(roots) / (2 * np.pi), -roots.real / np.abs(roots)
+
+
+def _chapter(found: RobotModes, shown: Dynamics, tests: TapTests | None, joints_deg: tuple[float, ...]) -> Chapter:
+    frequency, ratio = swings(shown)
+    u = np.sqrt(np.diag(found.covariance))
+    rows = [(f"{k}", f"{f:.1f}", f"{100 * z:.1f}") for k, (f, z) in enumerate(zip(frequency, ratio, strict=True), 1)]
+    values = np.concatenate([found.nm_per_rad, found.bodies.mass_kg, found.damping])
+    known = [(name, f"{v:.4g}", f"{200 * s:.0f} %") for name, v, s in zip(found.names, values, u, strict=True)]
+    origin = "declared" if tests is None else f"from tap tests at {len(tests.joints)} postures"
+    summary = f"Modes at the tool, {origin}: the lowest at {frequency[0]:.1f} Hz in the posture shown"
+    misfit = "" if found.misfit is None else f" Misfit of the responses: {found.misfit:.2f} (1 is usual)."
+    text = (
+        pieces.paragraph(f"At joint angles {', '.join(f'{q:g}' for q in joints_deg)}°, at the cutter's tip.{misfit}")
+        + pieces.table_html(("Mode", "Frequency, Hz", "Damping, % of critical"), rows)
+        + pieces.table_html(("Parameter", "Value (Nm/rad, kg, ratio or Nm·s/rad)", "U / value"), known)
+        + pieces.list_html([*(f"Declared: {one}" for one in found.declared), *found.warnings])
+        + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])
+    )
+    return Chapter("Modes of the robot", text, summary=summary)

@@ -1,0 +1,288 @@
+"""When milling chatters: mode coupling and regeneration in one periodic delay equation, judged and screened.
+
+In the frame of a path point (x into the material, y along the feed, z to the tip), u the tool's displacement and tau
+the time from tooth to tooth:
+
+    q'' + C q' + W q = U^T b A(t) (u(t) - u(t - tau)),    u = U q,
+
+with unit modal masses and A what a chip of 1 mm along a depth b of 1 mm pushes by. The term in u(t) alone is mode
+coupling (Pan et al. 2006), that in u(t - tau) the wave that the tooth before left (regeneration).
+
+`limits` is the judge: the modes are integrated exactly over steps of the tooth's period under a force that is linear in
+time, what makes A periodic is averaged over each step exactly, and the spectral radius of the map over one period tells
+(full-discretisation: Ding et al., Int. J. Mach. Tools Manuf. 50 (2010) 502; Floquet). `screened` is for maps: where
+teeth come much faster than the modes swing, the delay is a velocity, and one constant matrix tells.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from workbench.api import AnyArray, Float, Shaped, kernel
+
+STEPS = 40  # of a tooth's period, at least
+PER_SWING = 24  # steps of the fastest mode's period, at least
+SLICES = 16  # of the depth along the helix
+BEYOND = 24  # vectors of the Krylov space beyond twice the modes: what is delayed dies out fast
+RATIO = 1.2  # between neighbouring depths of the search
+DEPTHS = 50  # of the fast search, from a ten-thousandth of the largest
+FINER = 7  # depths between two neighbours, in each round of the search
+ROUNDS = 2
+INVARIANT = 1e-13  # of a unit vector, what is left of the next one
+ON_AXIS = 3e-8  # of a mode's frequency: growth below which rounding cannot be told from it
+MM = 1e3
+
+
+class Dynamics(NamedTuple):
+    """A structure at the tool, by mass-normalised coordinates; n of them at each of k places."""
+
+    stiffness: Shaped[Float, "k n n"]  # 1/s^2
+    damping: Shaped[Float, "k n n"]  # 1/s
+    shape: Shaped[Float, "k 3 n"]  # displacement of the tool, 1/sqrt(kg), in the place's frame
+
+    def at(self, index: int) -> Dynamics:
+        """One place."""
+        return Dynamics(*(part[index : index + 1] for part in self))
+
+
+class Milling(NamedTuple):
+    """How a tooth meets the material."""
+
+    chip: tuple[float, float, float]  # K_tc, K_rc, K_ac, N/mm^2
+    flutes: int
+    entry: float  # angles from x towards y, rad
+    exit: float
+    lag: float  # of the helix, rad a mm of depth
+    rpm: float
+
+    @property
+    def period_s(self) -> float:
+        """From tooth to tooth."""
+        return 60.0 / (self.rpm * self.flutes)
+
+
+def milling(
+    chip: tuple[float, float, float], flutes: int, diameter_mm: float, radial_mm: float, helix: float, rpm: float
+) -> tuple[Milling, Milling]:
+    """The cut as the path runs, which is up-milling, and with the feed the other way: down-milling."""
+    last = float(np.arccos(max(1.0 - 2.0 * radial_mm / diameter_mm, -1.0)))
+    lag = float(np.tan(helix)) / (diameter_mm / 2)
+    return Milling(chip, flutes, 0.0, last, lag, rpm), Milling(chip, flutes, -last, 0.0, lag, rpm)
+
+
+def mean_direction(cut: Milling) -> Float:
+    """A (3, 2) averaged over a turn, N/mm^2: the helix changes nothing in it."""
+    return np.asarray(_integrals(cut, np.array([cut.entry, cut.exit]))[1] * cut.flutes / (2 * np.pi))
+
+
+def _integrals(cut: Milling, angle: Float) -> Float:
+    """Integral of A of one tooth from the entry to angles (n,), which may turn often: (n, 3, 2)."""
+    kt, kr, ka = cut.chip
+    turns, within = np.divmod(angle - cut.entry, 2 * np.pi)
+
+    def upto(end: Float) -> Float:
+        p, q = cut.entry, end
+        both = (np.sin(q) ** 2 - np.sin(p) ** 2) / 2
+        half, wave = (q - p) / 2, (np.sin(2 * q) - np.sin(2 * p)) / 4
+        sine, cosine = half - wave, half + wave  # of the squares
+        rows = [
+            [kt * both - kr * cosine, kt * sine - kr * both],
+            [-kt * cosine - kr * both, -kt * both - kr * sine],
+            [ka * (np.sin(q) - np.sin(p)), ka * (np.cos(p) - np.cos(q))],
+        ]
+        return np.moveaxis(np.array(rows), -1, 0)
+
+    whole = upto(np.array([cut.exit]))
+    return np.asarray(turns[:, None, None] * whole + upto(np.minimum(cut.entry + within, cut.exit)))
+
+
+def directions(cut: Milling, depth_mm: Float, steps: int) -> Float:
+    """A averaged over each step of a tooth's period (d, steps, 3, 2), N/mm^2, at depths (d,)."""
+    pitch = 2 * np.pi / cut.flutes
+    edges = np.arange(steps + 1) * pitch / steps
+    lag = cut.lag * np.asarray(depth_mm, float)
+    slices = (np.arange(SLICES) + 0.5) / SLICES
+    back = lag[:, None] * slices + pitch * np.arange(cut.flutes)[:, None, None]  # (flutes, d, slices)
+    upto = _integrals(cut, (edges - back[..., None]).ravel()).reshape(*back.shape, steps + 1, 3, 2)
+    return np.asarray(np.diff(upto, axis=3).sum(axis=0).mean(axis=1) * steps / pitch)
+
+
+def limits(
+    dynamics: Dynamics, cut: Milling, largest_mm: float, start_mm: Float | None = None, steps: int | None = None
+) -> Float:
+    """Least depth (k,) at which the cut is unstable, mm, to 0.3 %; infinite where none is up to `largest_mm`.
+
+    Args:
+        dynamics: of k places.
+        cut: the same at all.
+        largest_mm: that is looked at.
+        start_mm: (k,) from which the search begins; None: a hundredth of the largest. Stable depths below it are told.
+        steps: of a tooth's period; None: as the modes ask for.
+    """
+    first = np.full(len(dynamics.shape), largest_mm / 100) if start_mm is None else np.maximum(start_mm, 1e-6)
+    found = np.full(len(dynamics.shape), np.inf)
+    for k, low in enumerate(first):
+        one = Judge(dynamics.at(k), cut, steps)
+        count = max(int(np.ceil(np.log(largest_mm / low) / np.log(RATIO))), 1)
+        depth = (
+            low * (largest_mm / low) ** (np.arange(count + 1) / count) if low < largest_mm else np.array([largest_mm])
+        )
+        found[k] = _least(one, depth)
+    return found
+
+
+def _least(judge: Judge, depth: Float) -> float:
+    """The first of rising depths that is unstable, refined towards the one before it."""
+    unstable = judge.radius(depth) > 1.0
+    if not unstable.any():
+        return float(np.inf)
+    at = int(np.argmax(unstable))
+    low, high = (depth[at - 1] if at else 0.0), float(depth[at])
+    if at == 0:  # from below: nothing is known of smaller ones
+        low = high / RATIO
+        while judge.radius(np.array([low]))[0] > 1.0 and low > high * 1e-3:
+            low, high = low / RATIO, low
+    for _ in range(ROUNDS):
+        between = np.linspace(low, high, FINER + 2)
+        unstable = np.append(judge.radius(between[1:-1]) > 1.0, True)
+        first = int(np.argmax(unstable))
+        low, high = float(between[first]), float(between[first + 1])
+    return (low + high) / 2
+
+
+class Judge:
+    """Spectral radius of the map over one tooth's period, for one place."""
+
+    def __init__(self, dynamics: Dynamics, cut: Milling, steps: int | None = None) -> None:
+        fastest = float(np.sqrt(np.abs(np.linalg.eigvals(dynamics.stiffness[0])).max())) / (2 * np.pi)
+        self.cut, self.steps = cut, steps or max(STEPS, int(np.ceil(PER_SWING * fastest * cut.period_s)))
+        n, step = dynamics.shape.shape[2], cut.period_s / self.steps
+        whole = np.zeros((2 * n + 6, 2 * n + 6))  # q, q' in periods, force, slope of the force
+        whole[:n, n : 2 * n] = np.eye(n) / cut.period_s
+        whole[n : 2 * n, :n] = -dynamics.stiffness[0] * cut.period_s
+        whole[n : 2 * n, n : 2 * n] = -dynamics.damping[0]
+        whole[n : 2 * n, 2 * n : 2 * n + 3] = dynamics.shape[0].T * cut.period_s
+        whole[2 * n : 2 * n + 3, 2 * n + 3 :] = np.eye(3) / step
+        through = scipy.linalg.expm(whole * step)[: 2 * n]
+        self.free = through[:, : 2 * n]
+        self.last = through[:, 2 * n + 3 :]  # by the force at the step's end
+        self.first = through[:, 2 * n : 2 * n + 3] - self.last
+        self.seen = np.hstack([dynamics.shape[0, :2], np.zeros((2, n))])
+        self.size = min(2 * n + 2 * self.steps, 2 * n + BEYOND)
+
+    def radius(self, depth_mm: Float) -> Float:
+        """At depths (d,): above 1, the cut is unstable."""
+        depth = np.asarray(depth_mm, float)
+        push = directions(self.cut, depth, self.steps) * depth[:, None, None, None] * MM  # (d, steps, 3, 2), N/m
+        at_end = self.last @ push  # the force at a step's end hangs on where the tool is by then
+        back = np.linalg.inv(np.eye(2) - self.seen @ at_end)
+        whole = np.eye(len(self.free)) + at_end @ back @ self.seen
+        at_start = self.first @ push
+        own, late = whole @ (self.free + at_start @ self.seen), np.concatenate([at_start, at_end], axis=3)
+        steps = np.concatenate([own, -whole @ late], axis=3)
+        made = _hessenbergs(np.ascontiguousarray(steps), self.seen, self.size)
+        return np.asarray(np.abs(np.linalg.eigvals(made)).max(axis=1))
+
+
+@kernel
+def _hessenbergs(steps: AnyArray, seen: AnyArray, size: int) -> AnyArray:
+    """Arnoldi's projection (d, size, size) of the map over one period of each depth."""
+    whole = steps.shape[2] + 2 * steps.shape[1]
+    found = np.zeros((len(steps), size, size))
+    space, history = np.zeros((size + 1, whole)), np.zeros((steps.shape[1] + 1, 2))
+    for d in range(len(steps)):
+        for i in range(whole):
+            space[0, i] = np.cos(1.0 + i * i * 0.7)
+        _scale(space[0])
+        for c in range(size):
+            _period(space[c], space[c + 1], steps[d], seen, history)
+            for k in range(2 * (c + 1)):  # against each before it, twice (Kahan)
+                r = k % (c + 1)
+                share = _product(space[r], space[c + 1])
+                found[d, r, c] += share
+                for i in range(whole):
+                    space[c + 1, i] -= share * space[r, i]
+            length = _scale(space[c + 1])
+            if length < INVARIANT:
+                break  # the space is complete: what is left of the matrix is zero
+            if c + 1 < size:
+                found[d, c + 1, c] = length
+    return found
+
+
+@kernel
+def _product(a: AnyArray, b: AnyArray) -> float:
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
+def _scale(vector: AnyArray) -> float:
+    """Make it a unit vector; its length before."""
+    length: float = np.sqrt(_product(vector, vector))
+    if length > 0.0:
+        for i in range(len(vector)):
+            vector[i] /= length
+    return length
+
+
+@kernel
+def _period(before: AnyArray, after: AnyArray, steps: AnyArray, seen: AnyArray, history: AnyArray) -> None:
+    """One period of a vector: the state, then where the tool was (steps, 2) at the starts of its steps."""
+    states = steps.shape[1]
+    state, then = before[:states].copy(), np.zeros(states)
+    for k in range(len(steps)):
+        for a in range(2):
+            history[k, a] = before[states + 2 * k + a]
+            history[len(steps), a] = _product(seen[a], state)  # where the period before ended
+    for k in range(len(steps)):
+        for a in range(2):
+            after[states + 2 * k + a] = _product(seen[a], state)
+        for i in range(states):
+            then[i] = _product(steps[k, i, :states], state)
+            for a in range(2):
+                then[i] += steps[k, i, states + a] * history[k, a] + steps[k, i, states + 2 + a] * history[k + 1, a]
+        for i in range(states):
+            state[i] = then[i]
+    for i in range(states):
+        after[i] = state[i]
+
+
+def screened(dynamics: Dynamics, cut: Milling, largest_mm: float, *, regeneration: bool = True) -> Float:
+    """Least depth (k,) at which the averaged cut is unstable, mm, infinite where none is up to `largest_mm`.
+
+    Args:
+        dynamics: of k places.
+        cut: the same at all.
+        largest_mm: that is looked at.
+        regeneration: the delay as a velocity; else mode coupling alone, each tooth on an even surface.
+    """
+    pushed = np.swapaxes(dynamics.shape, 1, 2) @ mean_direction(cut) * MM @ dynamics.shape[:, :2]
+    k, n = dynamics.shape.shape[0], dynamics.shape.shape[2]
+    scale = np.sqrt(np.abs(np.trace(dynamics.stiffness, axis1=1, axis2=2) / n))[:, None, None]
+
+    def unstable(depth: Float) -> AnyArray:
+        by = depth[:, None, None] * pushed
+        whole = np.zeros((k, 2 * n, 2 * n))  # time in units of the modes' own
+        whole[:, :n, n:] = np.eye(n)
+        whole[:, n:, :n] = -(dynamics.stiffness - (0.0 if regeneration else by)) / scale**2
+        whole[:, n:, n:] = -(dynamics.damping - (by * cut.period_s if regeneration else 0.0)) / scale
+        return np.asarray(np.linalg.eigvals(whole).real.max(axis=1) > ON_AXIS)
+
+    low, high = np.zeros(k), np.full(k, np.inf)
+    for depth in largest_mm * RATIO ** -np.arange(float(DEPTHS))[::-1]:
+        open_ = ~np.isfinite(high)
+        now = unstable(np.full(k, depth)) & open_
+        high[now] = depth
+        low[open_ & ~now] = depth
+    there = np.isfinite(high)
+    for _ in range(50 if not regeneration else 12):
+        middle = np.where(there, (low + high) / 2, largest_mm)
+        now = unstable(middle)
+        high, low = np.where(there & now, middle, high), np.where(there & ~now, middle, low)
+    return np.where(there, (low + np.where(there, high, 0.0)) / 2, np.inf)

@@ -10,8 +10,10 @@ from workbench import pieces
 from workbench.artefacts import (
     NO_NAMES,
     UNKNOWN_PART,
+    Batch,
     ChainU,
     Chapter,
+    Characteristic,
     Check,
     Cloud,
     Corner,
@@ -27,12 +29,15 @@ from workbench.artefacts import (
     GrooveType,
     HandEye,
     Inspection,
+    Joint,
+    JointInspection,
     Judgement,
     Layer,
     LayerEngagement,
     Mark,
     MilledEdge,
     Moves,
+    Nearest,
     Part,
     PartNames,
     PathCorrection,
@@ -58,18 +63,20 @@ from workbench.artefacts import (
     Shading,
     Stretch,
     Strokes,
+    Term,
     Toolpath,
     Travel,
     Uncertainty,
-    UncertaintySource,
     Verdict,
     Violation,
     conformity,
     frozen,
+    kind_of,
     u_name,
 )
 from workbench.dialect import Dialect, MillingTool, ProgramJob, write_program
 from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError, nearest
+from workbench.geometry import estimator
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.poses import (
     interpolate_poses,
@@ -90,11 +97,24 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
     from workbench.checks import refuse_unsound
-    from workbench.result_files import HandEyeFile, PostureFile, RobotFile, StiffnessFile, ToolFile, TurntableFile
+    from workbench.force_file import Forces, read_forces
+    from workbench.result_files import (
+        ChatterFile,
+        CoefficientsFile,
+        HandEyeFile,
+        ModesFile,
+        PostureFile,
+        RobotFile,
+        StiffnessFile,
+        ToolFile,
+        TurntableFile,
+    )
 
 if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first use
     from workbench.robot import (
+        SIDES,
         AngleConvention,
+        Bodies,
         BoundingVolumes,
         Cell,
         Chain,
@@ -102,6 +122,8 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         CollisionModel,
         CollisionScreen,
         LoadingSetup,
+        Shape,
+        Side,
         Turntable,
         abb_angles,
         arm_sides,
@@ -118,6 +140,7 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
         motions,
         read_cell,
         refusal,
+        refuse_contradiction,
         spherical_wrist,
         turntable_at_home,
         turntable_pose,
@@ -128,15 +151,20 @@ if TYPE_CHECKING:  # the cell's libraries are heavy: they are loaded on first us
 __all__ = [  # noqa: RUF022  (as Python sorts)
     "AngleConvention",
     "AnyArray",
+    "Batch",
+    "Bodies",
     "Bool",
     "BoundingVolumes",
     "Cell",
     "Chain",
     "ChainU",
     "Chapter",
+    "Characteristic",
+    "ChatterFile",
     "Check",
     "Clearance",
     "Cloud",
+    "CoefficientsFile",
     "CollisionModel",
     "CollisionScreen",
     "Corner",
@@ -150,6 +178,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "FaceLines",
     "Float",
     "Float32",
+    "Forces",
     "Gate",
     "Groove",
     "GrooveInspection",
@@ -161,6 +190,8 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "InputFile",
     "Inspection",
     "Int",
+    "Joint",
+    "JointInspection",
     "Judgement",
     "Layer",
     "LayerEngagement",
@@ -168,8 +199,10 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Mark",
     "MilledEdge",
     "MillingTool",
+    "ModesFile",
     "Moves",
     "NO_NAMES",
+    "Nearest",
     "OutputError",
     "Part",
     "PartNames",
@@ -196,14 +229,18 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Rework",
     "RobotCell",
     "RobotFile",
+    "SIDES",
     "Scene",
     "Section",
     "Seed",
     "Shading",
+    "Shape",
     "Shaped",
+    "Side",
     "StiffnessFile",
     "Stretch",
     "Strokes",
+    "Term",
     "ToolFile",
     "Toolpath",
     "Travel",
@@ -211,7 +248,6 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "TurntableFile",
     "UNKNOWN_PART",
     "Uncertainty",
-    "UncertaintySource",
     "Verdict",
     "Violation",
     "WorkbenchError",
@@ -222,6 +258,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "clearance_bound_mm",
     "conformity",
     "dexterity",
+    "estimator",
     "forward_kinematics",
     "frozen",
     "interpolate_poses",
@@ -232,6 +269,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "jacobian_derivative",
     "joint_axes",
     "kernel",
+    "kind_of",
     "motions",
     "nearest",
     "numbered_lines",
@@ -239,9 +277,11 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "pose_from",
     "quaternion_from_rotation",
     "read_cell",
+    "read_forces",
     "read_json",
     "read_text",
     "refusal",
+    "refuse_contradiction",
     "refuse_unsound",
     "rotation_from_quaternion",
     "rotation_from_rpy",
@@ -266,6 +306,10 @@ def __getattr__(name: str) -> Any:
         from workbench import result_files
 
         return getattr(result_files, name)
+    if name in ("Forces", "read_forces"):
+        from workbench import force_file
+
+        return getattr(force_file, name)
     if name == "refuse_unsound":
         from workbench.checks import refuse_unsound
 

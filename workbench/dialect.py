@@ -10,14 +10,27 @@ import dataclasses
 import math
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
-from workbench.artefacts import Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell, Toolpath, Violation
-from workbench.artefacts.decisions import NOT_CHECKED
+from workbench.artefacts import (
+    Check,
+    Document,
+    Judgement,
+    Moves,
+    Nearest,
+    Part,
+    PathGate,
+    ProgramMoves,
+    RobotCell,
+    Toolpath,
+    Violation,
+)
+from workbench.artefacts.decisions import NOT_CHECKED, SHAPE_ONLY
 from workbench.artefacts.showing import shown
 from workbench.errors import InputError
 from workbench.geometry.moves import rounding_mm
@@ -26,6 +39,13 @@ from workbench.strict_json import strict_json
 from workbench.units import DEG, Bool, Float, Shaped
 
 LONGEST_REMARK = 70  # characters
+PROBED = (
+    "where the part stands: the program stops at a point of the path, with the spindle off, for the operator to see"
+)
+SPELT = str.maketrans(  # what has a meaning to some controller, or no sign in ASCII
+    {";": ",", "[": "(", "]": ")", "%": "percent", "°": " deg", "µ": "u", "μ": "u", "±": "+-", "ß": "ss", "–": "-"}
+    | dict.fromkeys("'\"`<>^’“”")
+)
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
 
 
@@ -91,17 +111,25 @@ class ProgramJob:
         return tuple(
             plain(line)
             for line in (
-                f"Milling path of a {path.shape}, {path.bevel_deg:g} deg, root face {path.root_mm:g} mm"
-                + (f", radius {path.root_radius_mm:g} mm" if path.root_radius_mm else "")
-                + f", {len(path.layers)} layers",
+                *(path.about or self._milling),
                 f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
-                f"cutter: diameter {path.cutter.diameter_mm:g} mm, {path.cutter.flutes} flutes, right-hand"
-                + (", ball end" if path.cutter.ball_end else ""),
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",
                 f"within {moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g} deg",
                 "Check tool, load and work object before the first run.",
             )
+        )
+
+    @property
+    def _milling(self) -> tuple[str, ...]:
+        """What a milling path's head says of it."""
+        path = self.moves.toolpath
+        return (
+            f"Milling path of a {path.shape}, {path.bevel_deg:g} deg, root face {path.root_mm:g} mm"
+            + (f", radius {path.root_radius_mm:g} mm" if path.root_radius_mm else "")
+            + f", {len(path.layers)} layers",
+            f"cutter: diameter {path.cutter.diameter_mm:g} mm, {path.cutter.flutes} flutes, right-hand"
+            + (", ball end" if path.cutter.ball_end else ""),
         )
 
 
@@ -159,13 +187,16 @@ class Written:
     judgement: Judgement | None  # None: there is no cell to drive it through
 
 
-def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None) -> Written:
+def write_program(
+    dialect: Dialect, gate: PathGate | None, cell: RobotCell | None = None, checks: tuple[Check, ...] = ()
+) -> Written:
     """The dialect's job as files, read back from them and driven through the cell: what fails leaves no program.
 
     Args:
         dialect: the job in its language.
         gate: the decision on the path of the job's moves.
         cell: the robot cell of the pipeline; without one no program is written.
+        checks: that the job passed besides, for the record.
 
     Raises:
         InputError: the gate is another path's, or does not hold for these moves (`released`); no moves, or values that
@@ -174,13 +205,18 @@ def write_program(dialect: Dialect, gate: PathGate | None, cell: RobotCell | Non
     name, moves = dialect.job.name, dialect.job.moves
     free = released(name, moves.toolpath, gate, cell, moves)
     assert gate is not None
-    if not free or cell is None:
+    if not free or cell is None or (gate.shape_only and not cell.probes):
         return Written((), gate, None)
+    if gate.shape_only:
+        kept = tuple(text for text in gate.loosened if not text.startswith(SHAPE_ONLY))
+        gate = dataclasses.replace(gate, loosened=kept, unchecked=(*gate.unchecked, PROBED))
     silent = tuple(f"{NOT_CHECKED}{text}" for text in cell.unchecked)
     gate = dataclasses.replace(gate, loosened=gate.loosened + silent, unchecked=gate.unchecked + cell.unseen)
     files = program_files(dialect, gate)
     judgement = cell.judge(dialect.read(files), moves, gate.tolerance_mm, dialect.configuration)
-    record = Document("program_check.json", judgement_document(judgement, moves.toolpath.part))
+    late = tuple(f"{NOT_CHECKED}{text}" for text in judgement.unchecked if text not in gate.left_open)
+    gate = dataclasses.replace(gate, loosened=gate.loosened + late)
+    record = Document("program_check.json", judgement_document(judgement, moves.toolpath.part, checks))
     if judgement.passed:
         reason = f"{gate.reason}; the program was driven through its cell: {_least(judgement)}"
         programs = tuple(Document(file, content.encode("ascii")) for file, content in files.items())
@@ -213,13 +249,21 @@ def place(violation: Violation) -> str:
 def _least(judgement: Judgement) -> str:
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
     clearance = f"{judgement.clearance_mm:.1f} mm between {pair}" if judgement.clearance_pair else "nothing could touch"
+    if judgement.nearest is not None:
+        clearance += f" is proven, {nearest_words(judgement.nearest)}"
     return (
         f"clearance at least {clearance}, {judgement.limit_margin / DEG:.2f} deg to the nearest limit, deviation "
         f"{judgement.deviation_mm:.3f} mm"
     )
 
 
-def judgement_document(judgement: Judgement, part: Part) -> bytes:
+def nearest_words(found: Nearest) -> str:
+    """The least measured distance and its place."""
+    pair = " and ".join(found.pair)
+    return f"measured {found.distance_mm:.1f} mm between {pair} in line {found.line}, at {found.arc_length_mm:.0f} mm"
+
+
+def judgement_document(judgement: Judgement, part: Part, checks: tuple[Check, ...] = ()) -> bytes:
     """`program_check.json`: what was driven, how near it came to anything, and what is wrong."""
     return strict_json(
         {
@@ -236,14 +280,20 @@ def judgement_document(judgement: Judgement, part: Part) -> bytes:
             "not_checked": list(judgement.unchecked),
             "length_mm": _known(judgement.length_mm),
             "time_s": _known(judgement.time_s),
+            "stops": judgement.stops,
+            "stops_counted": judgement.stops_counted,
             "postures": judgement.postures,
             "clearance_mm": _known(judgement.clearance_mm),
             "clearance_pair": judgement.clearance_pair,
+            "nearest": None if judgement.nearest is None else dataclasses.asdict(judgement.nearest),
             "limit_margin_deg": _known(judgement.limit_margin / DEG),
             "wrist_deg": _known(judgement.wrist / DEG),
             "condition": _known(judgement.condition),
             "speed_share": _known(judgement.speed_share),
             "deviation_mm": _known(judgement.deviation_mm),
+            "checks": [
+                {"name": one.name, "value": one.value, "limit": one.limit, "passed": one.passed} for one in checks
+            ],
         }
     )
 
@@ -294,7 +344,7 @@ def reservations(gate: PathGate) -> tuple[str, ...]:
     """Comments on what was not looked at, or with less force than the rule; plain and in short lines."""
     texts = [text if text.startswith(NOT_CHECKED) else f"CHECK LOOSENED: {text}" for text in gate.loosened]
     texts += [f"{NOT_CHECKED}{text}" for text in gate.unchecked]
-    return tuple(line for text in texts for line in textwrap.wrap(UNSAFE.sub("?", text), LONGEST_REMARK))
+    return tuple(line for text in texts for line in textwrap.wrap(_safe(text), LONGEST_REMARK))
 
 
 def _moves(dialect: Dialect) -> Iterator[str]:
@@ -308,7 +358,13 @@ def _moves(dialect: Dialect) -> Iterator[str]:
 
 def plain(text: str) -> str:
     """`text` for a comment: printable ASCII without a meaning to any controller, one line, not long."""
-    return UNSAFE.sub("?", text)[:LONGEST_REMARK].strip()
+    return _safe(text)[:LONGEST_REMARK].strip()
+
+
+def _safe(text: str) -> str:
+    """In characters that no controller could take for more than a comment; the root of a place goes unseen."""
+    spelt = unicodedata.normalize("NFKD", text.replace("$.", "").translate(SPELT))
+    return UNSAFE.sub("?", "".join(one for one in spelt if not unicodedata.combining(one)))
 
 
 def rounded_feeds(feed_mm_s: Float) -> Float:

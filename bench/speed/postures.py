@@ -47,7 +47,7 @@ def cluttered(cell: Cell) -> Cell:
 
 def optimum(cell: Cell, arm: Arm, points: PathPoints, loaded: PathPoints) -> int:
     """Traversal and best-first search, bodies built anew: the proven optimum; how many cells were examined."""
-    choice, _ = search(Examiner(cell, arm, points), traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
+    choice, _ = search(Examiner(cell, arm, points), traversal(arm, cell, K, loaded, GRID, GRID))
     return choice.examined
 
 
@@ -120,7 +120,7 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
     """Seconds for the best law of both angles over the whole grid, all points, and its gap to the bound."""
     examiner = Examiner(cell, arm, points)
     loaded = points.only(sample(points, POINTS))
-    choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID), whole_map=False)
+    choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID))
     start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
     assert cell.turntable is not None
     limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))

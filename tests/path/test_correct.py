@@ -5,13 +5,22 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
-from workbench.artefacts import ChainU, EdgeProfile, Inspection, PathDeflection, Requirements, Toolpath
+from workbench.artefacts import (
+    ChainU,
+    EdgeProfile,
+    Inspection,
+    PathCorrection,
+    PathDeflection,
+    Requirements,
+    Toolpath,
+)
 from workbench.errors import InputError
 from workbench.geometry.poses import (
     pose_from,
@@ -22,6 +31,8 @@ from workbench.geometry.poses import (
 from workbench.path import check, correct, feed, layers
 from workbench.path.correct import _cut
 from workbench.path.course import poses_of
+from workbench.pipeline.results import correction_document
+from workbench.strict_json import strict_json
 from workbench.units import DEG, Float
 
 ROOT, BEVEL, ALLOWANCE = 1.5, 40.0, 0.5
@@ -295,3 +306,75 @@ def test_a_cut_farther_off_than_the_calibrations_say_is_told(scan: Raw, plan: To
         _, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE), stated, **QUIET)
         assert any("hand-eye pose, tool and repeatability say 0.04 mm" in said for said in found.warnings) == told
         assert found.refused is None
+
+
+# Parts of a batch.
+
+
+def kept(found: PathCorrection, folder: Path) -> Path:
+    """The correction.json that the next part of the batch names."""
+    (folder / "correction.json").write_bytes(strict_json(correction_document(found)))
+    return folder / "correction.json"
+
+
+def unrepeated(s: Float, rng: np.random.Generator, sd: float = 0.03) -> Float:
+    """What a robot does not repeat: exponentially correlated over 50 mm."""
+    covariance = np.exp(-np.abs(s[:, None] - s) / 50.0)
+    return np.asarray(sd * np.linalg.cholesky(covariance + 1e-9 * np.eye(len(s))) @ rng.normal(size=len(s)))
+
+
+def test_what_repeats_from_part_to_part_is_told_by_all_of_them(scan: Raw, plan: Toolpath, tmp_path: Path) -> None:
+    """From the sixth part on the correction errs by at most 0.6 of what one part alone tells, and u holds."""
+    s, rng, off = scan.edge.arc_length_mm, np.random.default_rng(11), {"alone": [], "batch": []}
+    within = []
+    for _ in range(4):
+        earlier = None
+        for part in range(8):
+            cut = inspected(scan, FIRST_ROOT + (0.3 + unrepeated(s, rng)) / SINE, u_mm=0.002)
+            _, alone = correct(cut, plan, wear_mm=0.0)
+            _, found = correct(cut, plan, wear_mm=0.0, earlier=earlier)
+            assert found.batch is not None
+            assert found.batch.parts == part + 1
+            assert not found.warnings
+            earlier = kept(found, tmp_path)
+            if part >= 5:
+                for name, one in (("alone", alone), ("batch", found)):
+                    off[name].append(np.sqrt(np.mean((one.shift_mm[one.cut] + 0.3) ** 2)))
+                within.append(np.abs(found.shift_mm + 0.3)[found.cut] <= 2 * found.displacement_u_mm[found.cut])
+    alone_mm, batch_mm = (float(np.sqrt(np.mean(np.square(off[name])))) for name in ("alone", "batch"))
+    assert batch_mm < 0.6 * alone_mm
+    assert np.mean(np.concatenate(within)) > 0.9
+
+
+def test_what_is_one_parts_own_is_corrected_by_itself(scan: Raw, plan: Toolpath, tmp_path: Path) -> None:
+    """Parts whose plans are off by 0.2 mm each in its own way: their own cuts tell, the mean hardly counts."""
+    s, rng, earlier, off = scan.edge.arc_length_mm, np.random.default_rng(12), None, []
+    for part in range(6):
+        own = 0.2 * rng.normal()
+        cut = inspected(scan, FIRST_ROOT + (0.3 + own + unrepeated(s, rng, 0.005)) / SINE)
+        _, found = correct(cut, plan, earlier=earlier, **QUIET)
+        earlier = kept(found, tmp_path)
+        if part >= 2:
+            off.append(np.abs(found.shift_mm[found.cut] + 0.3 + own).max())
+    assert max(off) < 0.05
+
+
+def test_another_tool_begins_a_new_batch(scan: Raw, plan: Toolpath, tmp_path: Path) -> None:
+    s, rng, earlier = scan.edge.arc_length_mm, np.random.default_rng(13), None
+    for part in range(8):
+        cut = inspected(scan, FIRST_ROOT + (0.3 - 0.4 * (part == 7) + unrepeated(s, rng)) / SINE)
+        _, found = correct(cut, plan, earlier=earlier)
+        earlier = kept(found, tmp_path)
+        assert any("a new batch begins" in said for said in found.warnings) == (part == 7)
+    assert found.batch is not None
+    assert found.batch.parts == 1
+    assert found.shift_mm[found.cut].mean() == pytest.approx(0.1, abs=0.08)  # by itself alone
+
+
+def test_earlier_parts_of_another_path_are_refused(scan: Raw, plan: Toolpath, tmp_path: Path) -> None:
+    cut = inspected(scan, FIRST_ROOT + 0.3 / SINE)
+    _, found = correct(cut, plan)
+    with pytest.raises(InputError, match=r"bevel_deg: expected the same first path, 40, found 35"):
+        correct(cut, plan, earlier=kept(replace(found, bevel=35 * DEG), tmp_path))
+    with pytest.raises(InputError, match="what its batch showed"):
+        correct(cut, plan, earlier=kept(replace(found, batch=None), tmp_path))

@@ -1,6 +1,5 @@
 """`path.simplify` against a controller of our own that runs the moves: lines, circles through three points, slerp."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -203,18 +202,6 @@ def test_random_paths_stay_within_any_tolerance(seed: int, size: float, chord: f
     off_mm, off_deg = run(path, moves)
     assert off_mm.max() <= chord * 1.01 + 1e-4
     assert off_deg.max() <= angle * 1.01 + 1e-3
-
-
-def test_five_metres_of_ten_layers_take_less_than_half_a_second() -> None:
-    path = mill_path(Shape(bend=1 / 3000, length_mm=5000, layers=10, wave_mm=0.01))
-    simplify(mill_path(Shape(length_mm=10)))  # compiled before
-    seconds = []
-    for _ in range(3):
-        begin = time.process_time()
-        moves = simplify(path)
-        seconds.append(time.process_time() - begin)
-    assert moves.points_before > 50_000
-    assert min(seconds) < 0.5
 
 
 def test_a_path_of_one_pose_is_refused() -> None:

@@ -108,6 +108,46 @@ def test_read_back_the_program_is_the_path(made, cells, controller: str, robot: 
         assert declared.centre_of_gravity_mm == pytest.approx((1, 2, 150))
 
 
+@pytest.mark.parametrize(
+    ("controller", "robot", "option", "word", "zones"),
+    [
+        ("fanuc", "m20ia", {"acceleration_s": 0.02}, "CNT100", (0.0, 0.01)),
+        ("yaskawa", "gp25", {"position_levels_mm": [0.1, 0.25, 0.5]}, "PL=2", (0.25, 0.0)),
+    ],
+)
+def test_no_stop_where_the_cell_says_what_rounds(
+    made, tmp_path: Path, controller: str, robot: str, option: dict, word: str, zones: tuple[float, float]
+) -> None:
+    """The feed for half of 0.02 s; of the levels the largest within 0.3 mm."""
+    moves = made[robot]
+    plain = cell_of(robot, tmp_path, TOOLS.get(robot), dialect=controller)
+    told = cell_of(robot, tmp_path, TOOLS.get(robot), dialect=controller, **option)
+    stopping = back(moves, plain, controller, files(moves, plain, controller))
+    written = files(moves, told, controller)
+    going = back(moves, told, controller, written)
+    flying = [move for move in going.moves if move.zone_mm]
+    assert word in "".join(written.values())
+    assert [move.zone_mm for move in flying] == pytest.approx([zones[0] + zones[1] * one.feed_mm_s for one in flying])
+    assert len(flying) > len(going.moves) / 3
+    assert not any(move.zone_mm for move in stopping.moves)
+    with pytest.raises(InputError, match="CNT rounds" if controller == "fanuc" else "position_levels_mm"):
+        back(moves, plain, controller, written)
+
+
+@pytest.mark.parametrize("ramp_s", [0.2, 5.0])
+def test_the_time_counts_stops(made, tmp_path: Path, ramp_s: float) -> None:
+    """Half of the time in which a move reaches its feed is lost before a stop, half behind it."""
+    moves = made["m20ia"]
+    cell = cell_of("m20ia", tmp_path, dialect="fanuc", acceleration_s=ramp_s)
+    assert cell.controller is not None
+    plain = replace(cell, controller=replace(cell.controller, acceleration_s=None))
+    program = back(moves, plain, "fanuc", files(moves, plain, "fanuc"))
+    found, untimed = (one.judge(program, moves, 0.05, lambda *_: None) for one in (cell, plain))
+    assert found.stops == len(program.moves) - 2
+    assert found.time_s == pytest.approx(untimed.time_s + found.stops * ramp_s)
+    assert (found.stops_counted, untimed.stops_counted) == (True, False)
+
+
 @pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] != "yaskawa"])
 def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: str, robot: str) -> None:
     """By forward kinematics, with the tool that the program says: nothing of the writer's own poses."""
@@ -231,7 +271,7 @@ def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, rob
         files(moves, other, controller)
 
 
-@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] != "trajectory"])
+@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[1] != "irb6700"])
 def test_a_written_program_is_judged(made, cells, controller: str, robot: str) -> None:
     """As written: driven through its cell, near the path's own points."""
     cell, moves = cells[robot], made[robot]
@@ -240,6 +280,16 @@ def test_a_written_program_is_judged(made, cells, controller: str, robot: str) -
     assert gate.passed
     assert judgement.deviation_mm < 0.05
     assert len(documents) > 1
+
+
+@pytest.mark.parametrize("controller", ["kuka", "ur"])
+def test_another_makers_robot_gets_no_program(made, cells, controller: str) -> None:
+    record, gate, judgement, _ = write(
+        made["irb6700"], passed(made["irb6700"].toolpath), cells["irb6700"], controller=controller
+    )
+    assert record.name == "program_check.json"
+    assert not gate.passed
+    assert [one.kind for one in judgement.violations] == ["frame"]
 
 
 def test_a_program_for_another_controller_than_the_cells_says_so(tmp_path: Path) -> None:
@@ -268,7 +318,8 @@ def test_between_sparse_points_a_trajectory_has_rows(made, cells, monkeypatch, m
 def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells) -> None:
     one = made["kr210"]
     without = replace(passed(one.toolpath), reached=False)
-    assert write(replace(one, postures=None), without, controller="kuka") == (without,)
+    (gate,) = write(replace(one, postures=None), without, controller="kuka")
+    assert (gate.passed, gate.clean) == (True, False)
     (gate,) = write(one, rejected(one.toolpath), cells["kr210"], controller="kuka")
     assert not gate.passed
 

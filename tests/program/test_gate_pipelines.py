@@ -62,6 +62,7 @@ def stages(case: dict[str, Any]) -> list[dict[str, Any]]:
         *([{"stage": "fault.sink", "layer": case["layer"], "by_mm": case["sink_mm"]}] if case["sink_mm"] else []),
         {"stage": "path.check"},
         {"stage": "robot.cell", "cell": "cell.json"},
+        {"stage": "robot.plate"},
         {"stage": "stiffness.read"},
         {"stage": "stiffness.force"},
         {
@@ -72,7 +73,7 @@ def stages(case: dict[str, Any]) -> list[dict[str, Any]]:
             "turntable_deg": [-90, 90],
         },
         {"stage": "path.simplify"},
-        {"stage": "program.write"},
+        {"stage": "program.write", "root_tolerance_mm": 3},
     ]
 
 

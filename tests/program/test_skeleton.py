@@ -17,6 +17,7 @@ from workbench.program import write
 from workbench.program.rapid import Rapid
 from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics, read_cell
+from workbench.robot.cell_file import ProbePart
 from workbench.robot.judge import judge
 from workbench.robot.process import disorders
 
@@ -297,6 +298,44 @@ def test_every_maker_says_it(other: tuple[str, Cell, Moves]) -> None:
     *_, gate, judgement, _ = write(moves, passed(moves.toolpath), cell)
     assert judgement.passed, judgement.violations
     assert "the program does none of it" not in " ".join(gate.unchecked)
+
+
+STOPS = {"abb": "Stop;", "kuka": "HALT", "fanuc": "PAUSE", "yaskawa": "PAUSE", "ur": "popup"}
+
+
+@pytest.mark.parametrize("controller", sorted(STOPS))
+def test_a_shape_only_path_gets_a_program_that_stops_for_the_operator(tmp_path: Path, controller: str) -> None:
+    """60 mm back from where the cutter begins to cut, spindle off; without the stop there is no program."""
+    alone = {"probe": {"distance_mm": 60}, "stop_between_layers": False}
+    if controller == "abb":
+        cell, robot = cell_with(tmp_path, FULL | alone), "irb6700"
+    else:
+        cell, robot = other_cell(controller, tmp_path, **alone), OTHERS[controller]
+    moves = postured(cell, robot, Shape(bend=1 / 300, length_mm=60))
+    gate = replace(passed(moves.toolpath), loosened=("SHAPE ONLY: nothing shows it",))
+    *files, after, judgement, _ = write(moves, gate, cell)
+    assert judgement.passed, judgement.violations
+    assert not after.shape_only
+    assert any("stops at a point of the path" in said for said in after.unchecked)
+    first = next(event for event in judgement.program.events if event.kind == "stop")
+    assert first.before == 2
+    on = [event.line for event in judgement.program.events if event.kind == "spindle_on"]
+    assert first.line < min(on)
+    probe = judgement.program.moves[1]
+    tip = forward_kinematics(cell.chain, probe.joints) @ moves.flange_from_point
+    begin = moves.position_mm[int(np.argmax(moves.cutting))]
+    assert tip[:3, 3] + 60 * tip[:3, 2] == pytest.approx(begin, abs=0.02)
+    (silent,) = write(moves, gate, replace(cell, process=cell.process.model_copy(update={"probe": None})))
+    assert silent.shape_only
+    elsewhere = replace(cell, process=cell.process.model_copy(update={"probe": ProbePart(distance_mm=61.0)}))
+    told = elsewhere.judge(judgement.program, moves, 0.05, lambda *_: None)
+    assert any("beside the point that the operator is asked for" in one.finding for one in told.violations)
+    unasked = replace(
+        judgement.program, events=tuple(event for event in judgement.program.events if event.kind != "stop")
+    )
+    told = cell.judge(unasked, moves, 0.05, lambda *_: None)
+    assert any("does not stop where the operator sees" in one.finding for one in told.violations)
+    assert STOPS[controller] in files[0].content.decode()
 
 
 OUT = "set_standard_digital_out(5, {})"

@@ -172,5 +172,25 @@ def test_what_tool_and_part_may_be_off_keeps_their_bodies_farther_apart(cell: Ce
     assert nearer > 10
 
 
+def test_bodies_that_no_posture_takes_apart_are_named(cell: Cell) -> None:
+    """A post through axis 1, a drum round it, but no wall beside it; fcl finds the same at random postures."""
+    screen = CollisionScreen(cell)
+    assert screen.always_near() is None
+    pose = np.eye(4)
+    pose[:3, 3] = 0, 0, 500
+    drum = Shape("drum", ON_BASE, "cylinder", (3000.0, 300.0), pose)
+    beside = pose.copy()
+    beside[:3, 3] = -600, 0, 500
+    wall = Shape("wall", ON_BASE, "box", (400.0, 400.0, 900.0), beside)
+    for shape, named in ((drum, True), (wall, False)):
+        here = dataclasses.replace(cell, shapes=(*cell.shapes, shape))
+        found, model = CollisionScreen(here).always_near(), CollisionModel(here)
+        assert (found is not None) == named
+        if found:
+            low, high = cell.chain.limits.T
+            for q in np.random.default_rng(8).uniform(low, high, (50, 6)):
+                assert found in {gap.pair for gap in model.gaps(q) if gap.near}
+
+
 def test_no_postures_no_hits(cell: Cell) -> None:
     assert CollisionScreen(cell).hits(np.empty((0, 6)), np.empty(0)).shape == (0,)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import Judgement, ProgramMove
-from workbench.robot import Cell, CollisionModel, read_cell
+from workbench.robot import Cell, CollisionModel, inverse_kinematics, read_cell
 from workbench.robot.judge import judge
 
 from .conftest import plainly
@@ -33,6 +33,9 @@ def test_a_free_program_passes_with_the_outsiders_numbers(cell: Cell) -> None:
     assert found.passed, found.violations
     clearance, limit = outsiders_least(cell, *driven(cell, made, 2.0))
     assert clearance - 30 < found.clearance_mm < clearance + 0.01
+    assert found.nearest is not None
+    assert found.nearest.distance_mm == pytest.approx(clearance, abs=0.5)  # places are 5 mm apart, the outsider's 2
+    assert 0 <= found.nearest.arc_length_mm <= found.length_mm
     assert found.limit_margin == pytest.approx(limit, abs=np.radians(0.1))
     assert found.length_mm == pytest.approx(100 + 250 + np.hypot(150, 60) + np.linalg.norm([50, 250, 60]), abs=0.01)
     assert found.time_s == pytest.approx(found.length_mm / 20, rel=1e-3)
@@ -185,6 +188,27 @@ def test_configurations_are_held_against_the_program(cell: Cell) -> None:
     assert right.passed == (quadrants(there, cell) == (0, 0, 0, -1, 0, 0))
     wrong = program(cell, to(2, shifted(a, (0, 50, 0)), configuration=(7, 7, 7, 7, 7, 7)))
     assert kinds(judge(cell, wrong, configuration=quadrants)) == {"configuration"}
+
+
+def test_an_axis_that_crosses_a_boundary_within_a_corner_counts_as_both(cell: Cell) -> None:
+    """200 laws whose joint 1 crosses 0 about a target that is passed by: what is said of the target itself holds."""
+
+    def quarters(joints: Any, cell: Cell) -> tuple[int, ...]:
+        return tuple(int(np.floor(q / (np.pi / 2))) for q in joints[[0]])
+
+    rng, free = np.random.default_rng(5), []
+    for _ in range(200):
+        start = START + np.append(np.radians(rng.uniform(0.4, 1.5)), np.zeros(5))
+        a = start_pose(cell, start)
+        corner = shifted(a, (rng.uniform(-9, 9), rng.uniform(-2, 2) - a[1, 3], 0))
+        end = shifted(corner, (rng.uniform(-9, 9), -30, 0))
+        target = inverse_kinematics(cell.chain, corner[None] @ np.linalg.inv(cell.flange_from_cutter))[0]
+        said = quarters(target[np.nanargmin(np.abs(target - start).max(axis=1))], cell)
+        made = program(cell, to(2, corner, zone_mm=5.0, configuration=said), to(3, end), joints=start)
+        free.append("configuration" not in kinds(judge(cell, made, configuration=quarters)))
+        far = program(cell, to(2, corner, zone_mm=5.0, configuration=(said[0] + 5,)), to(3, end), joints=start)
+        free.append("configuration" in kinds(judge(cell, far, configuration=quarters)))
+    assert all(free)
 
 
 def test_what_the_cell_does_not_say_is_not_counted_as_free(cell: Cell) -> None:

@@ -81,7 +81,7 @@ def test_a_hand_eye_without_covariance_is_told(cell: Cell) -> None:
     stated = dataclasses.replace(cell, margins=dataclasses.replace(cell.margins, part_mm=0.1))
     told = plate(stated, cloud_of(None))
     assert told is not None
-    assert told.unchecked == cell.unchecked
+    assert told.unchecked == tuple(text for text in cell.unchecked if not text.startswith("collision with the work"))
     assert any("the calibration states no covariance" in text for text in told.unseen)
     sure = plate(stated, cloud_of(np.eye(6) * 1e-6))
     assert sure is not None

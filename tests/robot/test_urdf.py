@@ -97,6 +97,74 @@ def test_a_parallelogram_is_refused_by_its_joints_name(tmp_path: Path) -> None:
     assert any("bar at 0" in said for said in cell.unchecked)
 
 
+GRIPPER = """
+  <link name="finger"/><link name="thumb"/><link name="tip"/>
+  <joint name="grip" type="prismatic"><parent link="flange_link"/><child link="finger"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.05" effort="1" velocity="1"/></joint>
+  <joint name="grip_mimic" type="prismatic"><parent link="flange_link"/><child link="thumb"/><axis xyz="1 0 0"/>
+    <limit lower="-0.05" upper="0.05" effort="1" velocity="1"/>
+    <mimic joint="grip" multiplier="-1" offset="0.002"/></joint>
+  <joint name="tip_mimic" type="revolute"><parent link="thumb"/><child link="tip"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/><mimic joint="grip_mimic" multiplier="10"/></joint>
+"""
+
+
+def test_joints_that_mimic_one_that_stands_stand(tmp_path: Path) -> None:
+    """A gripper beside the flange: its free joint must be held, what mimics it follows, in metres and radians."""
+    text = (URDFS / "kr210.urdf").read_text()
+    last = re.findall(r'<link name="([^"]+)"', text)[-1]
+    text = text.replace("</robot>", GRIPPER.replace("flange_link", last) + "</robot>")
+    for name in ("finger", "thumb", "tip"):
+        box = '<collision><geometry><box size="0.01 0.02 0.03"/></geometry></collision>'
+        text = text.replace(f'<link name="{name}"/>', f'<link name="{name}">{box}</link>')
+    cell = read_cell(cell_with(tmp_path, "kr210", text, held={"grip": 30}))
+    finger, thumb, tip = cell.shapes[-3:]
+    assert finger.pose[:3, 3] - thumb.pose[:3, 3] == pytest.approx(finger.pose[:3, 0] * (30 + 28), abs=1e-9)
+    turned = np.arccos((np.trace(thumb.pose[:3, :3].T @ tip.pose[:3, :3]) - 1) / 2)
+    assert turned == pytest.approx(0.28)
+    with pytest.raises(InputError, match=r"a mimic joint .* \(or what it mimics\)|grip: expected"):
+        read_cell(cell_with(tmp_path, "kr210", text))
+
+
+def test_xacro_is_named(tmp_path: Path) -> None:
+    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a.xacro"/></robot>'
+    with pytest.raises(InputError, match=r"found xacro, from which one is made: xacro robot.urdf > robot.urdf"):
+        read_cell(cell_with(tmp_path, "kr210", text))
+
+
+def test_pairs_that_an_srdf_disables_may_touch(tmp_path: Path) -> None:
+    pairs = '<disable_collisions link1="{}" link2="{}" reason="{}"/>'
+    links = [shape.body for shape in read_cell(cell_with(tmp_path, "kr210")).shapes]
+    said = pairs.format(links[0], links[-1], "User") + pairs.format(links[1], links[-1], "Never")
+    (tmp_path / "kr210.srdf").write_text(f'<robot name="kr210">{said}{pairs.format("a", "b", "User")}</robot>')
+    cell = read_cell(cell_with(tmp_path, "kr210", srdf="kr210.srdf"))
+    assert cell.may_touch == ((links[0], links[-1]), (links[1], links[-1]))
+    assert cell.unseen == (f"collision of {links[0]} and {links[-1]}: the SRDF lets them touch (User)",)
+    (tmp_path / "kr210.srdf").write_text('<robot name="kr210"/>')
+    with pytest.raises(InputError, match="expected an SRDF"):
+        read_cell(cell_with(tmp_path, "kr210", srdf="kr210.srdf"))
+
+
+def test_packages_are_found_by_their_manifests(tmp_path: Path) -> None:
+    """The URDF in one package, its meshes in that and in one beside it, whose folder has another name."""
+    mesh = open3d.geometry.TriangleMesh.create_box(0.1, 0.2, 0.3)
+    mesh.compute_triangle_normals()
+    for folder, name in (("own", "own_support"), ("kuka", "kuka_support")):
+        (tmp_path / folder / "meshes").mkdir(parents=True)
+        (tmp_path / folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+        assert open3d.io.write_triangle_mesh(tmp_path / folder / "meshes/link.stl", mesh)
+    (tmp_path / "own/urdf").mkdir()
+    for name, known in (("own_support", True), ("kuka_support", True), ("abb_support", False)):
+        inside = f'<mesh filename="package://{name}/meshes/link.stl"/>'
+        text = (URDFS / "kr210.urdf").read_text().replace('<cylinder radius="0.06" length="0.1"/>', inside)
+        file = cell_with(tmp_path / "own/urdf", "kr210", text)
+        if known:
+            assert [shape.kind for shape in read_cell(file).shapes][-1] == "mesh"
+        else:
+            with pytest.raises(InputError, match="the mesh is in the package 'abb_support'"):
+                read_cell(file)
+
+
 def test_a_continuous_joint_turns_twice_either_way(tmp_path: Path) -> None:
     text = (URDFS / "kr210.urdf").read_text()
     begin = text.index('<joint name="joint_6"')

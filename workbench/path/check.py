@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import Annotated
@@ -38,8 +39,10 @@ from workbench.path.course import (
 )
 from workbench.path.feed import from_edge, moves_in_order, standing
 from workbench.path.obstacles import find_foreign, sections_of
+from workbench.path.place import Points, place_of
 from workbench.path.plan import KEY_POINT_MM
 from workbench.stage import stage
+from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float
 
 MOST_TOLD = 3  # faults that the reason names
@@ -57,11 +60,13 @@ def check(
     cloud: Cloud,
     predicted: PathDeflection | None = None,
     correction: PathCorrection | None = None,
+    workpiece: Workpiece | None = None,
     *,
     v_fast_mm_s: Annotated[float | None, Field(gt=0, le=5000)] = None,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
     penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
     rests_milled: bool = False,
+    touched_mm: Points | None = None,
 ) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
@@ -75,6 +80,11 @@ def check(
     the tool as it comes must come where the plan asks; the path as commanded is held against clamps and part too, with
     the deflection allowed for. A refused correction refuses the path.
 
+    What shows where the part stands in the robot's base: touched points, two passes whose scanner is turned about the
+    edge by 10 deg and more, a hand-eye with covariance that was calibrated in the 90 days before the recording.
+    Without any the path is a shape only: exit status 1, and no program that does not stop for the operator (`probe` of
+    the cell).
+
     A `penetration_mm` above 0.05 loosens the check, and so does a path that rests on another one until `rests_milled`:
     programs then say so, and the exit status is 1.
 
@@ -84,11 +94,14 @@ def check(
         cloud: the scan.
         predicted: how far the robot gives way along this path.
         correction: by which this path was corrected.
+        workpiece: the part in the pipeline's own twin, whose place is no question.
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed, per time.
         penetration_mm: how deep the cutter may touch what must remain, besides 3 u of the edge.
         rests_milled: the path that this one rests on has been milled (of a compound bevel the upper one's); nothing in
             the scan of the raw edge shows it.
+        touched_mm: points of the part's surface, x, y, z in the base, where the robot's tool touched them: on two
+            faces, at both ends, near the edge and away from it. A scan that is off by more than 0.5 mm is refused.
 
     Raises:
         InputError: the prediction, or the correction, is of another path.
@@ -98,8 +111,9 @@ def check(
         >>> points = scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5"))
         >>> raw = edge.segment_raw(points, upper_side=[0, 0, 1])
         >>> plan = path.feed(path.layers(raw, points), points, raw)
-        >>> path.check(plan, raw, points).passed
-        True
+        >>> gate = path.check(plan, raw, points)
+        >>> gate.passed, gate.shape_only
+        (True, True)
     """
     if correction is not None:
         if correction.refused is not None:
@@ -120,9 +134,14 @@ def check(
             faults,
             collisions(toolpath, edge, cloud, penetration_mm + given_way, as_it_comes=False),
         )
+    place = place_of(toolpath, edge, cloud, touched_mm, workpiece is not None)
+    faults = chain(place.faults, faults)
     rests = (f"NOT CHECKED: {toolpath.rests_on}",) if toolpath.rests_on and not rests_milled else ()
-    loosened = (*weakened(penetration_mm), *loosened_checks(toolpath), *rests)
-    return decision(toolpath, faults, penetration_mm, loosened, unseen_checks(toolpath))
+    shape = (place.shape_only,) if place.shape_only else ()
+    loosened = (*shape, *weakened(penetration_mm), *loosened_checks(toolpath), *rests)
+    unseen = () if workpiece is not None else (*unseen_checks(toolpath), *place.unseen)
+    gate = decision(toolpath, faults, penetration_mm, loosened, unseen)
+    return dataclasses.replace(gate, loaded=predicted is not None)
 
 
 def decision(

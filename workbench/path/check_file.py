@@ -22,6 +22,7 @@ from workbench.path.check import (
     weakened,
 )
 from workbench.path.feed import face_lines, moves_in_order
+from workbench.path.read import PLACE_UNSAID
 from workbench.stage import stage
 
 ALONE = "the workpiece. Its file tells of no check against a scan; the path was held against its own final layer"
@@ -38,7 +39,8 @@ def check_file(
     A path that its file says was refused stays refused, and so does one that was changed after its check. Then: finite
     poses, layers that step down to the final one, and the cutter as a cylinder nowhere deeper than `penetration_mm` in
     the bevel face that the final layer leaves, travels included. Where the file tells no check, the path's programs say
-    that the workpiece was not looked at.
+    that the workpiece was not looked at. What showed where the part stands (`path.check`) is the file's word too;
+    without it the path is a shape only.
 
     Args:
         toolpath: the path.
@@ -52,7 +54,7 @@ def check_file(
     """
     claim = toolpath.claim
     told = [f"its file says: {claim.reason}"] if claim and not claim.passed else []
-    loosened = (*(claim.loosened if claim else ()), *weakened(penetration_mm))
+    loosened = (*(claim.loosened if claim else (PLACE_UNSAID,)), *weakened(penetration_mm))
     return decision(
         toolpath,
         chain(told, _own_faults(toolpath, penetration_mm)),

@@ -25,10 +25,11 @@ from workbench.artefacts import (
 )
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.path.batch import Shown, Together, known_batch, together, with_part
 from workbench.path.course import LEAST_DEPTH_MM, Poses, poses_of, turned_about_feed
 from workbench.path.displacement import Estimate, Prior, estimate
 from workbench.path.plan import KEY_POINT_MM, cut_stretches
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 LARGEST_MM, LARGEST = 1.0, 1.0 * DEG  # standard deviations that the tool's constant errors may have
@@ -39,6 +40,10 @@ LEAST_PLACES = 5  # that were cut and measured
 YIELD_U = 0.3  # relative standard uncertainty of a predicted giving way: of force and stiffness together
 BALANCING = 30  # rounds of stock and giving way, each halfway to the next: far below a micrometre
 BEYOND = 3.0  # standard uncertainties that calibrations may be off by before they are doubted
+OTHERS = (
+    "this cut lies farther from the mean of {} parts before than chance makes of it: another tool, place or path? It "
+    "is corrected by itself, and a new batch begins"
+)
 LEAST_SHARE = 0.5  # of the stretch that the finishing pass cuts, that must be measured
 
 
@@ -63,6 +68,17 @@ class SharedU:
     shared: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What n places of a cut show of one displacement, and what may be known of it."""
+
+    values: Shaped[Float, " n"]
+    u: SharedU
+    axes: Shaped[Float, "k 3"]  # direction along which an error in the base shows, at the final layer's points
+    axes_at: Shaped[Float, "m 3"]  # and at the finishing pass'
+    prior: Prior
+
+
 @stage("path.correct")
 def correct(
     inspection: Inspection,
@@ -81,6 +97,7 @@ def correct(
         Field(ge=0, le=1),
     ] = 0.02,
     most_moved_mm: Annotated[float, Field(gt=0, le=10)] = 0.3,
+    earlier: InputFile | None = None,
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
@@ -98,9 +115,12 @@ def correct(
         wear_mm: what the cutter's radius may lose from the first cut to the finishing pass; changed or measured
             between: 0.
         most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
+        earlier: the correction.json of the part before, of the same batch: milled with the same tool, in the same place
+            and by the same first path; what repeats from part to part is then told by all of them; null: by this one.
 
     Raises:
-        InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path.
+        InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path;
+            earlier parts of another length, bevel or allowance.
 
     Example:
         >>> from workbench import edge, inspect, path, scan, twin
@@ -127,16 +147,33 @@ def correct(
     edge_u = min(math.sqrt(2.0) * cut.edge_u_mm, math.hypot(aside, math.sqrt(2.0) * repeatability_mm))
     root_u = SharedU(cut.root_u.local * sine, math.hypot(math.hypot(cut.root_u.shared, edge_u) * sine, moved / ROOT_3))
 
-    def along(values: Float, u: SharedU, axes: Float, axes_at: Float, prior: Prior) -> Estimate:
-        s = cut.arc_length_mm
-        here = np.stack([np.interp(s, final.arc_length_mm, column) for column in axes.T], axis=1)
-        found = estimate(s, values, u.local, here, at, axes_at, prior)
-        return found.less_sure(u.shared)
-
     lies, angle_off, tilts = (cut.root_mm - toolpath.root_mm) * sine, cut.angle - bevel, repeatability_deg * DEG
-    length = repeatability_length_mm
-    shift = along(lies, root_u, -frames.x, -frames_at.x, Prior(LARGEST_MM, VARYING_MM, repeatability_mm, length))
-    turn = along(angle_off, cut.angle_u, frames.y, frames_at.y, Prior(LARGEST, VARYING, tilts, length))
+    length, s = repeatability_length_mm, cut.arc_length_mm
+    seen = (
+        Seen(lies, root_u, -frames.x, -frames_at.x, Prior(LARGEST_MM, VARYING_MM, repeatability_mm, length)),
+        Seen(angle_off, cut.angle_u, frames.y, frames_at.y, Prior(LARGEST, VARYING, tilts, length)),
+    )
+    before = None if earlier is None else known_batch(earlier, toolpath)
+    both = [Together(one.values) for one in seen]
+    if before is not None:
+        there = before.on(s)
+        told = ((there.shift_mm, before.shift_scatter_mm), (there.turn, before.turn_scatter))
+        both = [
+            together(Shown(one.values, one.u.local, one.prior), before.parts, *what)
+            for one, what in zip(seen, told, strict=True)
+        ]
+    others = "" if before is None or not any(one.doubt for one in both) else OTHERS.format(before.parts)
+    if others:
+        both, before = [Together(one.values) for one in seen], None
+
+    def along(which: int) -> Estimate:
+        """The estimate from this part's values, or from all of the batch's."""
+        one, share = seen[which], both[which].share
+        here = np.stack([np.interp(s, final.arc_length_mm, column) for column in one.axes.T], axis=1)
+        less = replace(one.prior, unrepeated=one.prior.unrepeated * share)
+        return estimate(s, both[which].values, one.u.local * share, here, at, one.axes_at, less).less_sure(one.u.shared)
+
+    shift, turn = along(0), along(1)
     evened = bool(shift.significant and shift.value[finish.cutting].max() > LEAST_DEPTH_MM)
     expected = _under_load(shift, predicted, yield_share, toolpath, finish, evened)
     made = expected.significant
@@ -165,7 +202,9 @@ def correct(
         comes=comes,
         part=inspection.part,
         reason=_reason(shift, made, turn, by, tilt, finish.cutting),
+        batch=with_part(before, finish.arc_length_mm, s, [(lies, both[0]), (angle_off, both[1])]),
         warnings=finishing.warnings
+        + ((others,) if others else ())
         + _beyond_chain(toolpath, shift, finish.cutting, repeatability_mm)
         + _as_if_finished(toolpath.finish_allowance_mm, shift, finish.cutting),
     )
@@ -180,6 +219,7 @@ def correct(
         shift_mm=nothing,
         tilt=nothing,
         comes=_unmoved(finishing),
+        batch=before,
         refused=refused,
         reason="nothing corrected: refused",
     )
@@ -193,8 +233,8 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
     lower = poses.origin_mm - 0.5 * final.width_mm[:, None] * up - toolpath.root_mm * across
     whole = _well_inside(final, toolpath.cutter.diameter_mm / 2.0)
     known = np.isfinite(profile.position_mm).all(axis=1)
-    for value in (profile.root_mm, profile.root_u_mm, profile.bevel_deg, profile.bevel_u_deg):
-        known &= np.isfinite(value)
+    for one in profile.sizes.values():
+        known &= np.isfinite(one.value) & np.isfinite(one.u)
     if not whole.any() or not known.any():
         raise InputError("inspection", "nothing was measured where the path cut")
     rows = np.flatnonzero(whole)
@@ -219,7 +259,7 @@ def _cut(inspection: Inspection, toolpath: Toolpath, final: Layer) -> Cut:
     return Cut(
         arc,
         profile.root_mm[keep],
-        _shared_u(root, profile.root_u_mm, edge, keep),
+        _shared_u(root, profile.sizes["root_mm"].u, edge, keep),
         _usual(root, edge, keep),
         profile.bevel_deg[keep] * DEG,
         _shared_u(angle, profile.bevel_u_deg * DEG, (), keep),

@@ -18,6 +18,7 @@ from workbench.artefacts import Edge, Layer, PathDeflection, RawEdge, Toolpath, 
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
 from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.processes import Shared
 from workbench.units import DEG, Bool, Float, Shaped
 
 BEND_MM = 2.0  # curvature is the turn of the tangent over this length on each side
@@ -240,7 +241,7 @@ def _upper(edge: RawEdge, smoothing_mm: float) -> tuple[Float, Float]:
 def _smoothed(s: Float, values: Float, at: Float, half_width: float) -> Float:
     """Values (g,) at s (g,), smoothed, at the stations `at` (n,); linear where none is near."""
     if half_width > 0:  # straight but for bends: a wedge has its slope at its ends too
-        values = fit_course(s, values, orders=(2, 3), together_mm=half_width).value(s)
+        values = fit_course(s, values, orders=(2, 3), shared=Shared(half_width)).value(s)
     return np.interp(at, s, values)
 
 

@@ -287,7 +287,7 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
         told = (
             f"the edge is known to {known_mm:.3g} mm (U, k = 2) only: do its passes disagree, are poses or hand-eye "
             "pose wrong, is its lower end lost over a long way, blurred by a filter of the sensor, or a rounding of it "
-            "out of view (edge.segment_raw.most_radius_mm declares its radius)?"
+            "out of view (does edge.segment_raw.edge_condition say it)?"
         )
         raise InputError(edge.source or "edge", told)
     least_mm = max(LEAST_ROOT_MM, SMALL_ROOT * known_mm)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.artefacts import UNKNOWN_PART, ChainU, Cutter, Gate, Layer, Toolpath, Travel
+from workbench.artefacts.decisions import SHAPE_ONLY
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid
 from workbench.stage import InputFile, stage
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.result_files.contract import LayerRow, ToolpathFile, TravelPoint
 
 MAX_BYTES = 2**28
+PLACE_UNSAID = f"{SHAPE_ONLY}the file does not say what shows where the part stands in the robot's base"
 
 
 @stage("path.read")
@@ -110,4 +112,6 @@ def _claim(file: ToolpathFile) -> Gate | None:
         return None
     if said.sha256 != content_digest({key: part for key, part in file.document.items() if key != "check"}):
         return Gate(False, "the path was changed after its check")
-    return Gate(said.passed, said.reason, tuple(said.loosened), tuple(said.unchecked))
+    known = said.placed or any(text.startswith(SHAPE_ONLY) for text in said.loosened)
+    loosened = tuple(said.loosened) if known else (PLACE_UNSAID, *said.loosened)
+    return Gate(said.passed, said.reason, loosened, tuple(said.unchecked))

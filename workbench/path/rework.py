@@ -63,17 +63,18 @@ def excess_of(inspection: Inspection, bevel: Bevel, thickness_mm: Float) -> Exce
     (r - R) sin B at the root face and (T - R) sin B - (T - r) tan b cos B at the upper surface, T the thickness.
     """
     profile, required = inspection.profile, inspection.requirements
-    root, angle = profile.root_mm, profile.bevel_deg * DEG
+    sizes, angle = profile.sizes, profile.bevel_deg * DEG
+    root, root_u = sizes["root_mm"].value, sizes["root_mm"].u
     sine, cosine = np.sin(bevel.angle), np.cos(bevel.angle)
     low = (root - bevel.root_mm) * sine
     high = (thickness_mm - bevel.root_mm) * sine - (thickness_mm - root) * np.tan(angle) * cosine
     guard = inspection.guard_factor
-    low_u = profile.root_u_mm * sine
+    low_u = root_u * sine
     high_u = np.hypot(
-        profile.root_u_mm * np.tan(angle) * cosine,
+        root_u * np.tan(angle) * cosine,
         (thickness_mm - root) * profile.bevel_u_deg * DEG * cosine / np.cos(angle) ** 2,
     )
-    small, large = _outside(root - required.root_nominal_mm, required.root_tolerance_mm, guard * profile.root_u_mm)
+    small, large = _outside(root - required.root_nominal_mm, required.root_tolerance_mm, guard * root_u)
     steep, flat = _outside(
         profile.bevel_deg - required.bevel_nominal_deg, required.bevel_tolerance_deg, guard * profile.bevel_u_deg
     )

@@ -32,8 +32,8 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
     Example:
         >>> from workbench import path, program
         >>> plan = path.read(toolpath="data/synthetic/paths/raw_arc.json")
-        >>> program.csv(plan, path.check_file(plan)).name
-        'toolpath.csv'
+        >>> program.csv(plan, path.check_file(plan)) is None  # a shape only: nothing shows where it lies
+        True
     """
     if not released("program.csv", toolpath, gate, cell) or gate.loosened:
         return None

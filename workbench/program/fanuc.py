@@ -6,12 +6,13 @@ cell names them ("UTOOL[3]"), else declared by way of a position register. The c
 flipped or not), D or U (elbow down or up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond
 +-180 deg. The program begins with J to the first posture, whose J3 counts against the ground (`level_joint_3`). The
 turntable is motion group 2. Speeds are mm/sec in tenths, rounded down. A target is FINE, or CR with the zone in whole
-mm where the controller has that option: CNT rounds a corner by what no program says, so it is not used. The world
-frame's origin is where axis 1 meets the height of axis 2: `base_frame` of the cell must be that.
+mm where the controller has that option, or CNT100 where the cell file says in what time a move reaches its feed: the
+one move's end and the next one's begin then share that time, so the corner is a parabola from feed * time / 2 before
+the target to as much behind it.
 
 Read back strictly, and no more of it than milling programs need: sections /PROG, /ATTR, /MN, /POS, /END; in /MN
-remarks, UFRAME_NUM, UTOOL_NUM, J with P and percent, L and C with P, mm/sec and FINE or CR, DO[n]=ON and OFF, WAIT
-DI[n]=ON, WAIT n(sec), PAUSE, LBL[n:name], CALL. The first motion is J; J goes to joint angles (or the controller's
+remarks, UFRAME_NUM, UTOOL_NUM, J with P and percent, L and C with P, mm/sec and FINE, CR or CNT100, DO[n]=ON and OFF,
+WAIT DI[n]=ON, WAIT n(sec), PAUSE, LBL[n:name], CALL. The first motion is J; J goes to joint angles (or the controller's
 home, PR[n]), L and C to positions in space with a configuration string. Signals and routines are those of the cell
 file's process; none stands behind CR. Line numbers and LINE_COUNT must be right; every P must be there, in the
 program's own frame and tool, with the groups that DEFAULT_GROUP names. Everything else is refused with its line.
@@ -34,8 +35,6 @@ from workbench.program.krl import euler_deg
 from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import DIGITS, Cell
-from workbench.robot.cell_file import ProcessPart
-from workbench.robot.kinematics import Chain
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 from workbench.units import DEG, Float
 
@@ -60,7 +59,7 @@ CONFIGURATION = r"CONFIG : '([NF]) ([UD]) ([TB]), (-?\d), (-?\d), (-?\d)',"
 COMMA = r",\s*"
 AXES = [COMMA.join(f"J{i}= *{NUMBER} deg" for i in three) for three in ((1, 2, 3), (4, 5, 6))]
 SPACE = [COMMA.join(f"{c} = *{NUMBER} *{unit}" for c in three) for three, unit in (("XYZ", "mm"), ("WPR", "deg"))]
-TERMINATION = r"(FINE|CR(\d+))"
+TERMINATION = r"(FINE|CNT100|CR(\d+))"
 
 
 @dataclass
@@ -109,10 +108,14 @@ class Fanuc(CellDialect):
     @functools.cached_property
     def ends(self) -> list[str]:
         """All that stands behind the target of each move: speed and termination."""
-        controller = self.cell.controller
+        controller, moves = self.cell.controller, self.job.moves
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, 0.1)
-        ends = [f"CR{region}" if blends and region else "FINE" for blends in self.blends]
+        feeds = np.maximum(np.floor(limited(moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, 0.1)
+        length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+        room = np.minimum(np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2, self.job.zone_mm)
+        within = (continuous_mm(self.cell, feeds) <= room) & (np.append(feeds[1:], 0.0) <= feeds)
+        rounded = [f"CR{region}" if region else "CNT100" if free else "FINE" for free in within.tolist()]
+        ends = [end if blends else "FINE" for end, blends in zip(rounded, self.blends, strict=True)]
         return [f"{feed:.1f}mm/sec {end}" for feed, end in zip(feeds.tolist(), ends, strict=True)]
 
     @functools.cached_property
@@ -143,7 +146,8 @@ class Fanuc(CellDialect):
         if self.skeleton is None:
             return [start]
         first = f"L P[{self.numbers[-1] + 2}] {self.ends[0]}"
-        return [self._home, start, *self.said(self.skeleton.on), first]
+        probe = self.probed(f"J P[{self.numbers[-1] + 4}] {JOINT_PERCENT}% FINE")
+        return [self._home, *probe, start, *self.said(self.skeleton.on), first]
 
     @property
     def _home(self) -> str:
@@ -173,13 +177,13 @@ class Fanuc(CellDialect):
 
     @functools.cached_property
     def numbers(self) -> list[int]:
-        """Of each target's position; the middle of an arc has the one before. Behind them: home, first, retract."""
+        """Of each target's position; an arc's middle has the one before. Behind: home, first, retract, probe."""
         numbers: list[int] = np.cumsum(1 + self.job.moves.circular.astype(int)).tolist()
         return numbers
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_fanuc(files, self.cell.chain, self.level, self.cell.process)
+        return read_fanuc(files, self.cell)
 
     def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
         """Flip, elbow down, back, and the turns of J1, J4, J6 of a posture (6,), rad."""
@@ -189,7 +193,7 @@ class Fanuc(CellDialect):
     @property
     def level(self) -> bool:
         """Whether joint 3 counts against the ground."""
-        return self.cell.controller.level_joint_3 if self.cell.controller else True
+        return levelled(self.cell)
 
     def documents(self, text: str) -> dict[str, str]:
         """Attributes, numbered lines, positions."""
@@ -242,6 +246,9 @@ class Fanuc(CellDialect):
         (back,), (said,) = place(*skeleton.retracted), configuration(self.cell, skeleton.retract_joints[None])
         last = None if turned is None else turned[-1]
         yield from self._position(self.numbers[-1] + 3, said, spelled(back), last)
+        if skeleton.probe_deg is not None:
+            probe = skeleton.probe_deg
+            yield from self._position(self.numbers[-1] + 4, "", self._axes(probe[0]), probe[1])
 
     def _axes(self, joints_deg: Float) -> list[str]:
         """Joint angles (6,) as the controller counts them: two lines of a position."""
@@ -268,6 +275,17 @@ def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> Iterator
     for i, value in enumerate(place(position_mm[None], quaternion_wxyz[None])[0].tolist(), 1):
         yield f"PR[{REGISTER},{i}]={value:.{DIGITS}f}" if value >= 0 else f"PR[{REGISTER},{i}]=({value:.{DIGITS}f})"
     yield f"{name}=PR[{REGISTER}]"
+
+
+def levelled(cell: Cell) -> bool:
+    """Whether joint 3 counts against the ground on the cell's controller."""
+    return cell.controller.level_joint_3 if cell.controller else True
+
+
+def continuous_mm(cell: Cell, feed_mm_s: Float) -> Float:
+    """From a target, where CNT100 begins to blend at feeds (k,); inf where the cell does not tell the time of it."""
+    time_s = None if cell.controller is None else cell.controller.acceleration_s
+    return np.full(np.shape(feed_mm_s), np.inf) if time_s is None else feed_mm_s * time_s / 2
 
 
 def configuration(cell: Cell, joints: Float) -> list[str]:
@@ -325,16 +343,12 @@ EVENT = (
 )
 
 
-def read_fanuc(
-    files: Mapping[str, str], chain: Chain, level_joint_3: bool, process: ProcessPart | None = None
-) -> ProgramMoves:
+def read_fanuc(files: Mapping[str, str], cell: Cell) -> ProgramMoves:
     """Read a TP program from its file, name -> text.
 
     Args:
         files: one that ends in `.ls`.
-        chain: the robot, for the coupling of joints 2 and 3.
-        level_joint_3: whether joint 3 counts against the ground on the controller.
-        process: whose signals switch what; None: a program that switches any is refused.
+        cell: its robot, for the coupling of joints 2 and 3; its controller; its process' signals.
 
     Raises:
         InputError: "line 12: expected ..., found ...".
@@ -346,7 +360,7 @@ def read_fanuc(
     statements = _statements(lines, count)
     positions = _positions(lines, groups)
     lines.end()
-    return _Program(lines, positions, chain, level_joint_3, process).read(statements)
+    return _Program(lines, positions, cell).read(statements)
 
 
 def _attributes(lines: Lines) -> tuple[int, int]:
@@ -417,13 +431,12 @@ def _position(lines: Lines, groups: int) -> Position:
 class _Program:
     """The statements, one after the other."""
 
-    def __init__(
-        self, lines: Lines, positions: dict[int, Position], chain: Chain, level: bool, process: ProcessPart | None
-    ) -> None:
-        self.lines, self.positions, self.chain, self.level = lines, positions, chain, level
+    def __init__(self, lines: Lines, positions: dict[int, Position], cell: Cell) -> None:
+        self.lines, self.positions, self.cell, process = lines, positions, cell, cell.process
         self.frame: dict[str, int] = {}
         self.declared: dict[str, Float] = {}
         self.register: dict[str, list[float]] = {}
+        self.runs_on = False  # the move before ends in CNT100
         self.moves: list[ProgramMove] = []
         self.remarks: list[str] = []
         self.home = (process.home.controller_name if process else None) or ""
@@ -472,10 +485,17 @@ class _Program:
             if found is None:
                 lines.refuse("a motion L or C, UFRAME_NUM, UTOOL_NUM or a remark", text)
             via = self.position(int(found[1]), text)
-        end, feed, zone = found.groups()[-4], float(found.groups()[-3]), found.groups()[-1]
+        end, feed, zone = found.groups()[-4], float(found.groups()[-3]), float(found.groups()[-1] or 0)
         here = self.position(int(end), text)
         if here.pose is None or (via and via.pose is None) or feed <= 0:
             lines.refuse("a speed above 0 and positions in space, with a configuration string", text)
+        if self.runs_on and feed > (self.moves[-1].feed_mm_s or 0.0):
+            lines.refuse("no faster a move behind CNT100: it would begin to blend earlier", text)
+        self.runs_on = found.groups()[-2] == "CNT100"
+        if self.runs_on:
+            zone = float(continuous_mm(self.cell, np.array(feed)))
+            if not np.isfinite(zone):
+                lines.refuse("FINE or CR: the cell file does not say by what CNT rounds ($.controller)", text)
         return ProgramMove(
             lines.number,
             "C" if via else "L",
@@ -483,7 +503,7 @@ class _Program:
             pose=here.pose,
             via=via.pose if via else None,
             feed_mm_s=feed,
-            zone_mm=float(zone or 0),
+            zone_mm=zone,
             configuration=here.configuration,
             turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
         )
@@ -504,7 +524,7 @@ class _Program:
             self.lines.number,
             "J",
             *self.names,
-            joints=free_joint_3(self.chain, joints) if self.level else joints,
+            joints=free_joint_3(self.cell.chain, joints) if levelled(self.cell) else joints,
             joint_speed=int(found[2]) / 100,
             turntable=None if here.turntable_deg is None else here.turntable_deg * DEG,
         )

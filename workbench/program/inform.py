@@ -6,16 +6,15 @@ in a user frame that the controller has, for a tool that it has: a job declares 
 every target: flip 0 (R, axis 4, within +-90 deg) or no flip 1, upper arm 0 or lower arm 1, front 0 or rear 1, then
 whether R, T and S (joints 4, 6 and 1) are beyond +-180 deg. MOVJ goes to such a target too: pulses of the encoders,
 the other way to say a posture, are known to the controller alone. Speeds are mm/s in tenths, rounded down. A target
-is reached (PL=0), or rounded by CR in mm where the controller has that tag: the position levels 1 to 8 round by what
-no job says, so they are not used. The robot frame's origin is where axis 1 meets the height of axis 2: `base_frame`
-of the cell must be that.
+is reached (PL=0), or rounded by CR in mm where the controller has that tag, or by the largest position level (PL=1 to
+8) that the zone holds, where the cell file says their zones, which no job does.
 
 Read back strictly, and no more of it than milling jobs need.
 
     job     = /JOB //NAME //POS ///NPOS [///USER n] ///TOOL n ///POSTYPE ROBOT | USER ///RECTAN {///RCONF | C} //INST
               ///ATTR ///FRAME ///GROUP1 RB1 NOP {event} [MSG PAUSE] MOVJ {move | event} END
-    move    = MOVJ C | P, VJ=, PL=0 | MOVL C, V=, PL=0 | CR= | arc
-    arc     = [MOVC start, V=, PL=0] MOVC middle, V= MOVC end, V=, PL=0 | CR=, FPT
+    move    = MOVJ C | P, VJ=, PL=0 | MOVL C, V=, PL= | CR= | arc
+    arc     = [MOVC start, V=, PL=0] MOVC middle, V= MOVC end, V=, PL= | CR=, FPT
     event   = DOUT OT#(n) ON | OFF, WAIT IN#(n)=ON, TIMER T=, PAUSE, a label, CALL JOB:
 
 An arc that follows another one begins where that ended; any other one says its start again. MOVJ goes to a pose by the
@@ -48,7 +47,6 @@ from workbench.program.skeleton import (
 )
 from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.wrist import arm_sides
@@ -67,7 +65,7 @@ SAME_POSTURE = 1e-3 * DEG  # branches that coincide
 UNUSED = ",0" * 18  # of RCONF
 POSITION = rf"C(\d{{5}})={','.join([NUMBER] * 6)}"
 SPEED = rf"V={NUMBER}"
-NEAR = rf"(?:PL=0|CR={NUMBER})"
+NEAR = rf"(?:PL=([0-8])|CR={NUMBER})"
 EVENT = rf"DOUT OT#\((\d+)\) (ON|OFF)|WAIT IN#\((\d+)\)=ON|TIMER T=(\d+\.\d\d)|(PAUSE)|\*([A-Z0-9]+)|CALL JOB:{NAME}"
 
 
@@ -153,14 +151,14 @@ class Inform(CellDialect):
         """All that stands behind the target of each move: speed, and how near it is reached."""
         controller = self.cell.controller
         corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
-        rounds = corner >= LEAST_CORNER_MM
+        levels = controller.levels_mm if controller else ()
+        within = [level for level, zone_mm in enumerate(levels, 1) if zone_mm <= self.job.zone_mm]
+        level = max(within, key=lambda level: levels[level - 1], default=0)
+        rounded = f"CR={corner:.1f}" if corner >= LEAST_CORNER_MM else f"PL={level}"
         feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, SLOWEST_MM_S)
         blends = self.blends
         arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
-        near = [
-            f"CR={corner:.1f}" if free and rounds and not arc else "PL=0"
-            for free, arc in zip(blends, arc_next, strict=True)
-        ]
+        near = [rounded if free and not arc else "PL=0" for free, arc in zip(blends, arc_next, strict=True)]
         return [f"V={feed:.1f} {end}" for feed, end in zip(feeds.tolist(), near, strict=True)]
 
     def head(self) -> Iterator[str]:
@@ -180,7 +178,8 @@ class Inform(CellDialect):
         start = f"MOVJ C00000 VJ={JOINT_PERCENT:.2f} PL=0"
         if self.skeleton is None:
             return [start]
-        return [self._home, start, *self.said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
+        probe = self.probed(f"MOVJ {self._around[3]} VJ={JOINT_PERCENT:.2f} PL=0")
+        return [self._home, *probe, start, *self.said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
 
     @property
     def _home(self) -> str:
@@ -224,16 +223,16 @@ class Inform(CellDialect):
 
     @property
     def _around(self) -> list[str]:
-        """Behind the targets: home, the first target, the retract."""
-        return [f"C{self.numbers[-1] + k:05d}" for k in (1, 2, 3)]
+        """Behind the targets: home, the first target, the retract, the probe."""
+        return [f"C{self.numbers[-1] + k:05d}" for k in (1, 2, 3, 4)]
 
     @property
     def _count(self) -> int:
-        return self.numbers[-1] + 1 + (3 if self.cell.process else 0)
+        return self.numbers[-1] + 1 + (3 + self.cell.probes if self.cell.process else 0)
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_inform(files, self.arm, self.cell.process)
+        return read_inform(files, self.arm, self.cell)
 
     def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
         """RCONF of a posture (6,), rad: no flip, lower arm, rear, and whether R, T, S are beyond +-180 deg."""
@@ -275,6 +274,7 @@ class Inform(CellDialect):
             back = self._spelled(*skeleton.retracted)[0]
             rows += [self._posture(skeleton.home_deg[0] * DEG), (said[0], here[0])]
             rows.append((self.configuration(skeleton.retract_joints, self.cell), back))
+            rows += [] if skeleton.probe_deg is None else [self._posture(skeleton.probe_deg[0] * DEG)]
         last: tuple[int, ...] = ()
         for number, (configuration, values) in enumerate(rows):
             if configuration != last:
@@ -350,13 +350,13 @@ class Arm:
         return [k for k in (0, 1, -1) if lower <= angle + WHOLE * k <= upper]
 
 
-def read_inform(files: Mapping[str, str], arm: Arm, process: ProcessPart | None = None) -> ProgramMoves:
+def read_inform(files: Mapping[str, str], arm: Arm, cell: Cell) -> ProgramMoves:
     """Read a job from its file, name -> text.
 
     Args:
         files: one that ends in `.JBI`.
         arm: the robot, its tool and the frame of the positions, for MOVJ to a pose.
-        process: whose signals switch what; None: a job that switches any is refused.
+        cell: whose process' signals switch what, and whose controller's levels are known.
 
     Raises:
         InputError: "line 12: expected ..., found ...".
@@ -371,7 +371,7 @@ def read_inform(files: Mapping[str, str], arm: Arm, process: ProcessPart | None 
     lines.take(rf"///FRAME {re.escape(frame)}", f"///FRAME {frame}, as the positions have it")
     lines.take("///GROUP1 RB1", "///GROUP1 RB1")
     lines.take("NOP", "NOP")
-    job = _Job(lines, arm, positions, (tool, frame), process)
+    job = _Job(lines, arm, positions, (tool, frame), cell)
     job.read()
     lines.end()
     objects = {job.frame: np.eye(4) if frame == "ROBOT" else None}
@@ -420,14 +420,19 @@ class _Job:
     arm: Arm
     positions: list[tuple[Configuration, Float]]
     names: tuple[str, str]  # of tool and frame
-    process: ProcessPart | None
+    cell: Cell
     moves: list[ProgramMove] = field(default_factory=list)
     turntable: float | None = None  # rad: where a message asks for it
     at: int | None = None  # the position that the last move went to, where it was not by the controller's home
     in_arc: bool = False  # an arc has just ended: the next one begins there
 
     def __post_init__(self) -> None:
-        self.events = Events(self.lines, self.moves, self.process)
+        self.events = Events(self.lines, self.moves, self.cell.process)
+
+    @property
+    def levels_mm(self) -> tuple[float, ...]:
+        """Zones of PL=1, 2, ..."""
+        return self.cell.controller.levels_mm if self.cell.controller else ()
 
     @property
     def frame(self) -> str:
@@ -470,7 +475,8 @@ class _Job:
         if self.moves and self.moves[-1].zone_mm > 0:
             lines.refuse("a move that reaches its target before MOVJ", text)
         share = float(found[3]) / 100
-        home = self.process.home.controller_name if self.process else None
+        process = self.cell.process
+        home = process.home.controller_name if process else None
         if not 0 < share <= 1 or (found[2] and found[2] != home):
             lines.refuse("VJ= above 0 to 100, and a position of this job or the controller's home", text)
         self.in_arc = False
@@ -488,9 +494,9 @@ class _Job:
 
     def straight(self) -> ProgramMove:
         """MOVL."""
-        found = self.lines.take(rf"MOVL C(\d{{5}}) {SPEED} {NEAR}", "MOVL to a position, V= and PL=0 or CR=")
+        found = self.lines.take(rf"MOVL C(\d{{5}}) {SPEED} {NEAR}", "MOVL to a position, V= and PL= or CR=")
         self.in_arc = False
-        return self.move(found[1], float(found[2]), found[3], None)
+        return self.move(found[1], float(found[2]), self.zone_mm(found), None)
 
     def circular(self) -> ProgramMove:
         """MOVC over a middle to an end; before the first of several their start."""
@@ -501,16 +507,22 @@ class _Job:
                 lines.refuse("an arc that starts where the move before ended, with PL=0", start[0])
         middle = lines.take(rf"MOVC C(\d{{5}}) {SPEED}", "MOVC to the arc's middle and V=")
         via = self.position(middle[1])[1]
-        end = lines.take(rf"MOVC C(\d{{5}}) {SPEED} {NEAR} FPT", "MOVC to the arc's end, V=, PL=0 or CR=, FPT")
+        end = lines.take(rf"MOVC C(\d{{5}}) {SPEED} {NEAR} FPT", "MOVC to the arc's end, V=, PL= or CR=, FPT")
         if float(end[2]) != float(middle[2]):
             lines.refuse(f"the same speed all along the arc, V={middle[2]}", end[0])
         self.in_arc = True
-        return self.move(end[1], float(end[2]), end[3], via)
+        return self.move(end[1], float(end[2]), self.zone_mm(end), via)
 
-    def move(self, number: str, feed_mm_s: float, corner: str | None, via: Float | None) -> ProgramMove:
+    def zone_mm(self, found: re.Match[str]) -> float:
+        """Of PL= or CR=."""
+        level, corner = int(found[3] or 0), float(found[4] or 0)
+        if level > len(self.levels_mm):
+            self.lines.refuse("PL=0, or a level of the cell file's ($.controller.position_levels_mm)", found[0])
+        return self.levels_mm[level - 1] if level else corner
+
+    def move(self, number: str, feed_mm_s: float, zone: float, via: Float | None) -> ProgramMove:
         """To a pose."""
         configuration, pose = self.position(number)
-        zone = float(corner or 0)
         if feed_mm_s <= 0 or zone < 0:
             self.lines.refuse("a speed above 0 and a corner of 0 mm or more", f"V={feed_mm_s:g} CR={zone:g}")
         return ProgramMove(

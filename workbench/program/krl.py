@@ -115,7 +115,14 @@ class Krl(CellDialect):
         if self.skeleton is None:
             return ["  PTP XSTART"]
         on = self.said(self.skeleton.on)
-        return [f"  PTP {self._home}", "  PTP XSTART", *on, self._velocity(0), "  LIN XP1"]
+        return [
+            f"  PTP {self._home}",
+            *self.probed("  PTP XPROBE"),
+            "  PTP XSTART",
+            *on,
+            self._velocity(0),
+            "  LIN XP1",
+        ]
 
     @property
     def _home(self) -> str:
@@ -184,6 +191,8 @@ class Krl(CellDialect):
         else:
             if not skeleton.process.home.controller_name:
                 yield _axes("XPARK", *skeleton.home_deg)
+            if skeleton.probe_deg is not None:
+                yield _axes("XPROBE", *skeleton.probe_deg)
             yield _axes("XSTART", *skeleton.start_deg)
             there = status_and_turn(self.cell, skeleton.retract_joints[None]).tolist()[0]
             yield _position("XRETRACT", frames(*skeleton.retracted)[0], there, external[-1])

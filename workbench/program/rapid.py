@@ -132,6 +132,8 @@ class Rapid(CellDialect):
         else:
             if not skeleton.process.home.controller_name:
                 yield joint_target("jHome", *skeleton.home_deg)
+            if skeleton.probe_deg is not None:
+                yield joint_target("jProbe", *skeleton.probe_deg)
             yield joint_target("jStart", *skeleton.start_deg)
             place, turn = skeleton.retracted
             last = None if job.turntable_deg is None else job.turntable_deg[-1:]
@@ -149,7 +151,8 @@ class Rapid(CellDialect):
     def start(self) -> Iterable[str]:
         """By the axes to the first posture, and exactly to the first target."""
         end, skeleton = self.ends[0], self.skeleton
-        before = [*self.said(skeleton.settings), self._home(end)] if skeleton else []
+        probe = self.probed(f"    MoveAbsJ jProbe\\NoEOffs,{end}")
+        before = [*self.said(skeleton.settings), self._home(end), *probe] if skeleton else []
         behind = self.said(skeleton.on) if skeleton else []
         return [*before, f"    MoveAbsJ jStart\\NoEOffs,{end}", *behind, f"    MoveL p1,{end}"]
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import EventKind
-from workbench.dialect import ProgramJob
+from workbench.dialect import ProgramJob, plain
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.program.words import NUMBERED, RESERVED
@@ -74,6 +74,16 @@ class Skeleton:
         table = self.job.turntable_deg
         found = self._off(0, self.process.approach_mm, "approach_mm") / DEG
         return found, None if table is None else float(table[0])
+
+    @functools.cached_property
+    def probe_deg(self) -> tuple[Float, float | None] | None:
+        """The posture in which the operator looks, above the first cutting target, and the turntable; None: no stop."""
+        if self.process.probe is None:
+            return None
+        moves, table = self.job.moves, self.job.turntable_deg
+        i = int(np.argmax(moves.cutting))
+        found = self._off(i, self.process.probe.distance_mm, "probe.distance_mm") / DEG
+        return found, None if table is None else float(table[i])
 
     @functools.cached_property
     def retract_joints(self) -> Float:
@@ -160,6 +170,18 @@ class CellDialect(ABC):
     def skeleton(self) -> Skeleton | None:
         """What the cell's process asks for around the milling; None: its file has none."""
         return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
+
+    def probed(self, move: str) -> list[str]:
+        """The way to where the operator looks, in the language's own line, what is asked there, and the stop."""
+        process = self.cell.process
+        if process is None or process.probe is None:
+            return []
+        ask = f"PROBE: the tip is {process.probe.distance_mm:g} mm back from where it cuts"
+        return [move, self.remark(plain(ask)), *self.event("stop", "probe")]
+
+    @abstractmethod
+    def remark(self, text: str) -> str:
+        """A comment."""
 
     @functools.cached_property
     def blends(self) -> list[bool]:

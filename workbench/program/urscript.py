@@ -50,6 +50,7 @@ POSE = rf"p\[{', '.join([NUMBER] * 6)}\]"
 END = rf"a={NUMBER}, v={NUMBER}, r={NUMBER}"
 POPUP = rf'popup\("Turntable at {NUMBER} deg\?", title="Turntable", blocking=True\)'
 TOOL, BASE = "tcp", "base"
+ASKED = {"": "Go on with the next layer?", "probe": "Is the tip where the part has it?"}
 STOP = r'popup\("[^"]*", title="Stop", blocking=True\)'
 
 
@@ -83,7 +84,7 @@ class UrScript(CellDialect):
             "feed_limits": [],
             "restart": [],
             "wait_time": [f"  sleep({value})"],
-            "stop": ['  popup("Go on with the next layer?", title="Stop", blocking=True)'],
+            "stop": [f'  popup("{ASKED.get(value)}", title="Stop", blocking=True)'],
             "wait_speed": [f"  while not get_standard_digital_in({value}):", "    sync()", "  end"],
         }
         return words[kind]
@@ -129,7 +130,9 @@ class UrScript(CellDialect):
         if skeleton is None:
             return [by_joints(self.job.moves.joints_deg[0])]
         first = f"  movel({self.targets[0]}, {self.ends[0]})"
-        return [by_joints(skeleton.home_deg[0]), by_joints(skeleton.start_deg[0]), *self.said(skeleton.on), first]
+        probe = [] if skeleton.probe_deg is None else self.probed(by_joints(skeleton.probe_deg[0]))
+        home, start = (by_joints(joints) for joints, _ in (skeleton.home_deg, skeleton.start_deg))
+        return [home, *probe, start, *self.said(skeleton.on), first]
 
     def straight(self, i: int) -> Iterable[str]:
         """Movel."""

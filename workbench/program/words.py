@@ -67,7 +67,7 @@ _URSCRIPT = """and break continue def else elif end false for global halt if in 
 true while xor movej movel movec set_tcp set_payload popup sync"""
 RESERVED = frozenset(f"{_KRL} {_URSCRIPT}".split()) | TAKEN | PREDEFINED
 LONGEST = 24  # KRL's
-NUMBERED = re.compile(r"x[pv]\d+|xstart|xpark|xretract", re.IGNORECASE)  # positions in KRL
+NUMBERED = re.compile(r"x[pv]\d+|xstart|xpark|xprobe|xretract", re.IGNORECASE)  # positions in KRL
 
 NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 NAME = r"([A-Za-z][A-Za-z0-9_]*)"

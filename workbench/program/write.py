@@ -10,14 +10,16 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from workbench import pieces
-from workbench.artefacts import Chapter, Document, Judgement, Moves, Part, PathGate, RobotCell
+from workbench.artefacts import Chapter, Check, Document, Judgement, Moves, Part, PathGate, ProgramMoves, RobotCell
 from workbench.artefacts.decisions import NOT_CHECKED
-from workbench.dialect import Dialect, MillingTool, ProgramJob, place, released, write_program
+from workbench.dialect import Dialect, MillingTool, ProgramJob, nearest_words, place, released, write_program
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.program.fanuc import Fanuc
 from workbench.program.inform import Inform
 from workbench.program.krl import Krl
+from workbench.program.limits import NO_FORCE, NO_STIFFNESS, root_checks, spindle_checks
+from workbench.program.playback import playback
 from workbench.program.rapid import Rapid
 from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
@@ -50,11 +52,14 @@ def write(
     tool_name: Name = "tMill",
     work_object_name: Name = "woEdge",
     zone_mm: Zone = 0.3,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
     It is read back and driven through the cell (docs/programs.md); what fails leaves no program: the gate says line,
-    place and what is wrong. `program_check.json` tells how near the program came to anything.
+    place and what is wrong. `program_check.json` tells how near the program came to anything. Where the cutter gives
+    way by more than half of the root face's tolerance and nothing allows for it, the robot repeats a pose to more than
+    a quarter, or the cutter asks more torque or power than the spindle has, there is none either.
 
     A tool or work object that the cell file does not name is declared by the program: the tool centre point then lies
     on the cutter's flank, a radius off its axis. Positions have 3 decimals or more, orientations 3 of a degree or more,
@@ -64,13 +69,15 @@ def write(
     Args:
         moves: the path as straight and circular moves.
         gate: of this path's own checks.
-        cell: the robot cell; without one nothing is written, and the gate is passed on.
+        cell: the robot cell; without one nothing is written, and the gate is passed on: where a controller is asked
+            for, with exit status 1.
         controller: whose language: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time; null: the
             cell's.
         name: of the program and its files.
         procedure: RAPID: name of the procedure that mills.
         tool_name: RAPID: name of the tool data, where the program declares it.
         work_object_name: RAPID: name of the work object, likewise.
+        root_tolerance_mm: of the root face, either way: what the robot's part of it is held against.
 
     Raises:
         InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that
@@ -95,7 +102,10 @@ def write(
     chosen = controller or known
     if not isinstance(cell, Cell):
         released(name, moves.toolpath, gate, cell, moves)
-        return (gate,)
+        if controller is None or not gate.passed:
+            return (gate,)
+        said = f"no program for {controller}: it needs the robot's cell (input 'cell')"
+        return (dataclasses.replace(gate, loosened=(*gate.loosened, said)),)
     if chosen is None:
         raise InputError(
             f"{cell.source}: $.controller",
@@ -108,19 +118,43 @@ def write(
         said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
         gate = dataclasses.replace(gate, loosened=(*gate.loosened, f"{NOT_CHECKED}{said}"))
     cell = _told(cell, chosen)
+    of_root, of_spindle = root_checks(moves, gate, cell, root_tolerance_mm), spindle_checks(moves, cell)
+    checks = (*of_root, *of_spindle)
+    if wrong := [check.finding for check in checks if not check.passed]:
+        return (dataclasses.replace(gate, passed=False, reason=f"program refused: {'; '.join(wrong)}"),)
+    for group, unknown in ((of_root, NO_STIFFNESS), (of_spindle, NO_FORCE)):
+        if any(check.value is None for check in group):
+            cell = dataclasses.replace(cell, unchecked=(*cell.unchecked, unknown))
     job = program_job(name, moves, cell, zone_mm, gate.tolerance_mm)
     dialect = (
         _rapid(job, cell, procedure, tool_name, work_object_name) if chosen == "abb" else OTHERS[chosen](job, cell)
     )
-    written = write_program(dialect, gate, cell)
+    written = write_program(dialect, gate, cell, checks)
     if written.judgement is None:
         return (written.gate,)
+    stops, within = stops_in_the_cut(written.judgement.program, moves)
+    counted = "is" if written.judgement.stops_counted else "is not"
+    told = (
+        f"the cutter stops at {stops} of {within} targets in the cut: each may leave a mark, and its time {counted} "
+        "counted ($.controller.acceleration_s)"
+    )
     return (
         *written.documents,
-        written.gate,
+        dataclasses.replace(written.gate, warnings=(told,)) if stops else written.gate,
         written.judgement,
-        program_chapter(written.judgement, written.gate, cell, moves.toolpath.part),
+        program_chapter(written.judgement, written.gate, cell, moves.toolpath.part, checks),
     )
+
+
+def stops_in_the_cut(program: ProgramMoves, moves: Moves) -> tuple[int, int]:
+    """At how many targets between two moves that cut the tool stands still, and how many there are.
+
+    A program without a way from home is at its first target by the joints; a trajectory stops nowhere.
+    """
+    placed = [move for move in program.moves if move.kind != "J"][: len(moves.layer)]
+    cutting = moves.cutting[len(moves.layer) - len(placed) :].tolist()
+    inside = [move for move, here, after in zip(placed, cutting, cutting[1:], strict=False) if here and after]
+    return sum(move.zone_mm == 0 for move in inside), len(inside)
 
 
 def _told(cell: Cell, chosen: str) -> Cell:
@@ -144,10 +178,19 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 # The chapter of the report on a program: whether it is released, its least margins, what was not checked.
 
 TOLD = 10  # violations in the report; all are in program_check.json
+CHECKED = {
+    "root_deflection_mm": "Of the root face, by giving way, mm",
+    "root_repeatability_mm": "Of the root face, by the robot's repeatability, mm",
+    "spindle_torque_nm": "Largest torque of the cutter, Nm",
+    "spindle_power_kw": "Largest power of the cutter, kW",
+}
+PLAYED = '<figure class="space"><p>The robot moves here where the browser has WebGL 2.</p></figure>'
 STRETCHES = 600  # of the charts, each with its worst place
 
 
-def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part) -> Chapter:
+def program_chapter(
+    judgement: Judgement, gate: PathGate, cell: Cell, part: Part, checks: tuple[Check, ...] = ()
+) -> Chapter:
     """What came of driving the written program through its cell."""
     pair = " and ".join(judgement.clearance_pair) if judgement.clearance_pair else "nothing"
     clearance = f"{judgement.clearance_mm:.1f} mm ({pair})" if np.isfinite(judgement.clearance_mm) else "no bodies"
@@ -155,24 +198,33 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
     left_open, items = gate.left_open, "item" if len(gate.left_open) == 1 else "items"
     free = f"released with {len(left_open)} {items} NOT CHECKED" if left_open else "released"
     released = free if gate.passed else "not released: it was not written"
+    halts = f"{judgement.stops} stops {'counted' if judgement.stops_counted else 'not counted'}"
     straight, none = np.isfinite(judgement.condition), "no linear moves"
     facts = [
         ("Program", name),
         ("Release", released),
-        ("Length of the way", f"{judgement.length_mm:.0f} mm in {judgement.time_s:.0f} s"),
+        ("Length of the way", f"{judgement.length_mm:.0f} mm in {judgement.time_s:.0f} s, {halts}"),
         ("Postures examined", f"{judgement.postures}"),
         ("Least clearance, proven", clearance),
+        *(() if judgement.nearest is None else (("Least clearance", nearest_words(judgement.nearest)),)),
         ("Least distance from a joint limit", f"{judgement.limit_margin / DEG:.2f}°"),
         ("Least wrist angle", f"{judgement.wrist / DEG:.2f}°" if straight else none),
         ("Largest condition number, where examined", f"{judgement.condition:.1f}" if straight else none),
         ("Largest share of a joint's speed", f"{judgement.speed_share:.3f}"),
         ("Largest deviation from the path", f"{judgement.deviation_mm:.3f} mm"),
+        *(
+            (CHECKED[check.name], f"{check.value:.3g}, at most {check.limit:.3g}")
+            for check in checks
+            if check.value is not None
+        ),
     ]
     wrong = [place(one) for one in judgement.violations[:TOLD]]
     lists = (("Reasons against release", wrong), ("Not checked", [*gate.loosened, *gate.unchecked]))
     text = pieces.facts_html(facts) + "".join(
         pieces.heading(title) + pieces.list_html(texts) for title, texts in lists if texts
     )
+    if (scene := playback(judgement, cell)) is not None:
+        text += pieces.heading("The program as it runs") + PLAYED
     if (chart := margins_chart(judgement, cell)) is not None:
         text += pieces.heading("Margins along the way") + pieces.figure_html(
             chart,
@@ -186,6 +238,7 @@ def program_chapter(judgement: Judgement, gate: PathGate, cell: Cell, part: Part
         summary=f"{name}: {released}",
         part=part,
         not_checked=left_open,
+        scene=scene,
     )
 
 

@@ -6,11 +6,12 @@ tests. Collision is python-fcl's.
 
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
-from workbench.robot.cell import Cell, LoadingSetup, Margins, Turntable, dexterity, within_margins
+from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     AngleConvention,
+    Bodies,
     Chain,
     abb_angles,
     forward_kinematics,
@@ -25,10 +26,12 @@ from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.process import refusal, turntable_at_home
 from workbench.robot.read import cell, read_cell
-from workbench.robot.wrist import SphericalWrist, arm_sides, spherical_wrist
+from workbench.robot.wrist import SIDES, Side, SphericalWrist, arm_sides, refuse_contradiction, spherical_wrist
 
 __all__ = [
+    "SIDES",
     "AngleConvention",
+    "Bodies",
     "BoundingVolumes",
     "Cell",
     "Chain",
@@ -37,6 +40,8 @@ __all__ = [
     "CollisionScreen",
     "LoadingSetup",
     "Margins",
+    "Shape",
+    "Side",
     "SphericalWrist",
     "Turntable",
     "abb_angles",
@@ -56,6 +61,7 @@ __all__ = [
     "plate",
     "read_cell",
     "refusal",
+    "refuse_contradiction",
     "spherical_wrist",
     "turntable_at_home",
     "turntable_pose",

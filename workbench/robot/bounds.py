@@ -36,6 +36,7 @@ from workbench.units import Bool, Float, Int, Shaped
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 WAYS_A_BLOCK = 8  # some 20 ms
 FREE = -1
+LOOKS = 73  # places of an axis at which a pair of bodies is looked at that it alone moves: 5 deg of a full turn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,6 +263,25 @@ class CollisionScreen:
                 out[n] = min(out[n], *self.model.distances(moved[n], turned, [pair]))
         return out
 
+    def tightest(self, joints: Float, turntable: Float) -> tuple[float, int, int] | None:
+        """The smallest distance of all postures (n, 6), (n,), its pair and its posture; None: nothing can touch.
+
+        fcl is asked in the order of the bounds, until no other can be nearer.
+        """
+        if not self.model.pairs or not len(joints):
+            return None
+        bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
+        moved, count = motions(self.cell.chain, joints), len(self.model.pairs)
+        best, at = np.inf, -1
+        for one in np.argsort(bounds, axis=None).tolist():
+            if bounds.flat[one] > best + SAFE_MM:
+                break
+            turned = turntable_pose(self.cell, float(turntable[one // count]))
+            (distance,) = self.model.distances(moved[one // count], turned, [one % count])
+            if distance < best:
+                best, at = distance, one
+        return best, at % count, at // count
+
     @functools.cached_property
     def _pairs(self) -> Pairs:
         return Pairs(self.cell)
@@ -269,6 +289,23 @@ class CollisionScreen:
     def swept(self, joints: Float, turntable: Float) -> Bool:
         """Which places (c, s) of ways (c, s, 6), (c,) are not proven free; see `Pairs.swept`."""
         return self._pairs.swept(joints, turntable)
+
+    def always_near(self) -> tuple[str, str] | None:
+        """Two bodies that are too near in every posture: one axis at most moves them, and nowhere far enough apart."""
+        pairs, cell = self._pairs, self.cell
+        limits = np.vstack([cell.chain.limits, [0.0, 0.0] if cell.turntable is None else cell.turntable.limits])
+        by = np.column_stack([pairs.joints, pairs.table])
+        for pair in np.flatnonzero(by.sum(axis=1) <= 1).tolist():
+            axis = int(by[pair].argmax())  # 0 where none moves them: any does
+            seven = np.zeros((LOOKS, 7))
+            seven[:, axis] = np.linspace(limits[axis, 0], limits[axis, 1], LOOKS)
+            moved = motions(cell.chain, seven[:, :6])
+            if all(
+                self.model.first_hit(links, turntable_pose(cell, angle), [pair]) >= 0
+                for links, angle in zip(moved, seven[:, 6].tolist(), strict=True)
+            ):
+                return self.pair(pair)
+        return None
 
     def pair(self, hit: int) -> tuple[str, str]:
         """Names of the bodies of a hit."""

@@ -7,17 +7,18 @@ and how well its cell is known.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from workbench.artefacts import Judgement, Moves, ProgramMoves, RobotCell
+from workbench.artefacts import RobotCell
 from workbench.errors import InputError
 from workbench.kernels import kernel
-from workbench.robot.cell_file import ProcessPart
+from workbench.robot.cell_file import ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
+from workbench.robot.wrist import Side
 from workbench.storage import regular_file
 from workbench.units import DEG, AnyArray, Float, Shaped
 
@@ -231,6 +232,9 @@ class Controller:
     dialect: str  # abb, kuka, fanuc, ur, yaskawa or trajectory
     level_joint_3: bool  # whether joint 3 counts against the ground (most of FANUC's)
     corner_region: bool  # whether CR (mm) of FANUC or Yaskawa is installed
+    world_from_base: Shaped[Float, "4 4"] | None = None  # as the controller has it; None: its world is its base
+    acceleration_s: float | None = None  # longest time in which a linear move reaches its feed; None: not stated
+    levels_mm: tuple[float, ...] = ()  # zones of Yaskawa's PL=1, 2, ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,10 +262,18 @@ class Cell(RobotCell):
     tool_centre_of_gravity_mm: Shaped[Float, " 3"] | None = None  # in the flange
     base_from_workobject: Float = field(default_factory=lambda: np.eye(4))
     joint_stiffness_nm_per_rad: Shaped[Float, " 6"] | None = None  # of this robot; None: not stated
+    repeatability_mm: float | None = None  # of a pose (ISO 9283); None: not stated
+    spindle: SpindleCurvePart | None = None  # what it gives over its speed; None: not stated
     material: str | None = None  # of the workpiece: whose cutting coefficients hold; None: not stated
     unchecked: tuple[str, ...] = ()  # what the cell file does not say, so that nothing can look at it
     process: ProcessPart | None = None  # what a program does around the milling; None: not stated
+    configuration: tuple[Side, ...] = ()  # in which the arm is to mill; of a pair neither word: either
     unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
+
+    @property
+    def probes(self) -> bool:
+        """Whether its programs stop at a point of the path, for the operator to see that it is there."""
+        return self.process is not None and self.process.probe is not None
 
     @property
     def rated_accelerations(self) -> Float | None:
@@ -281,22 +293,6 @@ class Cell(RobotCell):
     def work_object_name(self) -> str | None:
         """Of the work object as the controller has it; None: programs declare it."""
         return next(iter(self.controller_frames), None)
-
-    def judge(
-        self,
-        program: ProgramMoves,
-        moves: Moves,
-        tolerance_mm: float,
-        configuration: Callable[..., tuple[int, ...] | None],
-    ) -> Judgement:
-        """Drive a program through this cell (`workbench.robot.judge`)."""
-        from workbench.robot.judge import judge
-        from workbench.robot.surface import Planned
-
-        postures = moves.postures
-        assert postures is not None
-        planned = Planned(moves.toolpath, postures.planned_turntable, tolerance_mm, postures.flange_from_point)
-        return judge(self, program, planned, configuration)
 
 
 def within_margins(cell: Cell) -> Cell:

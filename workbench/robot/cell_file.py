@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.robot.wrist import Side, refuse_contradiction
 from workbench.units import Float
 
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -31,6 +32,7 @@ THINNEST_MM, LONGEST_MM = 1.0, 10.0  # no body is thinner and shorter; in metres
 LEAST_MARGIN_MM = 0.1  # a clearance below it is one in metres, to 100 mm
 LEAST_U_MM = 1e-3  # nothing in a cell is calibrated better; in metres, any u below 1 mm is
 LEAST_KG = 0.1  # lighter is in tonnes, to 100 kg
+UNLIKE = 20.0  # times or parts of torque times speed that a stated power is; in W it is 1000 times
 LEAST_ROOM_MM = 100.0  # no robot moves in less; in metres, any envelope below 100 m is
 BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cutter modelled as part of it
 FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
@@ -78,12 +80,28 @@ class RobotPart(_Part):
         description="joints of the URDF that stand: name to deg, or mm of a prismatic one (a linear track)",
     )
     packages: dict[str, str] = Field(
-        default={}, description="ROS packages of its meshes (package://name/...): name to folder, relative to this file"
+        default={},
+        description="ROS packages of its meshes (package://name/...): name to folder, relative to this file; "
+        "others are looked for by the package.xml above the URDF and beside that",
+    )
+    srdf: str | None = Field(
+        default=None, description="MoveIt's file, whose disabled pairs of links may touch, relative to this file"
     )
     acceleration_deg_s2: Six | None = Field(default=None, description="largest of the joints; null: not judged")
+    repeatability_mm: float | None = Field(
+        default=None, gt=0, le=10, description="of a pose (ISO 9283, RP), of its data sheet; null: not judged"
+    )
+    configuration: list[Side] = Field(
+        default=[], max_length=3, description="in which the arm is to mill, one word of each pair at most; empty: any"
+    )
     joint_stiffness_nm_per_rad: Springs | None = Field(
         default=None, description="of this robot, where no stiffness.json is named; null: unknown"
     )
+
+    @model_validator(mode="after")
+    def _sides(self) -> RobotPart:
+        refuse_contradiction(self.configuration)
+        return self
 
 
 class ShapePart(_Part):
@@ -115,6 +133,23 @@ class ToolShapePart(ShapePart):
     body: Literal["tool", "cutter"] = Field(default="tool", description="what messages and may_touch call it")
 
 
+class SpindleCurvePart(_Part):
+    """What the spindle gives for any length of time (S1) at its nose; between two speeds evenly."""
+
+    speed_rpm: list[Size] = Field(min_length=2, description="rising; nothing is known beyond its ends")
+    torque_nm: list[Size] | None = Field(default=None, description="at each speed; null: as the power tells")
+    power_kw: list[Size] | None = Field(default=None, description="at each speed; null: as the torque tells")
+
+    @model_validator(mode="after")
+    def _curve(self) -> SpindleCurvePart:
+        columns = [column for column in (self.torque_nm, self.power_kw) if column is not None]
+        if not columns or any(len(column) != len(self.speed_rpm) for column in columns):
+            raise ValueError("expected torque_nm or power_kw, or both, with one value a speed")
+        if (np.diff(self.speed_rpm) <= 0).any():
+            raise ValueError("expected speed_rpm rising")
+        return self
+
+
 class ToolPart(_Part):
     """Spindle and cutter."""
 
@@ -128,6 +163,9 @@ class ToolPart(_Part):
     )
     mass_kg: float | None = Field(default=None, gt=0, le=1000, description="of spindle and cutter")
     centre_of_gravity_mm: Point | None = Field(default=None, description="of spindle and cutter, in the flange")
+    spindle: SpindleCurvePart | None = Field(
+        default=None, description="torque and power over speed, of its data sheet; null: not judged"
+    )
     shapes: list[ToolShapePart] = Field(default=[], description="collision shapes, in the flange frame")
 
 
@@ -244,13 +282,38 @@ class ControllerPart(_Part):
         default=None, description="joint 3 counts against the ground, not the upper arm; null: as FANUC's do"
     )
     corner_region: bool = Field(default=False, description="FANUC, Yaskawa: CR, corners in mm, is installed")
+    acceleration_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=5,
+        description="longest time in which a linear move reaches its feed: what a stop costs, and by what FANUC's CNT "
+        "rounds; null: stops cost nothing in the program's time, and there is no CNT",
+    )
+    position_levels_mm: list[Annotated[float, Field(gt=0, le=500)]] = Field(
+        default=[], max_length=8, description="Yaskawa: zones of PL=1, 2, ..., as its parameters have them; empty: none"
+    )
+    world_from_base: Pose | None = Field(
+        default=None,
+        description="ABB, KUKA: the robot's base in the controller's world ($ROBROOT), where that is the `base_frame`; "
+        "null: `base_frame` is its base",
+    )
 
 
 Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]  # a name that a controller knows
 Place = Annotated[
     str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}(\[[0-9]{1,4}\])?$")
 ]  # likewise; PR[1] of FANUC, P010 of Yaskawa
-Signal = Word | Annotated[int, Field(ge=0, le=9999)]  # by name (ABB, KUKA) or number (KUKA, FANUC, UR, Yaskawa)
+
+
+def _signal(value: object) -> object:
+    """Said in one line, for a name and a number alike."""
+    if isinstance(value, str) and value.isdigit():
+        raise ValueError(f"expected the signal's number without quotes, {value}, or its name")
+    return value
+
+
+# By name (ABB, KUKA) or number (KUKA, FANUC, UR, Yaskawa).
+Signal = Annotated[Word | Annotated[int, Field(ge=0, le=9999)], BeforeValidator(_signal)]
 Clear = Annotated[float, Field(gt=0, le=2000)]
 
 
@@ -286,12 +349,23 @@ class FeedPart(_Part):
     most_mm_s: float = Field(gt=0, le=5000, description="largest feed of the tool centre point")
 
 
+class ProbePart(_Part):
+    """A stop at which the operator sees that the part is where the path has it."""
+
+    distance_mm: Clear = Field(
+        default=50.0, description="from where the cutter begins to cut, back along its axis, with the spindle off"
+    )
+
+
 class ProcessPart(_Part):
     """What a program does around the milling, in the words of the cell's controller; a trajectory does none of it."""
 
     home: HomePart
     approach_mm: Clear = Field(default=50.0, description="along the cutter's axis, straight to the first target")
     retract_mm: Clear = Field(default=50.0, description="likewise, from the last target")
+    probe: ProbePart | None = Field(
+        default=None, description="the program stops there and asks; null: it does not, and a shape-only path gets none"
+    )
     spindle: SpindlePart | None = Field(default=None, description="null: not switched, and programs say so")
     coolant_signal: Signal | None = Field(default=None, description="digital output; null: none")
     mechanical_unit: Word | None = Field(
@@ -444,6 +518,8 @@ def bare_mm(part: CellPart) -> float:
 def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
     tool = part.tool
     yield from _near(tool.flange_from_cutter, "tool.flange_from_cutter", "flange")
+    if tool.spindle is not None:
+        yield from _curve(tool.spindle)
     tip = _matrix(tool.flange_from_cutter)
     for i, shape in enumerate(tool.shapes):
         depth = _depth_mm(shape, tip[:3, 3])
@@ -485,6 +561,16 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
                 f"expected a place among the tool's bodies, found one {off:.0f} mm outside: "
                 "is it in the flange's frame?",
             )
+
+
+def _curve(curve: SpindleCurvePart) -> Iterator[tuple[str, str]]:
+    """Torque and power that no one spindle has: P = T omega, but for what the drive limits."""
+    if curve.torque_nm is None or curve.power_kw is None:
+        return
+    asked = np.array(curve.torque_nm) * np.array(curve.speed_rpm) * (2 * np.pi / 60 / 1000)
+    ratio = float(np.median(np.array(curve.power_kw) / asked))
+    if not 1 / UNLIKE < ratio < UNLIKE:
+        yield "tool.spindle.power_kw", f"expected about torque times speed, found {ratio:.3g} times that: is it in W?"
 
 
 def _near(pose: Pose, place: str, origin: str) -> Iterator[tuple[str, str]]:

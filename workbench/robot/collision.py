@@ -34,7 +34,7 @@ class CollisionModel:
     def __init__(self, cell: Cell) -> None:
         """Build once, ask often."""
         self._cell = cell
-        self._objects = [fcl.CollisionObject(_geometry(shape)) for shape in cell.shapes]
+        self._objects = [fcl.CollisionObject(body_of(shape)) for shape in cell.shapes]
         self.pairs = checked_pairs(cell)
         self.least_mm = least_mm(cell)
 
@@ -172,7 +172,8 @@ def _checked(a: Shape, b: Shape) -> bool:
     return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
 
 
-def _geometry(shape: Shape) -> fcl.CollisionGeometry:
+def body_of(shape: Shape) -> fcl.CollisionGeometry:
+    """fcl's geometry of a shape, about the shape's own frame."""
     if shape.kind == "mesh":
         assert shape.vertices_mm is not None
         assert shape.triangles is not None

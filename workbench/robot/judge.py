@@ -13,14 +13,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.artefacts import Judgement, ProgramMoves, Violation
-from workbench.robot.bounds import SAFE_MM, Pairs, pair_bounds_mm
+from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violation
+from workbench.geometry.poses import inverse
+from workbench.robot.bounds import SAFE_MM, CollisionScreen, Pairs, pair_bounds_mm
 from workbench.robot.cell import Cell, dexterity, turntable_margin
 from workbench.robot.collision import CollisionModel, turntable_pose
+from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
-from workbench.robot.surface import Driven, Planned, deviations
+from workbench.robot.surface import Driven, Planned, beside_mm, deviations
 from workbench.robot.way import (
+    CORNER,
     JOINTS,
     Places,
     Way,
@@ -65,6 +68,10 @@ def judge(
         way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), rated(cell))
     except WayError as error:
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
+    foreign, unknown = frame_faults(cell, program, tools)
+    if foreign is not None:
+        return _undriven(program, foreign)
+    cell = dataclasses.replace(cell, unchecked=(*cell.unchecked, *unknown))
     way, places = first_look(cell, way)
     found = _proven(cell, way, places, _Findings())
     return _judgement(cell, program, way, found, planned, configuration)
@@ -85,6 +92,25 @@ def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | N
         return None
     kind = found.faults[0][2]
     return kind, _names(cell, _least(found)[1]) if kind == "collision" else None
+
+
+class JudgedCell(Cell):
+    """A cell through which programs are driven."""
+
+    __slots__ = ()
+
+    def judge(
+        self,
+        program: ProgramMoves,
+        moves: Moves,
+        tolerance_mm: float,
+        configuration: Callable[..., tuple[int, ...] | None],
+    ) -> Judgement:
+        """`judge`, with the path of the moves to follow."""
+        postures = moves.postures
+        assert postures is not None
+        planned = Planned(moves.toolpath, postures.planned_turntable, tolerance_mm, postures.flange_from_point)
+        return judge(self, program, planned, configuration)
 
 
 def _frames(cell: Cell, program: ProgramMoves) -> tuple[dict[str, Float], dict[str, Float]]:
@@ -342,7 +368,7 @@ def _judgement(
     if cell.process is not None:
         faults += [
             Violation(program.moves[i].line, at.arc(int(np.searchsorted(way.move, i)), 0.0), "process", text)
-            for i, text in disorders(program, cell.process)
+            for i, text in (*disorders(program, cell.process), *_unprobed(cell, program, planned))
         ]
     speeds, share = _speeds(cell, way, places, arc)
     faults += speeds
@@ -360,12 +386,16 @@ def _judgement(
     along["arc_length_mm"] = arc[np.sort(inside)]
     assert measured == len(along["arc_length_mm"])
     least, pair = _least(found)
+    stops = sum(move.zone_mm == 0 and move.time_s is None for move in program.moves[1:-1])
+    ramp_s = cell.controller.acceleration_s if cell.controller else None  # half of it is lost before, half behind
     return Judgement(
         program=program,
         violations=tuple(_told(faults)),
         unchecked=tuple(unchecked),
         length_mm=float(arc[-1]),
-        time_s=float(way.duration_s.sum()),
+        time_s=float(way.duration_s.sum()) + stops * (ramp_s or 0.0),
+        stops=stops,
+        stops_counted=ramp_s is not None,
         postures=len(everywhere),
         clearance_mm=min(found.proven_mm, least),
         clearance_pair=_names(cell, found.proven_pair if found.proven_mm <= least else pair),
@@ -375,7 +405,34 @@ def _judgement(
         speed_share=max(share, timed_share),
         deviation_mm=deviation,
         along=along,
+        nearest=_nearest(cell, way, places, arc),
+        driven=_driven(way, found.places[0]),
     )
+
+
+def _driven(way: Way, places: Places) -> dict[str, Float]:
+    """Where the robot stands, when, in which line, how fast its tool goes."""
+    seconds = _seconds(way, places)
+    steps = np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)
+    return {
+        "joints": places.joints,
+        "turntable": places.turntable,
+        "time_s": np.append(0.0, np.cumsum(seconds)),
+        "line": way.line[places.segment].astype(float),
+        "mm_s": np.append(0.0, steps / np.maximum(seconds, 1e-9)),
+    }
+
+
+def _nearest(cell: Cell, way: Way, places: Places, arc: Float) -> Nearest | None:
+    """The least distance of all places that the robot reaches."""
+    reached = np.flatnonzero(np.isfinite(places.joints).all(axis=1))
+    screen = CollisionScreen(cell)
+    found = screen.tightest(places.joints[reached], places.turntable[reached])
+    if found is None:
+        return None
+    distance, pair, at = found
+    here = int(reached[at])
+    return Nearest(distance, screen.pair(pair), int(way.line[places.segment[here]]), float(arc[here]))
 
 
 def _least(found: _Findings) -> tuple[float, int]:
@@ -420,14 +477,39 @@ def _configurations(
         move = program.moves[way.move[places.segment[i]]]
         if move.configuration is None or not np.isfinite(places.joints[i]).all():
             continue
-        near = [configuration(places.joints[i] + step, cell) for step in (0.0, -ON_BOUNDARY, ON_BOUNDARY)]
-        there = near[0]
+        there = configuration(places.joints[i], cell)
         if there is None:
             continue
+        within = places.joints[i : i + 1]
+        if way.kind[places.segment[i]] == CORNER:  # the target is passed by, on the whole range of the corner
+            within = places.joints[places.segment == places.segment[i]]
+            within = within[np.isfinite(within).all(axis=1)]
+        steps = (within[:, None] + ON_BOUNDARY * np.array([[0.0], [-1.0], [1.0]])).reshape(-1, 6)
+        near = [configuration(joints, cell) for joints in steps]
         either = zip(move.configuration, zip(*(one for one in near if one is not None), strict=True), strict=True)
         if not all(said in found for said, found in either):  # an angle on the boundary of two counts as both
             said = f"the program says configuration {list(move.configuration)}, the robot has {list(there)}"
             yield Violation(move.line, at.arc(int(places.segment[i]), float(places.share[i])), "configuration", said)
+
+
+def _unprobed(cell: Cell, program: ProgramMoves, planned: Planned | None) -> Iterator[tuple[int, str]]:
+    """Index of a move and what is wrong, where the program does not stop for the operator above the path's begin."""
+    probe = None if cell.process is None else cell.process.probe
+    if probe is None or planned is None:
+        return
+    first = next(i for i, move in enumerate(program.moves) if move.kind != "J")
+    stops = [event.before for event in program.events if event.kind == "stop" and 0 < event.before <= first]
+    joints = program.moves[stops[0] - 1].joints if stops else None
+    if joints is None:
+        yield 0, "the program does not stop where the operator sees the part's place"
+        return
+    tool = forward_kinematics(cell.chain, joints) @ planned.flange_from_point
+    table = program.moves[stops[0] - 1].turntable
+    if table is not None:
+        tool = turntable_pose(cell, planned.turntable) @ inverse(turntable_pose(cell, table)) @ tool
+    off = beside_mm(planned.toolpath, tool, probe.distance_mm)
+    if off > planned.tolerance_mm:
+        yield stops[0] - 1, f"the program stops {off:.2f} mm beside the point that the operator is asked for"
 
 
 def _seconds(way: Way, places: Places) -> Float:

@@ -7,7 +7,8 @@ mm/rad, rows 3 to 5 in rad/rad.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,17 @@ import numpy as np
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Float, Shaped
 
+CONVENTIONAL = ("base", "base_link", "world", "tool0", "flange")  # frames of a URDF that mean the same in all (REP-199)
 AngleConvention = Literal["abb", "dh", "dh_same_sense"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bodies:
+    """Mass of the six moving links, in the base with all joints at 0."""
+
+    mass_kg: Shaped[Float, " 6"]
+    centre_mm: Shaped[Float, "6 3"]  # of gravity
+    inertia_kg_m2: Shaped[Float, "6 3 3"]  # about the centre of gravity, base axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +43,8 @@ class Chain:
     base_from_flange_at_zero: Shaped[Float, "4 4"]
     limits: Shaped[Float, "6 2"]  # lower, upper
     speeds: Shaped[Float, " 6"]  # rad/s, largest
+    frames: Mapping[str, Float] = field(default_factory=dict)  # base_from_frame (4, 4) at zero, of CONVENTIONAL names
+    bodies: Bodies | None = None  # None: the URDF states no masses
 
 
 def abb_angles(angles: Float, convention: AngleConvention) -> Float:

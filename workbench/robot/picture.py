@@ -153,13 +153,13 @@ def cell_triangles(cell: Cell, joints: Float, turntable: float, sides: int = ROU
     found = []
     for shape in cell.shapes:
         pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
-        corners = _triangles(shape, sides)
+        corners = shape_triangles(shape, sides)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         found.append((shape.body, corners[area > 0] @ pose[:3, :3].T + pose[:3, 3]))
     return found
 
 
-def _triangles(shape: Shape, sides: int) -> Float:
+def shape_triangles(shape: Shape, sides: int = ROUND) -> Float:
     """Triangles (t, 3, 3) of a shape in its own frame."""
     if shape.vertices_mm is not None:
         return np.asarray(shape.vertices_mm[shape.triangles])

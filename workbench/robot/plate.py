@@ -151,7 +151,7 @@ def plate(
         >>> plan = path.feed(path.layers(raw, points), points, raw)
         >>> cell = robot.cell(cell="data/robot/cell.json")
         >>> type(robot.plate(cell, points)).__name__
-        'Cell'
+        'JudgedCell'
     """
     if cell is None:
         return None
@@ -168,9 +168,9 @@ def plate(
     pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
     body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
-    unseen = tuple(text for text in cell.unseen if not text.startswith("collision with the workpiece"))
+    unchecked = tuple(text for text in cell.unchecked if not text.startswith("collision with the workpiece"))
     others = (shape for shape in cell.shapes if shape.body != "workpiece")
-    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unseen=unseen)
+    return dataclasses.replace(cell, shapes=(*others, *body), may_touch=touch, unchecked=unchecked)
 
 
 def _as_known(cell: Cell, cloud: Cloud | None, toolpath: Toolpath | None) -> Cell:

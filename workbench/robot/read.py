@@ -38,16 +38,18 @@ from workbench.robot.cell_file import (
     check_plausible,
     matrix_of,
 )
+from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
 from workbench.robot.process import NO_PROCESS
-from workbench.robot.urdf import read_urdf
+from workbench.robot.urdf import disabled_pairs, read_urdf
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_yaml import read_document
 from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
+HARMLESS = ("Adjacent", "Never")  # an SRDF's reasons by which nothing is left out that could happen
 CUTS = {"cutter", "workpiece"}
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
@@ -88,10 +90,12 @@ def read_cell(path: Path) -> Cell:
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
             raise InputError(f"{path}: $.may_touch", f"unknown body '{name}'{nearest(name, known)}")
+    srdf = {} if robot.srdf is None else disabled_pairs(path.parent / robot.srdf)
+    disabled = {pair: why for pair, why in srdf.items() if known.issuperset(pair)}
     check_plausible(part, f"{path}: $")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
     tools, frames = _on_controller(part, cutter, path)
-    return Cell(
+    return JudgedCell(
         source=str(path),
         title=part.title or chain.name,
         chain=chain,
@@ -99,7 +103,12 @@ def read_cell(path: Path) -> Cell:
         flange_from_cutter=cutter,
         turntable=_turntable(part.turntable, path),
         loading=_loading(part.loading, path),
-        may_touch=tuple(part.may_touch),
+        may_touch=(*part.may_touch, *disabled),
+        unseen=tuple(
+            f"collision of {one} and {other}: the SRDF lets them touch ({why})"
+            for (one, other), why in disabled.items()
+            if why not in HARMLESS
+        ),
         margin_mm=part.margin_mm,
         warnings=tuple(filter(None, warnings)),
         margins=_margins(part),
@@ -107,14 +116,16 @@ def read_cell(path: Path) -> Cell:
         controller_tools=tools,
         controller_frames=frames,
         unchecked=tuple(_not_said(part, shapes)),
-        unseen=() if part.workpiece.mesh else (NO_WORKPIECE,),
         process=part.process,
+        configuration=tuple(part.robot.configuration),
         tool_mass_kg=part.tool.mass_kg,
         tool_centre_of_gravity_mm=_array(part.tool.centre_of_gravity_mm),
         base_from_workobject=_pose((part.work_object or WorkObjectPart()).pose, f"{path}: $.work_object.pose"),
+        repeatability_mm=part.robot.repeatability_mm,
+        spindle=part.tool.spindle,
         material=part.workpiece.material,
         joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
-        controller=_controller(part.controller),
+        controller=_controller(part.controller, path),
     )
 
 
@@ -158,6 +169,15 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
         (
             part.work_object is None,
             "the work object: the cell file states none ($.work_object); targets are in the robot's base",
+        ),
+        (part.workpiece.mesh is None, NO_WORKPIECE),
+        (
+            part.robot.repeatability_mm is None,
+            "the robot's repeatability against the root face: the cell file states none ($.robot.repeatability_mm)",
+        ),
+        (
+            part.tool.spindle is None,
+            "the cutter's torque and power against the spindle's: the cell file states none ($.tool.spindle)",
         ),
         (part.envelope is None, "the robot's envelope: the cell file states none ($.envelope)"),
         (part.margin_mm == 0, "a clearance between bodies: the cell file asks for none ($.margin_mm is 0)"),
@@ -217,11 +237,14 @@ def _inverse_warning(chain: Chain) -> str | None:
     return None
 
 
-def _controller(part: ControllerPart | None) -> Controller | None:
+def _controller(part: ControllerPart | None, path: Path) -> Controller | None:
     if part is None:
         return None
     level = part.dialect == "fanuc" if part.level_joint_3 is None else part.level_joint_3
-    return Controller(part.dialect, level, part.corner_region)
+    stated = part.world_from_base
+    world = None if stated is None else _pose(stated, f"{path}: $.controller.world_from_base")
+    levels = tuple(part.position_levels_mm)
+    return Controller(part.dialect, level, part.corner_region, world, part.acceleration_s, levels)
 
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:

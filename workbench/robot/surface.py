@@ -87,6 +87,15 @@ def deviations(
     return made
 
 
+def beside_mm(path: Toolpath, tool: Shaped[Float, "4 4"], back_mm: float) -> float:
+    """How far a tool frame, drawn back along its axis by `back_mm`, stands beside where its path's first layer cuts."""
+    layer = next(part for part in path.layers if part.cutting.any())
+    position, quaternion = layer.position_mm[layer.cutting], layer.quaternion_wxyz[layer.cutting]
+    points = _densified(path, position, quaternion, layer.feed_mm_s[layer.cutting])[0]
+    at = tool[:3, 3] - path.cutter.diameter_mm / 2 * tool[:3, 0] + back_mm * tool[:3, 2]
+    return float(_to_segments(at, points[:-1], np.diff(points, axis=0))[0].min())
+
+
 def _quickest(driven: Float, row: Int, seconds: Float, fine: Float, feed: Float) -> tuple[int, float, float]:
     """The last place (of n) of the move that is too fast on the whole, its speed, and the path's fastest near it, mm/s.
 

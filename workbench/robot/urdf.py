@@ -15,7 +15,7 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.robot.cell import Shape, read_mesh
-from workbench.robot.kinematics import Chain
+from workbench.robot.kinematics import CONVENTIONAL, Bodies, Chain
 from workbench.storage import regular_file
 from workbench.units import DEG, Float
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # where a URDF is read, not wherever a program is written
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
+XACRO = "/xacro}"  # ends its name space, of which there are several
 LEAST_RANGE = 0.2  # rad, the middle of six: in degrees made radians twice, 654 deg
 MOST_SPEED = 30.0  # rad/s: the middle of six joints is slower in the fastest arms, and faster in deg/s in the slowest
 UNLIKE = (
@@ -58,8 +59,9 @@ def read_urdf(
     import pinocchio as pin
 
     document = _parsed(path)
-    _check_kinds(document, held or {}, flange_frame, path)
-    model = _held(_built(document, path), document, held or {}, path)
+    stand = _mimicking(document, held or {}, path)
+    _check_kinds(document, stand, flange_frame, path)
+    model = _held(_built(document, path), document, stand, path)
     _check_joints(model, path)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -78,8 +80,22 @@ def read_urdf(
         base_from_flange_at_zero=flange,
         limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
         speeds=np.array(model.velocityLimit),
+        frames={
+            name: to_base @ _world_from(model, data, name, path) for name in CONVENTIONAL if model.existFrame(name)
+        },
+        bodies=_bodies(model, data, to_base),
     )
     return chain, tuple(_shapes(document, model, data, to_base, packages or {}, path))
+
+
+def _bodies(model: pin.Model, data: pin.Data, to_base: Float) -> Bodies | None:
+    """Masses of the links with what hangs on them; None where one of them has none."""
+    placed = [place.act(inertia) for place, inertia in zip(data.oMi[1:], model.inertias[1:], strict=True)]
+    turn, mass = to_base[:3, :3], np.array([one.mass for one in placed])
+    if not (mass > 0).all():
+        return None
+    centre = np.array([one.lever for one in placed]) * MM @ turn.T + to_base[:3, 3]
+    return Bodies(mass, centre, np.array([turn @ one.inertia @ turn.T for one in placed]))
 
 
 def _towards(named: Mapping[str, ElementTree.Element], link: str) -> Iterator[str]:
@@ -97,6 +113,28 @@ def _link(joint: ElementTree.Element, which: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
+def _mimicking(document: ElementTree.Element, held: Mapping[str, float], path: Path) -> dict[str, float]:
+    """Joints that stand, with those that mimic one of them: deg, or mm of prismatic ones."""
+    stand, kinds = dict(held), {joint.get("name", ""): joint.get("type") for joint in document.iterfind("joint")}
+    mimics = {
+        joint.get("name", ""): mimic
+        for joint in document.iterfind("joint")
+        if (mimic := joint.find("mimic")) is not None
+    }
+    for _ in mimics:  # one may mimic another
+        for name, mimic in mimics.items():
+            master = mimic.get("joint", "")
+            if name in stand or master not in stand:
+                continue
+            times, plus = (
+                _numbers(mimic.get(key, default), 1, f"{path}: {name}")[0]
+                for key, default in (("multiplier", "1"), ("offset", "0"))
+            )
+            unit, master_unit = (MM if kinds[one] == "prismatic" else 1 / DEG for one in (name, master))
+            stand[name] = (times * stand[master] / master_unit + plus) * unit
+    return stand
+
+
 def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flange_frame: str, path: Path) -> None:
     """Refuse joints that are none of six by their names; continuous ones get limits, for pin to take them as others."""
     named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
@@ -112,7 +150,7 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
             raise InputError(
                 where,
                 "a mimic joint (a parallelogram or another linkage): expected six joints that turn "
-                "by themselves" + ("" if name in arm else ", or this one in $.robot.held"),
+                "by themselves" + ("" if name in arm else ", or this one in $.robot.held (or what it mimics)"),
             )
         if name in held:
             continue
@@ -171,15 +209,41 @@ def _built(document: ElementTree.Element, path: Path) -> pin.Model:
 def _parsed(path: Path) -> ElementTree.Element:
     if regular_file(path).st_size > MAX_BYTES:
         raise InputError(str(path), f"expected a URDF of at most {MAX_BYTES} bytes")
+    root = _tree(path, "a URDF")
+    if root.tag != "robot":
+        raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
+    if any(XACRO in str(element.tag) for element in root.iter()):
+        raise InputError(
+            str(path), f"expected a URDF, found xacro, from which one is made: xacro {path.name} > {path.stem}.urdf"
+        )
+    return root
+
+
+def _tree(path: Path, what: str) -> ElementTree.Element:
     try:
-        root = ElementTree.fromstring(path.read_bytes(), ElementTree.XMLParser(target=_Builder()))
+        return ElementTree.fromstring(path.read_bytes(), ElementTree.XMLParser(target=_Builder()))
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(str(path), f"expected a URDF: {error}") from None
-    if root.tag != "robot":
-        raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
-    return root
+        raise InputError(str(path), f"expected {what}: {error}") from None
+
+
+def disabled_pairs(path: Path) -> dict[tuple[str, str], str]:
+    """Pairs of links that an SRDF lets touch, and why it says so.
+
+    Raises:
+        InputError: no such file, or not an SRDF.
+    """
+    if regular_file(path).st_size > MAX_BYTES:
+        raise InputError(str(path), f"expected an SRDF of at most {MAX_BYTES} bytes")
+    root = _tree(path, "an SRDF")
+    found = {
+        (pair.get("link1", ""), pair.get("link2", "")): pair.get("reason", "no reason")
+        for pair in root.iterfind("disable_collisions")
+    }
+    if root.tag != "robot" or not found:
+        raise InputError(str(path), "expected an SRDF: root element 'robot' with disable_collisions")
+    return found
 
 
 class _Builder(ElementTree.TreeBuilder):
@@ -309,13 +373,23 @@ def _file(name: str, packages: Mapping[str, Path], where: str, path: Path) -> Pa
     if not name.startswith("package://"):
         return path.parent / name.removeprefix("file://")
     package, _, rest = name.removeprefix("package://").partition("/")
-    if package not in packages:
+    own = packages.get(package) or _package(package, path)
+    if own is None:
         raise InputError(
             where,
             f"the mesh is in the package '{package}': expected its folder in the cell's "
             f"$.robot.packages{nearest(package, packages)}",
         )
-    return packages[package] / rest
+    return own / rest
+
+
+def _package(name: str, path: Path) -> Path | None:
+    """The folder of a ROS package by its package.xml: the one that the URDF is in, or one beside that."""
+    own = next((folder for folder in path.resolve().parents if (folder / "package.xml").is_file()), None)
+    for manifest in () if own is None else (own / "package.xml", *sorted(own.parent.glob("*/package.xml"))):
+        if _tree(manifest, "a ROS package's manifest").findtext("name", "").strip() == name:
+            return manifest.parent
+    return None
 
 
 def _origin(collision: ElementTree.Element, where: str) -> Float:

@@ -21,7 +21,9 @@ shoulder from the wrist centre's distance along axis 2, elbow by the law of cosi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -39,6 +41,8 @@ REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
 STEPS = 3  # of Newton's: each squares what is missing
 GENERIC = np.array([[0.3, 0.7, 1.1], [-0.9, 0.4, -1.7], [1.9, -1.2, 2.6], [0.1, 2.2, 0.5]])  # no angle is special
 ROUNDING = 1e-13  # of a share
+Side = Literal["front", "back", "elbow_up", "elbow_down", "unflipped", "flipped"]
+SIDES = tuple(zip(get_args(Side)[::2], get_args(Side)[1::2], strict=True))  # what `arm_sides` calls false and true
 SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
 
 
@@ -110,7 +114,7 @@ def _unsolved(chain: Chain, why: str) -> InputError:
 
 
 def arm_sides(chain: Chain, joints: Float) -> Bool:
-    """Behind axis 1, elbow down, wrist flipped: (n, 3), at joint angles (n, 6), rad.
+    """Behind axis 1, elbow down, wrist flipped (see SIDES): (n, 3), at joint angles (n, 6), rad.
 
     Forward is where the wrist's centre lies with all joints at zero. The elbow is up where forward bending of the
     upper arm and of the forearm go the same way round. The wrist is flipped where joint 5 bends it backwards, with
@@ -132,6 +136,13 @@ def arm_sides(chain: Chain, joints: Float) -> Bool:
     bent = np.einsum("ni,ni->n", turn @ side, np.cross(elbow - shoulder, wrist - elbow))
     flipped = np.sin(np.asarray(joints, float).reshape(-1, 6)[:, 4]) * np.sign(h[4] @ side) < 0
     return np.column_stack([behind, bent < 0, flipped])
+
+
+def refuse_contradiction(configuration: Sequence[Side]) -> None:
+    """Refuse both words of a pair. Raises ValueError."""
+    for pair in SIDES:
+        if set(pair) <= set(configuration):
+            raise ValueError(f"expected '{pair[0]}' or '{pair[1]}', found both")
 
 
 def _wrist(chain: Chain) -> tuple[Float, Float, int]:

@@ -1,0 +1,173 @@
+"""No path is passed whose place nothing shows; recordings that are wrong as a whole are told by touched points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench import cloud as clouds
+from workbench import edge, path, scan
+from workbench.artefacts import Cloud, PathGate, PointSet, RawEdge, Recording, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.poses import inverse
+from workbench.units import Float
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+Spoil = Callable[[Recording], Recording]
+
+
+def planned(recording: Recording) -> tuple[Toolpath, RawEdge, Cloud]:
+    points = clouds.denoise(scan.fuse(recording))
+    raw = edge.segment_raw(points, upper_side=[0, 0, 1])
+    return path.feed(path.layers(raw, points), points, raw), raw, points
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return scan.read(recording=DATA / "raw_arc.h5")
+
+
+@pytest.fixture(scope="module")
+def sound(recording: Recording) -> tuple[Toolpath, RawEdge, Cloud]:
+    return planned(recording)
+
+
+@pytest.fixture(scope="module")
+def touched(sound: tuple[Toolpath, RawEdge, Cloud]) -> list[tuple[float, float, float]]:
+    """On the end face and on the upper surface, at both ends and in the middle, as the true scan has them."""
+    _, raw, points = sound
+    everywhere, found = points.points_mm, []
+    for i in np.linspace(0.08, 0.92, 3) * (len(raw.arc_length_mm) - 1):
+        at = int(i)
+        upper = raw.upper_position_mm[at]
+        places = ((raw.position_mm[at] + upper) / 2, *(upper + mm * raw.upper_inward[at] for mm in (4, 14)))
+        found += [everywhere[np.linalg.norm(everywhere - place, axis=1).argmin()] for place in places]
+    return [tuple(place.tolist()) for place in found]
+
+
+def gate_of(plan: tuple[Toolpath, RawEdge, Cloud], **more: object) -> PathGate:
+    toolpath, raw, points = plan
+    return path.check(toolpath, raw, points, **more)
+
+
+def test_a_sound_scan_is_a_shape_until_something_shows_its_place(
+    sound: tuple[Toolpath, RawEdge, Cloud], touched: list[tuple[float, float, float]]
+) -> None:
+    alone = gate_of(sound)
+    assert (alone.passed, alone.clean, alone.shape_only) == (True, False, True)
+    assert any("turned by 1 deg about the flange's x, y, z it moves the path by" in said for said in alone.unchecked)
+    placed = gate_of(sound, touched_mm=touched)
+    assert (placed.clean, placed.shape_only) == (True, False)
+    assert not any("hand-eye pose: turned" in said for said in placed.unchecked)
+    one_face = gate_of(sound, touched_mm=touched[::3])
+    assert one_face.shape_only
+    assert "the touched points leave" in one_face.cause
+    in_the_middle = gate_of(sound, touched_mm=touched[3:6])
+    assert in_the_middle.shape_only
+
+
+def test_what_1_deg_costs_is_the_lever_of_the_hand_eye(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:
+    """Against the path of the same recording with a hand-eye that is turned by 1 deg: to a fifth, as arms differ."""
+    toolpath, _, points = sound
+    assert points.flange_from_profiler is not None
+    said = next(text for text in gate_of(sound).unchecked if "1 deg about the flange" in text)
+    told = [float(number) for number in said.split("path by ")[1].removesuffix(" mm").split(", ")]
+    flange = points.base_from_profiler @ inverse(points.flange_from_profiler)
+    places = np.concatenate([layer.position_mm for layer in toolpath.layers])
+    at = np.linalg.norm(places[:, None] - flange[None, :, :3, 3], axis=2).argmin(axis=1)
+    arm = np.einsum("nji,nj->ni", flange[at, :3, :3], places - flange[at, :3, 3])
+    for axis, mm in enumerate(told):
+        turn = Rotation.from_rotvec(np.eye(3)[axis], degrees=True).as_matrix()
+        moved = np.linalg.norm(arm @ turn.T - arm, axis=1)
+        assert np.sqrt((moved**2).mean()) == pytest.approx(mm, rel=0.2, abs=0.1)
+
+
+def turned(recording: Recording, hand_eye: Float) -> Recording:
+    return replace(recording, flange_from_profiler=recording.flange_from_profiler @ hand_eye)
+
+
+def pose(rotvec_deg: tuple[float, float, float], mm: tuple[float, float, float]) -> Float:
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = Rotation.from_rotvec(rotvec_deg, degrees=True).as_matrix(), mm
+    return made
+
+
+def tools_position(one: Recording) -> Recording:
+    turns = Rotation.from_quat(one.robot_quaternion_wxyz, scalar_first=True)
+    return replace(one, robot_position_mm=one.robot_position_mm + turns.apply([40.0, -60, 90]))
+
+
+def table_turning(one: Recording) -> Recording:
+    share = (one.robot_time_s - one.robot_time_s[0]) / np.ptp(one.robot_time_s)
+    middle = one.robot_position_mm.mean(axis=0)
+    turns = Rotation.from_rotvec(np.outer(share, [0, 0, 1.0]), degrees=True)
+    return replace(one, robot_position_mm=turns.apply(one.robot_position_mm - middle) + middle)
+
+
+def ends_only(one: Recording) -> Recording:
+    kept = [0, -1]
+    columns = ("robot_position_mm", "robot_quaternion_wxyz", "robot_time_s", "robot_pass")
+    return replace(one, **{name: getattr(one, name)[kept] for name in columns})
+
+
+def tracked(one: Recording) -> Recording:
+    middle = np.nanmean(np.where(np.isfinite(one.z_mm), one.x_mm, np.nan), axis=1, keepdims=True)
+    return replace(one, x_mm=(one.x_mm - middle).astype(np.float32))
+
+
+WRONG: dict[str, Spoil] = {
+    "profiles zeroed to their mean": lambda one: replace(
+        one, z_mm=(one.z_mm - np.nanmean(one.z_mm, axis=1, keepdims=True)).astype(np.float32)
+    ),
+    "profiles tracked": tracked,
+    "position of the tool, orientation of the flange": tools_position,
+    "hand-eye turned and moved": lambda one: turned(one, pose((15, 0, 0), (0, 12, 0))),
+    "hand-eye 30 mm off": lambda one: turned(one, pose((0, 0, 0), (0, 0, 30))),
+    "hand-eye translation negated": lambda one: replace(
+        one, flange_from_profiler=one.flange_from_profiler * np.array([[1, 1, 1, -1]] * 3 + [[1, 1, 1, 1]])
+    ),
+    "robot in another base": lambda one: replace(one, robot_position_mm=one.robot_position_mm + np.array([0, 0, 525])),
+    "first orientation held": lambda one: replace(
+        one, robot_quaternion_wxyz=np.repeat(one.robot_quaternion_wxyz[:1], len(one.robot_quaternion_wxyz), axis=0)
+    ),
+    "ends of the way only": ends_only,
+    "turntable turning by 1 deg": table_turning,
+    "x pitch 10 % off": lambda one: replace(one, x_mm=(1.1 * one.x_mm).astype(np.float32)),
+    "z scale 5 % off": lambda one: replace(one, z_mm=(1.05 * one.z_mm).astype(np.float32)),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_recording_that_is_wrong_as_a_whole_never_passes(
+    recording: Recording,
+    sound: tuple[Toolpath, RawEdge, Cloud],
+    touched: list[tuple[float, float, float]],
+    kind: str,
+) -> None:
+    """Not alone, and not with points that were touched where the part really is, but where it lies within 1 mm."""
+    try:
+        plan = planned(WRONG[kind](recording))
+    except InputError:
+        return
+    assert not gate_of(plan).clean
+    true, found = sound[0].layers[-1].position_mm, plan[0].layers[-1].position_mm
+    off = max(np.linalg.norm(true - place, axis=1).min() for place in found[10:-10])
+    assert not gate_of(plan, touched_mm=touched).clean or off < 1.0
+
+
+def test_a_mirrored_cloud_says_what_its_handedness_costs() -> None:
+    points = clouds.read(file=DATA / "raw_edge.laz")
+    mirrored = replace(points, points_mm=points.points_mm * [-1, 1, 1])
+    assert isinstance(points, PointSet)
+    gridded, raw = edge.segment_cloud(mirrored, upper_side=[0, 0, 1])
+    plan = path.feed(path.layers(raw, gridded), gridded, raw)
+    gate = path.check(plan, raw, gridded)
+    assert gate.shape_only
+    (said,) = (text for text in gate.unchecked if "handedness" in text)
+    far = float(said.split("moves the path by ")[1].split(",")[0])
+    assert far == pytest.approx(2 * abs(plan.layers[-1].position_mm[:, 0].mean()), rel=0.05)

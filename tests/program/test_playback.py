@@ -1,0 +1,46 @@
+"""The program as it is played: bodies stand where the robot has them, and the words are the program's."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from workbench.artefacts import Moves
+from workbench.program import write
+from workbench.robot import Cell, cell_triangles
+
+from .conftest import passed
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_bodies_stand_where_the_robot_has_them(moves: Moves, irb6700: Cell, share: float) -> None:
+    """Ends of all edges are corners of the cell as it is drawn in that posture; the cutter's way ends at its tip."""
+    *_, judgement, chapter = write(moves, passed(moves.toolpath), irb6700)
+    scene, driven = chapter.scene, judgement.driven
+    assert scene is not None
+    frame = int(share * (len(scene.frames) - 1))
+    assert len(scene.frames) == len(driven["line"]) <= 600  # none is left out
+    drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]))
+    corners = cKDTree(np.concatenate([corners.reshape(-1, 3) for _, corners in drawn]))
+    bodies = [one for one in scene.strokes if one.name != "way of the cutter"]
+    assert {"robot"} <= {one.name for one in bodies}
+    for one in bodies:
+        ends = np.concatenate(one.lines_mm)
+        pose = np.eye(4) if one.moved is None else one.moved[frame]
+        away, _ = corners.query(ends @ pose[:3, :3].T + pose[:3, 3])
+        assert away.max() < 0.02
+
+
+def test_what_is_said_is_the_programs(moves: Moves, irb6700: Cell) -> None:
+    *files, _, judgement, chapter = write(moves, passed(moves.toolpath), irb6700)
+    text = files[0].content.decode().splitlines()
+    said = [
+        re.fullmatch(r"line (\d+) · ([\d.]+) s · [\d.e+-]+ mm/s( · clearance [\d.]+ mm)?", one)
+        for one in chapter.scene.frames
+    ]
+    assert all(said)
+    assert all("Move" in text[int(one[1]) - 1] for one in said if one)
+    times = [float(one[2]) for one in said if one]
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(judgement.time_s, abs=0.1)

@@ -1,0 +1,127 @@
+"""Plans of whole edges: with and without a cell, what binds, and input that is none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench import robot
+from workbench.artefacts import Document, Gate
+from workbench.errors import InputError
+from workbench.result_files import ScanPlanFile
+from workbench.scan_plan import ScanPlan, plan
+from workbench.scan_plan.reach import BODY
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+SENSOR, HAND_EYE = DATA / "calibration" / "sensor.json", DATA / "calibration" / "handeye.json"
+EDGE = DATA / "synthetic" / "paths" / "raw_arc.json"
+CELL = DATA / "robot" / "cell.json"
+WANTED: dict[str, Any] = {"wanted_root_mm": 0.02, "wanted_bevel_deg": 0.1}
+
+
+def made(*args: Any, **more: Any) -> tuple[ScanPlan, ScanPlanFile, Gate]:
+    given = {"edge": EDGE, "sensor": SENSOR, **WANTED, **more}
+    found = plan(*args, **given)
+    document = next(one for one in found if isinstance(one, Document))
+    return found[0], ScanPlanFile.model_validate_json(document.content), found[-1]
+
+
+def in_cell(**more: Any) -> tuple[ScanPlan, ScanPlanFile, Gate]:
+    return made(robot.cell(cell=CELL), hand_eye=HAND_EYE, tool_stays=False, **more)
+
+
+@pytest.fixture(scope="module")
+def shipped() -> tuple[ScanPlan, ScanPlanFile, Gate]:
+    return in_cell()
+
+
+Shipped = tuple[ScanPlan, ScanPlanFile, Gate]
+
+
+def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Shipped) -> None:
+    scan, file, gate = shipped
+    assert gate.passed
+    assert len(scan.passes) <= 2
+    assert np.nanmax(2.0 * scan.root.u) <= 0.02
+    assert np.nanmax(2.0 * scan.bevel.u) <= 0.1
+    assert file.reached
+    assert [len(one.points) for one in file.passes] == [len(one.base_from_view) for one in scan.passes]
+
+
+def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped: Shipped) -> None:
+    scan = shipped[0]
+    middle = len(scan.edge.position_mm) // 2
+    document = json.loads(CELL.read_text())
+    document["robot"]["urdf"] = str(CELL.parent / document["robot"]["urdf"])
+    at = scan.edge.position_mm[middle] + 10.0 * scan.edge.normal[middle]
+    on_table = at - document["turntable"]["base_from_turntable"]["position_mm"]
+    clamp = {"name": "clamp", "on": "turntable", "pose": {"position_mm": on_table.tolist()}, "box_mm": [24, 24, 60]}
+    document["fixtures"].append(clamp)
+    file = tmp_path / "cell.json"
+    file.write_text(json.dumps(document))
+    hidden, _, gate = made(robot.cell(cell=file), hand_eye=HAND_EYE, tool_stays=False)
+    assert not gate.passed
+    assert any("shadow of clamp" in one for one in hidden.binds)
+    unseen = np.isnan(hidden.root.u)
+    assert unseen.any()
+    assert hidden.reached[~unseen].all()
+    assert np.abs(hidden.arc_length_mm[unseen] - scan.edge.arc_length_mm[middle]).max() < 40.0
+
+
+def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
+    scan, file, gate = made(wanted_root_mm=0.02, wanted_bevel_deg=0.005)
+    assert not gate.passed
+    assert not file.reached
+    assert any("bevel_deg" in one for one in scan.binds)
+    assert any("half the noise" in one for one in scan.would_help)
+
+
+def test_the_plate_and_the_scanner_are_bodies(shipped: Shipped) -> None:
+    place = shipped[0].scan_cell
+    assert place is not None
+    bodies = {shape.body for shape in place.cell.shapes}
+    assert {BODY, "tool"} <= bodies
+    assert "cutter" not in bodies
+
+
+def test_polyline_and_drawing_tell_the_same_edge(tmp_path: Path) -> None:
+    points = [[1500.0, 0.0, 800.0], [1560.0, 0.0, 800.0], [1620.0, 0.0, 800.0]]
+    taught = tmp_path / "edge.json"
+    taught.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": points}))
+    rows = "".join(f"10\n{x}\n20\n{y}\n" for x, y, _ in points)
+    drawn = tmp_path / "edge.dxf"
+    drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{rows}0\nENDSEC\n0\nEOF\n")
+    one, other = made(edge=taught)[0], made(edge=drawn)[0]
+    assert np.allclose(one.passes[0].base_from_view, other.passes[0].base_from_view)
+    assert np.allclose(one.edge.normal[:, 1], 1.0) or np.allclose(one.edge.normal[:, 1], -1.0)
+
+
+def sensor(tmp_path: Path, **changes: Any) -> Path:
+    file = tmp_path / "sensor.json"
+    file.write_text(json.dumps(json.loads(SENSOR.read_text()) | changes))
+    return file
+
+
+def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
+    far = tmp_path / "far.json"
+    far.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[9000, 0, 0], [9100, 0, 0]]}))
+    arc = tmp_path / "arc.dxf"
+    arc.write_text("0\nLWPOLYLINE\n10\n0\n20\n0\n42\n0.5\n10\n9\n20\n0\n0\nEOF\n")
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"sensor": sensor(tmp_path, measuring_range_mm=None)}, "measuring_range_mm"),
+        ({"root_mm": 8.0}, "root_mm below thickness_mm"),
+        ({"thickness_mm": 90.0}, "cannot be measured with this sensor"),
+        ({"root_tolerance_mm": (0.0, 0.0), "wanted_root_mm": None}, "tolerance of some width"),
+        ({"edge": arc}, "found an arc"),
+        ({"edge": far, "upper_side": (1.0, 0.0, 0.0)}, "upper side across the edge"),
+    ]
+    for given, words in cases:
+        with pytest.raises(InputError, match=words) as told:
+            made(**given)
+        assert "\n" not in str(told.value)
+    with pytest.raises(InputError, match="out of the robot's reach"):
+        in_cell(edge=far)

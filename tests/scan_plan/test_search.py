@@ -1,0 +1,41 @@
+"""The search against brute force."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tests.scan_plan.test_information import JOINT, LENGTH_MM, SENSOR
+from workbench.scan_plan.information import Knowledge, View, information
+from workbench.scan_plan.search import Candidate, Search, Wanted
+from workbench.units import DEG
+
+KNOWN = Knowledge(edge_condition="sharp")
+
+
+def candidates(rng: np.random.Generator) -> list[Candidate]:
+    out = []
+    for elevation in (-30.0, 0.0, 30.0, 55.0):
+        for pitch in (0.2, 0.8):
+            told = information(JOINT, SENSOR, KNOWN, View(elevation * DEG, 150.0, pitch), LENGTH_MM)
+            assert told is not None
+            out.append(Candidate(told, rng.random(6) < 0.75, 15.0 + 100.0 / pitch * rng.uniform(0.8, 1.2)))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_set_is_better(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wanted = Wanted(float(rng.choice([0.003, 0.006, 0.02])), float(rng.choice([0.06, 0.1])))
+    search = Search(JOINT, KNOWN, LENGTH_MM, wanted, candidates(rng))
+    chosen, reach = search.best(3)
+    sets = [s for size in (1, 2, 3) for s in itertools.combinations(range(len(search.candidates)), size)]
+    best = min(search.reach(s, search.visible) for s in sets)
+    assert reach.short == best.short
+    assert reach == search.reach(chosen, search.visible)
+    if best.short == 0:
+        assert reach.seconds <= 1.1 * best.seconds
+    else:
+        assert reach.excess <= 1.1 * best.excess

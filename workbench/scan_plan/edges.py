@@ -1,0 +1,172 @@
+"""Where the edge is, roughly: a coarse recording, a planned toolpath, taught points, a polyline of a drawing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Cloud, Edge, HandEye, Toolpath
+from workbench.errors import InputError
+from workbench.geometry.grids import fuse
+from workbench.geometry.poses import rotation_from_quaternion
+from workbench.result_files.contract import ResultFile, Vector
+from workbench.scan_plan.information import Joint
+from workbench.scan_plan.way import EdgeLine
+from workbench.storage import read_text
+from workbench.strict_json import MAX_BYTES, read_json
+from workbench.units import DEG, Float
+
+BESIDE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
+SAMPLED = 40_000  # points of a coarse recording that are looked at
+RECORDINGS, DRAWINGS = (".h5", ".hdf5"), (".dxf",)
+
+
+class EdgeLineFile(ResultFile):
+    """`edge-line.json`: taught points of the lower edge."""
+
+    NAME: ClassVar[str] = "edge-line.json"
+    format: Literal["edge-line"]
+    version: Literal[1]
+    points_mm: list[Vector] = Field(min_length=2, description="in the base, in order of t = m x n")
+    upper_side: Vector | None = Field(default=None, description="roughly m; null: as the stage has it")
+
+
+def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | None) -> EdgeLine:
+    """The edge that a file tells of, by its kind.
+
+    Raises:
+        InputError: it is none of these, or holds no edge.
+    """
+    suffix = path.suffix.lower()
+    if suffix in RECORDINGS:
+        return _recorded(path, upper_side, joint, hand_eye)
+    if suffix in DRAWINGS:
+        return _through(_dxf_points(path), upper_side, path)
+    if read_json(path).get("format") == "bevel-toolpath":
+        from workbench.path import read
+
+        return _planned(read(toolpath=path), path)
+    file = EdgeLineFile.read(path)
+    return _through(
+        np.array(file.points_mm), upper_side if file.upper_side is None else np.array(file.upper_side), path
+    )
+
+
+def _through(points: Float, upper_side: Float, path: Path) -> EdgeLine:
+    try:
+        return EdgeLine.through(points, upper_side, str(path))
+    except ValueError as error:
+        raise InputError(str(path), str(error)) from None
+
+
+def _planned(path: Toolpath, file: Path) -> EdgeLine:
+    """The lower edge under a toolpath's last layer: its frames stand at mid-width of the bevel face."""
+    layer = path.layers[-1]
+    frames, half = rotation_from_quaternion(layer.quaternion_wxyz), 0.5 * layer.width_mm
+    x, z, beta = frames[:, :, 0], frames[:, :, 2], path.bevel_deg * DEG
+    across = -np.sin(beta) * x - np.cos(beta) * z
+    lower = path.face_middle_mm(layer) + half[:, None] * z - path.root_mm * across
+    on = layer.measured & (layer.arc_length_mm >= 0.0) & (layer.arc_length_mm <= path.edge_length_mm) & (half > 0.0)
+    if on.sum() < 2:
+        raise InputError(str(file), "expected a last layer that cuts at two points and more")
+    pose = np.eye(4) if path.base_from_workobject is None else path.base_from_workobject
+    return _through(path.in_base(lower[on]), across[on] @ pose[:3, :3].T, file)
+
+
+def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | None) -> EdgeLine:
+    """Of a coarse recording of the raw edge, or of the milled one; and what it shows beside the plate."""
+    from workbench import cloud, edge, scan
+
+    points = cloud.denoise(
+        scan.fuse(scan.read(recording=path), hand_eye=None if hand_eye is None else Path(hand_eye.source))
+    )
+    found: Edge
+    try:
+        found = edge.segment_raw(points, upper_side=tuple(upper_side.tolist()))
+    except InputError as raw:
+        try:
+            found = edge.segment(points, root_nominal_mm=joint.root_mm, bevel_nominal_deg=joint.bevel / DEG)
+        except InputError:
+            raise raw from None
+    seen = np.isfinite(found.position_mm).all(axis=1)
+    line = _through(found.position_mm[seen], found.across[seen], path)
+    return EdgeLine(
+        line.arc_length_mm,
+        line.position_mm,
+        line.tangent,
+        line.normal,
+        line.across,
+        line.source,
+        _beside(points, line, joint),
+    )
+
+
+def _beside(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:
+    """Points (b, 3) near the edge that lie off the nominal plate: clamps, stops, a table."""
+    origin = line.position_mm[0]
+    points = fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin
+    points = points[:: max(1, len(points) // SAMPLED)]
+    nearest = np.concatenate(
+        [
+            np.argmin(((part[:, None] - line.position_mm) ** 2).sum(axis=2), axis=1)
+            for part in np.array_split(points, max(1, len(points) // 2000))
+        ]
+    )
+    off = points - line.position_mm[nearest]
+    n, m = (off * line.normal[nearest]).sum(axis=1), (off * line.across[nearest]).sum(axis=1)
+    outside = (n > BESIDE_MM) | (m > joint.thickness_mm + BESIDE_MM) | (m < -BESIDE_MM)
+    return np.asarray(points[outside & (np.hypot(n, m) < NEAR_MM)])
+
+
+def _dxf_points(path: Path) -> Float:
+    """Points (p, 3) of the polyline, or of the chain of lines, of a DXF drawing in mm.
+
+    Group codes 10, 20, 30 (11, 21, 31: a line's end); of a light polyline 38 is the height. Arcs (bulges) are refused:
+    export them as points. Source: Autodesk, DXF Reference.
+    """
+    text = [line.strip() for line in read_text(path, MAX_BYTES).splitlines()]
+    codes = list(zip(text[::2], text[1::2], strict=False))
+    entities: list[tuple[str, list[tuple[str, str]]]] = []
+    for code, value in codes:
+        if code == "0":
+            entities.append((value, []))
+        elif entities:
+            entities[-1][1].append((code, value))
+    try:
+        chains = list(_chains(entities, path))
+    except ValueError as error:
+        raise InputError(str(path), f"expected a DXF file in text form: {error}") from None
+    lines = [chain for chain in chains if len(chain) > 1]
+    if not lines:
+        raise InputError(str(path), "expected a POLYLINE, LWPOLYLINE or LINE along the lower edge, found none")
+    if len(lines) > 1:
+        raise InputError(str(path), f"expected one polyline along the lower edge, found {len(lines)}: which is it?")
+    return np.array(lines[0])
+
+
+def _chains(entities: list[tuple[str, list[tuple[str, str]]]], path: Path):  # type: ignore[no-untyped-def]
+    """Polylines, and lines that go on from one another, as lists of points."""
+    vertices: list[tuple[float, float, float]] = []
+    loose: list[list[tuple[float, float, float]]] = []
+    for name, groups in entities:
+        if any(code == "42" and float(value) != 0.0 for code, value in groups):
+            raise InputError(str(path), "expected straight pieces, found an arc: export the edge as points")
+        known = {code: float(value) for code, value in groups if code in ("10", "20", "30", "11", "21", "31", "38")}
+        if name == "VERTEX":
+            vertices.append((known["10"], known["20"], known.get("30", 0.0)))
+        elif name == "SEQEND":
+            yield vertices
+            vertices = []
+        elif name == "LWPOLYLINE":
+            x, y = ([float(value) for code, value in groups if code == which] for which in ("10", "20"))
+            yield [(a, b, known.get("38", 0.0)) for a, b in zip(x, y, strict=True)]
+        elif name == "LINE":
+            ends = [(known[a], known[b], known.get(c, 0.0)) for a, b, c in (("10", "20", "30"), ("11", "21", "31"))]
+            if loose and np.allclose(loose[-1][-1], ends[0], atol=1e-3):
+                loose[-1].append(ends[1])
+            else:
+                loose.append(ends)
+    yield from loose

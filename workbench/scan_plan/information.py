@@ -1,0 +1,406 @@
+"""What a scanning pass will tell of a bevel: predicted standard uncertainties by source, before anything moves.
+
+The terms and sensitivities are those of the budget (docs/method.md, 5), and so are the engine's own functions where it
+has them: what a view does not see of the broken edge, on average over the edges of the prior (`edge.rim`; expected
+posterior variance: Chaloner and Verdinelli, Statistical Science 10 (1995), 273), and the form of the faces by the
+sensor's linearity (`edge.residual_image`). What averages along the edge does so over a length that was measured on
+simulated parts (docs/scan_planning.md). Several passes are one likelihood.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.artefacts import DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
+from workbench.edge.residual_image import PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
+from workbench.edge.rim import (
+    PIXELS,
+    PRIORS,
+    SAMPLE_FRAMES,
+    SIZES,
+    Depths,
+    EdgeCondition,
+    EndTemplates,
+    EndView,
+    SeenEnd,
+    beyond_of,
+    end_groups,
+    end_phases,
+    end_templates,
+    free_depths,
+    rendered_end,
+    seen_end,
+    weights,
+)
+from workbench.units import DEG, Float, Shaped
+
+# Length of edge over which the engine's courses average, mm: of an end told by column steps that drift past it, of a
+# corner, of a face's direction. Medians over simulated parts (docs/scan_planning.md).
+CORNER_MM, DIRECTION_MM = 6.0, 30.0
+MOST_INCIDENCE = 70.0 * DEG  # of a ray on a face that is to be measured
+LEAST_COLUMNS = 12  # on a face that is to be measured
+DRAWS = 4  # of noise, over which what the residual image will say is averaged
+DEPTH_U_MM = 0.0005  # of the engine's own depths (edge.rim)
+
+UNDECLARED = Linearity()
+
+
+class Joint(NamedTuple):
+    """The nominal joint: one plate's bevel."""
+
+    thickness_mm: float
+    root_mm: float
+    bevel: float  # rad
+
+    @property
+    def bevel_width_mm(self) -> float:
+        """Of the bevel face, in the section."""
+        return (self.thickness_mm - self.root_mm) / math.cos(self.bevel)
+
+    @property
+    def section_mm(self) -> Float:
+        """Corners (3, 2) in the section, along n and m from the lower edge: root face, bevel face."""
+        back = (self.thickness_mm - self.root_mm) * math.tan(self.bevel)
+        return np.array([[0.0, 0.0], [0.0, self.root_mm], [-back, self.thickness_mm]])
+
+
+@dataclass(frozen=True, slots=True)
+class Profiler:
+    """A laser line profiler as its `sensor.json` declares it; all that the prediction needs of it."""
+
+    columns: int
+    range_mm: tuple[float, float]
+    width_mm: tuple[float, float]  # of the laser line at these ranges
+    noise_mm: float
+    noise_columns: float = 1.0
+    linearity: Linearity = UNDECLARED
+    triangulation: float = 0.0  # rad
+    camera_side: str = "y"
+
+    @property
+    def middle_mm(self) -> float:
+        """The stand-off in the middle of the measuring range."""
+        return 0.5 * (self.range_mm[0] + self.range_mm[1])
+
+    def line_mm(self, range_mm: float) -> float:
+        """Width of the laser line at a range."""
+        return float(np.interp(range_mm, self.range_mm, self.width_mm))
+
+    def pitch_mm(self, range_mm: float) -> float:
+        """Between columns, across."""
+        return self.line_mm(range_mm) / self.columns
+
+
+class Knowledge(NamedTuple):
+    """What is declared of robot and edge."""
+
+    robot_noise_mm: float = 0.07
+    hand_eye_turn: float = 0.0  # standard uncertainty of the laser plane's direction, rad
+    edge_condition: EdgeCondition = "unknown"
+    radius_mm: float | None = None  # of the lower edge, where it is known before; None: any of the prior
+
+
+class View(NamedTuple):
+    """How a pass looks at the edge."""
+
+    elevation: float  # of the scanner above the root face's normal, rad
+    standoff_mm: float
+    frame_pitch_mm: float
+    lead: float = 0.0  # of the laser plane from the section plane, rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassInformation:
+    """What one pass tells; variances of single frames, of frames `per_mm` along the edge."""
+
+    view: View
+    per_mm: float
+    end_mm: float  # standard deviation of a frame's root face, at its end
+    step_mm: float  # between columns along the root face; 0: the end is a corner with the lower surface
+    root: float  # of a frame's directions, rad
+    bevel: float
+    root_run: float  # mm along the edge by mm along the face
+    bevel_run: float
+    root_form: FaceForm
+    bevel_form: FaceForm
+    seen: tuple[SeenEnd, ...]  # for each edge of the prior, all templates; empty: nothing is hidden
+
+
+class Predicted(NamedTuple):
+    """Root face and bevel angle with their predicted standard uncertainties by source."""
+
+    root: Quantity
+    bevel: Quantity
+
+
+def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
+    """Of the rays on root face, bevel face and lower surface, rad; more than a right angle: turned away."""
+    lean = math.cos(view.lead)
+    of = (view.elevation, view.elevation - joint.bevel, 0.5 * math.pi + view.elevation)
+    root, bevel, lower = (math.acos(max(-1.0, min(1.0, math.cos(one) * lean))) for one in of)
+    return root, bevel, lower
+
+
+def hidden_why(joint: Joint, profiler: Profiler, view: View, drift_mm: float = 0.0) -> str | None:
+    """Why a pass with this view cannot measure the joint; None: it can."""
+    root, bevel, _ = incidences(joint, view)
+    for face, incidence in (("root face", root), ("bevel face", bevel)):
+        if incidence > MOST_INCIDENCE:
+            return f"the {face} at {incidence / DEG:.0f} deg of incidence, at most {MOST_INCIDENCE / DEG:g}"
+    across, away = seen_extent_mm(joint, view)
+    wide = profiler.line_mm(view.standoff_mm - 0.5 * away)
+    if across + drift_mm + 2.0 * BESIDE_MM > wide:
+        return f"a section of {across:.1f} mm across in a laser line of {wide:.1f} mm"
+    near, far = profiler.range_mm
+    if view.standoff_mm - 0.5 * away - BESIDE_MM < near or view.standoff_mm + 0.5 * away + BESIDE_MM > far:
+        return f"{away:.1f} mm of depth about {view.standoff_mm:.0f} mm in a measuring range of {near:g} to {far:g} mm"
+    pitch = profiler.pitch_mm(view.standoff_mm)
+    for face, width, incidence in (("root face", joint.root_mm, root), ("bevel face", joint.bevel_width_mm, bevel)):
+        if (count := width * math.cos(incidence) / pitch) < LEAST_COLUMNS:
+            return f"{count:.0f} columns on the {face}, at least {LEAST_COLUMNS}"
+    return None
+
+
+BESIDE_MM = 1.0  # of the view, that stay free on both sides of the section
+
+
+def seen_extent_mm(joint: Joint, view: View) -> tuple[float, float]:
+    """How far the section reaches across the rays and along them."""
+    s, c = math.sin(view.elevation), math.cos(view.elevation)
+    across = joint.section_mm @ np.array([-s, c])
+    away = joint.section_mm @ np.array([c, s])
+    return float(np.ptp(across)), float(np.ptp(away))
+
+
+def information(
+    joint: Joint, profiler: Profiler, known: Knowledge, view: View, length_mm: float
+) -> PassInformation | None:
+    """What one pass tells of an edge `length_mm` long; None: it cannot measure the joint (`hidden_why`).
+
+    The range noise grows with the incidence i as 1/sqrt(cos i): less light comes back.
+    """
+    if hidden_why(joint, profiler, view) is not None:
+        return None
+    root_i, bevel_i, lower_i = incidences(joint, view)
+    pitch = profiler.pitch_mm(view.standoff_mm)
+    root, bevel = (
+        _face(profiler, width, incidence, pitch)
+        for width, incidence in ((joint.root_mm, root_i), (joint.bevel_width_mm, bevel_i))
+    )
+    is_corner = lower_i < MOST_INCIDENCE
+    frames = min(2 ** math.floor(math.log2(max(length_mm / view.frame_pitch_mm, 2.0))), SAMPLE_FRAMES)
+    steep = abs(math.tan(view.elevation))
+    place = root.place_mm * (1.0 / math.tan(joint.bevel) + (0.0 if is_corner else steep))
+    tilt = math.tan(abs(view.lead))
+    return PassInformation(
+        view=view,
+        per_mm=1.0 / view.frame_pitch_mm,
+        end_mm=math.hypot(place, bevel.place_mm / math.sin(joint.bevel)),
+        step_mm=0.0 if is_corner else pitch / math.cos(view.elevation),
+        root=root.turn,
+        bevel=bevel.turn,
+        root_run=tilt * abs(math.sin(view.elevation)),
+        bevel_run=tilt * abs(math.sin(view.elevation - joint.bevel)),
+        root_form=_form(root, profiler, view, length_mm, 1),
+        bevel_form=_form(bevel, profiler, view, length_mm, 2),
+        seen=()
+        if is_corner
+        else _broken(joint.root_mm, profiler, known, view._replace(lead=0.0, frame_pitch_mm=0.0), frames),
+    )
+
+
+class _Face(NamedTuple):
+    """One face in one frame."""
+
+    width_mm: float
+    incidence: float  # rad
+    columns: float  # on it
+    free: float  # as many that err alone
+    noise_mm: float  # of a return, across the face
+    place_mm: float  # standard deviation of its line's place
+    turn: float  # and direction, rad
+
+
+def _face(profiler: Profiler, width_mm: float, incidence: float, pitch_mm: float) -> _Face:
+    count = width_mm * math.cos(incidence) / pitch_mm
+    free = max(count / profiler.noise_columns, 2.0)
+    noise = profiler.noise_mm * math.sqrt(math.cos(incidence))  # of the range 1/sqrt(cos), across the face cos of that
+    place = noise / math.sqrt(free)
+    return _Face(width_mm, incidence, count, free, noise, place, place * math.sqrt(12.0) / width_mm)
+
+
+def _form(face: _Face, profiler: Profiler, view: View, length_mm: float, key: int) -> FaceForm:
+    """What the residual image will leave open, on average over noise."""
+    places = int(min(face.columns, PLACES))
+    width = face.width_mm / places
+    place = np.asarray((np.arange(places) + 0.5 - 0.5 * places) * width)
+    noise = face.noise_mm**2 / (face.free / places)
+    stretch = min(length_mm, STRETCH_MM)
+    frames, all_frames = stretch / view.frame_pitch_mm, length_mm / view.frame_pitch_mm
+    draws = np.random.default_rng(key).normal(size=(2, DRAWS, places))
+    at, middle = np.zeros(1), np.zeros(1)
+    line = np.stack([np.ones(places), place / place[-1]], axis=1)
+    left = np.eye(places) - line @ np.linalg.pinv(line)  # each frame's residuals are those beside its own line
+    unit = np.asarray(left[None], float)
+    total = np.zeros(3)
+    for one, other in zip(*draws, strict=True):
+        mean, beside = (
+            math.sqrt(noise / frames) * (left @ one)[None],
+            math.sqrt(noise / all_frames) * (left @ other)[None],
+        )
+        lean = 1.0 / math.cos(face.incidence)
+        columns = FaceImage(middle, beside, noise / all_frames * unit, place, lean)
+        image = FaceImage(middle, mean, noise / frames * unit, place, lean, columns)
+        form = forms((image,), at, profiler.linearity)[0]
+        total += np.square([form.turn_u[0], form.lower_u_mm[0], form.upper_u_mm[0]])
+    turn, lower, upper = (np.array([one]) for one in np.sqrt(total / DRAWS))
+    return FaceForm(turn, lower, upper, face.width_mm)
+
+
+# The broken end: edges of the prior, as a pass would see them.
+
+
+@functools.lru_cache(maxsize=8)
+def _templates(condition: EdgeCondition) -> EndTemplates:
+    """The engine's, by every fourth size: what they tell on average is the same."""
+    every = end_templates(PRIORS[condition])
+    kinds = [np.zeros(1, np.int64)]
+    kinds += [1 + kind * SIZES + np.arange(0, SIZES, 4) for kind in range((every.turn.size - 1) // SIZES)]
+    return every.of(np.concatenate(kinds))
+
+
+@functools.lru_cache(maxsize=32)
+def _edges(condition: EdgeCondition, radius_mm: float | None) -> tuple[tuple[float, float], ...]:
+    """Radii of edges that stand for the prior's, and their shares: a sharp one, and quantiles of the rounded ones."""
+    if radius_mm is not None:
+        return ((radius_mm, 1.0),)
+    prior, templates = PRIORS[condition], _templates(condition)
+    round_ = (templates.turn == 0.0) & (templates.size_mm > 0.0)
+    size, share = templates.size_mm[round_], np.exp(templates.log_prior[round_])
+    along = np.cumsum(share) / share.sum()
+    levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    broken = 1.0 - prior.sharp
+    found = [(0.0, prior.sharp)] if prior.sharp > 0.0 else []
+    return (*found, *((float(one), broken / QUANTILES) for one in size[np.searchsorted(along, levels)]))
+
+
+QUANTILES = 2  # of the rounded edges' radii
+PIXEL = int(np.abs(PIXELS - [0.0, 0.5]).sum(axis=1).argmin())  # a column wide, that returns where half of it is filled
+
+
+@functools.lru_cache(maxsize=256)
+def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, frames: int) -> tuple[SeenEnd, ...]:
+    """How each edge of the prior would look in some frames, and what each template would say of that."""
+    pitch = profiler.pitch_mm(view.standoff_mm)
+    root = _face(profiler, root_mm, abs(view.elevation), pitch)
+    step = pitch / math.cos(view.elevation)
+    edges = end_groups(min(root.columns, 3.0 / step))
+    width = np.diff(edges)
+    noise = root.noise_mm**2 * profiler.noise_columns / width / frames
+    length = 0.5 * profiler.linearity.length_mm / math.cos(view.elevation)
+    middle = 0.5 * (edges[1:] + edges[:-1]) * step
+    pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-0.5 * ((middle[-1] - middle[0]) / length) ** 2))
+    far = np.abs(middle[:, None] - middle[None, :]) / max(length, 1e-6)
+    covariance = np.diag(noise) + pattern * np.exp(-far) + DEPTH_U_MM**2 * np.eye(width.size)
+    blank = EndView(
+        Depths(np.zeros(width.size), covariance, free_depths(edges * step)),
+        edges * step,
+        abs(view.elevation),
+        step,
+        end_phases(True),
+        0.0,
+        0.0,
+    )
+    templates = _templates(known.edge_condition)
+    out = []
+    for radius, _ in _edges(known.edge_condition, known.radius_mm):
+        at = np.array([radius]), np.zeros(1), np.array([MOST_INCIDENCE]), np.full(1, PIXEL), np.zeros(1, np.int64)
+        _, depth, raised = rendered_end(blank, *at)
+        view_of = blank._replace(known=blank.known.moved(depth[0] - raised[0]))
+        out.append(seen_end(view_of, templates))
+    return tuple(out)
+
+
+def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], length_mm: float) -> Predicted:
+    """Root face and bevel angle by all passes together, as the engine fuses them."""
+    root_u = _parallel([one.root / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
+    bevel_u = _parallel([one.bevel / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
+    hidden = _hidden_u_mm(known, passes)
+    count = np.array([one.per_mm for one in passes])
+    share = weights(np.zeros(len(passes)), hidden)
+    each = [_end_u_mm(one) for one in passes]
+    end = _parallel([u / math.sqrt(max(w, 1e-12)) for u, w in zip(each, share, strict=True)])
+    rounding = float((share * count * hidden).sum() / (share * count).sum())
+    tangent = math.hypot(math.sqrt(2.0) * known.robot_noise_mm / length_mm, known.hand_eye_turn)
+    by_root = np.array([one.per_mm / one.root**2 for one in passes])
+    by_bevel = np.array([one.per_mm / one.bevel**2 for one in passes])
+    run_r, run_b = (
+        float((by * [getattr(one, name) for one in passes]).sum() / by.sum())
+        for by, name in ((by_root, "root_run"), (by_bevel, "bevel_run"))
+    )
+    root_form = _mean_form([one.root_form for one in passes], by_root)
+    bevel_form = _mean_form([one.bevel_form for one in passes], by_bevel)
+    steep = float((share * count * [abs(math.tan(one.view.elevation)) * (one.step_mm > 0.0) for one in passes]).sum())
+    steep /= float((share * count).sum())
+    beta = joint.bevel
+    lever = 0.5 * joint.bevel_width_mm
+    turned = math.hypot(lever / math.sin(beta) * bevel_u, 0.5 * joint.root_mm / math.tan(beta) * root_u)
+    corner = (root_form[2] / math.tan(beta), root_form[1] * steep, bevel_form[1] / math.sin(beta))
+    leverage = math.sqrt(max(run_r**2 + run_b**2 - 2.0 * run_r * run_b * math.cos(beta), 0.0))
+    of_root = {
+        END: end,
+        DIRECTIONS: turned,
+        TANGENT: tangent * run_r * joint.root_mm,
+        FORM: math.sqrt(sum(one**2 for one in corner)),
+        ROUNDING: rounding,
+    }
+    of_bevel = {
+        DIRECTIONS: math.hypot(root_u, bevel_u) / DEG,
+        TANGENT: tangent * leverage / DEG,
+        FORM: math.hypot(root_form[0], bevel_form[0]) / DEG,
+    }
+    return Predicted(Quantity.of("root_mm", joint.root_mm, of_root), Quantity.of("bevel_deg", beta / DEG, of_bevel))
+
+
+def _parallel(u: Sequence[float]) -> float:
+    """Standard uncertainty of the weighted mean of independent values."""
+    return 1.0 / math.sqrt(sum(1.0 / one**2 for one in u))
+
+
+def _end_u_mm(one: PassInformation) -> float:
+    """Of the end's course by one pass whose columns drift past it.
+
+    A frame whose noise is below a column's step tells the end where a step passes it: in d/noise of the frames, to the
+    noise.
+    """
+    return math.sqrt(one.end_mm**2 + one.end_mm * one.step_mm) / math.sqrt(one.per_mm * CORNER_MM)
+
+
+def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation]) -> Float:
+    """What each pass leaves open of the broken end, given all: (k,), rms over the edges of the prior."""
+    variance = np.zeros(len(passes))
+    edges = _edges(known.edge_condition, known.radius_mm)
+    blind = [k for k, one in enumerate(passes) if one.seen]
+    if not blind:
+        return variance
+    prior = _templates(known.edge_condition).log_prior
+    for number, (_, weight) in enumerate(edges):
+        seen = [passes[k].seen[number] for k in blind]
+        log = prior + np.sum([one.log for one in seen], axis=0)
+        share = np.exp(log - log.max())
+        share /= share.sum()
+        for k, one in zip(blind, seen, strict=True):
+            variance[k] += weight * beyond_of(share, one)[1] ** 2
+    return np.sqrt(variance / sum(weight for _, weight in edges))
+
+
+def _mean_form(form: Sequence[FaceForm], weight: Shaped[Float, " k"]) -> Float:
+    """Turn, and place at the lower and the upper end (3,), of a face that several passes see: what lasts stays."""
+    each = np.array([[one.turn_u[0], one.lower_u_mm[0], one.upper_u_mm[0]] for one in form])
+    return np.asarray(np.sqrt(weight @ each**2 / weight.sum()))

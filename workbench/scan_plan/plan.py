@@ -1,0 +1,584 @@
+"""`scan.plan`: the passes of a scan, chosen for what they will tell."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from workbench.artefacts import Chapter, Document, Gate, HandEye, Quantity, RobotCell
+from workbench.artefacts.decisions import NOT_CHECKED
+from workbench.edge.parameters import RobotNoise
+from workbench.edge.residual_image import declared_linearity
+from workbench.edge.rim import EdgeCondition
+from workbench.errors import InputError
+from workbench.geometry.poses import quaternion_from_rotation
+from workbench.result_files import ScanPlanFile, SensorFile
+from workbench.robot import Cell
+from workbench.scan import read_hand_eye
+from workbench.scan_plan.edges import read_edge
+from workbench.scan_plan.information import (
+    MOST_INCIDENCE,
+    Joint,
+    Knowledge,
+    PassInformation,
+    Predicted,
+    Profiler,
+    View,
+    hidden_why,
+    incidences,
+    information,
+)
+from workbench.scan_plan.reach import Examiner, ScanCell, scan_cell
+from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Wanted
+from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
+from workbench.stage import InputFile, stage
+from workbench.units import DEG, Bool, Float, Shaped
+
+ELEVATIONS_DEG = tuple(range(-60, 85, 10))
+LEADS_DEG = (0.0, -15.0, 15.0)
+FRAME_PITCHES_MM = (0.2, 0.4, 0.8)
+TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
+STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
+OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
+PASS_S = 15.0  # from home to a pass, and back
+SIDE_KEYS = ("columns", "measuring_range_mm", "width_mm", "noise_mm")
+NO_CELL = "reach, collisions and what stands in the way of laser and camera: no cell is named"
+NO_BODY = "collision of the scanner: the sensor file gives it no body ($.body)"
+NO_CAMERA = "shadows of the camera: the sensor file tells no triangulation_deg"
+NO_HAND_EYE = "reach and collisions: no hand_eye tells where the scanner sits on the flange"
+HALF = 0.5
+TOLD = 4
+
+Tolerance = tuple[float, float]
+Positive = Annotated[float, Field(gt=0, le=1e4)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanPass:
+    """One pass of a plan, k stations."""
+
+    view: View
+    edge: EdgeLine  # its stations, those beyond the ends included
+    base_from_view: Shaped[Float, "k 4 4"]
+    sees: Shaped[Bool, " s"]  # of the plan's stations
+    speed_mm_s: float
+    drift_mm: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanPlan:
+    """The passes of a scan, and what they are predicted to tell at s stations along the edge."""
+
+    joint: Joint
+    profiler: Profiler
+    known: Knowledge
+    edge: EdgeLine
+    passes: tuple[ScanPass, ...]
+    arc_length_mm: Shaped[Float, " s"]
+    root: Quantity  # (s,) NaN: no pass sees it
+    bevel: Quantity
+    wanted: Wanted
+    reached: Shaped[Bool, " s"]
+    binds: tuple[str, ...]
+    would_help: tuple[str, ...]
+    table: float  # rad
+    scan_cell: ScanCell | None
+    unchecked: tuple[str, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Of all passes."""
+        return sum(one.seconds for one in self.passes)
+
+
+@stage("scan.plan")
+def plan(
+    cell: RobotCell | None = None,
+    *,
+    edge: InputFile,
+    sensor: InputFile,
+    hand_eye: InputFile | None = None,
+    upper_side: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    thickness_mm: Positive = 8.0,
+    root_mm: Positive = 1.5,
+    bevel_deg: Annotated[float, Field(ge=5, le=75)] = 40.0,
+    root_tolerance_mm: Tolerance = (-0.5, 0.5),
+    bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
+    wanted_root_mm: Positive | None = None,
+    wanted_bevel_deg: Positive | None = None,
+    passes: Annotated[int, Field(ge=1, le=4)] = 2,
+    edge_condition: EdgeCondition = "unknown",
+    robot_noise_mm: RobotNoise = 0.07,
+    frame_rate_hz: Positive = 200.0,
+    most_speed_mm_s: Positive = 100.0,
+    tool_stays: bool = True,
+    z_away: bool = True,
+) -> tuple[ScanPlan | Document | Chapter | Gate, ...]:
+    """Plan a scan: from where, in how many passes, root face and bevel angle will be known well enough.
+
+    For candidates of elevation, lead, frame pitch and turntable angle the standard uncertainty is predicted by the
+    engine's own terms (docs/scan_planning.md), and whether robot, plate, fixtures, laser and camera allow them. Chosen
+    is the set of passes of least time that reaches what is wanted wherever the edge can be seen. Where none does, the
+    run ends in exit status 1, and tells before anything moves what binds and what would help.
+
+    Args:
+        cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
+        edge: where the edge is, roughly: a recording, a toolpath.json, an edge-line.json, or a DXF polyline in mm.
+        sensor: a sensor.json; columns, measuring_range_mm, width_mm and noise_mm must be told.
+        hand_eye: a handeye.json: where the scanner sits on the flange.
+        upper_side: direction, roughly, from the lower to the upper side, in the base, where the file does not tell.
+        thickness_mm: of the plate.
+        root_mm: of the nominal joint.
+        bevel_deg: of the nominal joint.
+        root_tolerance_mm: deviations from it, whose width a default U follows.
+        bevel_tolerance_deg: likewise.
+        wanted_root_mm: expanded uncertainty U (k = 2) of the root face; null: a tenth of the tolerance's width.
+        wanted_bevel_deg: of the bevel angle, likewise.
+        passes: greatest number of passes.
+        edge_condition: what is held possible of the lower edge.
+        frame_rate_hz: of the profiler.
+        most_speed_mm_s: of the robot along a pass.
+        tool_stays: the milling tool's bodies stay on the flange; false: it is put down.
+        z_away: the profiler counts range away from itself.
+
+    Raises:
+        InputError: an edge that is none or out of reach, a sensor file that leaves out what is needed, a nominal joint
+            that cannot be seen from outside.
+
+    Example:
+        >>> from workbench.scan_plan import plan
+        >>> path, sensor = "data/synthetic/paths/raw_arc.json", "data/calibration/sensor.json"
+        >>> made = plan(edge=path, sensor=sensor, wanted_root_mm=0.02, wanted_bevel_deg=0.1)
+        >>> len(made[0].passes), bool(made[0].reached.all())
+        (1, True)
+    """
+    from workbench.scan_plan.chapter import plan_chapter
+
+    joint = Joint(thickness_mm, root_mm, bevel_deg * DEG)
+    if root_mm >= thickness_mm:
+        raise InputError("scan.plan", f"expected root_mm below thickness_mm, {thickness_mm:g}, found {root_mm:g}")
+    file = SensorFile.read(sensor)
+    profiler = as_profiler(file, sensor)
+    eye = None if hand_eye is None else read_hand_eye(hand_eye)
+    line = read_edge(edge, np.array(upper_side), joint, eye)
+    turn = 0.0 if eye is None or eye.covariance is None else math.sqrt(float(np.trace(eye.covariance[3:, 3:])) / 3.0)
+    known = Knowledge(robot_noise_mm, turn, edge_condition)
+    wanted = Wanted(
+        wanted_root_mm or 0.1 * (root_tolerance_mm[1] - root_tolerance_mm[0]),
+        wanted_bevel_deg or 0.1 * (bevel_tolerance_deg[1] - bevel_tolerance_deg[0]),
+    )
+    if min(wanted) <= 0.0:
+        raise InputError("scan.plan", "expected a tolerance of some width, or a wanted U above 0")
+    task = Task(joint, profiler, known, line, wanted, passes, frame_rate_hz, most_speed_mm_s)
+    place, unchecked = _placed(cell, file, eye, task, tool_stays=tool_stays, z_away=z_away)
+    made = planned(task, place, unchecked)
+    gate = _gate(made)
+    return made, Document(ScanPlanFile.NAME, written(made, z_away=z_away)), plan_chapter(made, gate), gate
+
+
+class Task(NamedTuple):
+    """All that is asked for, but for the robot."""
+
+    joint: Joint
+    profiler: Profiler
+    known: Knowledge
+    edge: EdgeLine
+    wanted: Wanted
+    passes: int
+    frame_rate_hz: float
+    most_speed_mm_s: float
+
+    @property
+    def stations(self) -> Float:
+        """Arc lengths (s,) mm at which the plan is looked at."""
+        return np.linspace(0.0, self.edge.length_mm, max(5, round(self.edge.length_mm / STATION_MM) + 1))
+
+
+def as_profiler(file: SensorFile, path: Path) -> Profiler:
+    """What the prediction needs of a sensor file.
+
+    Raises:
+        InputError: it leaves out what is needed.
+    """
+    for key in SIDE_KEYS:
+        if getattr(file, key) is None:
+            raise InputError(f"{path}: $.{key}", "expected a value: a scan cannot be planned without it (data sheet)")
+    assert file.columns is not None
+    assert file.measuring_range_mm is not None
+    assert file.width_mm is not None
+    assert file.noise_mm is not None
+    near, far = file.measuring_range_mm
+    if not near < far:
+        raise InputError(f"{path}: $.measuring_range_mm", f"expected nearest below farthest, found {near:g}, {far:g}")
+    return Profiler(
+        file.columns,
+        (near, far),
+        file.width_mm,
+        file.noise_mm,
+        max(file.noise_columns or 1.0, 1.0),
+        declared_linearity(path),
+        (file.triangulation_deg or 0.0) * DEG,
+        file.camera_side or "y",
+    )
+
+
+def _placed(
+    cell: RobotCell | None, file: SensorFile, eye: HandEye | None, task: Task, *, tool_stays: bool, z_away: bool
+) -> tuple[ScanCell | None, tuple[str, ...]]:
+    """The cell with the scanner in it, and what nothing can look at."""
+    camera = () if file.triangulation_deg else (NO_CAMERA,)
+    if not isinstance(cell, Cell):
+        return None, (NO_CELL, *camera)
+    if eye is None:
+        return None, (NO_HAND_EYE, *camera)
+    place = scan_cell(
+        cell,
+        file,
+        eye.flange_from_profiler,
+        task.profiler.middle_mm,
+        task.edge,
+        task.joint,
+        tool_stays=tool_stays,
+        z_away=z_away,
+    )
+    return place, (*(() if file.body else (NO_BODY,)), *camera)
+
+
+def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
+    """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
+    told: dict[View, PassInformation | None] = {}
+    views = [View(one * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0]) for one in ELEVATIONS_DEG]
+    if all(hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)) for view in views):
+        middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, FRAME_PITCHES_MM[0])
+        why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
+        raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
+    tables = [0.0]
+    if place is not None and place.cell.turntable is not None:
+        low, high = place.cell.turntable.limits
+        tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
+    examiner = None if place is None else Examiner(place)
+    best: tuple[tuple[float, ...], float, _Looked, tuple[int, ...]] | None = None
+    first: _Looked | None = None
+    together: dict[tuple[View, ...], Predicted] = {}
+    for table in tables:
+        looked = _looked(task, examiner, table, told)
+        first = looked if first is None or len(looked.candidates) > len(first.candidates) else first
+        if not looked.candidates:
+            continue
+        search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates, together)
+        chosen, reach = search.best(task.passes)
+        rank = (float((~search.visible).sum() + reach.short), reach.excess, reach.seconds, reach.over)
+        if best is None or rank < best[0]:
+            best = (rank, table, looked, chosen)
+        if rank[0] == 0.0 or not (looked.refused or looked.by_base):  # else another angle of the table may serve
+            break
+    if best is None:
+        assert first is not None
+        raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(first.refused)}")
+    return _made(task, place, unchecked, best[1], best[2], best[3])
+
+
+def _told(task: Task, view: View, told: dict[View, PassInformation | None]) -> PassInformation | None:
+    """What a view tells, remembered."""
+    if view not in told:
+        told[view] = information(task.joint, task.profiler, task.known, view, task.edge.length_mm)
+    return told[view]
+
+
+class _Looked(NamedTuple):
+    """The candidates at one turntable angle."""
+
+    candidates: list[Candidate]
+    turned: list[bool]
+    refused: dict[View, str]  # views that see the joint, and cannot be had
+    shadows: list[tuple[View, list[str]]]  # what stands in the way at each station
+    on_base: frozenset[str]  # bodies that do not turn with the table
+
+    @property
+    def by_base(self) -> bool:
+        """Whether one of those throws a shadow."""
+        return any(name in self.on_base for _, names in self.shadows for name in names)
+
+
+def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View, PassInformation | None]) -> _Looked:
+    """Which views the cell allows. Leads only where none without serves."""
+    found = _Looked([], [], {}, [], frozenset() if examiner is None else examiner.on_base)
+    at = task.edge.at(task.stations)
+    for lead in LEADS_DEG:
+        for elevation in ELEVATIONS_DEG:
+            view = View(elevation * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0], lead * DEG)
+            if hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)):
+                continue
+            both = tuple(
+                view_poses(at, task.joint, task.profiler, view, half, task.edge.length_mm) for half in (False, True)
+            )
+            turned, sees = False, np.ones(at.arc_length_mm.size, bool)
+            if examiner is not None:
+                reached = examiner.reach(both[0], (both[0], both[1]), table)
+                if isinstance(reached, str):
+                    found.refused[view] = reached
+                    continue
+                turned = reached.turned
+                names = examiner.shadows(
+                    _section_points(at, task.joint), eyes_mm(task.profiler, view, both[int(turned)]), table
+                )
+                sees = np.array([not name for name in names])
+                found.shadows.append((view, names))
+            if not sees.any():
+                continue
+            for pitch in FRAME_PITCHES_MM:
+                one = view._replace(frame_pitch_mm=pitch)
+                if (known := _told(task, one, told)) is not None:
+                    found.candidates.append(Candidate(known, sees, _seconds(task, one)))
+                    found.turned.append(turned)
+        if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
+            break
+    return found
+
+
+def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
+    """Corners of the section at each station, in the base."""
+    n, m = joint.section_mm.T
+    return np.asarray(at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None])
+
+
+def _speed(task: Task, view: View) -> float:
+    return min(view.frame_pitch_mm * task.frame_rate_hz, task.most_speed_mm_s)
+
+
+def _seconds(task: Task, view: View) -> float:
+    return (task.edge.length_mm + 2.0 * OVERRUN_MM) / _speed(task, view) + PASS_S
+
+
+def _made(
+    task: Task,
+    place: ScanCell | None,
+    unchecked: tuple[str, ...],
+    table: float,
+    looked: _Looked,
+    chosen: tuple[int, ...],
+) -> ScanPlan:
+    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
+    stations = task.stations
+    groups, which = search.patterns(chosen)
+    columns = [search.predicted(group) if group else None for group in groups]
+    blank = next(one for one in columns if one is not None)
+
+    def along(name: str) -> Quantity:
+        first: Quantity = getattr(blank, name)
+        terms = {
+            source: np.array([np.nan if c is None else getattr(c, name).u_by_source[source] for c in columns])[which]
+            for source in first.u_by_source
+        }
+        value = np.array([np.nan if c is None else float(first.value) for c in columns])[which]
+        return Quantity.of(first.name, value, terms)
+
+    root, bevel = along("root"), along("bevel")
+    promised = RESERVE * COVERAGE
+    reached = (promised * root.u <= task.wanted.root_mm) & (promised * bevel.u <= task.wanted.bevel_deg)
+    made = ScanPlan(
+        task.joint,
+        task.profiler,
+        task.known,
+        task.edge,
+        tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds)),
+        stations,
+        root,
+        bevel,
+        task.wanted,
+        reached,
+        tuple(_binds(task, looked, root, bevel, reached)),
+        (),
+        table,
+        place,
+        unchecked,
+    )
+    if reached.all():
+        return made
+    return dataclasses.replace(made, would_help=tuple(_help(task, looked, search, chosen)))
+
+
+def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
+    candidate = looked.candidates[k]
+    view, sees = candidate.information.view, candidate.sees
+    seen = task.stations[sees]
+    ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
+    at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
+    poses = view_poses(at, task.joint, task.profiler, view, looked.turned[k], task.edge.length_mm)
+    return ScanPass(view, at, poses, sees, _speed(task, view), drift_mm(task.profiler, view), candidate.seconds)
+
+
+def _binds(task: Task, looked: _Looked, root: Quantity, bevel: Quantity, reached: Bool) -> Iterator[str]:
+    """What keeps the plan from what is wanted, and where."""
+    stations = task.stations
+    if reached.all():
+        return
+    unseen = np.isnan(root.u)
+    for first, last in _stretches(unseen):
+        names = Counter(name for _, row in looked.shadows for name in row[first : last + 1] if name)
+        by = " and ".join(name for name, _ in names.most_common(2)) or "no pass that the robot can drive"
+        yield f"shadow of {by} from {stations[first]:.0f} to {stations[last]:.0f} mm: no pass sees the edge there"
+    for quantity, most in ((root, task.wanted.root_mm), (bevel, task.wanted.bevel_deg)):
+        short = ~unseen & (RESERVE * COVERAGE * quantity.u > most)
+        if short.any():
+            worst = int(np.nanargmax(np.where(short, quantity.u, np.nan)))
+            source = max(quantity.u_by_source, key=lambda name: quantity.u_by_source[name][worst])
+            first, last = _stretches(short)[0][0], _stretches(short)[-1][1]
+            told = f"{COVERAGE * quantity.u[worst]:.3g} {quantity.unit}"
+            yield (
+                f"U of {quantity.name} is predicted as {told}, wanted {most:.3g} with a reserve of a quarter, from "
+                f"{stations[first]:.0f} to {stations[last]:.0f} mm: most of it by the {source}"
+            )
+    if looked.refused:
+        yield f"the robot cannot take {_summary(looked.refused)}"
+
+
+def _stretches(which: Bool) -> list[tuple[int, int]]:
+    """First and last of runs of True in (s,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _summary(refused: dict[View, str]) -> str:
+    """Refused views in words, by cause."""
+    causes: dict[str, list[float]] = {}
+    for view, why in refused.items():
+        causes.setdefault(why, []).append(view.elevation / DEG)
+    if not causes:
+        return "something stands in the way of laser or camera everywhere"
+    ranked = sorted(causes.items(), key=lambda one: -len(one[1]))[:TOLD]
+    return "; ".join(f"elevations of {min(e):.0f} to {max(e):.0f} deg: {why}" for why, e in ranked)
+
+
+def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
+    """What would bring the plan to what is wanted, or a good way nearer: each thing tried by itself."""
+    now = search.reach(chosen, search.visible)
+    if now.short:
+        more = task.passes + 1
+        if (found := search.best(more)[1]) < now and found.excess < 0.9 * now.excess:
+            yield _better(f"{more} passes", now.excess, found.excess)
+        profiler, known = task.profiler, task.known
+        quiet = dataclasses.replace(profiler, noise_mm=HALF * profiler.noise_mm)
+        fine = dataclasses.replace(profiler, columns=2 * profiler.columns)
+        linear = dataclasses.replace(profiler, linearity=profiler.linearity._replace(rms_mm=0.0))
+        others: Sequence[tuple[str, Profiler, Knowledge]] = (
+            ("a sensor of half the noise", quiet, known),
+            ("a sensor of twice as many columns", fine, known),
+            ("a sensor without error of linearity", linear, known),
+            ("a robot without position noise", profiler, known._replace(robot_noise_mm=0.0)),
+            ("a hand-eye pose without error of rotation", profiler, known._replace(hand_eye_turn=0.0)),
+            ("knowing that the edge is sharp (edge_condition)", profiler, known._replace(edge_condition="sharp")),
+        )
+        for what, sensor, prior in others:
+            after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen)
+            if after is not None and after < 0.9 * now.excess:
+                yield _better(what, now.excess, after)
+    view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0])
+    below = any(abs(one.elevation - view.elevation) < 10.0 * DEG for one in looked.refused)
+    if below and incidences(task.joint, view)[1] <= MOST_INCIDENCE:
+        yield (
+            f"room for a view from below ({view.elevation / DEG:.0f} deg and lower): it shows the lower edge's other "
+            "side, and nothing of a rounding is hidden"
+        )
+
+
+def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> float | None:
+    """The largest U over what is wanted, with other knowledge; None: the views do not serve."""
+    swapped = []
+    for k in chosen:
+        old = looked.candidates[k]
+        made = information(task.joint, task.profiler, task.known, old.information.view, task.edge.length_mm)
+        if made is None:
+            return None
+        swapped.append(dataclasses.replace(old, information=made))
+    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped)
+    groups, _ = search.patterns(tuple(range(len(swapped))))
+    return max((search.over(group) for group in groups if group), default=None)
+
+
+def _better(what: str, before: float, after: float) -> str:
+    return f"{what}: U from {before:.2f} to {after:.2f} times what is wanted"
+
+
+def _gate(made: ScanPlan) -> Gate:
+    """Passed where every station reaches what is wanted."""
+    share = float(made.reached.mean())
+    count = f"{len(made.passes)} pass" + ("es" if len(made.passes) > 1 else "")
+    reason = f"{count} in {made.seconds:.0f} s: U {made.wanted.root_mm:g} mm and "
+    reason += f"{made.wanted.bevel_deg:g} deg reached at {100 * share:.0f} % of the edge"
+    loosened = tuple(f"{NOT_CHECKED}{text}" for text in made.unchecked if made.scan_cell is None)
+    kept = () if made.scan_cell is None else made.unchecked
+    if made.reached.all():
+        return Gate(True, reason, (), (*kept, *(text.removeprefix(NOT_CHECKED) for text in loosened)))
+    return Gate(False, "; ".join([reason, *made.binds]), (), kept)
+
+
+def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
+    """`scan-plan.json`."""
+
+    def column(values: Float) -> list[float | None]:
+        return [None if not math.isfinite(v) else round(float(v), 6) for v in values]
+
+    return ScanPlanFile.written(
+        {
+            "format": "scan-plan",
+            "version": 1,
+            "frame": "base",
+            "edge": made.edge.source,
+            "thickness_mm": made.joint.thickness_mm,
+            "root_mm": made.joint.root_mm,
+            "bevel_deg": round(made.joint.bevel / DEG, 9),
+            "edge_condition": made.known.edge_condition,
+            "wanted_root_U_mm": made.wanted.root_mm,
+            "wanted_bevel_U_deg": made.wanted.bevel_deg,
+            "reached": bool(made.reached.all()),
+            "duration_s": round(made.seconds, 3),
+            "passes": [_pass_row(made, k, one, z_away) for k, one in enumerate(made.passes, 1)],
+            "predicted": {
+                "arc_length_mm": column(made.arc_length_mm),
+                "root_U_mm": column(COVERAGE * made.root.u),
+                "bevel_U_deg": column(COVERAGE * made.bevel.u),
+                "reached": made.reached.tolist(),
+                "root_u_by_source_mm": {name: column(u) for name, u in made.root.u_by_source.items()},
+                "bevel_u_by_source_deg": {name: column(u) for name, u in made.bevel.u_by_source.items()},
+            },
+            "binds": list(made.binds),
+            "would_help": list(made.would_help),
+            "not_checked": list(made.unchecked),
+        }
+    )
+
+
+def _pass_row(made: ScanPlan, index: int, one: ScanPass, z_away: bool) -> dict[str, object]:
+    sense = 1.0 if z_away else -1.0
+    look = one.base_from_view[:, :3, :3] * [1.0, sense, sense]
+    origin = one.base_from_view[:, :3, 3] - one.view.standoff_mm * one.base_from_view[:, :3, 2]
+    points = [
+        {
+            "arc_length_mm": round(float(s), 6),
+            "position_mm": np.round(p, 6).tolist(),
+            "quaternion_wxyz": np.round(q, 9).tolist(),
+        }
+        for s, p, q in zip(one.edge.arc_length_mm, origin, quaternion_from_rotation(look), strict=True)
+    ]
+    return {
+        "index": index,
+        "elevation_deg": round(one.view.elevation / DEG, 6),
+        "lead_deg": round(one.view.lead / DEG, 6),
+        "standoff_mm": one.view.standoff_mm,
+        "speed_mm_s": one.speed_mm_s,
+        "frame_pitch_mm": one.view.frame_pitch_mm,
+        "drift_mm": round(one.drift_mm, 6),
+        "turntable_deg": None if made.scan_cell is None else round(made.table / DEG, 6),
+        "duration_s": round(one.seconds, 3),
+        "points": points,
+    }

@@ -1,0 +1,228 @@
+"""Whether a robot leads its scanner along a pass: postures with margins, free rays, no collision.
+
+Kinematics and bodies are the cell's (`workbench.robot`); distances are python-fcl's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import fcl
+import numpy as np
+
+from workbench.geometry.poses import inverse, pose_from
+from workbench.result_files import SensorFile
+from workbench.robot import (
+    Cell,
+    CollisionScreen,
+    dexterity,
+    forward_kinematics,
+    inverse_kinematics,
+    turntable_pose,
+    within_limits,
+)
+from workbench.robot.bounds import FREE
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot.collision import body_of
+from workbench.robot.plate import scanned
+from workbench.scan_plan.information import Joint
+from workbench.scan_plan.way import EdgeLine
+from workbench.units import Float, Shaped
+
+PLATE_MM = 150.0  # of the plate behind its edge that is a body to run into
+PIECE_MM = 50.0  # of a curved edge, that a box of the plate follows
+RAY_MM = 0.5  # radius of a ray that must be free
+MOST_TURN = 0.35  # rad, of a joint between two stations
+VOXEL_MM = 4.0
+BODY, BESIDE = "workpiece", "seen beside the plate"
+
+
+class Reached(NamedTuple):
+    """How the robot stands along a pass, at k stations."""
+
+    joints: Shaped[Float, "k 6"]  # rad
+    turned: bool  # the scanner by half a turn about its rays
+    margin: float  # rad, least distance from a joint limit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanCell:
+    """A cell with the scanner as its tool: the tool frame is the view at the stand-off."""
+
+    cell: Cell
+    flange_from_view: Shaped[Float, "4 4"]
+
+
+class Examiner:
+    """A scan cell's bodies, ready to be asked about many passes."""
+
+    def __init__(self, place: ScanCell) -> None:
+        """Build once, ask often."""
+        self.cell, self.flange_from_view = place.cell, place.flange_from_view
+        self.screen = CollisionScreen(place.cell)
+        self.rays = [
+            (shape, fcl.CollisionObject(body_of(shape)))
+            for shape in place.cell.shapes
+            if not 0 <= shape.link <= 6 and shape.body not in (BODY, "envelope")
+        ]
+        self.on_base = frozenset(shape.body for shape, _ in self.rays if shape.link == ON_BASE)
+        self.spheres = np.empty((0, 4))  # around what rays could meet: middle and radius
+
+    def __repr__(self) -> str:
+        """What it asks."""
+        return f"Examiner({self.screen!r})"
+
+    def reach(self, base_from_view: Float, turned: Sequence[Float], table: float) -> Reached | str:
+        """Postures along poses (k, 4, 4) of a part that stands as planned, the turntable at `table`; or why not.
+
+        turned: the same poses as they are and, if that is tried too, by half a turn about the rays.
+        """
+        move = turntable_pose(self.cell, table) @ inverse(turntable_pose(self.cell, 0.0))
+        back = inverse(self.flange_from_view)
+        found: list[tuple[float, bool, Float]] = []
+        why = "out of the robot's reach"
+        for number, poses in enumerate(turned):
+            branches = within_limits(self.cell.chain, inverse_kinematics(self.cell.chain, move @ poses @ back))
+            for first in branches[0]:
+                if np.isnan(first).any():
+                    continue
+                joints = _followed(branches, first)
+                if joints is None:
+                    continue
+                margin, fault = self._margin(joints)
+                if fault:
+                    why = fault
+                    continue
+                found.append((margin, bool(number), joints))
+        angles = np.full(len(base_from_view), table)
+        for margin, half, joints in sorted(found, key=lambda one: -one[0]):
+            few = np.unique(np.linspace(0, len(joints) - 1, 3).round().astype(int))
+            hits = self.screen.hits(joints[few], angles[few])
+            if (hits == FREE).all():
+                hits = self.screen.hits(joints, angles)
+            if (hits == FREE).all():
+                return Reached(joints, half, margin)
+            why = "collision of " + " and ".join(self.screen.pair(int(hits[hits != FREE][0])))
+        return why
+
+    def _margin(self, joints: Float) -> tuple[float, str]:
+        """Least distance from a limit, rad, and what is wrong with postures (k, 6); '': nothing."""
+        cell = self.cell
+        tip = forward_kinematics(cell.chain, joints) @ self.flange_from_view
+        wrist, condition, asked = dexterity(cell.chain, joints, tip[:, :3, 3], cell.margins.twist)
+        low, high = cell.chain.limits.T
+        room = np.minimum(joints - low, high - joints) - asked
+        if room.min() < cell.margins.limit:
+            return 0.0, f"joint {int(room.min(axis=0).argmin()) + 1} too near to its limit"
+        if wrist.min() < cell.margins.wrist or condition.max() > cell.margins.condition:
+            return 0.0, "a singular posture"
+        return float(room.min()), ""
+
+    def shadows(self, point_mm: Shaped[Float, "k p 3"], eye_mm: Shaped[Float, "k e 3"], table: float) -> list[str]:
+        """Body in the way between points of each station's section and what looks at them, all as planned; '': none.
+
+        Bodies on the turntable go with the part; those on the base are turned back.
+        """
+        at_zero = turntable_pose(self.cell, 0.0)
+        back = at_zero @ inverse(turntable_pose(self.cell, table))
+        for shape, body in self.rays:
+            pose = (at_zero if shape.link == ON_TURNTABLE else back) @ shape.pose
+            body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+        middles = [(at_zero if s.link == ON_TURNTABLE else back) @ np.append(s.sphere[0], 1.0) for s, _ in self.rays]
+        self.spheres = np.array([[*m[:3], s.sphere[1]] for m, (s, _) in zip(middles, self.rays, strict=True)]).reshape(
+            -1, 4
+        )
+        out = []
+        for points, eyes in zip(point_mm, eye_mm, strict=True):
+            out.append(next((name for p in points for e in eyes if (name := self._blocked(p, e))), ""))
+        return out
+
+    def _blocked(self, point: Float, eye: Float) -> str:
+        way = eye - point
+        length = float(np.linalg.norm(way))
+        z = way / length
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        middle = point + 0.5 * (length + 2.0) * z  # from a millimetre off the face on
+        along = np.clip((self.spheres[:, :3] - point) @ z, 0.0, length)
+        away = np.linalg.norm(point + along[:, None] * z - self.spheres[:, :3], axis=1)
+        near = np.flatnonzero(away < self.spheres[:, 3] + RAY_MM)
+        if not near.size:
+            return ""
+        ray = fcl.CollisionObject(
+            fcl.Capsule(RAY_MM, length), fcl.Transform(np.stack([x, np.cross(z, x), z], axis=1), middle)
+        )
+        for shape, body in (self.rays[k] for k in near):
+            if fcl.collide(ray, body, fcl.CollisionRequest(), fcl.CollisionResult()):
+                return shape.body
+        return ""
+
+
+def _followed(branches: Float, first: Float) -> Float | None:
+    """Joint angles (k, 6) from `first` on by the nearest of (k, b, 6); None: they end, or jump."""
+    out = np.empty((len(branches), 6))
+    out[0] = first
+    for k in range(1, len(branches)):
+        away = np.abs(branches[k] - out[k - 1]).max(axis=1)
+        if np.isnan(away).all():
+            return None
+        out[k] = branches[k][np.nanargmin(away)]
+        if np.nanmin(away) > MOST_TURN:
+            return None
+    return out
+
+
+def scan_cell(
+    cell: Cell,
+    sensor: SensorFile,
+    flange_from_profiler: Float,
+    standoff_mm: float,
+    edge: EdgeLine,
+    joint: Joint,
+    *,
+    tool_stays: bool,
+    z_away: bool,
+) -> ScanCell:
+    """The cell with the scanner on the flange, the plate where it roughly is, and what stands beside it."""
+    at_zero = cell.chain.base_from_flange_at_zero
+    sense = 1.0 if z_away else -1.0
+    look = pose_from(np.diag([1.0, sense, sense]), np.array([0.0, 0.0, sense * standoff_mm]))
+    flange_from_view = flange_from_profiler @ look
+    own = [shape for shape in cell.shapes if shape.link == 6 and shape.body in ("tool", "cutter")]
+    kept = [shape for shape in cell.shapes if tool_stays or not any(shape is one for one in own)]
+    body = [
+        Shape(
+            "tool",
+            6,
+            "box",
+            box.size_mm,
+            at_zero @ flange_from_profiler @ pose_from(np.eye(3), np.array(box.centre_mm)),
+        )
+        for box in sensor.body
+    ]
+    link = ON_BASE if cell.turntable is None else ON_TURNTABLE
+    part_from_base = np.eye(4) if cell.turntable is None else inverse(turntable_pose(cell, 0.0))
+    plate = [] if any(shape.body == BODY for shape in kept) else list(_plate(edge, joint, part_from_base, link))
+    if edge.beside_mm is not None and len(edge.beside_mm):
+        seen = scanned(edge.beside_mm, VOXEL_MM, link, part_from_base, edge.source)
+        plate += [dataclasses.replace(shape, body=BESIDE) for shape in seen]
+    touch = tuple(pair for pair in cell.may_touch if BODY not in pair)
+    changed = dataclasses.replace(
+        cell, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_view, may_touch=touch
+    )
+    return ScanCell(changed, flange_from_view)
+
+
+def _plate(edge: EdgeLine, joint: Joint, part_from_base: Float, link: int):  # type: ignore[no-untyped-def]
+    pieces = max(1, round(edge.length_mm / PIECE_MM))
+    ends = np.linspace(0.0, edge.length_mm, pieces + 1)
+    middle = edge.at(0.5 * (ends[1:] + ends[:-1]))
+    size = (PLATE_MM, edge.length_mm / pieces, joint.thickness_mm)
+    for k in range(pieces):
+        n, t, m = middle.normal[k], middle.tangent[k], middle.across[k]
+        at = middle.position_mm[k] - 0.5 * PLATE_MM * n + 0.5 * joint.thickness_mm * m
+        pose = pose_from(np.stack([-n, -t, m], axis=1), at)
+        yield Shape(BODY, link, "box", size, part_from_base @ pose)

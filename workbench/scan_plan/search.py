@@ -1,0 +1,121 @@
+"""Which passes: the least time in which every station reaches the wanted uncertainty.
+
+Branch and bound over sets of candidates in order of time: exact for as many passes as are asked for. Where no set
+reaches what is wanted, the one that leaves the fewest stations short, and comes nearest there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.scan_plan.information import Joint, Knowledge, PassInformation, Predicted, View, combined
+from workbench.units import Bool, Int, Shaped
+
+COVERAGE = 2.0  # k of the expanded uncertainties
+RESERVE = 1.25  # what is achieved may be that much more than what was predicted (docs/scan_planning.md)
+MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
+
+
+class Wanted(NamedTuple):
+    """Expanded uncertainties, k = 2."""
+
+    root_mm: float
+    bevel_deg: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A pass that could be driven."""
+
+    information: PassInformation
+    sees: Shaped[Bool, " k"]  # stations
+    seconds: float
+
+
+class Reach(NamedTuple):
+    """How a set of passes does: compared in this order."""
+
+    short: int  # stations that miss what is wanted
+    excess: float  # largest of what they promise over what is wanted, where that is more
+    seconds: float
+    over: float  # largest of all
+
+
+@dataclass
+class Search:
+    """The candidates of one edge; what sets of them tell is remembered."""
+
+    joint: Joint
+    known: Knowledge
+    length_mm: float
+    wanted: Wanted
+    candidates: Sequence[Candidate]
+    told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
+
+    def predicted(self, passes: tuple[int, ...]) -> Predicted:
+        """What these passes tell together where all of them see the edge."""
+        each = [self.candidates[k].information for k in passes]
+        views = tuple(one.view for one in each)
+        if views not in self.told:
+            self.told[views] = combined(self.joint, self.known, each, self.length_mm)
+        return self.told[views]
+
+    def over(self, passes: tuple[int, ...]) -> float:
+        """The larger of promised over wanted U where all of these passes see the edge."""
+        told = self.predicted(passes)
+        root, bevel = float(told.root.u) / self.wanted.root_mm, float(told.bevel.u) / self.wanted.bevel_deg
+        return RESERVE * COVERAGE * max(root, bevel)
+
+    def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
+        """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""
+        sees = np.stack([self.candidates[k].sees for k in passes])
+        codes, which = np.unique((1 << np.arange(len(passes))) @ sees, return_inverse=True)
+        return [tuple(k for i, k in enumerate(passes) if code >> i & 1) for code in codes.tolist()], which.ravel()
+
+    def reach(self, passes: tuple[int, ...], visible: Bool) -> Reach:
+        """How these passes do on the stations that any candidate sees."""
+        groups, which = self.patterns(passes)
+        over = np.array([self.over(group) if group else math.inf for group in groups])[which][visible]
+        short = over > 1.0
+        excess = float(over[short].max()) if short.any() else 0.0
+        return Reach(int(short.sum()), excess, sum(self.candidates[k].seconds for k in passes), over.max())
+
+    @property
+    def visible(self) -> Bool:
+        """Stations (k,) that any candidate sees."""
+        return np.asarray(np.any([one.sees for one in self.candidates], axis=0))
+
+    def best(self, most_passes: int) -> tuple[tuple[int, ...], Reach]:
+        """The best set of at most so many passes."""
+        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds)
+        visible, looked = self.visible, 0
+        best: tuple[tuple[int, ...], Reach] = ((), Reach(int(visible.sum()) + 1, math.inf, math.inf, math.inf))
+
+        def grow(passes: tuple[int, ...], first: int, seconds: float, size: int) -> None:
+            nonlocal best, looked
+            for place in range(first, len(order)):
+                k = order[place]
+                total = seconds + self.candidates[k].seconds
+                done = best[1].short == 0
+                if (done and total > best[1].seconds) or looked > MOST_SETS:
+                    return  # those behind take longer still
+                grown = (*passes, k)
+                if len(grown) < size:
+                    grow(grown, place + 1, total, size)
+                    continue
+                unseen = visible & ~np.any([self.candidates[one].sees for one in grown], axis=0)
+                if unseen.sum() > best[1].short:
+                    continue
+                looked += 1
+                found = self.reach(tuple(sorted(grown)), visible)
+                if found < best[1]:
+                    best = (tuple(sorted(grown)), found)
+
+        for size in range(1, most_passes + 1):  # few passes first: their time bounds the others
+            grow((), 0, 0.0, size)
+        return best

@@ -1,0 +1,114 @@
+"""Where a pass leads the scanner: the edge as it is roughly known, and poses of the view along it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.scan_plan.information import Joint, Profiler, View
+from workbench.units import Float, Shaped
+
+DRIFT_COLUMNS = 8.0  # by which the columns move past the edge in a pass: one column alone never tells where a face ends
+STATION_MM = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeLine:
+    """The lower edge as it is roughly known, at k stations: t = m x n (docs/conventions.md), in the base."""
+
+    arc_length_mm: Shaped[Float, " k"]
+    position_mm: Shaped[Float, "k 3"]
+    tangent: Shaped[Float, "k 3"]
+    normal: Shaped[Float, "k 3"]  # n: outward normal of the root face
+    across: Shaped[Float, "k 3"]  # m: from the lower to the upper side
+    source: str
+    beside_mm: Shaped[Float, "b 3"] | None = None  # what a coarse recording saw beside the plate, in the base
+
+    @property
+    def length_mm(self) -> float:
+        """From the first to the last station."""
+        return float(self.arc_length_mm[-1])
+
+    @classmethod
+    def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str) -> EdgeLine:
+        """Through points in order of t, straight between them; `upper_side` (3,) or (p, 3): roughly m there.
+
+        Raises:
+            ValueError: fewer than two different points, or an upper side along the edge.
+        """
+        step = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
+        points = points_mm[np.append(True, step > 1e-6)]
+        if len(points) < 2:
+            raise ValueError("expected at least two different points")
+        upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
+        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
+        position, up = (np.stack([np.interp(at, along, of) for of in a.T], axis=1) for a in (points, upper))
+        tangent = np.gradient(position, at, axis=0)
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        across = up - (up * tangent).sum(axis=1)[:, None] * tangent
+        size = np.linalg.norm(across, axis=1)
+        if size.min() < 0.1:
+            raise ValueError("expected an upper side across the edge, found one along it")
+        across /= size[:, None]
+        return cls(at, position, tangent, np.cross(tangent, across), across, source)
+
+    def at(self, arc_length_mm: Float) -> EdgeLine:
+        """The same at other stations; beyond its ends it goes straight on."""
+        s = np.asarray(arc_length_mm)
+        inside = np.clip(s, 0.0, self.length_mm)
+        position, *axes = (
+            np.stack([np.interp(inside, self.arc_length_mm, of) for of in a.T], axis=1)
+            for a in (self.position_mm, self.tangent, self.across)
+        )
+        tangent, across = (a / np.linalg.norm(a, axis=1)[:, None] for a in axes)
+        position = position + (s - inside)[:, None] * tangent
+        return EdgeLine(s, position, tangent, np.cross(tangent, across), across, self.source, self.beside_mm)
+
+
+def drift_mm(profiler: Profiler, view: View) -> float:
+    """By how much the scanner moves across its view along the pass, mm."""
+    return DRIFT_COLUMNS * profiler.pitch_mm(view.standoff_mm)
+
+
+def aim_mm(joint: Joint, view: View) -> Shaped[Float, " 2"]:
+    """The middle of what is to be seen of the section, along n and m from the lower edge."""
+    s, c = math.sin(view.elevation), math.cos(view.elevation)
+    turn = np.array([[-s, c], [c, s]])  # across the rays, along them
+    seen = joint.section_mm @ turn.T
+    return np.asarray(0.5 * (seen.min(axis=0) + seen.max(axis=0)) @ turn)
+
+
+def view_poses(
+    edge: EdgeLine, joint: Joint, profiler: Profiler, view: View, turned: bool, length_mm: float
+) -> Shaped[Float, "k 4 4"]:
+    """base_from_view at the stations of an edge `length_mm` long.
+
+    The view's origin is the laser's middle at the stand-off, x across the view, z along the rays, y = z x x. `turned`:
+    by half a turn about the rays, so that y is -t. The view drifts across, by `drift_mm` on the whole way.
+    """
+    s, c = math.sin(view.elevation), math.cos(view.elevation)
+    n, m, t = edge.normal, edge.across, edge.tangent
+    x, z = c * m - s * n, -(c * n + s * m)
+    share = edge.arc_length_mm / length_mm - 0.5
+    u, v = aim_mm(joint, view)
+    origin = edge.position_mm + u * n + v * m + (share * drift_mm(profiler, view))[:, None] * x
+    lean = np.stack([rotation_from_vector(view.lead * one) for one in x])
+    z = np.einsum("kij,kj->ki", lean, z)
+    x = -x if turned else x
+    return pose_from(np.stack([x, np.cross(z, x), z], axis=2), origin) if len(t) else np.empty((0, 4, 4))
+
+
+def eyes_mm(profiler: Profiler, view: View, base_from_view: Float) -> Float:
+    """Where laser and camera look from, (k, 2, 3) in the base."""
+    laser = np.array([0.0, 0.0, -view.standoff_mm])
+    side = {"x": 0, "y": 1}[profiler.camera_side[-1]]
+    camera = laser.copy()
+    camera[side] += math.copysign(1.0, -1.0 if profiler.camera_side.startswith("-") else 1.0) * (
+        view.standoff_mm * math.tan(profiler.triangulation)
+    )
+    eyes = np.stack([laser, camera])
+    return np.asarray(np.einsum("kij,ej->kei", base_from_view[:, :3, :3], eyes) + base_from_view[:, None, :3, 3])

@@ -12,7 +12,7 @@ import numpy as np
 import open3d as o3d
 
 from workbench.artefacts import PointSet
-from workbench.cloud import denoise, downsample
+from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.scan import fuse, read
 
@@ -43,7 +43,6 @@ def main() -> None:
             lambda: legacy.segment_plane(0.05, 3, 1000),
             lambda: segment(clean),
         ),
-        ("a point a voxel of 0.5 mm", lambda: legacy.voxel_down_sample(0.5), lambda: downsample(points, voxel_mm=0.5)),
         (
             "to Open3D",
             lambda: o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points.points_mm))),

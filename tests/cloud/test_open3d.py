@@ -1,4 +1,4 @@
-"""Clouds to Open3D and back; Open3D's thinning, cropping and registration as stages; organised PCD."""
+"""Clouds to Open3D and back; Open3D's registration as a stage; organised PCD."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import PointSet
-from workbench.cloud import crop, denoise, downsample, register
+from workbench.cloud import denoise, register
 from workbench.cloud import read as read_cloud
 from workbench.edge import segment
-from workbench.errors import InputError, PipelineError
+from workbench.errors import InputError
 from workbench.export import cloud as export_cloud
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.scan import fuse, read
@@ -62,36 +62,6 @@ def test_point_sets_go_to_open3d_and_back():
     there = PointSet(points).to_open3d()
     np.testing.assert_array_equal(PointSet.from_open3d(there).points_mm, points)
     np.testing.assert_array_equal(PointSet.from_open3d(there.to_legacy()).points_mm, points)
-
-
-def test_downsample_is_the_mean_of_each_voxel():
-    points = np.random.default_rng(1).uniform(-20, 20, (5000, 3)) + np.array([1500, 0, 900])
-    got = downsample(PointSet(points), voxel_mm=4.0).points_mm
-    cell = np.floor((points - points.min(axis=0) + 2.0) / 4.0)
-    _, inverse = np.unique(cell, axis=0, return_inverse=True)
-    inverse = inverse.ravel()
-    means = np.stack([np.bincount(inverse, points[:, k]) / np.bincount(inverse) for k in range(3)], axis=1)
-    assert len(got) == len(means)
-    order = [np.lexsort(one.round(6).T) for one in (got, means)]
-    np.testing.assert_allclose(got[order[0]], means[order[1]], atol=1e-9)
-    again = downsample(PointSet(points[::-1].copy()), voxel_mm=4.0).points_mm
-    np.testing.assert_allclose(again, got, atol=1e-9)
-
-
-def test_crop_keeps_the_order_and_refuses_nothing():
-    points = np.random.default_rng(2).uniform(-10, 10, (3000, 3))
-    inside = (points > [-5, -5, -5]).all(axis=1) & (points < [5, 5, 5]).all(axis=1)
-    box = {"low_mm": [-5, -5, -5], "high_mm": [5, 5, 5]}
-    np.testing.assert_array_equal(crop(PointSet(points), **box).points_mm, points[inside])
-    turn = pose_from(rotation_from_vector(np.array([0.2, -0.5, 1.0])), np.array([100.0, 20, 3]))
-    moved = points @ turn[:3, :3].T + turn[:3, 3]
-    np.testing.assert_array_equal(crop(PointSet(moved), **box, base_from_box=turn.tolist()).points_mm, moved[inside])
-    with pytest.raises(InputError, match="no point lies in the box; the cloud spans"):
-        crop(PointSet(points), low_mm=[50, 50, 50], high_mm=[51, 51, 51])
-    with pytest.raises(InputError, match="expected less than high_mm"):
-        crop(PointSet(points), low_mm=[1, 1, 1], high_mm=[0, 2, 2])
-    with pytest.raises(PipelineError):
-        crop(PointSet(points), low_mm=[1, 1], high_mm=[2, 2, 2])
 
 
 @pytest.mark.parametrize("turn", [[0.1, 0, 0], [0.5, -1.0, 2.0], [0, 3.0, 0]])

@@ -112,7 +112,7 @@ def test_an_earlier_recording_stays_where_the_new_one_fails(tmp_path: Path, mapp
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.csv")
     command = [sys.executable, "-m", "workbench", "import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.h5")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1

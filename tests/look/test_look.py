@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from bench.coverage.conditions import random_swept_recipe
+from bench.score.conditions import random_swept_recipe
 from tests.importing.makers import write_gocator, write_gopxl
 from workbench.look.command import seen
 from workbench.look.recorded import consistent_axes, judged
@@ -284,3 +284,19 @@ def test_a_table_of_a_gauge_study_is_told_column_by_column(command, tmp_path):
     assert got.status == 0
     assert "C13A_TP: 0.2 to 0.31, 12 different" in got.out
     assert "compare.study" in got.out
+
+
+@pytest.mark.parametrize(("floor", "expected"), [(0, "corners in 40 of 40 rows"), (200, "no V, its walls would meet")])
+def test_a_groove_with_a_flat_floor_is_no_v(floor, expected, command, tmp_path):
+    """Rows of counts; `floor` is its width in columns, and the walls' lines meet far below it."""
+    rng, column = np.random.default_rng(1), np.arange(1200)
+    depth = 915 * (300 - floor / 2) / 300
+    row = np.interp(column, [300, 600 - floor / 2, 600 + floor / 2, 900], [2500, 2500 - depth, 2500 - depth, 2500])
+    rows = np.round(row + rng.normal(0, 2, (40, 1200))).astype(int)
+    text = "\n".join(",".join(map(str, one)) for one in [column, *rows])
+    (tmp_path / "groove.csv").write_text(text + "\n")
+    shown = command("look", tmp_path / "groove.csv")
+    assert shown.status == 0
+    assert expected in shown.out
+    table = command("look", tmp_path / "groove.csv", "--corners", tmp_path / "corners.csv")
+    assert table.status == (2 if floor else 0)

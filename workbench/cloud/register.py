@@ -52,7 +52,8 @@ def register(
     Example:
         >>> from workbench import cloud
         >>> part = cloud.read(file="data/synthetic/milled_edge.laz")
-        >>> thin = cloud.downsample(part, voxel_mm=0.5)
+        >>> from workbench.artefacts import PointSet
+        >>> thin = PointSet.from_open3d(part.to_open3d().to_legacy().voxel_down_sample(0.5))
         >>> moved, document = cloud.register(thin, reference="data/synthetic/milled_edge.laz")
         >>> document.name, moved.points_mm.shape == thin.points_mm.shape
         ('cloud_registration.json', True)

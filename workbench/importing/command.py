@@ -16,7 +16,7 @@ from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
 from workbench.importing.tracker import joined, write_table
-from workbench.scan.write import write
+from workbench.recording_file import write
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
 BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
-from workbench.importing import arrays, images, organised
+from workbench.importing import arrays, images, organised, programs
 from workbench.importing.assemble import assemble, joined
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
@@ -70,6 +70,11 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
             if source.is_file() and arrays.recognises(source, first_bytes(source), no_mapping()):
                 part, more = _arrays(source, error)
                 tree["arrays"] = {"files": glob.escape(source.name), **part}
+                doubts += more
+                continue
+            if source.is_file() and programs.recognises(source, first_bytes(source), no_mapping()):
+                part, more = programs.drafted(source, error)
+                tree["program"] = {"files": glob.escape(source.name), **part}
                 doubts += more
                 continue
             form, columns = _table(source, error)

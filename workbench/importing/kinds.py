@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
 
+from workbench import force_file
 from workbench.errors import InputError
-from workbench.importing import joints, kistler, organised, poses, tables, tracker
+from workbench.importing import joints, organised, poses, tables, tracker
 from workbench.importing.mapping import Mapping, claimed_by
 from workbench.importing.mapping_parts import Column, TextPart
 from workbench.importing.neutral import Imported
@@ -32,6 +33,8 @@ KINDS = (  # modules of workbench.importing
     "joints",
     "stamps",
     "tracker",
+    "programs",
+    "opencv",
 )
 BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
@@ -78,7 +81,7 @@ def _other(path: Path, head: bytes) -> str:
     if path.suffix.lower() in CLOUDS:
         return organised.AS_A_CLOUD[0].lower() + organised.AS_A_CLOUD[1:]
     text = head_text(head)
-    return f"{kistler.NAME}: forces over time, no recording" if kistler.recognises(text) else ""
+    return f"{force_file.NAME}: forces over time, no recording" if force_file.recognises(text) else ""
 
 
 def _otherwise_separated(head: bytes, mapping: Mapping) -> str:

@@ -33,6 +33,7 @@ from workbench.importing.mapping_parts import (
     Part,
     PosesPart,
     ProfilesPart,
+    ProgramPart,
     RawPart,
     StampsPart,
     TrackerPart,
@@ -160,6 +161,7 @@ class Mapping(Part):
     profiles: ProfilesPart | None = Field(default=None, description="a table of profiles in a text file")
     keyence_raw: RawPart | None = Field(default=None, description="a Keyence file of raw heights")
     poses: PosesPart | None = Field(default=None, description="a table of poses in a text file")
+    program: ProgramPart | None = Field(default=None, description="a robot's program of taught positions")
     height_map: HeightMapPart | None = Field(default=None, description="an image of heights")
     arrays: ArraysPart | None = Field(default=None, description="arrays of numpy or MATLAB")
     joints: JointsPart | None = Field(default=None, description="a table of joint positions, and the robot's URDF")
@@ -364,7 +366,17 @@ def _path(place: Place) -> str:
     return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
 
 
-Named = ProfilesPart | PosesPart | RawPart | HeightMapPart | ArraysPart | JointsPart | StampsPart | TrackerPart
+Named = (
+    ProfilesPart
+    | PosesPart
+    | RawPart
+    | HeightMapPart
+    | ArraysPart
+    | JointsPart
+    | StampsPart
+    | TrackerPart
+    | ProgramPart
+)
 
 
 def claims(part: Named | None, path: Path) -> bool:
@@ -383,5 +395,6 @@ def claimed_by(path: Path, mapping: Mapping) -> list[str]:
         "joints": mapping.joints,
         "stamps": mapping.stamps,
         "tracker": mapping.tracker,
+        "programs": mapping.program,
     }
     return [name for name, part in parts.items() if claims(part, path)]

@@ -120,13 +120,17 @@ class PosesPart(TextPart):
     @model_validator(mode="after")
     def _complete(self) -> PosesPart:
         check_convention(self.convention, len(self.orientation), self.angle_unit, "orientation columns")
-        for name in ("flange_from_tool", "base_from_frame"):
-            pose = getattr(self, name)
-            if pose is not None and not is_rigid(np.array(pose)):
-                raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+        check_frames(self.flange_from_tool, self.base_from_frame)
         if (self.time is None) != (self.time_unit is None):
             raise ValueError("expected time_unit with time and only there")
         return self
+
+
+def check_frames(flange_from_tool: list[list[float]] | None, base_from_frame: list[list[float]] | None) -> None:
+    """Refuse (ValueError) a matrix that is no rigid motion."""
+    for name, pose in (("flange_from_tool", flange_from_tool), ("base_from_frame", base_from_frame)):
+        if pose is not None and not is_rigid(np.array(pose)):
+            raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
 
 
 def check_convention(convention: str, count: int, angle_unit: str | None, what: str) -> None:
@@ -202,6 +206,19 @@ class ArraysPart(Part):
         check_robot(self)
         if self.joints is not None and self.angle_unit is None:
             raise ValueError("expected angle_unit with joints")
+        return self
+
+
+class ProgramPart(Part):
+    """A robot's program of which the taught positions are the poses: what its tool and its frame are."""
+
+    files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
+    flange_from_tool: Matrix | None = Field(default=None, description="4x4 of the program's tool; null: the flange")
+    base_from_frame: Matrix | None = Field(default=None, description="4x4 of its frame; null: the base")
+
+    @model_validator(mode="after")
+    def _rigid(self) -> ProgramPart:
+        check_frames(self.flange_from_tool, self.base_from_frame)
         return self
 
 

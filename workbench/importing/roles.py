@@ -233,9 +233,12 @@ def _by_numbers(form: Form) -> Columns:
     if count >= FEWEST_RANGES:
         return Columns("rows", {})
     first = _leading(rows)
-    places = list(range(len(first), count))
+    places = [k for k in range(len(first), count) if not _labels(rows[:, k])]
     doubt = "the columns have no names: what they are was told by their numbers"
     roles = {role: Named(k, "") for k, role in enumerate(first) if role != COUNTER}
+    turns_first = len(places) == 6 and _turns_first(rows[:, places])
+    if turns_first:
+        places = places[3:] + places[:3]
     if len(places) in (6, 7) and not any(steady(rows[:, k]) for k in places[:3]):
         roles |= {role: Named(places[k], "") for k, role in enumerate("xyz")}
         values = rows[:, places[3:]]
@@ -246,6 +249,10 @@ def _by_numbers(form: Form) -> Columns:
             found = _quaternion(roles, places[3:], values, doubt)
             return _joints_placed(places, first, doubt) if turning and not found.kind else found
         names = ("rx", "ry", "rz")
+        if turns_first:
+            roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
+            why = "poses.convention: angles before lengths are taken about the fixed x, y, z"
+            return Columns("poses", roles, "euler_xyz_extrinsic", "", names, (doubt, why))
         roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
         if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
             doubt += "; six of them within 2 pi could be joint angles too"
@@ -279,6 +286,17 @@ def _behind_targets(rows: Float, places: list[int]) -> Columns | None:
     roles |= {f"target {k // 3 + 1} {'xyz'[k % 3]}": Named(at, "") for k, at in enumerate(others)}
     told = f"columns {others[0]} to {others[-1]} are taken as the places of {len(others) // 3} targets of a tracker"
     return Columns("joints", roles, doubts=(told,))
+
+
+def _labels(values: Float) -> bool:
+    """Whether a column only says which of two kinds each row is of: 0 or 1."""
+    return bool(np.isin(values, (0.0, 1.0)).all() and np.ptp(values) == 1.0)
+
+
+def _turns_first(rows: Float) -> bool:
+    """Whether three angles stand before three lengths, as ABB's external guidance logs them."""
+    turns, lengths = np.nanmax(np.abs(rows[:, :3])), np.nanmax(np.abs(rows[:, 3:]))
+    return bool(turns <= TURN_RAD and lengths > TURN_DEG / 2)
 
 
 def _metres(position: Float) -> bool:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from workbench import force_file
 from workbench.artefacts import Recording, Scene, Shading
 from workbench.cloud import readers
 from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, fitting_units, in_process
-from workbench.edge.groove_rows import COLUMNS, corners_of_rows
+from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
 from workbench.errors import InputError, OutputError, one_line
-from workbench.export.corners import read_corners, recognised
-from workbench.importing import kistler, tracker
+from workbench.importing import tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
@@ -25,6 +25,7 @@ from workbench.importing.text import SAMPLE_BYTES, Form, decoded, first_bytes, h
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
+from workbench.look.seven_corners import read_corners, recognised
 from workbench.scan.read import read as read_recording
 from workbench.storage import regular_file
 from workbench.units import Float
@@ -103,6 +104,7 @@ def _written(target: Path, content: bytes) -> None:
 
 RECORDINGS = (".h5", ".hdf5")
 TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
+MOST_BEYOND = 0.1  # of a V's depth, by which its root may lie beyond the returns: some are lost in it
 
 
 def seen(file: Path, mapping: Path | None = None) -> Seen:
@@ -141,9 +143,9 @@ def _other(file: Path) -> Seen | None:
     """What is neither profiles nor poses nor points: corners of a groove, forces."""
     head = head_text(first_bytes(file))
     nothing, hint = np.zeros((0, 3)), "it is no recording: nothing of it goes into `workbench import`"
-    if kistler.recognises(head):
-        lines = tuple(kistler.told(kistler.read_forces(file)))
-        return Seen(str(file), kistler.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
+    if force_file.recognises(head):
+        lines = tuple(force_file.told(force_file.read_forces(file)))
+        return Seen(str(file), force_file.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
     if not recognised(head):
         return None
     seven = read_corners(decoded(file.read_bytes()), str(file))
@@ -169,7 +171,7 @@ def _other(file: Path) -> Seen | None:
         (count, *sizes),
         points,
         shades_of(points),
-        hints=(hint, "to write such a table: stage export.corners behind edge.segment_groove"),
+        hints=(hint,),
     )
 
 
@@ -253,12 +255,30 @@ def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
     """Rows of ranges whose unit, pitch and poses are unknown show corners all the same, in columns."""
     frames = read_source(file, mapping).profiles
     rows = None if frames is None else corners_of_rows(frames.z_mm.astype(float))
-    if rows is None:
+    if frames is None or rows is None:
         return found
+    beyond = _root_beyond(frames.z_mm.astype(float), rows)
+    if beyond > MOST_BEYOND:
+        told = (
+            f"groove: no V, its walls would meet {100 * beyond:.0f} % of their depth beyond every return: a flat floor?"
+        )
+        return replace(found, lines=(*found.lines, told))
     middle = np.nanmedian(rows.column, axis=0)
     places = ", ".join(f"{name} {column:.1f}" for name, column in zip(COLUMNS, middle, strict=True))
     told = f"groove: corners in {rows.found.sum()} of {len(rows.found)} rows, in the median at columns {places}"
     return replace(found, lines=(*found.lines, told), corners=rows)
+
+
+def _root_beyond(z: Float, rows: Rows) -> float:
+    """How far the root lies beyond every return between the upper corners, as a share of its depth; median of rows."""
+    shares = []
+    for k in np.flatnonzero(rows.found):
+        left, root, right = rows.z[k]
+        depth = root - (left + right) / 2.0
+        between = z[k, int(rows.column[k, 0]) : int(rows.column[k, 2]) + 1]
+        beyond = (root - between) * np.sign(depth)
+        shares.append(float(np.min(beyond, initial=abs(depth), where=np.isfinite(beyond)) / abs(depth)))
+    return float(np.median(shares))
 
 
 def _foreign(file: Path, mapping: Mapping) -> Seen:

@@ -1,0 +1,92 @@
+"""`python -m bench.neighbours`: what local processes that drip or crowd cost a user of `workbench view`.
+
+The server runs in a process of its own. 1,000 connections send a byte every half second; 500 requests come at once;
+one user asks again and again meanwhile. Wall times, so the machine should be idle.
+"""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from urllib.parse import urlsplit
+
+DRIPPING, PARALLEL, ASKED = 1_000, 500, 40
+DRIP_S = 0.5
+
+
+def main() -> None:
+    """Print the waits of the user and of the crowd, without and with neighbours."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "report.html").write_text("<!doctype html><title>report</title>" + "x" * 200_000)
+        command = [sys.executable, "-m", "workbench", "view", folder, "--no-browser"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+            assert server.stdout is not None
+            try:
+                address = urlsplit(server.stdout.readline().split()[1])
+                port, path = int(address.port or 0), address.path
+                _tell("alone", _user(port, path))
+                ended = threading.Event()
+                dripping = threading.Thread(target=_drip, args=(port, ended))
+                dripping.start()
+                time.sleep(8 * DRIP_S)
+                _tell(f"beside {DRIPPING} dripping connections", _user(port, path))
+                with ThreadPoolExecutor(PARALLEL) as crowd:
+                    waits = [crowd.submit(_ask, port, path) for _ in range(PARALLEL)]
+                    _tell(f"beside them and {PARALLEL} requests at once", _user(port, path))
+                    _tell(f"those {PARALLEL}", [one.result() for one in waits])
+                ended.set()
+                dripping.join()
+            finally:
+                server.terminate()
+
+
+def _ask(port: int, path: str) -> float:
+    """How long a whole answer took, s; infinite if it was none."""
+    begin = time.monotonic()
+    try:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        whole = answer.status == 200 and len(answer.read()) > 200_000
+    except OSError:
+        return float("inf")
+    return time.monotonic() - begin if whole else float("inf")
+
+
+def _user(port: int, path: str) -> list[float]:
+    return [_ask(port, path) for _ in range(ASKED)]
+
+
+def _drip(port: int, ended: threading.Event) -> None:
+    """A byte every DRIP_S from each connection; who is let go comes again."""
+    held: list[socket.socket] = []
+    while not ended.wait(DRIP_S):
+        for one in [*held]:
+            try:
+                one.send(b"G")
+            except OSError:
+                one.close()
+                held.remove(one)
+        while len(held) < DRIPPING:
+            held.append(socket.create_connection(("127.0.0.1", port)))
+    for one in held:
+        one.close()
+
+
+def _tell(what: str, waits: list[float]) -> None:
+    none = sum(wait == float("inf") for wait in waits)
+    print(
+        f"{what}: median {statistics.median(waits):.3f} s, longest {max(waits):.3f} s, not answered {none}", flush=True
+    )
+
+
+if __name__ == "__main__":
+    main()

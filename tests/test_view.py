@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import os
 import signal
@@ -9,14 +10,18 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
+from contextlib import ExitStack, contextmanager, suppress
+from http import HTTPStatus
 
 import pytest
 
 from workbench.errors import InputError, OutputError
 from workbench.report.html import script_source, viewer_script
-from workbench.view import HEADERS, ResultServer, address_of
+from workbench.server import HEADERS, LocalServer, said
+from workbench.view import Results, address_of, result_server
 
 SECRET = "not for the browser"
 
@@ -39,17 +44,24 @@ def results(tmp_path):
 
 @pytest.fixture
 def server(results):
-    with ResultServer(results) as made:
-        thread = threading.Thread(target=made.serve_forever, args=(0.02,))
-        thread.start()
+    with result_server(results) as made, running(made):
         yield made
-        made.shutdown()
+
+
+@contextmanager
+def running(server):
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield
+    finally:
+        server.shutdown()
         thread.join()
 
 
 def ask(server, path, *, method="GET", host=None):
-    """Status, headers and body of one raw request: the path goes out as it is."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    """Status, headers (in any case) and body of one raw request: the path goes out as it is."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=120)
     connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
     host = f"127.0.0.1:{server.server_port}" if host is None else host
     if host:
@@ -58,11 +70,11 @@ def ask(server, path, *, method="GET", host=None):
     answer = connection.getresponse()
     body = answer.read()
     connection.close()
-    return answer.status, dict(answer.getheaders()), body
+    return answer.status, answer.headers, body
 
 
 def test_the_report_opens_at_the_address(server, results):
-    address = address_of(server)
+    address = address_of(server, results)
     assert address.startswith(f"http://127.0.0.1:{server.server_port}/")
     assert address.endswith("/report.html")
     assert len(server.token) >= 32
@@ -192,16 +204,16 @@ def test_it_listens_on_this_machine_only(server):
 
 def test_what_cannot_be_served_is_refused(tmp_path, server):
     with pytest.raises(InputError, match="expected a directory"):
-        ResultServer(tmp_path / "nothing")
+        result_server(tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="empty"):
-        ResultServer(tmp_path / "empty")
+        result_server(tmp_path / "empty")
     with pytest.raises(OutputError, match="free port"):
-        ResultServer(tmp_path, server.server_port)
+        result_server(tmp_path, server.server_port)
 
 
 def test_the_token_is_new_each_time(results):
-    with ResultServer(results) as one, ResultServer(results) as other:
+    with result_server(results) as one, result_server(results) as other:
         assert one.token != other.token
 
 
@@ -218,7 +230,7 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c(results, number, st
         with urllib.request.urlopen(line.split()[1]) as answer:
             assert answer.status == 200
         process.send_signal(number)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=300)
     finally:
         process.kill()
     assert process.returncode == status
@@ -226,14 +238,14 @@ def test_the_command_prints_the_address_and_ends_with_ctrl_c(results, number, st
 
 
 def test_a_wrong_argument_is_one_line(command, tmp_path):
-    for arguments, said in (
+    for arguments, expected in (
         ((tmp_path / "nothing",), "expected a directory"),
         ((tmp_path, "--port", "99999"), "expected a port from 0 to 65535"),
         ((tmp_path, "--prot", "1"), "--port"),
     ):
         got = command("view", *arguments)
         assert got.status == 2
-        assert said in got.err
+        assert expected in got.err
         assert len(got.err.splitlines()) == 1
 
 
@@ -251,3 +263,77 @@ def test_no_script_but_the_viewer_runs(server):
     rules = dict(rule.strip().split(" ", 1) for rule in headers["Content-Security-Policy"].split(";"))
     assert rules["script-src"] == script_source(viewer_script())
     assert "unsafe" not in rules["script-src"] + rules["default-src"]
+
+
+def dripping(server, stack, count):
+    """Connections that send a byte and then keep silent."""
+    for _ in range(count):
+        one = stack.enter_context(socket.create_connection(("127.0.0.1", server.server_port)))
+        one.send(b"G")
+        yield one
+
+
+def test_neighbours_that_keep_silent_stop_nobody(server):
+    with ExitStack() as stack:
+        silent = [*dripping(server, stack, 1000)]
+        assert len(silent) == 1000
+        answers = []
+
+        def one():
+            answers.append(ask(server, f"/{server.token}/report.html")[0])
+
+        threads = [threading.Thread(target=one) for _ in range(500)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert answers == [200] * 500
+
+
+def test_who_does_not_say_what_it_wants_in_time_is_let_go(results):
+    with LocalServer(Results(results), head_s=0.2) as server, running(server), ExitStack() as stack:
+        for one in dripping(server, stack, 3):
+            one.settimeout(120)
+            assert one.recv(100) == b""
+        assert ask(server, f"/{server.token}/report.html")[0] == 200
+
+
+def test_the_longest_silent_goes_where_there_are_too_many(results, monkeypatch):
+    monkeypatch.setattr("workbench.server.MOST_CONNECTIONS", 8)
+    with LocalServer(Results(results), head_s=1000) as server, running(server), ExitStack() as stack:
+        first, *_ = dripping(server, stack, 9)
+        first.settimeout(120)
+        with suppress(ConnectionResetError):
+            assert first.recv(100) == b""
+        assert ask(server, f"/{server.token}/report.html")[0] == 200
+
+
+def test_one_request_too_many_is_told_to_come_again():
+    held = threading.Event()
+
+    async def slow(scope, receive, send):
+        while not held.is_set():
+            await asyncio.sleep(0.001)
+        await said(HTTPStatus.OK, "at last")(scope, receive, send)
+
+    with LocalServer(slow, most_requests=2) as server, running(server):
+        answers = []
+        threads = [threading.Thread(target=lambda: answers.append(ask(server, f"/{server.token}/"))) for _ in "ab"]
+        for thread in threads:
+            thread.start()
+        while server.at_work < 2:
+            time.sleep(0.001)
+        status, headers, _ = ask(server, f"/{server.token}/")
+        assert (status, headers["retry-after"]) == (503, "1")
+        held.set()
+        for thread in threads:
+            thread.join()
+        assert [status for status, _, _ in answers] == [200, 200]
+
+
+def test_what_is_no_request_gets_the_same_headers(server):
+    with socket.create_connection(("127.0.0.1", server.server_port)) as one:
+        one.sendall(b"\x16\x03\x01 no request\r\n\r\n")
+        answer = b"".join(iter(lambda: one.recv(4096), b"")).decode()
+    assert answer.startswith("HTTP/1.1 400 ")
+    assert all(f"\r\n{name}: " in answer for name in HEADERS)

@@ -1,30 +1,26 @@
-"""A web server for one directory of results, for this machine's user alone.
-
-It listens on the loopback interface only. Its address holds a random token, which other users of the machine and pages
-from elsewhere do not know; a request must name this server as its host, so that a foreign name that is made to point
-here (DNS rebinding) reads nothing. It answers GET and HEAD, and only with files inside the directory.
-"""
+"""One directory of results in a browser: files inside it, for this machine's user alone (`workbench/server.py`)."""
 
 from __future__ import annotations
 
-import hmac
+import asyncio
 import html
-import http.server
 import os
-import secrets
-import shutil
 import stat
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, BinaryIO
-from urllib.parse import quote, unquote, urlsplit
+from typing import BinaryIO
+from urllib.parse import quote, unquote
 
-from workbench.errors import InputError, OutputError
+from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from workbench.errors import InputError
 from workbench.report.html import script_source, viewer_script
+from workbench.server import LOOPBACK, LocalServer, said
 
 # What of a directory may be served, and as what: regular files inside it, by plain names.
 
@@ -106,144 +102,69 @@ def _shown(root: Path, path: Path) -> bool:
     return found.is_dir() or found.is_file()
 
 
-LOOPBACK = "127.0.0.1"
-TOKEN_BYTES = 24
-MOST_REQUESTS = 32  # answered at a time: each holds a file open
-HEADERS = {
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'none'; "
-    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; script-src ",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",  # the address holds the token
-    "X-Content-Type-Options": "nosniff",
-}
+PIECE_BYTES = 2**18
 
 
-class ResultServer(http.server.ThreadingHTTPServer):
-    """Serves `directory` under `/token/`."""
+class Results:
+    """The files of a directory, as an ASGI application.
 
-    daemon_threads = True
+    Raises:
+        InputError: not a directory, or one without any file that is not meant to fill yet.
+    """
 
-    def __init__(self, directory: Path, port: int = 0) -> None:
-        """`port` 0: any free one.
-
-        Raises:
-            InputError: not a directory, or one without any file.
-            OutputError: the port cannot be had.
-        """
+    def __init__(self, directory: Path, *, may_be_empty: bool = False) -> None:
         if not directory.is_dir():
             raise InputError(str(directory), "expected a directory with the results of a run")
         self.root = directory.resolve()
-        if not any(self.root.iterdir()):
+        if not may_be_empty and not any(self.root.iterdir()):
             raise InputError(str(directory), "expected a directory with the results of a run, got an empty one")
-        self.token = secrets.token_urlsafe(TOKEN_BYTES)
-        self.policy = HEADERS["Content-Security-Policy"] + script_source(viewer_script())
-        self.room = threading.BoundedSemaphore(MOST_REQUESTS)
-        try:
-            super().__init__((LOOPBACK, port), Handler)
-        except OSError as error:
-            raise OutputError(f"--port {port}", f"expected a free port of {LOOPBACK}: {error.strerror}") from None
 
-    def __repr__(self) -> str:
-        """What it serves, without the token that opens it."""
-        return f"ResultServer({str(self.root)!r}, port {self.server_port})"
-
-    @property
-    def hosts(self) -> set[str]:
-        """What a request may call this server."""
-        return {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Wait until there is room."""
-        self.room.acquire()
-        super().process_request(request, client_address)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer, and make room."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self.room.release()
-
-    def handle_error(self, request: object, client_address: object) -> None:
-        """A browser that went away is no news; anything else is told in one line."""
-        error = sys.exc_info()[1]
-        if not isinstance(error, (ConnectionError, TimeoutError)):
-            print(f"warning: a request was not answered: {error!r}", file=sys.stderr)
-
-
-class Handler(http.server.BaseHTTPRequestHandler):
-    """Answers one request."""
-
-    server: ResultServer
-    timeout = 30.0  # s without a word
-    server_version, sys_version = "workbench", ""
-
-    def do_GET(self) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """A file, or the listing of a directory."""
-        self._answer(send_body=True)
+        answer = await asyncio.to_thread(self._answer, scope)
+        await answer(scope, receive, send)
 
-    def do_HEAD(self) -> None:
-        """The same without its body."""
-        self._answer(send_body=False)
-
-    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """What is no request, or of a method that is not answered, gets the same headers as all else."""
-        if code == HTTPStatus.NOT_IMPLEMENTED:
-            self._send(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"GET and HEAD only\n", {"Allow": "GET, HEAD"})
-        else:
-            self._send(HTTPStatus(code), "text/plain", b"not a request\n")
-
-    def _answer(self, *, send_body: bool) -> None:
-        address = urlsplit(self.path).path
-        token, _, inside = address.removeprefix("/").partition("/")
-        known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
-        if not known or self.headers.get("Host", "").lower() not in self.server.hosts:
-            return self._send(HTTPStatus.FORBIDDEN, "text/plain", b"forbidden\n" * send_body)
+    def _answer(self, scope: Scope) -> Response:
+        address = scope["raw_path"].decode("latin-1")  # still encoded: `within` refuses what decodes to a slash
         try:
-            path = within(self.server.root, inside)
+            path = within(self.root, address.removeprefix("/"))
             if not path.is_dir():
-                return self._send_file(path, send_body)
+                return self._file(path, with_body=scope["method"] == "GET")
         except NotServedError:
-            return self._send(HTTPStatus.NOT_FOUND, "text/plain", b"not found\n" * send_body)
+            return said(HTTPStatus.NOT_FOUND, "not found\n")
         if not address.endswith("/"):  # relative links start at the directory
-            return self._send(HTTPStatus.PERMANENT_REDIRECT, "text/plain", b"", {"Location": address + "/"})
-        page = listing(self.server.root, path)
-        return self._send(HTTPStatus.OK, "text/html; charset=utf-8", page if send_body else b"", length=len(page))
+            return RedirectResponse(f"{scope['root_path']}{address}/", HTTPStatus.PERMANENT_REDIRECT)
+        return Response(listing(self.root, path), media_type="text/html; charset=utf-8")
 
-    def _send_file(self, path: Path, send_body: bool) -> None:
+    def _file(self, path: Path, with_body: bool) -> Response:
         file, size = opened(path)
-        with file:
-            self._head(HTTPStatus.OK, content_type(path), size)
-            if send_body:
-                shutil.copyfileobj(file, self.wfile)
-
-    def _send(
-        self, status: HTTPStatus, kind: str, body: bytes, more: dict[str, str] | None = None, length: int | None = None
-    ) -> None:
-        self._head(status, kind, len(body) if length is None else length, more)
-        self.wfile.write(body)
-
-    def _head(self, status: HTTPStatus, kind: str, length: int, more: dict[str, str] | None = None) -> None:
-        self.send_response(status)
-        for name, value in {
-            "Content-Type": kind,
-            "Content-Length": str(length),
-            **HEADERS,
-            **(more or {}),
-            "Content-Security-Policy": self.server.policy,
-        }.items():
-            self.send_header(name, value)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Requests are not logged: their addresses hold the token."""
+        headers, kind = {"Content-Length": str(size)}, content_type(path)
+        if with_body:
+            return StreamingResponse(_pieces(file, size), headers=headers, media_type=kind)
+        file.close()
+        return Response(headers=headers, media_type=kind)
 
 
-def address_of(server: ResultServer) -> str:
+async def _pieces(file: BinaryIO, size: int) -> AsyncIterator[bytes]:
+    """As many bytes as were told, though the file may grow."""
+    with file:
+        while size > 0 and (piece := await asyncio.to_thread(file.read, min(PIECE_BYTES, size))):
+            size -= len(piece)
+            yield piece
+
+
+def result_server(directory: Path, port: int = 0) -> LocalServer:
+    """A server of a directory of results.
+
+    Raises:
+        InputError, OutputError: as Results, as LocalServer.
+    """
+    return LocalServer(Results(directory), port, script_source=script_source(viewer_script()))
+
+
+def address_of(server: LocalServer, directory: Path) -> str:
     """Where a browser starts: the report, else the fleet's page, else the list of what is there."""
-    first = next((name for name in FIRST if (server.root / name).is_file()), "")
+    first = next((name for name in FIRST if (directory / name).is_file()), "")
     return f"http://{LOOPBACK}:{server.server_port}/{server.token}/{first}"
 
 
@@ -251,17 +172,17 @@ def serve(directory: Path, port: int, *, browser: bool, tell: Callable[[str], No
     """Serve until interrupted; `tell` gets the address.
 
     Raises:
-        InputError, OutputError: as ResultServer.
+        InputError, OutputError: as result_server.
         KeyboardInterrupt: somebody ended it.
     """
-    with ResultServer(directory, port) as server:
-        address = address_of(server)
+    with result_server(directory, port) as server:
+        address = address_of(server, directory)
         tell(address)
-        if browser and _has_screen():
+        if browser and has_screen():
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         server.serve_forever()
 
 
-def _has_screen() -> bool:
+def has_screen() -> bool:
     """Whether a browser could show itself: in a terminal alone, one would take the terminal."""
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -1,0 +1,220 @@
+"""The workbench's page: a folder, its runs and its files, for this machine's user alone."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import shutil
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.errors import InputError
+from workbench.page.app import Page, differences, page_server, trends, unused
+from workbench.page.forms import fields_of
+from workbench.page.store import Preset, Run, Store
+from workbench.samples import pipelines, shipped_pipeline
+
+ROOT = Path(__file__).parents[2]
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu")
+SAMPLE = ROOT / "data" / "synthetic" / "milled_edge.h5"
+
+
+class Client:
+    """What a browser would send."""
+
+    def __init__(self, page: Page) -> None:
+        self.server = page_server(page)
+        self.thread = threading.Thread(target=self.server.serve_forever)
+        self.thread.start()
+        self.root = f"/{self.server.token}"
+
+    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, str]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.server_port, timeout=60)
+        content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
+        connection.request(method, self.root + path, content, headers)
+        answer = connection.getresponse()
+        told = answer.status, answer.read().decode()
+        connection.close()
+        return told
+
+    def json(self, method: str, path: str, body: Any = None) -> Any:
+        status, text = self.ask(method, path, body)
+        assert status == 200, text
+        return json.loads(text)
+
+    def done(self, number: int) -> Any:
+        while (run := self.json("GET", f"/api/runs/{number}"))["state"] in ("queued", "running"):
+            time.sleep(0.1)
+        return run
+
+    def close(self) -> None:
+        self.server.shutdown()
+        self.thread.join()
+        self.server.socket.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "shop"
+    made.mkdir()
+    shutil.copy(SAMPLE, made / "part-7.h5")
+    return made
+
+
+@pytest.fixture
+def client(folder: Path) -> Iterator[Client]:
+    page = Page(folder)
+    made = Client(page)
+    yield made
+    made.close()
+    page.close()
+
+
+def test_a_part_from_the_file_to_the_verdict_and_back(client: Client, folder: Path) -> None:
+    """Upload, form, run, page, report, what changed; the results are those of `workbench run`."""
+    made = client.json("PUT", "/api/files/part-7.h5", SAMPLE.read_bytes())
+    assert made["file"] == "part-7-2.h5"  # never in the place of another
+    assert (folder / made["file"]).read_bytes() == SAMPLE.read_bytes()
+    status, form = client.ask("GET", "/new?pipeline=inspect_bevel&file=part-7-2.h5")
+    assert status == 200
+    assert "<option selected>part-7-2.h5</option>" in form
+    inputs = {"recording": "part-7-2.h5", "part_id": "P-7"}
+    first = client.done(client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"])
+    assert (first["state"], first["verdict"], first["part"]) == ("done", "pass", "P-7")
+    results = folder / "results" / str(first["id"])
+    tree = json.loads((results / "inspection.json").read_text())
+    assert first["sizes"]["root_mm"][1] == pytest.approx(2.0 * max(one["root_u_mm"] for one in tree["sections"]))
+    inputs["root_tolerance_mm"] = [-0.15, 0.0]
+    second = client.done(client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"])
+    assert second["verdict"] == "fail", second
+    page = client.ask("GET", f"/runs/{second['id']}")[1]
+    assert "FAIL" in page
+    assert "[-0.15, 0.0]" in page  # what changed since the last run
+    assert client.ask("GET", f"/results/{second['id']}/report.html")[0] == 200
+    shop = client.ask("GET", "/")[1]
+    assert shop.index("FAIL") < shop.index("PASS")
+    assert "P-7" in client.ask("GET", "/?part=p-7")[1]
+    assert '<td class="name">P-7' not in client.ask("GET", "/?part=other")[1]
+
+
+def test_a_look_and_a_run_that_cannot_be(client: Client, folder: Path) -> None:
+    (folder / "half.h5").write_bytes(SAMPLE.read_bytes()[:10_000])
+    look = client.done(client.json("POST", "/api/runs", {"look": "half.h5"})["id"])
+    assert look["state"] == "failed"
+    assert "half.h5" in look["reason"]
+    assert "\n" not in look["reason"]
+    assert look["reason"].split(":")[0].endswith("half.h5") or "half.h5" in client.ask("GET", f"/runs/{look['id']}")[1]
+
+
+def test_a_run_is_cancelled(client: Client) -> None:
+    many = [client.json("POST", "/api/runs", {"look": "part-7.h5"})["id"] for _ in range(3)]
+    for number in reversed(many):
+        client.json("POST", f"/api/runs/{number}/cancel", {})
+    assert {client.done(number)["state"] for number in many} == {"cancelled"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "words"),
+    [
+        ("POST", "/api/runs", {"pipeline": "inspect_bevle", "inputs": {}}, "expected one of inspect_bevel"),
+        ("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": {"recroding": 1}}, "no such input"),
+        ("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": {"recording": "../x.h5"}}, "expected a file in"),
+        ("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": {"recording": "/etc/passwd"}}, "expected a file"),
+        ("POST", "/api/runs", b"{", "not understood"),
+        ("POST", "/api/runs", [], "not understood"),
+        ("POST", "/api/presets", {"name": "../x", "pipeline": "inspect_bevel", "inputs": {}}, "expected a name"),
+        ("PUT", "/api/files/..%2Fx.h5", b"x", ""),
+        ("PUT", "/api/files/x.exe", b"x", "expected a recording"),
+        ("PUT", "/api/files/x.h5", b"", "is empty"),
+        ("GET", "/runs/99", None, "there is no run 99"),
+        ("GET", "/operator?preset=none", None, "expected the name of a preset"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_leaves_nothing(
+    client: Client, folder: Path, method: str, path: str, body: Any, words: str
+) -> None:
+    before = sorted(folder.rglob("*"))
+    status, text = client.ask(method, path, body)
+    assert status in (400, 404)
+    assert words in text
+    assert "\n" not in text.strip()
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_nobody_else_may_send(client: Client) -> None:
+    body = {"look": "part-7.h5"}
+    assert client.ask("POST", "/api/runs", body, Origin="http://example.com")[0] == 403
+    assert client.ask("POST", "/api/runs", body, Host="example.com")[0] == 403
+    assert client.ask("DELETE", "/api/runs/1")[0] == 405
+    client.root = "/guess"
+    assert client.ask("POST", "/api/runs", body)[0] == 403
+    assert client.ask("PUT", "/api/files/a.h5", b"x")[0] == 403
+
+
+def test_what_a_kill_left_at_work_is_done_again(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store.sqlite")
+    number = store.add("look", {"file": "a.h5"})
+    store.update(number, state="running", step="[1/2] scan.read")
+    again = Store(tmp_path / "store.sqlite")
+    found = again.next()
+    assert found is not None
+    assert (found.id, found.step) == (number, None)
+    again.keep(Preset("P", "inspect_bevel", {"sections": 5}))
+    again.keep(Preset("P", "inspect_bevel", {"sections": 7}))
+    assert store.presets() == [Preset("P", "inspect_bevel", {"sections": 7})]
+
+
+def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"no database" * 100)
+    with pytest.raises(InputError, match="expected the store"):
+        Store(tmp_path / "a")
+    with pytest.raises(InputError, match="expected a folder"):
+        Page(tmp_path / "none")
+
+
+@pytest.mark.parametrize("name", pipelines())
+def test_every_input_of_every_pipeline_is_a_field(name: str) -> None:
+    path = Path(shipped_pipeline(name))
+    _, fields = fields_of(path)
+    tree = json.loads(path.read_text())
+    assert [one.name for one in fields] == list(tree.get("inputs", {}))
+    for one in fields:
+        if isinstance(one.default, int | float) and not isinstance(one.default, bool):
+            assert one.kind == "number"
+        if one.kind == "choice":
+            assert one.default in one.choices
+
+
+def test_names_changes_and_trends(tmp_path: Path) -> None:
+    for expected in ("a.h5", "a-2.h5", "a-3.h5"):
+        path = unused(tmp_path / "a.h5")
+        assert path.name == expected
+        path.touch()
+    assert differences({"a": 1, "b": 2}, {"a": 1, "b": 3, "c": 4}) == [("b", 2, 3), ("c", None, 4)]
+    runs = [
+        Run(k, "inspect_bevel", {}, 0.0, "done", 0, "P", "pass", "", {"root_mm": [k, 0.1]}, None) for k in (3, 2, 1)
+    ]
+    assert [value for _, value, _ in trends(runs)["root_mm"]] == [1, 2, 3]
+    assert trends(runs[:1]) == {}
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium")
+def test_in_a_browser(client: Client) -> None:
+    """The form's fields as a browser builds them; no script was refused by the policy."""
+    address = f"http://127.0.0.1:{client.server.server_port}{client.root}/new?pipeline=inspect_bevel&file=part-7.h5"
+    got = subprocess.run(
+        ["chromium", *FLAGS, "--enable-logging=stderr", "--virtual-time-budget=2000", "--dump-dom", address],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert 'data-kind="number"' in got.stdout
+    assert "Refused to execute" not in got.stderr
+    assert "SyntaxError" not in got.stderr

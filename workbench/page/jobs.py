@@ -1,0 +1,165 @@
+"""One run after another, each a child process of its own: what breaks there breaks nothing here."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from workbench.children import environment
+from workbench.page.store import Run, Store
+
+INSPECTIONS = ("inspection.json", "groove_inspection.json", "preparation_inspection.json")
+SIZE = re.compile(r"(?P<name>.+)_u(?P<unit>_mm|_deg)$")  # of a characteristic's uncertainty
+LOOK = "look"
+STEP = re.compile(r"\[\d+/\d+\] \S+")
+
+
+class Queue:
+    """Runs what the store says is waiting, oldest first.
+
+    Args:
+        store: of runs.
+        folder: the user's; results go to `results/ID` in it.
+    """
+
+    def __init__(self, store: Store, folder: Path) -> None:
+        self.store, self.folder = store, folder
+        self._wake, self._end = threading.Event(), False
+        self._child: tuple[int, subprocess.Popen[str]] | None = None
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+
+    def add(self, kind: str, inputs: dict[str, Any]) -> int:
+        """The number of a new run."""
+        number = self.store.add(kind, inputs)
+        self._wake.set()
+        return number
+
+    def cancel(self, number: int) -> None:
+        """End a run that waits or is at work; its results are then as they were."""
+        run = self.store.run(number)
+        if run is None or run.state not in ("queued", "running"):
+            return
+        self.store.update(number, state="cancelled", reason="cancelled")
+        with self._lock:
+            if self._child and self._child[0] == number:
+                self._child[1].terminate()
+
+    def close(self) -> None:
+        """End what is at work; it is done again at the next start."""
+        self._end = True
+        self._wake.set()
+        with self._lock:
+            if self._child:
+                self._child[1].terminate()
+        self._thread.join(10.0)
+
+    def results(self, number: int) -> Path:
+        """The folder of a run's results."""
+        return self.folder / "results" / str(number)
+
+    def _work(self) -> None:
+        while not self._end:
+            run = self.store.next()
+            if run is None:
+                self._wake.wait()
+                self._wake.clear()
+                continue
+            self.store.update(run.id, state="running", step=None)
+            self._done(run, *self._ran(run))
+
+    def _ran(self, run: Run) -> tuple[int, str, str]:
+        """Exit status, what was printed, and the last line on standard error."""
+        out = self.results(run.id)
+        out.mkdir(parents=True, exist_ok=True)
+        child = subprocess.Popen(
+            [sys.executable, "-m", "workbench", *self._arguments(run, out)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            cwd=self.folder,
+            env=environment(),
+        )
+        with self._lock:
+            self._child = run.id, child
+        printed: list[str] = []
+        assert child.stdout is not None
+        assert child.stderr is not None
+        reader = threading.Thread(target=lambda stream: printed.append(stream.read()), args=(child.stdout,))
+        reader.start()
+        last = ""
+        for line in child.stderr:
+            if step := STEP.search(line):
+                self.store.update(run.id, step=step[0])
+            else:
+                last = line.strip() or last
+        reader.join()
+        status = child.wait()
+        with self._lock:
+            self._child = None
+        return status, "".join(printed), last
+
+    def _arguments(self, run: Run, out: Path) -> list[str]:
+        if run.kind == LOOK:
+            mapping = ["--mapping", run.inputs["mapping"]] if run.inputs.get("mapping") else []
+            return [LOOK, run.inputs["file"], "--out", str(out / "look.html"), *mapping]
+        given = [text for name, value in run.inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
+        return ["run", run.kind, "--out", str(out), "--cache", str(self.folder / ".workbench" / "cache"), *given]
+
+    def _done(self, run: Run, status: int, printed: str, last: str) -> None:
+        """Write down what came of it, unless it was cancelled, or is to be done again."""
+        found = self.store.run(run.id)
+        if found is None or found.state == "cancelled":
+            return
+        if status < 0 or self._end:
+            word = {"state": "queued"} if self._end else {"state": "failed", "reason": f"ended by signal {-status}"}
+            self.store.update(run.id, **word)
+            return
+        if status == 2:
+            self.store.update(run.id, state="failed", status=2, reason=last.removeprefix("error: "))
+            return
+        if run.kind == LOOK:
+            self.store.update(run.id, state="done", status=status, part=Path(run.inputs["file"]).name, reason=printed)
+            return
+        told = summary(self.results(run.id))
+        lines = [line for line in printed.splitlines() if line.startswith("gate: ")]
+        told.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
+        told.setdefault("verdict", "pass" if status == 0 else "fail")
+        self.store.update(run.id, state="done", status=status, **told)
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Part, verdict, reason and sizes out of an inspection's file; nothing where the run made none."""
+    path = next((folder / name for name in INSPECTIONS if (folder / name).is_file()), None)
+    if path is None:
+        return {}
+    tree = json.loads(path.read_text(encoding="utf-8"))
+    return {
+        "part": (tree.get("part") or {}).get("part_id"),
+        "verdict": tree.get("verdict"),
+        "reason": tree.get("reason"),
+        "sizes": sizes(tree.get("sections", [])),
+    }
+
+
+def sizes(sections: list[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Mean over the sections and largest U = 2u of every value that has an uncertainty, by its name with its unit."""
+    found: dict[str, list[float]] = {}
+    for key in dict.fromkeys(key for section in sections for key in section):
+        if not (match := SIZE.fullmatch(key)):
+            continue
+        name = f"{match['name']}{match['unit']}"
+        pairs = [(one[name], one[key]) for one in sections if one.get(name) is not None and one.get(key) is not None]
+        if pairs:
+            values, us = zip(*pairs, strict=True)
+            found[name] = [sum(values) / len(values), 2.0 * max(us)]
+    return found

@@ -1,0 +1,102 @@
+"use strict";
+// Sends what was chosen, and asks how a run goes on. Texts stand in the page, as data attributes.
+const root = document.body.dataset.root;
+const shown = document.getElementById("error");
+async function call(path, options) {
+  let answer;
+  try { answer = await fetch(root + path, options); } catch { shown.textContent = document.body.dataset.lost; return null; }
+  let made = {};
+  try { made = await answer.json(); } catch { made = { error: answer.status + " " + answer.statusText }; }
+  shown.textContent = answer.ok ? "" : made.error;
+  return answer.ok ? made : null;
+}
+const post = (path, body) => call(path, { method: "POST", body: JSON.stringify(body) });
+const go = (made) => { if (made) location.href = root + "/runs/" + made.id; };
+
+async function sent(files) {
+  let last = null;
+  for (const file of files) last = await call("/api/files/" + encodeURIComponent(file.name), { method: "PUT", body: file }) || last;
+  if (last && !shown.textContent) location.reload();
+}
+const drop = document.querySelector(".drop");
+if (drop) {
+  drop.querySelector("input").addEventListener("change", (event) => sent(event.target.files));
+  for (const name of ["dragover", "dragleave", "drop"]) {
+    drop.addEventListener(name, (event) => { event.preventDefault(); drop.classList.toggle("over", name === "dragover"); });
+  }
+  drop.addEventListener("drop", (event) => sent(event.dataTransfer.files));
+}
+for (const button of document.querySelectorAll("[data-look]")) {
+  button.addEventListener("click", async () => go(await post("/api/runs", { look: button.dataset.look })));
+}
+
+// A form: numbers with the decimal mark of the reader's language are understood too.
+function valueOf(input) {
+  const text = input.value.trim();
+  if (text === "") return null;
+  if (input.dataset.kind === "number") {
+    const value = Number(text.replace(",", "."));
+    if (!Number.isFinite(value)) throw new Error(input.dataset.label + ": " + text);
+    return value;
+  }
+  if (input.dataset.kind !== "json") return text;
+  try { return JSON.parse(text); } catch { return text; }
+}
+const form = document.querySelector("form[data-pipeline]");
+function inputs() {
+  const found = {};
+  for (const input of form.querySelectorAll("[data-kind]")) found[input.name] = valueOf(input);
+  return found;
+}
+async function submit(path, more) {
+  try { return await post(path, { pipeline: form.dataset.pipeline, inputs: inputs(), ...more }); }
+  catch (error) { shown.textContent = error.message; return null; }
+}
+if (form) {
+  form.addEventListener("submit", async (event) => { event.preventDefault(); go(await submit("/api/runs", {})); });
+  document.getElementById("save").addEventListener("click", async () => {
+    if (await submit("/api/presets", { name: document.getElementById("preset").value })) location.href = root + "/";
+  });
+}
+
+// A run at work: its step, then the page anew.
+const atWork = document.querySelector("[data-run]");
+async function follow(number, step, done) {
+  const run = await call("/api/runs/" + number);
+  if (run && step) step.textContent = run.step || "";
+  if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done), 400);
+}
+if (atWork) {
+  follow(atWork.dataset.run, atWork.querySelector(".step"), () => location.reload());
+  atWork.querySelector("button").addEventListener("click", () => post("/api/runs/" + atWork.dataset.run + "/cancel", {}));
+}
+
+// The operator's page: a new recording, or the button, begins a run of the preset.
+const operator = document.querySelector("[data-preset]");
+if (operator) {
+  const preset = JSON.parse(document.getElementById("preset-data").textContent);
+  const [verdict, todo, step] = ["verdict", "todo", "step"].map((name) => document.getElementById(name));
+  let last = null, busy = false;
+  const measure = async (file) => {
+    busy = true; verdict.textContent = "…"; verdict.className = "verdict"; todo.textContent = file;
+    const made = await post("/api/runs", { pipeline: preset.pipeline, inputs: { ...preset.inputs, [preset.file]: file } });
+    if (!made) { busy = false; return; }
+    follow(made.id, step, (run) => {
+      const word = run.state === "done" ? run.verdict : "failed";
+      verdict.textContent = preset.states[word] || word; verdict.className = "verdict " + word;
+      todo.textContent = (run.part || "") + " " + (preset.todo[word] || run.reason || ""); step.textContent = ""; busy = false;
+    });
+  };
+  const watch = async () => {
+    const found = await call("/api/next");
+    const key = found && found.file ? found.file + found.written : null;
+    if (key && last !== null && key !== last && !busy && Date.now() / 1000 - found.written > 1) { last = key; measure(found.file); }
+    if (found && last === null) last = key || "";
+    setTimeout(watch, 700);
+  };
+  document.getElementById("next").addEventListener("click", async () => {
+    const found = await call("/api/next");
+    if (found && found.file && !busy) { last = found.file + found.written; measure(found.file); }
+  });
+  watch();
+}

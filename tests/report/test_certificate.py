@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from workbench.artefacts import Part, Uncertainty, UncertaintySource
+from workbench.artefacts import Part
 from workbench.report import html
 from workbench.report.html import dated, identity_html, identity_rows, page
 from workbench.report.tables import MOST_ROWS, budget, certificate_html, least_favourable, small
@@ -49,13 +49,12 @@ def test_a_calibration_has_its_age_at_the_recording(day, of, text):
 
 
 def test_the_budget_ends_in_the_largest_section(part):
-    sections = part(frames=60, columns=80).inspection.sections
-    u = max(s.root_u_mm for s in sections if s.root_u_mm is not None)
-    known = Uncertainty(
-        sources=(UncertaintySource("tilt", 0.6 * u, 0.0, "A"), UncertaintySource("ends", 0.8 * u, 0.0, "B"))
-    )
-    rows, totals = budget(known, sections)
-    assert [row[:2] for row in rows] == [("tilt", "A"), ("ends", "B")]
+    made = part(frames=60, columns=80).inspection
+    u = max(s.root_u_mm for s in made.sections if s.root_u_mm is not None)
+    by = {"root_mm": {"faces: tilt": 0.6 * u, "other ends": 0.8 * u}, "bevel_deg": {"other ends": 0.02}}
+    told = tuple(dataclasses.replace(s, u_by_source=by) if s.root_mm is not None else s for s in made.sections)
+    rows, totals = budget(dataclasses.replace(made, sections=told))
+    assert [row[:2] for row in rows] == [("faces: tilt", "A"), ("other ends", "B")]
     assert rows[0][3] == "–"
     combined, expanded = (float(row[2]) for row in totals)
     assert combined == pytest.approx(u, rel=0.06)  # two significant digits

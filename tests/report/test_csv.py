@@ -8,6 +8,7 @@ import io
 
 import pytest
 
+from workbench.errors import one_line
 from workbench.report import csv
 
 
@@ -19,7 +20,8 @@ def test_values_come_back(part):
     assert document.name == "sections.csv"
     assert len(rows) == 9
     for row, section in zip(rows, (awkward, *inspection.sections[1:]), strict=True):
-        assert (int(row["section"]), row["verdict"], row["reason"]) == (section.index, section.verdict, section.reason)
+        reason = one_line(section.reason)
+        assert (int(row["section"]), row["verdict"], row["reason"]) == (section.index, section.verdict, reason)
         assert float(row["x_mm"]) == pytest.approx(section.origin_mm[0], abs=1e-6)
         for name in ("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg"):
             value = getattr(section, name)

@@ -62,7 +62,7 @@ def test_the_first_page_states_what_was_decided(chapter, judged, elements):
 
 def test_every_size_has_its_largest_u(chapter, judged, elements):
     text = elements(chapter.certificate).text
-    for name, u in (("Root gap", "gap_u_mm"), ("Groove width", "width_u_mm")):
+    for name, u in (("Root gap", "gap_u_mm"), ("Width", "width_u_mm")):
         largest = 2 * max(one.values[u] for one in judged.sections if one.values[u] is not None)
         row = text[text.index(name) :]
         shown = float(re.search(r"([\d.]+) mm\s+(?:[A-Z]|$)", row)[1])

@@ -79,19 +79,22 @@ def _summary_rows(inspection: Inspection, toolpath: Toolpath, rows: list[Compare
 
 def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
     """Section, arc length; planned, measured ± U and their difference, of root and of angle."""
-    root_places, bevel_places = (
-        decimals(getattr(s, u) for s in inspection.sections) for u in ("root_u_mm", "bevel_u_deg")
-    )
-    for row in rows:
+    found = inspection.characteristics
+    places = [decimals(pair and pair[1] for pair in one.pairs) for one in found]
+    for k, row in enumerate(rows):
         s = row.section
+        root, bevel = (
+            "–" if (pair := one.pairs[k]) is None else measured(*pair, digits)
+            for one, digits in zip(found, places, strict=True)
+        )
         yield (
             f"{s.index}",
             f"{s.arc_length_mm:.1f}",
             measured(row.root_mm, None, PLACES["root_mm"]),
-            measured(s.root_mm, s.root_u_mm, root_places),
+            root,
             _difference(s.root_mm, row.root_mm, PLACES["root_mm"]),
             measured(row.bevel_deg, None, PLACES["bevel_deg"]),
-            measured(s.bevel_deg, s.bevel_u_deg, bevel_places),
+            bevel,
             _difference(s.bevel_deg, row.bevel_deg, PLACES["bevel_deg"]),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -35,6 +36,8 @@ def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -
         cancels=CANCELS,
         not_included=NOT_INCLUDED,
         repeatability=f"{found.repeatability_mm:g}",
+        alone=f"{COVERAGE * found.repeatability_mm / math.sin(found.bevel):.2f}",
+        parts_before=0 if found.batch is None else found.batch.parts - 1,
         finished=list(_finished_rows(finished)),
         parts=data_address(_parts_chart(finished)) if finished else "",
     )

@@ -5,27 +5,13 @@ from __future__ import annotations
 import csv as comma_separated
 import io
 
-from workbench.artefacts import Document, Inspection
+from workbench.artefacts import Document, JointInspection
 from workbench.stage import stage
 from workbench.storage import as_text
 
-HEADER = (
-    "section",
-    "arc_length_mm",
-    "x_mm",
-    "y_mm",
-    "z_mm",
-    "root_mm",
-    "root_u_mm",
-    "bevel_deg",
-    "bevel_u_deg",
-    "verdict",
-    "reason",
-)
-
 
 @stage("report.csv")
-def csv(inspection: Inspection) -> Document:
+def csv(inspection: JointInspection) -> Document:
     """The sections as `sections.csv`: one row a section, standard uncertainties, empty where not measured.
 
     x, y, z: the section's origin on the lower edge in the base, mm. UTF-8, a comma between fields, lines end in CR LF
@@ -39,15 +25,13 @@ def csv(inspection: Inspection) -> Document:
         >>> report.csv(found).name
         'sections.csv'
     """
+    rows = inspection.rows()
     out = io.StringIO(newline="")
-    table = comma_separated.writer(out)
-    table.writerow(HEADER)
-    for s in inspection.sections:
-        place = (s.arc_length_mm, *s.origin_mm)
-        values = (s.root_mm, s.root_u_mm, s.bevel_deg, s.bevel_u_deg)
-        table.writerow([s.index, *map(_number, place), *map(_number, values), s.verdict, as_text(s.reason)])
+    table = comma_separated.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), restval="")
+    table.writeheader()
+    table.writerows({name: _text(value) for name, value in row.items()} for row in rows)
     return Document("sections.csv", out.getvalue().encode())
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.6f}"
+def _text(value: float | str | None) -> str:
+    return "" if value is None else f"{value:.6f}" if isinstance(value, float) else str(as_text(value))

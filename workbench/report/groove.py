@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,132 +17,50 @@ from workbench.artefacts import (
     PreparationInspection,
     u_name,
 )
-from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, JointInspection
+from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
 from workbench.report.along import TEXT_SIZE, gaps, hatch_hidden, mark_sections, svg
 from workbench.report.marks import GREY, INK, LIMIT, MEASURED, TOLERANCE
 from workbench.report.plot import Axes, Figure
-from workbench.report.tables import STATEMENTS, check_rows, decision_rule, small
-from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render
+from workbench.report.tables import NOT_JUDGED, certificate_html, check_rows, head, section_rows, unit_of
+from workbench.report.text import COVERAGE, data_address, decimals, measured, render
 from workbench.stage import stage
 from workbench.units import DEG, Float
 
-NOT_JUDGED = "No specification was stated: the joint was measured, conformity was not assessed."
 
-
-def groove_html(cloud: Cloud, groove: Joint, inspection: JointInspection) -> str:
+def groove_html(cloud: Cloud, groove: Joint, inspection: RecognisedInspection) -> str:
     """The chapter."""
     shown = of_interest(inspection)
     return render(
         "groove.html.j2",
-        what=what_of(inspection),
+        what=inspection.WHAT,
         section=shown.index,
         drawing=data_address(groove_drawing(cloud, groove, shown)),
-        charts=data_address(groove_charts(groove, inspection.sections, limits(inspection.requirements))),
+        charts=data_address(groove_charts(groove, inspection)),
         tables=list(section_tables(inspection)),
         failed_checks=check_rows(inspection.checks, passed=False),
         passed_checks=check_rows(inspection.checks, passed=True),
     )
 
 
-def what_of(inspection: JointInspection) -> str:
-    """What was measured, in a word."""
-    return "groove" if isinstance(inspection, GrooveInspection) else "preparation"
-
-
-def groove_certificate(inspection: JointInspection) -> str:
-    """What stands on the first page between who and what was measured and the signature."""
-    judged = bool(inspection.requirements)
-    names = sizes_of(inspection)
-    return render(
-        "groove_certificate.html.j2",
-        verdict=inspection.verdict if judged else "",
-        statement=STATEMENTS[inspection.verdict] if judged else NOT_JUDGED,
-        reason=one_line(inspection.reason[:1].upper() + inspection.reason[1:]).rstrip(".") if judged else "",
-        what=what_of(inspection),
-        type=inspection.type,
-        how="as declared" if inspection.declared else "as recognised",
-        alternatives=", ".join(inspection.alternatives),
-        specification=list(specification(inspection)),
-        letters=[_letter(inspection, name) for name in names],
-        budget=list(budget(inspection, names)),
-        not_included=inspection.uncertainty.not_included,
-        decision_rule=decision_rule(inspection.guard_factor) if judged else "",
-    )
-
-
-def of_interest(inspection: JointInspection) -> GrooveSection:
+def of_interest(inspection: RecognisedInspection) -> GrooveSection:
     """Of the sections with most corners the first that fails, else the middle one."""
     most = max(len(one.corners) for one in inspection.sections)
     full = [one for one in inspection.sections if len(one.corners) == most]
     return next((one for one in full if one.verdict == "fail"), full[len(full) // 2])
 
 
-def sizes_of(inspection: JointInspection) -> list[str]:
-    """Names of the sizes that some section has."""
-    return [name for name in inspection.terms if any(one.values.get(name) is not None for one in inspection.sections)]
-
-
-def limits(requirements: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Lower and upper limit of every size that is required."""
-    found = {}
-    for name, nominal in requirements.items():
-        stem, _, unit = name.rpartition("_")
-        if pair := requirements.get(f"{stem}_tolerance_{unit}"):
-            found[name] = (nominal + pair[0], nominal + pair[1])
-    return found
-
-
-def specification(inspection: JointInspection) -> Iterator[tuple[str, ...]]:
-    """A row a size: name, letter, nominal, limits, lowest and highest section, largest U."""
-    required = limits(inspection.requirements)
-    for name in dict.fromkeys([*required, *sizes_of(inspection)]):
-        values = [value for one in inspection.sections if (value := one.values.get(name)) is not None]
-        u = [value for one in inspection.sections if (value := one.values.get(u_name(name))) is not None]
-        places, unit = decimals(u), unit_of(name)
-        ends = [measured(end(values), None, places) + unit if values else "–" for end in (min, max)]
-        wide = f"{COVERAGE * max(u):.{places}f}{unit}" if u else "–"
-        nominal, zone = "–", "not specified"
-        if name in required:
-            low, middle, high = alike(required[name][0], inspection.requirements[name], required[name][1])
-            nominal, zone = f"{middle}{unit}", f"{low} to {high}{unit}"
-        yield *inspection.terms[name], nominal, zone, *ends, wide
-
-
-def budget(inspection: JointInspection, names: list[str]) -> Iterator[tuple[str, ...]]:
-    """A row a source: name, type, u of every size."""
-    for row in inspection.size_sources:
-        cells = []
-        for name in names:
-            largest = max(
-                (u for one in inspection.sections if (u := one.values.get(u_name(name))) is not None), default=0
-            )
-            cells.append(small(float(row.get(u_name(name)) or 0.0), decimals([largest]) + 1))
-        yield str(row["name"]), str(row["kind"]), *cells
-
-
-def _letter(inspection: JointInspection, name: str) -> str:
-    """Letter of a size, or its term where it has none."""
-    term, letter = inspection.terms[name]
-    return letter if letter != "–" else term
-
-
-def section_tables(inspection: JointInspection) -> Iterator[dict[str, Any]]:
+def section_tables(inspection: RecognisedInspection) -> Iterator[dict[str, Any]]:
     """The sections' values ± U: lengths and angles in tables of their own, so that they fit a page."""
-    for caption, ending, unit in (("Lengths", "_mm", "mm"), ("Angles", "_deg", "°")):
-        names = [name for name in sizes_of(inspection) if name.endswith(ending)]
-        if not names:
-            continue
-        places = {name: decimals(one.values.get(u_name(name)) for one in inspection.sections) for name in names}
-        yield {
-            "caption": f"{caption} in the sections, value ± U, {unit}",
-            "head": [_letter(inspection, name) for name in names],
-            "rows": [
-                (one, [measured(one.values.get(name), one.values.get(u_name(name)), places[name]) for name in names])
-                for one in inspection.sections
-            ],
-            "judged": bool(inspection.requirements) and ending == "_mm",
-        }
+    for caption, unit, angles in (("Lengths", "mm", False), ("Angles", "°", True)):
+        found = [one for one in inspection.characteristics if one.is_angle is angles and any(one.pairs)]
+        if found:
+            yield {
+                "caption": f"{caption} in the sections, value ± U, {unit}",
+                "head": list(map(head, found)),
+                "rows": section_rows(inspection, found),
+                "judged": bool(inspection.required) and not angles,
+            }
 
 
 # A section of a weld groove as an engineering drawing, its dimensions with the letters of ISO 9692-1.
@@ -151,16 +69,11 @@ NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the groove: plat
 MOST_POINTS = 12_000
 
 
-def unit_of(size: str) -> str:
-    """' mm' or '°'."""
-    return "°" if size.endswith("_deg") else " mm"
-
-
 def with_u(section: GrooveSection, size: str) -> str:
     """Value ± U with its unit; '–' where it was not measured."""
     value, u = section.values.get(size), section.values.get(u_name(size))
     text = measured(value, u, decimals([u]))
-    if value is None or unit_of(size) == " mm":
+    if value is None or not size.endswith("_deg"):
         return text if value is None else f"{text} mm"
     return f"({text})°"
 
@@ -338,29 +251,29 @@ def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sig
     axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
 
 
-def groove_charts(groove: Joint, sections: tuple[GrooveSection, ...], limits: dict[str, tuple[float, float]]) -> bytes:
+def groove_charts(groove: Joint, inspection: RecognisedInspection) -> bytes:
     """SVG of every size along the groove with ± U, and its limits where it has some."""
-    names = [name for name in groove.terms if name in groove.sizes]
-    height = 1.35 * len(names) + 0.7
+    found = [one for one in inspection.characteristics if one.name in groove.sizes]
+    height = 1.35 * len(found) + 0.7
     figure = Figure(figsize=(10, height))
-    rows = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    rows = figure.subplots(len(found), 1, squeeze=False, sharex=True)[:, 0]
     figure.subplots_adjust(0.09, 0.45 / height, 0.985, 1.0 - 0.2 / height, hspace=0.18)
     s = groove.arc_length_mm
-    for axes, name in zip(rows, names, strict=True):
-        one = groove.sizes[name]
+    for axes, what in zip(rows, found, strict=True):
+        one = groove.sizes[what.name]
         wide = COVERAGE * one.u
         axes.set_xlim(float(s[0]), float(s[-1]))
-        if name in limits:
-            low, high = limits[name]
-            axes.axhspan(low, high, color=TOLERANCE, zorder=0.1)
-            for at in (low, high):
+        if what.limits is not None:
+            axes.axhspan(*what.limits, color=TOLERANCE, zorder=0.1)
+            for at in what.limits:
                 axes.axhline(at, color=LIMIT, linewidth=1.0)
         axes.fill_between(s, one.value - wide, one.value + wide, color=MEASURED, alpha=0.25)
         axes.plot(s, one.value, color=MEASURED, linewidth=1.0)
         hatch_hidden(axes, gaps(s, np.isfinite(one.value) & groove.seen))
-        title, letter = groove.terms[name]
-        axes.set_ylabel(f"{letter if letter != '–' else title.split()[-1]},{unit_of(name)}")
+        short = what.letter if what.letter != "–" else what.term.split()[-1]
+        axes.set_ylabel(f"{short},{unit_of(what)}")
         axes.y_label_at = -0.075
+    sections = inspection.sections
     mark_sections(rows[0], [one.arc_length_mm for one in sections], [str(one.index) for one in sections])
     rows[-1].set_xlabel("arc length, mm")
     return svg(figure)
@@ -406,7 +319,7 @@ def preparation(cloud: Cloud, preparation: Preparation, inspection: PreparationI
     return _chapter("Preparation", cloud, preparation, inspection)
 
 
-def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: JointInspection) -> Chapter:
+def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: RecognisedInspection) -> Chapter:
     judged = bool(inspection.requirements)
     return Chapter(
         title=title,
@@ -415,5 +328,5 @@ def _chapter(title: str, cloud: Cloud, joint: Joint, inspection: JointInspection
         summary=one_line(inspection.reason) if judged else NOT_JUDGED,
         part=inspection.part,
         warnings=inspection.warnings,
-        certificate=groove_certificate(inspection),
+        certificate=certificate_html(inspection),
     )

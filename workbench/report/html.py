@@ -105,6 +105,7 @@ def packed(scene: Scene, most: int) -> str:
         "shadings": [_shading(each, order) for each in scene.shadings],
         "strokes": [_strokes(each, origin) for each in scene.strokes if each.lines_mm],
         "marks": [_mark(each, origin) for each in scene.marks],
+        "frames": scene.frames,
     }
     text = json.dumps(content, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
@@ -165,12 +166,21 @@ def _strokes(strokes: Strokes, origin: Float) -> dict[str, Any]:
     rgba = [np.column_stack([colour, np.full(len(colour), 255)]) for colour in strokes.colours]
     for colour in rgba:
         colour[0, 3] = 0
+    motion = {} if strokes.moved is None else {"moved": _text(_about(strokes.moved, origin).astype("<f4"))}
     return {
+        **motion,
         "name": strokes.name,
         "shown": strokes.shown,
         "points": _text((np.vstack(strokes.lines_mm) - origin).astype("<f4")),
         "colours": _text(np.vstack(rgba).astype(np.uint8)),
     }
+
+
+def _about(moved: Float, origin: Float) -> Float:
+    """Motions (f, 4, 4) of places that count from `origin`, column after column."""
+    pose = moved.copy()
+    pose[:, :3, 3] += moved[:, :3, :3] @ origin - origin
+    return np.swapaxes(pose, 1, 2)
 
 
 def _mark(mark: Mark, origin: Float) -> dict[str, Any]:
@@ -321,8 +331,8 @@ def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
     yield "Sensor calibrated", f"{calibrated}; interval unknown" if calibrated else "unknown", bool(calibrated)
     yield "Robot", instrument(part.robot, part.robot_serial), part.robot is not None
     yield "Hand-eye calibration", hand_eye(part), part.hand_eye is not None
-    if part.simulated is not None:
-        yield "Kind of part", "simulated: no real part was measured" if part.simulated else "real", True
+    if part.simulated is False:  # of a simulated one the page's head and foot say so
+        yield "Kind of part", "real", True
 
 
 def instrument(name: str | None, serial: str | None) -> str:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
-from workbench.report.along import angle_chart, plan_view, root_chart
+from workbench.report.along import plan_view, size_chart
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
 from workbench.report.section_drawing import section_drawings, section_views
@@ -56,8 +56,7 @@ def inspection(
     drawn = {
         **pictures(section_views(cloud, edge, inspection, points)),
         "sections": section_drawings(cloud, edge, inspection),
-        "root": root_chart(edge, inspection),
-        "angle": angle_chart(edge, inspection),
+        **{one.name: size_chart(edge, inspection, one) for one in inspection.characteristics},
     }
     aside = plan_view(cloud, edge, inspection)
     scene = inspection_scene(cloud, edge, inspection, points)

@@ -32,9 +32,10 @@ void main() {
 }`;
 const LINES = `#version 300 es
 layout(location = 0) in vec3 from; layout(location = 1) in vec3 to; layout(location = 2) in vec4 tint;
-uniform mat3 turn; uniform vec3 target, span; uniform vec2 pixel; uniform float width; out vec3 colour;
+uniform mat3 turn; uniform mat4 moved; uniform vec3 target, span; uniform vec2 pixel; uniform float width; out vec3 colour;
+vec3 seen(vec3 at) { return (turn * ((moved * vec4(at, 1.0)).xyz - target)) * span; }
 void main() {
-  vec3 a = (turn * (from - target)) * span, b = (turn * (to - target)) * span;
+  vec3 a = seen(from), b = seen(to);
   vec2 along = (b.xy - a.xy) / pixel; along = length(along) > 1e-6 ? normalize(along) : vec2(1.0, 0.0);
   float end = float(gl_VertexID / 2), side = float(gl_VertexID % 2) * 2.0 - 1.0;
   vec2 off = (vec2(-along.y, along.x) * side + along * (end - 0.5)) * 0.5 * width * pixel * tint.a;
@@ -44,6 +45,7 @@ const PLAIN = `#version 300 es
 precision mediump float; in vec3 colour; uniform float opacity; out vec4 shown;
 void main() { shown = vec4(colour, opacity); }`;
 
+const STANDS = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
 
 return class {
@@ -67,7 +69,8 @@ return class {
     gl.enableVertexAttribArray(1);
     this.indices = data.shadings.map((each) => this.buffer(bytes(each.index)));
     this.palettes = data.shadings.map((each) => this.texture(gl.RGB8, 256, 1, gl.RGB, gl.UNSIGNED_BYTE, bytes(each.palette)));
-    this.strokes = data.strokes.map((each) => this.lineArray(bytes(each.points), bytes(each.colours)));
+    this.strokes = data.strokes.map((each) => ({ ...this.lineArray(bytes(each.points), bytes(each.colours)),
+      moved: each.moved && new Float32Array(bytes(each.moved).buffer) }));
     this.outlines = data.marks.map(({ outline, colour }) => this.lineArray(new Float32Array(outline.flat()),
       new Uint8Array(outline.flatMap((_, k) => [...rgb(colour), k ? 255 : 0]))));
     this.frame = null;
@@ -122,12 +125,13 @@ return class {
   }
 
   // view: `screen` (right, up, towards the viewer), `target`, `scale` in pixels a mm, `depth` in mm on both sides of the
-  // target, `shading`, `chosen` outline or null; `shown`: points, each group of strokes, outlines.
+  // target, `shading`, `chosen` outline or null, `frame` that is played; `shown`: points, each group of strokes, outlines.
   draw(view) {
     const gl = this.gl, { width, height } = this.canvas, per = 2 * view.scale * this.ratio;
     if (gl.isContextLost()) return;
     const span = [per / width, per / height, 1 / view.depth];
     this.camera = { turn: view.screen.flat(), target: view.target, span, pixel: [2 / width, 2 / height] };
+    this.played = view.frame;
     this.frame ??= this.frameBuffer(width, height);
     gl.viewport(0, 0, width, height);
     gl.enable(gl.DEPTH_TEST);
@@ -206,8 +210,9 @@ return class {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  drawLines({ array, count }, width, opacity) {
-    const gl = this.gl, program = this.use(2);
+  drawLines({ array, count, moved }, width, opacity) {
+    const gl = this.gl, program = this.use(2), first = 16 * this.played;
+    gl.uniformMatrix4fv(program("moved"), false, moved ? moved.subarray(first, first + 16) : STANDS);
     gl.uniform2fv(program("pixel"), this.camera.pixel);
     gl.uniform1f(program("width"), width * this.ratio);
     gl.uniform1f(program("opacity"), opacity);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 
 import numpy as np
@@ -24,7 +24,9 @@ from workbench.artefacts import (
     Shading,
     Strokes,
     Toolpath,
+    u_name,
 )
+from workbench.artefacts.edges import BEVEL_TERMS
 from workbench.report.along import developed
 from workbench.report.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
 from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
@@ -127,7 +129,7 @@ def section_marks(
 ) -> tuple[Mark, ...]:
     """A section each: its plane outlined in the colour of its verdict, its values; with what was planned, if given."""
     corners = plane_corners(points, sections)
-    places = (decimals(s.root_u_mm for s in sections), decimals(s.bevel_u_deg for s in sections))
+    places = {name: decimals(s.values[u_name(name)] for s in sections) for name in BEVEL_TERMS}
     marks = []
     for k, s in enumerate(sections):
         facts = section_facts(s, places)
@@ -139,17 +141,18 @@ def section_marks(
     return tuple(marks)
 
 
-def section_facts(s: Section, places: tuple[int, int]) -> tuple[tuple[str, str], ...]:
+def section_facts(s: Section, places: Mapping[str, int]) -> tuple[tuple[str, str], ...]:
     """What is known of a section, as text: values with U = 2 u, and u itself."""
-    root_u = "–" if s.root_u_mm is None else f"{s.root_u_mm:.4f} mm"
-    bevel_u = "–" if s.bevel_u_deg is None else f"{s.bevel_u_deg:.4f}°"
+    values, sizes = s.values, []
+    for name, (term, _) in BEVEL_TERMS.items():
+        u, text = values[u_name(name)], measured(values[name], values[u_name(name)], places[name])
+        unit = "°" if name.endswith("_deg") else " mm"
+        sizes.append((f"{term} ± U", f"({text})°" if unit == "°" else f"{text} mm"))
+        sizes.append((f"u of {term.lower()}", "–" if u is None else f"{u:.4f}{unit}"))
     return (
         ("Section", f"{s.index}"),
         ("Arc length", f"{s.arc_length_mm:.2f} mm"),
-        ("Root face ± U", f"{measured(s.root_mm, s.root_u_mm, places[0])} mm"),
-        ("u of root face", root_u),
-        ("Bevel angle ± U", f"({measured(s.bevel_deg, s.bevel_u_deg, places[1])})°"),
-        ("u of bevel angle", bevel_u),
+        *sizes,
         ("Verdict", f"{SIGNS[s.verdict]} {s.verdict}"),
         *([("Reason", s.reason)] if s.reason else []),
     )

@@ -117,10 +117,7 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
     budget = POINTS // len(inspection.sections)
     all_drawn = [laid_out(cloud, edge, section, budget) for section in inspection.sections]
     window = _window(all_drawn)
-    places = (
-        decimals(s.root_u_mm for s in inspection.sections),
-        decimals(s.bevel_u_deg for s in inspection.sections),
-    )
+    places = [decimals(pair and pair[1] for pair in one.pairs) for one in inspection.characteristics]
     rows = math.ceil(len(all_drawn) / COLUMNS)
     figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
@@ -147,7 +144,7 @@ def _window(all_drawn: list[LaidOut]) -> tuple[Float, Float]:
     return corner, corner + np.array([width, height])
 
 
-def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple[int, int]) -> None:
+def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: list[int]) -> None:
     section, (low, high) = drawn.section, window
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.tick_params(labelsize=8)
@@ -185,10 +182,11 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: tuple
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)
     _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach, radius)
-    dimension_height(
-        axes, section.root_mm, 0.065 * size, f"{measured(section.root_mm, section.root_u_mm, places[0])} mm", size
+    height, angle = (
+        measured(float(one.value), float(one.u), digits)
+        for one, digits in zip(section.sizes.values(), places, strict=True)
     )
-    angle = measured(section.bevel_deg, section.bevel_u_deg, places[1])
+    dimension_height(axes, section.root_mm, 0.065 * size, f"{height} mm", size)
     dimension_angle(axes, (0.0, section.root_mm), section.bevel_deg, f"({angle})°", radius)
 
 

@@ -17,7 +17,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath
+from workbench.artefacts import Chapter, Document, Edge, RawEdge, Toolpath, u_name
+from workbench.artefacts.edges import BEVEL_TERMS
 from workbench.errors import InputError
 from workbench.report.text import render
 from workbench.result_files import InspectionFile, RobotFile, ToolFile, TurntableFile
@@ -351,11 +352,11 @@ def _inspected(path: Path | None, edge: Edge, mm: float | None, deg: float | Non
         rows = [
             row
             for row in InspectionFile.read(path).sections
-            if row.root_u_mm is not None and row.bevel_u_deg is not None
+            if all(getattr(row, u_name(name)) is not None for name in BEVEL_TERMS)
         ]
         if not rows:
-            raise InputError(f"{path}: $.sections", "expected one that was measured: root_u_mm and bevel_u_deg")
-        root, bevel = (np.array([getattr(row, name) for row in rows]) for name in ("root_u_mm", "bevel_u_deg"))
+            raise InputError(f"{path}: $.sections", "expected one that was measured")
+        root, bevel = (np.array([getattr(row, name) for row in rows]) for name in map(u_name, BEVEL_TERMS))
         return "an inspection", float(np.sqrt(np.mean(root**2))), float(np.sqrt(np.mean(bevel**2)))
     said = "given" if mm is not None and deg is not None else "inspections of such scans"
     two_mm, two_deg = 0.0, 0.0

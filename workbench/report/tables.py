@@ -14,15 +14,17 @@ from workbench.artefacts import (
     BEVEL_FACE,
     FACE_NAMES,
     ROOT_FACE,
+    Characteristic,
     Check,
     Cloud,
     Edge,
     Inspection,
+    JointInspection,
     RawEdge,
-    Section,
-    Uncertainty,
     Verdict,
+    u_name,
 )
+from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import one_line
 from workbench.report.along import PlanView, hidden_stretches
 from workbench.report.marks import FACES, REJECTED, VERDICTS
@@ -41,21 +43,26 @@ def facts(cloud: Cloud, edge: Edge) -> Iterator[tuple[str, str]]:
     yield "Edge", f"{np.ptp(edge.arc_length_mm):.1f} mm long, {100.0 * np.mean(edge.seen):.0f} % of it seen"
 
 
-def section_rows(inspection: Inspection) -> list[dict[str, Any]]:
-    """A row a section, values with their expanded uncertainties."""
-    root = decimals(s.root_u_mm for s in inspection.sections)
-    bevel = decimals(s.bevel_u_deg for s in inspection.sections)
+HIDDEN = "hidden"  # in place of a value
+
+
+def section_rows(inspection: JointInspection, found: Sequence[Characteristic]) -> list[dict[str, Any]]:
+    """A row a section: some of its sizes with their expanded uncertainties, its verdict."""
+    columns = [(one.pairs, decimals(pair and pair[1] for pair in one.pairs)) for one in found]
+    rows = [
+        [HIDDEN if (pair := pairs[k]) is None else measured(pair[0], pair[1], places) for pairs, places in columns]
+        for k in range(len(inspection.sections))
+    ]
     return [
         {
             "index": s.index,
             "arc_length_mm": s.arc_length_mm,
-            "root": measured(s.root_mm, s.root_u_mm, root),
-            "bevel": measured(s.bevel_deg, s.bevel_u_deg, bevel),
+            "cells": cells,
             "verdict": s.verdict,
             "reason": s.reason,
-            "because": "" if s.verdict == "pass" else _because(s.reason),
+            "because": "" if s.verdict == "pass" or {*cells} == {HIDDEN} else _because(s.reason),
         }
-        for s in inspection.sections
+        for s, cells in zip(inspection.sections, rows, strict=True)
     ]
 
 
@@ -84,10 +91,7 @@ def _runs(arc_length_mm: Float) -> Iterator[str]:
 
 def _because(reason: str) -> str:
     """What of a section's reason speaks against it."""
-    against = [part for part in reason.split(", ") if "within tolerance" not in part and "hidden" not in part]
-    if "hidden" in reason:
-        against.append("hidden")
-    return one_line(", ".join(against))
+    return one_line(", ".join(part for part in reason.split(", ") if "within tolerance" not in part))
 
 
 def check_rows(checks: Iterable[Check], passed: bool) -> list[tuple[str, ...]]:
@@ -168,80 +172,80 @@ MOST_ROWS = 12  # sections on the page
 WORST_FIRST = ("fail", "undecided", "pass")
 
 
-def certificate_html(inspection: Inspection) -> str:
+NOT_JUDGED = "No specification was stated: the joint was measured, conformity was not assessed."
+MOST_SIZES = 2  # whose sections the certificate has room for
+
+
+def certificate_html(inspection: JointInspection) -> str:
     """What stands on the first page between who and what was measured and the signature."""
-    shown = least_favourable(inspection)
-    known = inspection.uncertainty
-    sources, totals = budget(known, inspection.sections)
+    found = inspection.characteristics
+    judged, known = bool(inspection.required), inspection.uncertainty
+    shown = least_favourable(inspection) if len(found) <= MOST_SIZES else set()
+    sources, totals = budget(inspection)
     return render(
         "certificate.html.j2",
-        verdict=inspection.verdict,
-        statement=STATEMENTS[inspection.verdict],
-        reason=one_line(inspection.reason[:1].upper() + inspection.reason[1:]).rstrip("."),
-        specification=specification(inspection),
-        sections=[row for row in section_rows(inspection) if row["index"] in shown],
+        verdict=inspection.verdict if judged else "",
+        statement=STATEMENTS[inspection.verdict] if judged else NOT_JUDGED,
+        reason=one_line(inspection.reason[:1].upper() + inspection.reason[1:]).rstrip(".") if judged else "",
+        recognised=inspection if isinstance(inspection, RecognisedInspection) else None,
+        specification=[row for one in found for row in specification(one)],
+        heads=list(map(head, found)),
+        sections=[row for row in section_rows(inspection, found) if row["index"] in shown],
         left_out=len(inspection.sections) - len(shown),
         count=len(inspection.sections),
         budget=sources,
         totals=totals,
         correlations=known.correlations,
         not_included=known.not_included,
-        decision_rule=decision_rule(inspection.guard_factor),
-        terms=data_address(source("bevel_terms.svg").encode()),
+        decision_rule=decision_rule(inspection.guard_factor) if judged else "",
+        terms=data_address(source("bevel_terms.svg").encode()) if isinstance(inspection, Inspection) else "",
     )
 
 
-def least_favourable(inspection: Inspection) -> set[int]:
+def least_favourable(inspection: JointInspection) -> set[int]:
     """Indices of the sections that the page has room for, by verdict; all where they are few."""
     ranked = sorted(inspection.sections, key=lambda s: (WORST_FIRST.index(s.verdict), s.index))
     return {section.index for section in ranked[:MOST_ROWS]}
 
 
-def specification(inspection: Inspection) -> list[tuple[str, ...]]:
-    """A row a characteristic: name, symbol, nominal, limits, lowest and highest section, largest U."""
-    needs, sections = inspection.requirements, inspection.sections
-    rows = []
-    for name, symbol, unit, nominal, (lower, upper), values, u in (
-        (
-            "Root face",
-            "c",
-            " mm",
-            needs.root_nominal_mm,
-            needs.root_tolerance_mm,
-            [s.root_mm for s in sections],
-            [s.root_u_mm for s in sections],
-        ),
-        (
-            "Bevel angle",
-            "β",
-            "°",
-            needs.bevel_nominal_deg,
-            needs.bevel_tolerance_deg,
-            [s.bevel_deg for s in sections],
-            [s.bevel_u_deg for s in sections],
-        ),
-    ):
-        places, known = decimals(u), [value for value in values if value is not None]
-        ends = [measured(end(known), None, places) + unit if known else "–" for end in (min, max)]
-        largest = max((one for one in u if one is not None), default=None)
-        wide = "–" if largest is None else f"{COVERAGE * largest:.{places}f}{unit}"
-        low, middle, high = alike(nominal + lower, nominal, nominal + upper)
-        rows.append((name, symbol, f"{middle}{unit}", f"{low} to {high}{unit}", *ends, wide))
-    rows.append(("Depth of preparation", "h", "t − c", "not specified", "–", "–", "–"))
-    return rows
+def head(one: Characteristic) -> str:
+    """Letter of a size, or its term where it has none."""
+    return one.letter if one.letter != "–" else one.term
 
 
-def budget(known: Uncertainty, sections: tuple[Section, ...]) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    """A row a source; and the combined and the expanded uncertainty of the section that has the largest."""
+def unit_of(one: Characteristic) -> str:
+    """' mm' or '°', as it follows a value."""
+    return "°" if one.is_angle else " mm"
+
+
+def specification(one: Characteristic) -> Iterator[tuple[str, ...]]:
+    """A row a characteristic: name, letter, nominal, limits, lowest and highest section, largest U."""
+    known = [pair for pair in one.pairs if pair is not None]
+    if not known and one.required is None:
+        return
+    places, unit = decimals(u for _, u in known), unit_of(one)
+    ends = [measured(end(value for value, _ in known), None, places) + unit if known else "–" for end in (min, max)]
+    wide = f"{COVERAGE * max(u for _, u in known):.{places}f}{unit}" if known else "–"
+    nominal, zone = "–", "not specified"
+    if one.required is not None and one.limits is not None:
+        low, middle, high = alike(one.limits[0], one.required[0], one.limits[1])
+        nominal, zone = f"{middle}{unit}", f"{low} to {high}{unit}"
+    yield one.term, one.letter, nominal, zone, *ends, wide
+
+
+def budget(inspection: JointInspection) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    """A row a source, its u of every size; and the combined and the expanded uncertainty of each largest section."""
     largest = [
-        max((u for s in sections if (u := getattr(s, name)) is not None), default=math.nan)
-        for name in ("root_u_mm", "bevel_u_deg")
+        (u_name(one.name), max((pair[1] for pair in one.pairs if pair), default=math.nan))
+        for one in inspection.characteristics
     ]
-    root, bevel = (_places(u) for u in largest)
-    k = known.coverage_factor
-    return [(s.name, s.kind, small(s.root_u_mm, root), small(s.bevel_u_deg, bevel)) for s in known.sources], [
-        ("Combined standard uncertainty u", "", small(largest[0], root), small(largest[1], bevel)),
-        (f"Expanded U = k u, coverage factor k = {k:g}", "", small(k * largest[0], root), small(k * largest[1], bevel)),
+    k = inspection.uncertainty.coverage_factor
+    return [
+        (row["name"], row["kind"], *(small(row.get(name, 0.0), _places(u)) for name, u in largest))
+        for row in inspection.sources
+    ], [
+        ("Combined u", "", *(small(u, _places(u)) for _, u in largest)),
+        (f"Expanded U = {k:g} u", "", *(small(k * u, _places(u)) for _, u in largest)),
     ]
 
 
@@ -261,23 +265,23 @@ def decision_rule(guard_factor: float) -> str:
     """The decision rule of ISO 14253-1 in words, with the risk that its guard band leaves."""
     risk = 50.0 * math.erfc(guard_factor / math.sqrt(2.0))
     return (
-        f"ISO 14253-1 with the guard band g = {guard_factor:g} u. Conformity of a value is verified inside the limits "
-        "by at least g (pass), nonconformity outside by at least g (fail). In between, in the uncertainty zone, "
-        f"neither is verified (undecided). The risk of a wrong statement is at most {risk:.2g} % for each value. "
-        "A part fails if any section fails; it passes if all sections pass."
+        f"ISO 14253-1, guard band g = {guard_factor:g} u: a value passes inside its limits by at least g, fails "
+        f"outside by at least g, is undecided in between; a wrong statement has a risk of at most "
+        f"{risk:.2g} % a value. A part fails if any section fails and passes if all pass."
     )
 
 
 def inspection_html(
     cloud: Cloud, edge: Edge, inspection: Inspection, drawn: Mapping[str, bytes], aside: PlanView
 ) -> str:
-    """The chapter; `drawn`: PNG or SVG of `overview`, `close_up`, `sections`, `root` and `angle`."""
+    """The chapter; `drawn`: PNG or SVG of `overview`, `close_up`, `sections` and each size."""
     return render(
         "inspection.html.j2",
         facts=list(facts(cloud, edge)),
         pictures={name: data_address(content) for name, content in {**drawn, "plan": aside.svg}.items()},
         of_interest=of_interest(inspection).index,
-        sections=section_rows(inspection) if len(inspection.sections) > MOST_ROWS else [],
+        heads=list(map(head, inspection.characteristics)),
+        sections=section_rows(inspection, inspection.characteristics) if len(inspection.sections) > MOST_ROWS else [],
         failed_checks=check_rows(inspection.checks, passed=False),
         passed_checks=check_rows(inspection.checks, passed=True),
         set_aside=list(set_aside(cloud, edge)),

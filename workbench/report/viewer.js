@@ -1,7 +1,7 @@
 // The report's viewer: each chapter's scene in parallel projection, to rotate; painter.js draws it.
 // Drawn when something changes, never in a loop. Text out of the data reaches the page as text only.
 (() => {
-const HOME = [-0.5, 0.8, 0.45], TURN = 0.008, STEP = 0.12, ZOOM = 1.25, NEAR_PX = 9, LABEL_PX = 24;
+const HOME = [-0.5, 0.8, 0.45], TURN = 0.008, STEP = 0.12, ZOOM = 1.25, NEAR_PX = 9, LABEL_PX = 24, FRAME_MS = 50;
 const VIEWS = [[-1, 0, 0], [0, 1, 0], [0, 0.01, 1]]; // along each of the scene's axes
 const HELP = "Drag to turn, with shift or two fingers to move; click first, then wheel or pinch to zoom.";
 const KEYS = "View in space. Arrow keys turn, with shift they move; plus and minus zoom, 0 resets, escape lets go.";
@@ -21,7 +21,7 @@ class Viewer {
   constructor(figure, chapter, data) {
     this.canvas = document.createElement("canvas");
     this.painter = new Painter(this.canvas, data);
-    Object.assign(this, { figure, chapter, data, chosen: null, shading: 0, pointers: new Map() });
+    Object.assign(this, { figure, chapter, data, chosen: null, shading: 0, frame: 0, pointers: new Map() });
     this.groups = ["points", ...data.strokes.map((each) => each.name), data.marks_are]; // what can be hidden
     this.shown = [true, ...data.strokes.map((each) => each.shown), true];
     this.places = this.some();
@@ -74,11 +74,13 @@ class Viewer {
     press("+", () => this.zoom(ZOOM), "Nearer");
     press("−", () => this.zoom(1 / ZOOM), "Farther");
     if (this.data.shadings.length) this.buildColours(controls);
+    if (this.data.frames.length) this.buildPlayback(controls);
     this.groups.forEach((name, k) => {
       if (k === 0 ? !this.data.blocks.length : k > this.data.strokes.length && !this.labels.length) return;
+      if (this.groups.indexOf(name) < k) return; // a body of several parts: one tick for all of them
       const label = element("label", controls, name), tick = element("input", null, "", { type: "checkbox", checked: this.shown[k] });
       label.prepend(tick);
-      tick.onchange = () => { this.shown[k] = tick.checked; this.redraw(); };
+      tick.onchange = () => { this.groups.forEach((other, j) => { if (other === name) this.shown[j] = tick.checked; }); this.redraw(); };
     });
     element("span", controls, HELP, { className: "note" });
     this.rows = this.data.marks.map((mark, k) => [...this.chapter.querySelectorAll("tr[data-mark]"), ...(this.chapter.classList.contains("certified") ? document.querySelectorAll(".certificate tr[data-mark]") : [])].filter((row) => {
@@ -103,6 +105,27 @@ class Viewer {
       this.redraw();
     };
     select.onchange();
+  }
+
+  buildPlayback(controls) { // drawn while it plays, and where somebody moves the slider
+    const last = this.data.frames.length - 1, said = element("div", this.stage, "", { className: "facts-shown played" });
+    const play = element("button", controls, "Play", { type: "button" });
+    const slider = element("input", controls, "", { type: "range", min: 0, max: last, value: 0, ariaLabel: "Place along the program" });
+    const show = (frame) => {
+      this.frame = frame;
+      slider.value = frame;
+      said.textContent = this.data.frames[frame];
+      this.redraw();
+    };
+    const stop = () => { clearInterval(this.playing); this.playing = 0; play.textContent = "Play"; };
+    slider.oninput = () => { stop(); show(Number(slider.value)); };
+    play.onclick = () => {
+      if (this.playing) return stop();
+      play.textContent = "Pause";
+      if (this.frame === last) show(0);
+      this.playing = setInterval(() => (this.frame < last ? show(this.frame + 1) : stop()), FRAME_MS);
+    };
+    show(0);
   }
 
   listen() {
@@ -246,8 +269,8 @@ class Viewer {
   }
 
   draw() {
-    const depth = this.reach + distance(this.target, this.middle), { target, scale, shading, chosen, shown } = this;
-    this.painter.draw({ screen: this.screen(), target, scale, depth, shading, chosen, shown });
+    const depth = this.reach + distance(this.target, this.middle), { target, scale, shading, chosen, shown, frame } = this;
+    this.painter.draw({ screen: this.screen(), target, scale, depth, shading, chosen, shown, frame });
     this.arrange();
     this.figure.dataset.drawn = "yes";
   }

@@ -65,7 +65,7 @@ def main() -> None:
     points = path_points(path, force(path)[0], load="mean", reach_mm=path.cutter.flute_length_mm / 2, planned=0.0)
     some, n = points.only(sample(points, 60)), len(points.loaded)
     examiner = Examiner(cell, arm, points)
-    choice, _ = search(examiner, traversal(arm, cell, K, some, ANGLES, ANGLES), whole_map=False)
+    choice, _ = search(examiner, traversal(arm, cell, K, some, ANGLES, ANGLES))
     start = constant_law(examiner, K, choice)
     assert cell.turntable is not None
     limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from pydantic import Field
 
 from tests import shapes
@@ -26,6 +27,9 @@ from workbench.artefacts import (  # noqa: E402
 )
 from workbench.errors import InputError  # noqa: E402
 from workbench.stage import REGISTRY, InputFile, Progress, Seed, stage  # noqa: E402
+
+settings.register_profile("same", derandomize=True, deadline=None)  # the same examples everywhere; no time is measured
+settings.load_profile("same")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: Ctrl-C is tested all the same
     signal.signal(signal.SIGINT, signal.default_int_handler)

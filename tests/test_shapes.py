@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from tests.shapes import unchecked
-from workbench.edge.form import Form
+from workbench.edge.rim import BrokenEnd
 from workbench.geometry.grids import fuse
 from workbench.units import Shaped
 
 
 def test_a_dataclass_with_another_axis_fails() -> None:
-    Form(np.zeros(3), np.zeros(3), np.zeros(3))
-    with pytest.raises(AssertionError, match=r"Form, bevel_turn_u: expected Shaped\[Float, ' m'\], found \(4,\)"):
-        Form(np.zeros(3), np.zeros(4), np.zeros(3))
+    BrokenEnd(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0)
+    with pytest.raises(AssertionError, match=r"BrokenEnd, u_mm: expected Shaped\[Float, ' N'\], found \(4,\)"):
+        BrokenEnd(np.zeros(3), np.zeros(4), np.zeros(3), 0.0, 0.0)
 
 
 def test_a_function_with_another_axis_fails() -> None:
@@ -31,8 +31,8 @@ def test_users_have_plain_annotations() -> None:
     import subprocess
     import sys
 
-    told = "import sys, typing, workbench.edge.form as form; "
-    told += "print('jaxtyping' in sys.modules, form.Shaped is typing.Annotated)"
+    told = "import sys, typing, workbench.edge.rim as rim; "
+    told += "print('jaxtyping' in sys.modules, rim.Shaped is typing.Annotated)"
     out = subprocess.run([sys.executable, "-c", told], check=True, capture_output=True, text=True).stdout
     assert out == "False True\n"
     assert "jaxtyping" in repr(Shaped)

@@ -93,7 +93,7 @@ def build_parser() -> Parser:
     validate = command("validate", "check all of a pipeline that can be checked without running it", RUN_EXAMPLES)
     batch = command("batch", "run a pipeline once for each recording, and make the page of the fleet", BATCH_EXAMPLES)
     for made in (run, validate, batch):
-        made.add_argument("pipeline", metavar="PIPELINE.json")
+        made.add_argument("pipeline", metavar="PIPELINE.json", help="a file, or a shipped one's name")
         made.add_argument(
             "--input", action="append", default=[], metavar="NAME=VALUE", help="replace an input of the pipeline"
         )
@@ -143,12 +143,24 @@ def build_parser() -> Parser:
     looked.add_argument("--out", metavar="FILE.html", help="the page to write, with the view in space")
     looked.add_argument("--mapping", metavar="MAP.json", help="what the file does not say about itself")
     looked.add_argument("--corners", metavar="FILE.csv", help="a groove's corners in every row of ranges, as a table")
+    scored = command("score", "hold results of any program against the truth: docs/benchmark.md")
+    scored.add_argument(
+        "submission", metavar="SUBMISSION.json", help="values with their u (workbench schema submission)"
+    )
+    scored.add_argument("truth", metavar="TRUTH", help="truth file, or the folder of a track with its truth.json")
+    scored.add_argument("--out", metavar="DIR", help="folder for card.json, card.html and card.svg")
     samples = command("samples", "copy the pipelines and the sample data that come with the project into a directory")
     samples.add_argument("directory", metavar="DIR")
     viewed = command("view", "show the report and the results in DIR in a browser, served on 127.0.0.1 until Ctrl-C")
     viewed.add_argument("directory", metavar="DIR")
     viewed.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
     viewed.add_argument("--no-browser", action="store_true", help="print the address only")
+    opened = command("open", "the workbench's page in a browser: look, inspect, plan, and find results of a folder")
+    opened.add_argument(
+        "directory", metavar="FOLDER", nargs="?", default=".", help="with recordings (default: this one)"
+    )
+    opened.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
+    opened.add_argument("--no-browser", action="store_true", help="print the address only")
     shown = command("view-cell", "draw a robot cell in a posture; tell its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE
     shown.add_argument("cell", metavar="CELL", help="the cell file, JSON or YAML (data/robot/README.md)")
@@ -228,6 +240,7 @@ def run(options: argparse.Namespace) -> int:
     from workbench.errors import StreamError
     from workbench.pipeline import Pipeline
     from workbench.pipeline.terminal import Lines, print_files, print_findings
+    from workbench.samples import shipped_pipeline
 
     load_plugins(options)
     unprintable: list[StreamError] = []
@@ -243,7 +256,7 @@ def run(options: argparse.Namespace) -> int:
     lines = Told(sys.stderr)
     inputs, settings = assignments(options.input, "--input"), assignments(options.set, "--set")
     try:
-        pipeline = Pipeline.load(options.pipeline)
+        pipeline = Pipeline.load(shipped_pipeline(options.pipeline))
         if options.follow:
             followed(options, pipeline, inputs, settings)
         results = pipeline.run(
@@ -289,9 +302,10 @@ def batch(options: argparse.Namespace) -> int:
     from workbench.batch import run_batch
     from workbench.batch.run import print_batch
     from workbench.errors import one_line
+    from workbench.samples import shipped_pipeline
 
     made = run_batch(
-        options.pipeline,
+        shipped_pipeline(options.pipeline),
         options.recordings,
         options.out,
         workers=options.workers,
@@ -314,8 +328,9 @@ def validate(options: argparse.Namespace) -> int:
     load_plugins(options)
     from workbench.pipeline import Pipeline
     from workbench.pipeline.terminal import print_plan
+    from workbench.samples import shipped_pipeline
 
-    plan = Pipeline.load(options.pipeline).plan(
+    plan = Pipeline.load(shipped_pipeline(options.pipeline)).plan(
         assignments(options.input, "--input"), assignments(options.set, "--set")
     )
     printed(print_plan, options.pipeline, len(plan.steps), plan.warnings)
@@ -384,6 +399,17 @@ def simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def score(options: argparse.Namespace) -> int:
+    """Print the score card of a submission; with --out, write it too."""
+    from pathlib import Path
+
+    from workbench.score.command import score as scored
+
+    out = Path(options.out) if options.out else None
+    printed(print, scored(Path(options.submission), Path(options.truth), out))
+    return 0
+
+
 def samples(options: argparse.Namespace) -> int:
     """Copy the shipped pipelines and data."""
     from pathlib import Path
@@ -429,12 +455,24 @@ def view_cell(options: argparse.Namespace) -> int:
 
 def view(options: argparse.Namespace) -> int:
     """Serve the results in a directory to a browser on this machine, until Ctrl-C."""
-    from pathlib import Path
-
     from workbench.view import serve
 
+    return served(serve, options)
+
+
+def open_page(options: argparse.Namespace) -> int:
+    """Serve the workbench's page of a folder to a browser on this machine, until Ctrl-C."""
+    from workbench.page import serve
+
+    return served(serve, options)
+
+
+def served(serve: Callable[..., None], options: argparse.Namespace) -> int:
+    """Serve until somebody ends it, and tell the address."""
+    from pathlib import Path
+
     def tell(address: str) -> None:
-        printed(print, f"view: {address}\nCtrl-C ends it")
+        printed(print, f"{options.command}: {address}\nCtrl-C ends it")
 
     try:
         serve(Path(options.directory), options.port, browser=not options.no_browser, tell=tell)
@@ -453,8 +491,10 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "batch": batch,
     "import": import_,
     "look": look,
+    "score": score,
     "samples": samples,
     "view": view,
+    "open": open_page,
     "view-cell": view_cell,
 }
 

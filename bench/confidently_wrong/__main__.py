@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
-from bench.coverage.parts import ANALYTIC, SWEPT, part
 from bench.metrology.folding import written
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
 from bench.metrology.table import put_into
+from bench.score.named import ANALYTIC, SWEPT, simulated
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError
@@ -156,7 +156,7 @@ def main() -> None:
 
 def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dict[str, Counter[str]]:
     """Of each kind of corruption, how many of `count` parts ended in which class."""
-    parts = [part(conditions[k % len(conditions)], seed + k, None) for k in range(count)]
+    parts = [simulated(conditions[k % len(conditions)], seed + k) for k in range(count)]
     found = {}
     for name in kinds:
         found[name] = Counter(
@@ -202,7 +202,7 @@ def _false_refusals(count: int, seed: int) -> list[str]:
     failed, recordings = [], 0
     for condition in [*ANALYTIC, *SWEPT]:
         for k in range(count):
-            recording, _ = part(condition, seed + 500 + k, None)
+            recording, _ = simulated(condition, seed + 500 + k)
             recordings += 1
             failed += [f"{condition} {seed + 500 + k}: {c.name}" for c in judge_recording(recording) if not c.passed]
     told = f"{len(failed)} of {recordings} good recordings of both simulators, under all their conditions, fail a check"

@@ -160,14 +160,14 @@ def _draft(path: Path) -> object:
 
 
 def _forces(path: Path) -> object:
-    from workbench.importing.kistler import read_forces
+    from workbench.force_file import read_forces
 
     return read_forces(path)
 
 
 def _seven_corners(path: Path) -> object:
-    from workbench.export.corners import read_corners
     from workbench.importing.text import decoded
+    from workbench.look.seven_corners import read_corners
 
     return read_corners(decoded(path.read_bytes()), str(path))
 
@@ -196,12 +196,6 @@ def _study(path: Path) -> object:
     from workbench.compare import study
 
     return study(study=path)
-
-
-def _points(path: Path) -> object:
-    from workbench.compare.reference_fits import read_points
-
-    return read_points(path)
 
 
 JOINTS = {
@@ -248,5 +242,4 @@ TARGETS = (
     Target("cloud", _cloud, (), 0.003),
     Target("inspection", _inspection, ()),
     Target("study", _study, ()),
-    Target("points", _points, ()),
 )

@@ -81,7 +81,7 @@ def installed(folder: Path) -> Callable[..., Ended]:
         directory = folder / name
         out = ["--out", str(directory)] if "run" in arguments else []
         done = subprocess.run(
-            [str(program), *map(str, arguments), *out], capture_output=True, text=True, cwd=folder, timeout=300
+            [str(program), *map(str, arguments), *out], capture_output=True, text=True, cwd=folder, timeout=600
         )
         return Ended(done.returncode, done.stdout, done.stderr, directory)
 

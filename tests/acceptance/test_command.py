@@ -136,6 +136,9 @@ def test_every_input_of_the_contract_is_there(installed: Run) -> None:
         "bevel_nominal_deg": 40,
         "bevel_tolerance_deg": [-1, 1],
         "sections": 9,
+        "edge_condition": "unknown",
+        "robot_noise_mm": 0.07,
+        "sensor_name": None,
         **dict.fromkeys(PART_KEYS),
     }
     assert installed("none", "validate", SHIPPED).status == 0

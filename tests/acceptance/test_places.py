@@ -49,7 +49,7 @@ def refused(done: subprocess.CompletedProcess[str], place: Path) -> None:
 def whole(out: Path, easy: Path, **more: Any) -> subprocess.CompletedProcess[str]:
     """The shipped inspection, its page included, in a process of its own."""
     command = [sys.executable, "-m", "workbench", "run", SHIPPED, "--input", f"recording={easy}", "--out", out]
-    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, timeout=300, **more)
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, timeout=600, **more)
 
 
 def test_a_disk_that_fills_up(small_disk: Path, easy: Path) -> None:
@@ -84,7 +84,7 @@ def test_two_runs_at_once_do_not_mix(tmp_path: Path, easy: Path, quick: Path) ->
     out = tmp_path / "out"
     command = [sys.executable, "-m", "workbench", "run", quick, "--input", f"recording={easy}", "--out", out]
     runs = [subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True) for _ in range(3)]
-    ended = [(run.communicate(timeout=120)[1], run.returncode) for run in runs]
+    ended = [(run.communicate(timeout=600)[1], run.returncode) for run in runs]
     assert {status for _, status in ended} <= {0, 2}
     assert 0 in {status for _, status in ended}
     assert all("another run is writing there" in err for err, status in ended if status == 2)
@@ -124,7 +124,7 @@ def test_nothing_but_the_place_of_the_results_may_be_written() -> None:
         pytest.skip("no unshare here")
     if probe.returncode:
         pytest.skip("mounts may not be changed here")
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=known, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=known, timeout=600)
     assert done.returncode == 0, done.stderr
     notes = [line for line in done.stderr.splitlines() if "cannot be used" in line]
     assert len(notes) == 1

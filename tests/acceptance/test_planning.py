@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -118,7 +117,7 @@ def test_the_final_layer_is_the_finished_bevel(case: str, plan: Callable[..., En
     rng = np.random.default_rng(len(case))
     setting = any_setting(rng)
     ended = plan(write(folder / "raw.h5", record(part, scans, setting, 3), form="lzf"), roughly_up(setting, rng))
-    assert ended.status == 0, ended.err
+    assert ended.status == 1, ended.err  # a shape only
     document = ended.read("toolpath.json")
     found = planned(document["layers"][-1], part, setting)
     assert np.max(np.abs(found.above_mm)) < 0.04
@@ -139,7 +138,7 @@ def test_layers_step_down_to_the_finished_bevel(plan: Callable[..., Ended], fold
         values = {"root_mm": root, "bevel_deg": bevel, "depth_of_cut_mm": depth}
         asked = [word for key, value in values.items() for word in ("--input", f"{key}={value}")]
         ended = plan(recording, up, *asked)
-        assert ended.status == 0, ended.err
+        assert ended.status == 1, ended.err  # a shape only
         layers = ended.read("toolpath.json")["layers"]
         heights = [np.mean(planned(layer, RAW, setting, root, bevel).above_mm) for layer in layers]
         stock = (RAW.thickness_mm - root) * np.sin(np.radians(bevel))
@@ -150,7 +149,7 @@ def test_layers_step_down_to_the_finished_bevel(plan: Callable[..., Ended], fold
 def test_nothing_is_cut_under_a_clamp(plan: Callable[..., Ended], folder: Path, setting: Setting) -> None:
     scan = replace(SCAN, clamp_mm=(50.0, 72.0))
     ended = plan(write(folder / "clamped.h5", record(RAW, [scan], setting, 5)), setting.base_from_part[:3, 2])
-    assert ended.status == 0, ended.err
+    assert ended.status == 1, ended.err  # a shape only
     part_from_base = np.linalg.inv(setting.base_from_part)
     for layer in ended.read("toolpath.json")["layers"]:
         points = layer["points"]
@@ -163,22 +162,16 @@ def test_nothing_is_cut_under_a_clamp(plan: Callable[..., Ended], folder: Path, 
         assert cutting[(s > 90) & (s < 115)].all()
 
 
-def test_without_a_cell_the_table_is_the_path(plan: Callable[..., Ended], folder: Path, setting: Setting) -> None:
-    """Nothing tells whether the robot gets there: a table of the points is written, no program."""
+def test_where_nothing_shows_the_place_there_is_no_table(
+    plan: Callable[..., Ended], folder: Path, setting: Setting
+) -> None:
+    """A table has no comment that could say that it is a shape only; the path's own file says it."""
     recording = write(folder / "program.h5", record(RAW, [SCAN], setting, 6))
     ended = plan(recording, setting.base_from_part[:3, 2])
-    assert ended.status == 0, ended.err
-    assert {one.name for one in ended.directory.iterdir()} == {"toolpath.json", "toolpath.csv", "run.json"}
-    with open(ended.directory / "toolpath.csv", newline="", encoding="ascii") as file:
-        rows = [row for row in csv.DictReader(file) if row["layer"] != "0"]
-    points = [(layer["index"], p) for layer in ended.read("toolpath.json")["layers"] for p in layer["points"]]
-    assert len(rows) == len(points)
-    for row, (layer, point) in zip(rows, points, strict=True):
-        assert (int(row["layer"]), bool(int(row["cutting"]))) == (layer, point["cutting"])
-        place = [float(row[key]) for key in ("x_mm", "y_mm", "z_mm")]
-        turn = np.array([float(row[key]) for key in ("qw", "qx", "qy", "qz")])
-        assert place == pytest.approx(point["position_mm"], abs=1e-5)
-        assert abs(turn @ point["quaternion_wxyz"]) == pytest.approx(1, abs=1e-8)
+    assert ended.status == 1, ended.err
+    assert "not passed: SHAPE ONLY" in ended.out.splitlines()[-1]
+    assert {one.name for one in ended.directory.iterdir()} == {"toolpath.json", "run.json"}
+    assert ended.read("toolpath.json")["check"]["placed"] is False
 
 
 REFUSED = {

@@ -31,11 +31,8 @@ STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave ou
 LOOPS = ("closed_loop", "compensated_loop", "compound_loop", "j_loop", "measured_loop")  # they begin with a recipe
 COMPARED = Path(__file__).parents[1] / "compare" / "data"
 GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipeline that have no defaults
-    "cloud.crop": {"low_mm": [-1e5, -1e5, -1e5], "high_mm": [1e5, 1e5, 1e5]},
-    "cloud.downsample": {"voxel_mm": 0.5},
     "cloud.register": {"reference": str(PIPELINES.parent / "data" / "synthetic" / "raw_edge.laz")},
     "compare.mesh": {"mesh": str(COMPARED / "wedge.obj")},
-    "compare.reference_fits": {"points": [str(COMPARED / "sphere.ds")], "shape": "sphere"},
 }
 
 

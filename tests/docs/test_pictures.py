@@ -53,7 +53,7 @@ def test_no_picture_is_left_over_and_all_together_are_small() -> None:
     assert sum(file.stat().st_size for file in files) < 1_500_000
 
 
-@pytest.mark.parametrize("name", ["path.read", "cloud.crop", "stiffness.deflection", "calibrate.tcp"])
+@pytest.mark.parametrize("name", ["path.read", "cloud.read", "stiffness.deflection", "calibrate.tcp"])
 def test_a_picture_is_what_the_example_makes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     suffix, content = picture(STAGES[name])
@@ -70,7 +70,7 @@ def structure(svg: bytes) -> tuple[Counter[str], list[str]]:
 
 
 def test_an_example_that_does_not_call_its_stage_is_told() -> None:
-    def crop() -> Any:
+    def read() -> Any:
         """Nothing.
 
         Example:
@@ -78,9 +78,9 @@ def test_an_example_that_does_not_call_its_stage_is_told() -> None:
             2
         """
 
-    crop.__module__ = "workbench.cloud.crop"
-    with pytest.raises(SystemExit, match=r"test\.crop: its example does not call it as workbench\.cloud\.crop"):
-        picture(Stage("test.crop", crop))
+    read.__module__ = "workbench.cloud.read"
+    with pytest.raises(SystemExit, match=r"test\.read: its example does not call it as workbench\.cloud\.read"):
+        picture(Stage("test.read", read))
 
 
 def test_a_chapters_chart_keeps_its_numbers_and_is_passed_over_where_it_is_large() -> None:

@@ -31,12 +31,15 @@ from workbench.user_folder import package_digest
 
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
+FURTHER = {"scan": "workbench.scan_plan"}  # modules of the same families that take longer to import
 
 
 @functools.cache
 def families() -> dict[str, tuple[str, ...]]:
     """Modules by family name: the project's own first, then those of plug-ins."""
     found = {family: [f"workbench.{family}"] for family in BUILT_IN}
+    for family, module in FURTHER.items():
+        found[family].append(module)
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
         modules = found.setdefault(entry.name, [])
         if entry.value not in modules:
@@ -48,7 +51,7 @@ def find(name: str, where: str) -> Stage:
     """The stage `name`; raises PipelineError at `where` with the nearest known name."""
     family = name.partition(".")[0]
     if name not in REGISTRY and family in families():
-        load(family)
+        load(family, name)
     if name not in REGISTRY:
         known, broken = every_stage()
         hint = f" ({broken[family]})" if family in broken else nearest(name, known)
@@ -90,9 +93,15 @@ def load_file(path: str | Path) -> None:
         raise PipelineError(f"--plugin {path}", "defines no stage: expected a function under @stage('family.verb')")
 
 
-def load(family: str) -> None:
-    """Import the modules of one family; raises PipelineError if one cannot be imported."""
+def load(family: str, name: str = "") -> None:
+    """Import the modules of one family, or until one brings the stage `name`.
+
+    Raises:
+        PipelineError: one cannot be imported.
+    """
     for module in families()[family]:
+        if name in REGISTRY:
+            return
         try:
             importlib.import_module(module)
         except PipelineError:

@@ -23,6 +23,7 @@ import numpy as np
 from workbench.artefacts import Gate
 from workbench.errors import ArgumentError, InputError, WorkbenchError, one_line
 from workbench.pipeline.run import Pipeline
+from workbench.storage import new_hdf5
 
 State = Literal["absent", "growing", "locked", "killed", "closed"]
 RECORDING = "recording"  # the pipeline's input
@@ -198,7 +199,8 @@ def copy_complete_frames(path: Path, copy: Path, least: int) -> int:
         frames = int(np.searchsorted(profiles["time"][:count] > last, True)) if "pass" not in robot else count
         if frames < least:
             return 0
-        with h5py.File(copy, "w") as new:
+        room = sum(one.size * one.dtype.itemsize for each in (profiles, robot) for one in each.values())
+        with new_hdf5(copy, room) as new:
             new.attrs.update(old.attrs)
             for group, values, length in (("profiles", profiles, frames), ("robot", robot, poses)):
                 new.create_group(group).attrs.update(old[group].attrs)

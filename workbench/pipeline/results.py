@@ -17,10 +17,9 @@ from workbench.artefacts import (
     PathGate,
     PreparationInspection,
     Rework,
-    Section,
     Toolpath,
 )
-from workbench.artefacts.edges import JointInspection
+from workbench.artefacts.edges import JointInspection, RecognisedInspection
 from workbench.artefacts.evidence import UNSEEN
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
@@ -30,28 +29,58 @@ from workbench.units import DEG
 RUN_FILE = "run.json"
 
 
-def inspection_document(inspection: Inspection) -> dict[str, Any]:
-    """`inspection.json`, version 1 (docs/pipelines.md): mm and degrees, frame of the robot base."""
+def inspection_document(found: JointInspection) -> dict[str, Any]:
+    """`inspection.json`, `groove.json`, `preparation.json`, version 1 (docs/pipelines.md): mm, degrees, the base."""
+    table = found.characteristics
+    columns = [list(zip(one.pairs, one.verdicts, strict=True)) for one in table]
     return {
-        "format": "bevel-inspection",
+        "format": found.FORMAT,
         "version": 1,
         "frame": "base",
-        "verdict": inspection.verdict,
-        "reason": inspection.reason,
-        "guard_factor": inspection.guard_factor,
-        "root_face_tilt": inspection.root_face_tilt,
-        "part": dataclasses.asdict(inspection.part),
-        "requirements": dataclasses.asdict(inspection.requirements),
-        "uncertainty": dataclasses.asdict(inspection.uncertainty),
-        "warnings": list(inspection.warnings),
-        "checks": [dataclasses.asdict(check) for check in inspection.checks],
-        "sections": [_section(section) for section in inspection.sections],
-        "profile": {f.name: getattr(inspection.profile, f.name) for f in dataclasses.fields(inspection.profile)},
+        **_particular(found),
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "guard_factor": found.guard_factor,
+        "part": dataclasses.asdict(found.part),
+        "requirements": dict(found.requirements_in_file),
+        "uncertainty": {**dataclasses.asdict(found.uncertainty), "sources": list(found.sources)},
+        "warnings": list(found.warnings),
+        "checks": [dataclasses.asdict(check) for check in found.checks],
+        "sections": [
+            {
+                **{name: getattr(section, name) for name in SECTION if hasattr(section, name)},
+                **section.values,
+                "quantities": [
+                    {"name": one.name, "value": value, "u": u, "unit": one.quantity.unit, "verdict": verdict}
+                    for one, column in zip(table, columns, strict=True)
+                    for pair, verdict in (column[k],)
+                    for value, u in (pair or (None, None),)
+                ],
+                "verdict": section.verdict,
+                "reason": section.reason,
+            }
+            for k, section in enumerate(found.sections)
+        ],
     }
 
 
-def _section(section: Section) -> dict[str, Any]:
-    return {f.name: getattr(section, f.name) for f in dataclasses.fields(section) if f.name != "frames"}
+SECTION = ("index", "arc_length_mm", "origin_mm", "tangent", "normal", "across", "corners")
+
+
+def _particular(found: JointInspection) -> dict[str, Any]:
+    """What only one sort of joint has."""
+    if isinstance(found, Inspection):
+        return {
+            "root_face_tilt": found.root_face_tilt,
+            "profile": {f.name: getattr(found.profile, f.name) for f in dataclasses.fields(found.profile)},
+        }
+    if isinstance(found, RecognisedInspection):
+        return {
+            "type": found.type,
+            "type_alternatives": list(found.alternatives),
+            "type_declared": found.declared,
+        }
+    return {}
 
 
 def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str, Any]:
@@ -90,7 +119,12 @@ def toolpath_document(path: Toolpath, gate: PathGate | None = None) -> dict[str,
     }
     if gate is None:
         return document
-    said = {"passed": gate.passed, "reason": gate.reason, "loosened": list(gate.loosened)}
+    said = {
+        "passed": gate.passed,
+        "reason": gate.reason,
+        "loosened": list(gate.loosened),
+        "placed": not gate.shape_only,
+    }
     return {**document, "check": {**said, "unchecked": list(gate.unchecked), "sha256": content_digest(document)}}
 
 
@@ -150,6 +184,9 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
         "stock_mm": found.stock_mm,
         "cutting": found.cut,
     }
+    if found.batch is not None:
+        batch = found.batch.on(found.arc_length_mm)
+        columns |= {"batch_displacement_mm": batch.shift_mm, "batch_tilt_deg": batch.turn / DEG}
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     rows = zip(*(column[over].tolist() for column in columns.values()), strict=True)
     return {
@@ -160,6 +197,15 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
         "allowance_mm": found.allowance_mm,
         "refused": found.refused,
         "reason": found.reason,
+        "batch": None
+        if found.batch is None
+        else {
+            "parts": found.batch.parts,
+            "length_mm": found.length_mm,
+            "bevel_deg": found.bevel / DEG,
+            "scatter_mm": found.batch.shift_scatter_mm,
+            "scatter_deg": found.batch.turn_scatter / DEG,
+        },
         "stations": [dict(zip(columns, row, strict=True)) for row in rows],
         "checks": [dataclasses.asdict(check) for check in found.checks],
         "uncertainty": {
@@ -171,45 +217,6 @@ def correction_document(found: PathCorrection) -> dict[str, Any]:
     }
 
 
-def joint_document(found: JointInspection) -> dict[str, Any]:
-    """`groove.json` or `preparation.json`, version 1 (docs/grooves.md): mm and degrees, frame of the robot base."""
-    return {
-        "format": "groove-inspection" if isinstance(found, GrooveInspection) else "preparation-inspection",
-        "version": 1,
-        "frame": "base",
-        "type": found.type,
-        "type_alternatives": list(found.alternatives),
-        "type_declared": found.declared,
-        "verdict": found.verdict,
-        "reason": found.reason,
-        "guard_factor": found.guard_factor,
-        "part": dataclasses.asdict(found.part),
-        "requirements": dict(found.requirements),
-        "uncertainty": {
-            "coverage_factor": found.uncertainty.coverage_factor,
-            "sources": list(found.size_sources),
-            "not_included": list(found.uncertainty.not_included),
-        },
-        "warnings": list(found.warnings),
-        "checks": [dataclasses.asdict(check) for check in found.checks],
-        "sections": [
-            {
-                "index": s.index,
-                "arc_length_mm": s.arc_length_mm,
-                "origin_mm": s.origin_mm,
-                "tangent": s.tangent,
-                "normal": s.normal,
-                "across": s.across,
-                "corners": list(s.corners),
-                **s.values,
-                "verdict": s.verdict,
-                "reason": s.reason,
-            }
-            for s in found.sections
-        ],
-    }
-
-
 # One line a type: artefacts that stand for a result of the contract. Others are seen by later stages only; a plug-in
 # that makes a file of its own returns a `Document`.
 WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
@@ -218,8 +225,8 @@ WRITERS: dict[type, tuple[str, Callable[[Any], dict[str, Any]]]] = {
     Engagement: ("engagement.json", engagement_document),
     Rework: ("rework.json", rework_document),
     PathCorrection: ("correction.json", correction_document),
-    GrooveInspection: ("groove.json", joint_document),
-    PreparationInspection: ("preparation.json", joint_document),
+    GrooveInspection: ("groove.json", inspection_document),
+    PreparationInspection: ("preparation.json", inspection_document),
 }
 
 

@@ -201,9 +201,15 @@ class Results:
         return (artefact for made in self.artefacts.values() for artefact in made)
 
     @property
+    def decisions(self) -> tuple[Gate, ...]:
+        """The gates that count: of those on one path the last, which holds what the ones before it said."""
+        last = {id(one.toolpath if isinstance(one, PathGate) else one): one for one in self if isinstance(one, Gate)}
+        return tuple(last.values())
+
+    @property
     def passed(self) -> bool:
         """Whether every gate of the pipeline let the part through, with all its checks in force."""
-        return all(artefact.clean for artefact in self if isinstance(artefact, Gate))
+        return all(gate.clean for gate in self.decisions)
 
 
 shown(PipelineDocument)

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from workbench.artefacts import Gate, Inspection, Moves, Rework, Section, Toolpath
+from workbench.artefacts import Characteristic, Gate, JointInspection, Moves, Rework, Toolpath
 from workbench.errors import one_line
 from workbench.kernels import compiling
 from workbench.pipeline.catalogue import makes, parameter_texts, prose, source_text
@@ -95,11 +95,12 @@ def print_findings(results: Results) -> None:
     from rich.text import Text
 
     console = Console(highlight=False)
-    gates = sum(isinstance(artefact, Gate) for artefact in results)
+    told: list[Gate] = []
+    gates = len({id(artefact) for artefact in results if isinstance(artefact, Gate)})
     for stage, artefact in ((stage, one) for stage, made in results.artefacts.items() for one in made):
-        if isinstance(artefact, Inspection) and artefact is not results.last(Inspection):
+        if isinstance(artefact, JointInspection) and artefact is not results.last(JointInspection):
             console.print(Text(one_line(f"{stage}: {inspection_summary(artefact)}")), soft_wrap=True)
-        elif isinstance(artefact, Inspection):
+        elif isinstance(artefact, JointInspection):
             console.print(_inspection_table(artefact))
             line = Text("part: ").append(artefact.verdict, f"bold {COLOURS[artefact.verdict]}")
             console.print(line.append(one_line(f" ({artefact.reason})")), soft_wrap=True)
@@ -109,7 +110,8 @@ def print_findings(results: Results) -> None:
             console.print(f"program: {len(artefact.feed_mm_s)} targets for {artefact.points_before} points")
         if isinstance(artefact, Rework):
             console.print(Text(one_line(f"rework: {artefact.reason}")), soft_wrap=True)
-        if isinstance(artefact, Gate):
+        if isinstance(artefact, Gate) and not any(artefact is one for one in told):  # not where it is handed on alone
+            told.append(artefact)
             name = "gate" if gates == 1 else f"gate {stage}"
             console.print(Text(one_line(f"{name}: {gate_summary(artefact)}")), soft_wrap=True)
 
@@ -125,19 +127,19 @@ def print_files(results: Results) -> None:
     for path in sorted(results.files, key=lambda path: path.suffix == ".html"):
         label = "report" if path.suffix == ".html" else "wrote"
         console.print(Text(one_line(f"{label}: {path}")), soft_wrap=True)
+    causes = [gate.cause for gate in results.decisions if not gate.clean]
+    if causes:
+        console.print(Text(one_line(f"not passed: {causes[-1]}"), "red"), soft_wrap=True)
 
 
-def inspection_summary(inspection: Inspection) -> str:
+def inspection_summary(inspection: JointInspection) -> str:
     """What an inspection on the way to the finished part measured, in a line."""
-    measured = [section for section in inspection.sections if section.root_mm is not None]
-    root = [section.root_mm for section in measured if section.root_mm is not None]
-    bevel = [section.bevel_deg for section in measured if section.bevel_deg is not None]
-    if not root or not bevel:
-        return "no section was measured"
-    return (
-        f"root face {min(root):.3f} to {max(root):.3f} mm, bevel angle {min(bevel):.2f} to {max(bevel):.2f} deg; "
-        f"as a finished part: {inspection.verdict}"
-    )
+    spans = []
+    for one in inspection.characteristics:
+        if values := [pair[0] for pair in one.pairs if pair]:
+            digits, unit = (2, "deg") if one.is_angle else (3, "mm")
+            spans.append(f"{one.term.lower()} {min(values):.{digits}f} to {max(values):.{digits}f} {unit}")
+    return f"{', '.join(spans)}; as a finished part: {inspection.verdict}" if spans else "no section was measured"
 
 
 def gate_summary(gate: Gate) -> str:
@@ -156,35 +158,33 @@ def path_summary(path: Toolpath) -> str:
     return f"path: {len(path.layers)} layers, {points} points on {path.edge_length_mm:.1f} mm of edge, {time}{left}"
 
 
-def _inspection_table(inspection: Inspection) -> Table:
+def _inspection_table(inspection: JointInspection) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    needs = inspection.requirements
-    root = f"root face, mm\n{_limits(needs.root_nominal_mm, needs.root_tolerance_mm)}"
-    bevel = f"bevel angle, deg\n{_limits(needs.bevel_nominal_deg, needs.bevel_tolerance_deg)}"
+    found = inspection.characteristics
+    shown = [one for one in found if one.required] or list(found)
     table = Table(caption="± U: expanded uncertainty, U = 2u", caption_justify="left")
-    for title in ("section", "arc length, mm", root, bevel):
+    for title in ("section", "arc length, mm", *map(_title, shown)):
         table.add_column(title, justify="right")
     table.add_column("verdict")
-    for section in inspection.sections:
-        table.add_row(*_row(section), Text(section.verdict, COLOURS[section.verdict]))
+    for k, section in enumerate(inspection.sections):
+        values = [_value(one.pairs[k]) for one in shown]
+        verdict = Text(section.verdict, COLOURS[section.verdict])
+        table.add_row(str(section.index), f"{section.arc_length_mm:.2f}", *values, verdict)
     return table
 
 
-def _row(section: Section) -> tuple[str, str, str, str]:
-    root = _value(section.root_mm, section.root_u_mm, 3)
-    return str(section.index), f"{section.arc_length_mm:.2f}", root, _value(section.bevel_deg, section.bevel_u_deg, 3)
+def _title(one: Characteristic) -> str:
+    title = f"{one.term.lower()}, {one.quantity.unit}"
+    if one.required is None:
+        return title
+    nominal, (lower, upper) = one.required
+    return f"{title}\n{nominal:g} {lower:+g} {upper:+g}"
 
 
-def _value(value: float | None, u: float | None, digits: int) -> str:
-    if value is None or u is None:
-        return "not measured"
-    return f"{value:.{digits}f} ± {2 * u:.{digits}f}"
-
-
-def _limits(nominal: float, tolerance: tuple[float, float]) -> str:
-    return f"{nominal:g} {tolerance[0]:+g} {tolerance[1]:+g}"
+def _value(pair: tuple[float, float] | None) -> str:
+    return "not measured" if pair is None else f"{pair[0]:.3f} ± {2 * pair[1]:.3f}"
 
 
 def print_stage(stage: Stage) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from bench.metrology.folding import written
 from bench.score.measure import Result
 from bench.score.parts import ROOT
 from workbench.score.scorer import card, scale
@@ -16,7 +18,7 @@ HEAD = (
 )
 ODD_SHARE = 0.15  # of a shop's parts
 Card = dict[str, float]
-ALL = "all"
+ALL, SIMULATOR = "all", "simulator"
 
 
 def lines_of(result: Result) -> Iterator[str]:
@@ -85,8 +87,30 @@ def verdicts(results: Sequence[Result]) -> list[str]:
 
 
 def put(text: str, marks: str) -> None:
-    """Replace what stands between these marks of docs/score.md."""
+    """Replace what stands between these marks of docs/score.md; rows by simulator go beside the page."""
     page = ROOT / "docs" / "score.md"
     begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
     before, _, rest = page.read_text(encoding="utf-8").partition(begin)
-    page.write_text(f"{before}{begin}\n{text}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+    page.write_text(f"{before}{begin}\n{summary(page, text)}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+
+
+def summary(page: Path, text: str) -> str:
+    """Of every value the row of all simulators together where there are several; all rows stand in a CSV."""
+    head, *rows = [cells for line in text.split("\n") if (cells := _cells(line))] or [[]]
+    if SIMULATOR not in head:
+        return text
+    at = head.index(SIMULATOR)
+    several = {(row[0], row[at + 1]) for row in rows if row[at] == ALL}
+    place = written(page, "Simulators", head, rows[1:])
+    told = [f"Every simulator by itself: [all rows]({place})."]
+    for line in text.split("\n"):
+        row = _cells(line)
+        if not row:
+            told.append(line)
+        elif row[at] == ALL or (row[0], row[at + 1]) not in several:
+            told.append(f"| {' | '.join(row[:at] + row[at + 1 :])} |")
+    return "\n".join([*told[1:3], told[0], "", *told[3:]])
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.split("|")[1:-1]]

@@ -34,9 +34,9 @@ HEAD = """<!-- Written by `make bench`: measure again rather than edit. -->
 
 # Benchmarks
 
-Both sides of a line were run in turn, in one run of `{command}`; medians of {repeats} at least unless the line says
-otherwise. Recordings are simulated (`bench/speed/recordings.py`): a milled edge, a frame every 0.1 mm, 1,000 columns,
-0.5 % outliers, every frame by itself; 50 million points are 5 m of edge. Files are read from a warm cache.
+One run of `{command}`, both sides of a line in turn; medians of {repeats} at least unless the line says otherwise.
+Recordings are simulated (`bench/speed/recordings.py`): a milled edge, a frame every 0.1 mm, 1,000 columns; 50 million
+points are 5 m of edge. Files are read from a warm cache.
 
 Machine: {machine}. {packages}.
 
@@ -49,34 +49,22 @@ Machine: {machine}. {packages}.
 FOOT = """
 ## How it is measured
 
-The files named tell it in full. Planning, calibration and postures: processor time on one core.
+Planning, calibration and postures: processor time on one core. The files named tell the rest.
 
 - **Start-up** (`bench/speed/start_rows.py`, `bench/speed/follow_rows.py`): the shipped milled edge (309 frames of
-  600 columns), the shipped closed loop. Set-up compiles the kernels, a wheel of `make wheel` brings them; "without
-  set-up" begins with an empty folder for them. Bytecode is kept, as pip does.
-- **Open3D** (`bench/speed/general.py`): points into the base with numpy, float64,
-  `remove_statistical_outlier(nb_neighbors=20, std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials) on the
-  whole cloud. It ends with two planes; no section, root face or uncertainty. "Extrapolated": on the straight line
-  through the two largest sizes that were run; `python -m bench.speed --all` runs it there too.
-- **Picture** (`bench/speed/pictures.py`): ours (`workbench/geometry/splat.py`) draws four times as many pixels,
-  averages them and lights them by depth; VTK draws squares of 2 pixels without light.
-- **Planning** (`bench/speed/distances.py`): ten layers of 0.7 mm; from edge and cloud to the program by
-  `path.layers`, `path.feed`, `path.simplify`, `program.write`. d_min (`bench/speed/distances.py`): for every point
-  of every layer, the index over the cloud included. The others run on 250 mm of the same edge; 5 m are taken as
-  linear in the number of points.
-- **Calibration** (`bench/speed/calibration.py`): ten sets of nine postures of a simulated 10 mm sphere. The genetic
-  algorithms minimise the paper's equations (6) and (8), put right, in two steps within 20 deg and 50 mm about the
-  design's pose, 100 x 100 evaluations a step. scipy's evaluates an individual at a time, the vectorised one a
-  generation in one call of numpy.
-- **Postures** (`bench/speed/postures.py`): the shipped path of a raw arc and the shipped cell; the cluttered one
-  has 40 boxes of 300 mm around the robot. The optimum is searched on a grid of 1 deg x 1 deg, from nothing:
-  traversal, bodies for collision, best-first search, all 1,016 points of the chosen cell against all pairs of
-  bodies. The loops (`bench/peers/clik.py`) solve a pose at a time and form J K^-1 J^T f with pinocchio's Jacobian;
-  CLIK starts in the middle of the joints' ranges. The law of both angles is sought among all nodes of the grid at
-  all points, with collision and the limits of speed and acceleration.
-- **Batches** (`bench/speed/batch_rows.py`): small parts, each simulated by itself (121 frames of 300 columns). Wall
-  clock, workers warm; overhead is what a part takes beyond its stages. The dask worker is killed with SIGKILL after
-  a quarter of the parts; all results are compared with those of one machine.
+  600 columns), the shipped closed loop. "Without set-up" compiles the kernels first.
+- **Open3D** (`bench/speed/general.py`): points into the base, `remove_statistical_outlier(nb_neighbors=20,
+  std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials): two planes, no section, no uncertainty. "Extrapolated":
+  a straight line through the two largest sizes run (`python -m bench.speed --all` runs the largest too).
+- **Picture** (`bench/speed/pictures.py`): ours draws four times as many pixels and lights them; VTK draws squares.
+- **Planning, d_min** (`bench/speed/distances.py`): ten layers of 0.7 mm, from edge and cloud to the program. The
+  other programs run on 250 mm of the edge, taken as linear in the number of points.
+- **Calibration** (`bench/speed/calibration.py`): ten sets of nine postures. The genetic algorithms minimise the
+  paper's corrected equations (6) and (8) in two steps within 20 deg and 50 mm, 100 x 100 evaluations each.
+- **Postures** (`bench/speed/postures.py`): shipped path and cell, the cluttered one with 40 boxes of 300 mm; a grid of
+  1 deg x 1 deg, all 1,016 points against all pairs of bodies. The loops (`bench/peers/clik.py`) use pinocchio.
+- **Batches** (`bench/speed/batch_rows.py`): simulated parts of 121 frames of 300 columns, workers warm. The dask worker
+  is killed after a quarter of the parts; all results are compared with those of one machine.
 """
 
 

@@ -140,7 +140,7 @@ def _row(link: Link, need: Need, k: int) -> tuple[str, ...]:
 
 PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
 HAND_EYE_DEG = 0.05  # where its calibration has no covariance
-INSPECTED_MM, INSPECTED_DEG = 0.044, 0.052  # mean u of a section, the median of the conditions in docs/metrology.md
+INSPECTED_MM, INSPECTED_DEG = 0.044, 0.052  # mean u of a section: median over simulated conditions
 CALIBRATED = "its calibration"
 Length = Annotated[float, Field(ge=0, le=100)]
 Angle = Annotated[float, Field(ge=0, le=20)]
@@ -210,7 +210,7 @@ def sensitivity(
         inspection: an inspection.json of a part like this one, by the same scanner: its u instead of inspection_mm and
             inspection_deg.
         inspection_mm: u of an inspected root face; null: the larger of what this scan tells of two of its edges and the
-            mean of inspections in docs/metrology.md.
+            median of simulated inspections (0.044 mm).
         inspection_deg: u of an inspected bevel angle; null: likewise.
 
     Raises:

@@ -96,20 +96,14 @@ def put(text: str, marks: str) -> None:
 
 def summary(page: Path, text: str) -> str:
     """Of every value the row of all simulators together where there are several; all rows stand in a CSV."""
-    head, *rows = [cells for line in text.split("\n") if (cells := _cells(line))] or [[]]
+    rows = {line: cells for line in text.split("\n") if (cells := _cells(line))}
+    head, _, *others = rows.values()
     if SIMULATOR not in head:
         return text
-    at = head.index(SIMULATOR)
-    several = {(row[0], row[at + 1]) for row in rows if row[at] == ALL}
-    place = written(page, "Simulators", head, rows[1:])
-    told = [f"Every simulator by itself: [all rows]({place})."]
-    for line in text.split("\n"):
-        row = _cells(line)
-        if not row:
-            told.append(line)
-        elif row[at] == ALL or (row[0], row[at + 1]) not in several:
-            told.append(f"| {' | '.join(row[:at] + row[at + 1 :])} |")
-    return "\n".join([*told[1:3], told[0], "", *told[3:]])
+    several = {(row[0], row[2]) for row in others if row[1] == ALL}
+    apart = [line for line, row in rows.items() if row in others and row[1] != ALL and (row[0], row[2]) in several]
+    kept = "\n".join(line for line in text.split("\n") if line not in apart)
+    return f"{kept}\n\n[Every simulator by itself]({written(page, 'Simulators', head, others)})."
 
 
 def _cells(line: str) -> list[str]:

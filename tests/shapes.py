@@ -18,9 +18,11 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import jaxtyping
+import numpy as np
 from beartype.door import is_bearable
 
 PACKAGE = "workbench"
+RIGHT: set[Any] = set()  # shapes of arrays that were found right: most calls are of shapes that came before
 
 
 def install() -> None:
@@ -50,12 +52,12 @@ def check_module(module: ModuleType) -> None:
 
 
 def _checked_call(function: FunctionType) -> Any:
-    signature = inspect.signature(function)
+    signature, names = inspect.signature(function), [*_said(function)]
 
     @functools.wraps(function)
     def checked(*given: Any, **named: Any) -> Any:
         bound = signature.bind(*given, **named).arguments
-        _check_values(function, {name: bound[name] for name in _said(function) if name in bound})
+        _check_values(function, {name: bound[name] for name in names if name in bound})
         return function(*given, **named)
 
     return checked
@@ -69,14 +71,14 @@ def _said(what: Any) -> dict[str, str]:
 
 
 def _check(kind: Any, maker: str) -> None:
-    made = getattr(kind, maker)
+    made, names = getattr(kind, maker), [*_said(kind)]
 
     @functools.wraps(made)
     def checked(*given: Any, **named: Any) -> Any:
         out = made(*given, **named)
         self = given[0] if maker == "__init__" else out
         if type(self) is kind:
-            _check_values(kind, {name: getattr(self, name) for name in _said(kind)})
+            _check_values(kind, {name: getattr(self, name) for name in names})
         return out
 
     setattr(kind, maker, checked)
@@ -89,11 +91,17 @@ def _shapes(what: Any) -> dict[str, Any]:
 
 
 def _check_values(what: Any, values: dict[str, Any]) -> None:
+    key = (what, *((name, getattr(one, "shape", None), getattr(one, "dtype", None)) for name, one in values.items()))
+    plain = all(one is None or type(one) is np.ndarray for one in values.values())
+    if plain and key in RIGHT:
+        return
     with jaxtyping.jaxtyped("context"):
         for name, value in values.items():
             if not is_bearable(value, _shapes(what)[name]):
                 found = getattr(value, "shape", type(value).__name__)
                 raise AssertionError(f"{what.__qualname__}, {name}: expected {_said(what)[name]}, found {found}")
+    if plain:
+        RIGHT.add(key)
 
 
 class _Finder(importlib.abc.MetaPathFinder):

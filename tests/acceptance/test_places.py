@@ -93,10 +93,13 @@ def test_two_runs_at_once_do_not_mix(tmp_path: Path, easy: Path, quick: Path) ->
 
 
 def test_no_result_depends_on_the_clock_of_the_day() -> None:
-    """It may jump; durations are taken from clocks that do not. The age of a kept file costs time only."""
+    """It may jump; durations are taken from clocks that do not. The age of a kept file costs time only.
+
+    The page's history says when a run was asked for (`page/store.py`); what was measured does not rest on it.
+    """
     wall = re.compile(r"\btime\.time\((?!\) - KEPT_DAYS)|\bdatetime\b.*\bnow\(|\butcnow\(|\btime\.localtime\(")
     used = [path for path in (ROOT / "workbench").rglob("*.py") if wall.search(path.read_text())]
-    assert used == []
+    assert used == [ROOT / "workbench/page/store.py"]
 
 
 READ_ONLY = """

@@ -79,8 +79,7 @@ class Chains:
 
     def sources(self, stage: Stage) -> dict[str, Any]:
         """The artefacts that a stage takes: those of its step, else the last of each type that one chain offers."""
-        own = [chain for chain in self.chains if chain.step(stage) and self.has_all(chain, stage)]
-        home = own[0] if own else self.whole(stage)
+        home = self.home(stage) or self.whole(stage)
         taken = {}
         for source in stage.sources:
             chains = [home] if home else self.chains
@@ -92,12 +91,23 @@ class Chains:
                 taken[source.name] = tuple(found) if source.several else found[-1]
         return taken
 
+    def made(self, stage: Stage) -> tuple[Any, ...] | None:
+        """What a chain made of the same sources; None: in no chain, or its chapters are stand-ins here."""
+        home = self.home(stage)
+        if not home or any(issubclass(source.type, Chapter | Provenance) for source in stage.sources):
+            return None
+        return home.results.artefacts[home.step(stage).id]
+
     def run(self, stage: Stage) -> tuple[Any, ...]:
         """Run one stage again, on the chains' artefacts."""
         made = stage.function(**self.sources(stage), **self.parameters(stage))
         return made if isinstance(made, tuple) else () if made is None else (made,)
 
     values = staticmethod(Chain.values)
+
+    def home(self, stage: Stage) -> Chain | None:
+        """The first chain that has the stage, and all that it must be given."""
+        return next((chain for chain in self.chains if chain.step(stage) and self.has_all(chain, stage)), None)
 
     def whole(self, stage: Stage) -> Chain | None:
         """The last chain that has all that a stage must be given: what belongs together stays together."""

@@ -66,7 +66,7 @@ def test_a_path_names_that_a_stop_looks_alike() -> None:
 def test_that_it_lies_on_a_table_is_said() -> None:
     edge = segment(denoise(fuse(on_table(0, 0.0).recording)), root_nominal_mm=1.5, bevel_nominal_deg=40.0)
     assert any("lies on" in one for one in edge.warnings)
-    assert any("a stop that touches the root face" in one for one in edge.not_included)
+    assert any("a stop that touches the root face" in one.sentence and one.is_doubt for one in edge.unseen)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -81,7 +81,7 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     assert edge.checks[0].finding.startswith("not judged")
     assert edge.root.u_by_source[PASSES].max() < 0.01
     found = sections(edge)
-    assert any("other software" in words for words in found.uncertainty.not_included)
+    assert any("other software" in one.sentence for one in found.uncertainty.not_included)
     origins = np.array([s.origin_mm for s in found.sections])
     root = np.abs(values(found, "root_mm") - scan.truth.root_mm_at(origins))
     bevel = np.abs(values(found, "bevel_deg") - scan.truth.bevel_deg_at(origins))

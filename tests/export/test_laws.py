@@ -30,6 +30,7 @@ from workbench.artefacts import (
     Quantity,
     Requirements,
     Section,
+    Unseen,
     conformity,
     u_name,
 )
@@ -128,7 +129,7 @@ def joint(made: type[GrooveInspection | PreparationInspection], shape: str, kind
         guard_factor=1.645,
         verdict=verdict,  # type: ignore[arg-type]
         reason=kind,
-        uncertainty=Uncertainty(not_included=("one", "two")),
+        uncertainty=Uncertainty(not_included=(Unseen("one", "One thing."), Unseen("two", "Another.", 0.1, 0.0))),
         part=Part(part_id="A", recorded_at="2026-03-31"),
     )
 

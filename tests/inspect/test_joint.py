@@ -213,7 +213,7 @@ def test_that_the_hand_eye_pose_is_exact_is_told_unless_its_u_is_known() -> None
     unknown = preparation(joint(part=replace(part, hand_eye_u_mm=None))).uncertainty.not_included
     known = preparation(joint(part=replace(part, hand_eye_u_mm=0.05))).uncertainty.not_included
     assert [one for one in unknown if one not in known] == [unknown[-1]]
-    assert "hand-eye" in unknown[-1]
+    assert unknown[-1].name == "hand_eye"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from workbench.artefacts import DIRECTIONS, END, TANGENT, Inspection, MilledEdge, Quantity
+from workbench.artefacts import DIRECTIONS, END, TANGENT, Inspection, MilledEdge, Quantity, Unseen
 from workbench.inspect import sections
 from workbench.units import Float
 
@@ -213,8 +213,40 @@ def test_the_reason_counts_and_names_the_first_section(edge: Maker) -> None:
     assert open_.reason.startswith("5 of 9 sections undecided: section 5: root face too near a limit")
 
 
-def test_that_the_hand_eye_pose_is_exact_is_told_unless_its_u_is_known(edge: Maker) -> None:
-    part = edge()
-    unknown = sections(part).uncertainty.not_included
-    known = sections(replace(part, part=replace(part.part, hand_eye_u_mm=0.05))).uncertainty.not_included
-    assert ["hand-eye" in one for one in unknown if one not in known] == [True]
+LOST = Unseen("lost_columns", "A lost column.", 0.07, 0.0)
+LAYER = Unseen("layer", "A layer.", 0.001, 0.0)
+STOP = Unseen("lies_on", "A stop looks alike.", is_doubt=True)
+
+
+def test_what_is_not_included_is_what_may_cost_more_than_u(edge: Maker) -> None:
+    found = sections(replace(edge(), unseen=(LAYER, LOST)))
+    assert found.uncertainty.not_included == (LOST,)
+    assert found.verdict == "pass"
+    assert found.conditions == ()
+    cheap = sections(replace(edge(), unseen=(LAYER, replace(LAYER, root_mm=0.0005))))
+    assert cheap.uncertainty.not_included == (LAYER,)
+
+
+@pytest.mark.parametrize(
+    ("unseen", "tolerance", "holds"),
+    [(LOST, 0.5, False), (LOST, 0.08, False), (LOST, 0.077, True), (STOP, 0.5, True), (LAYER, 0.02, False)],
+)
+def test_a_pass_rests_on_what_could_carry_it_out_of_its_limits(
+    edge: Maker, unseen: Unseen, tolerance: float, holds: bool
+) -> None:
+    asked = {"root_tolerance_mm": (-tolerance, tolerance)}
+    found = sections(replace(edge(), unseen=(unseen,)), **asked)
+    assert {one.verdict for one in found.sections} == {"pass"}
+    assert (found.conditions == (unseen,)) == holds
+    assert found.verdict == ("undecided" if holds else "pass")
+    assert found.reason.startswith("pass, provided that") == holds
+    accepted = sections(replace(edge(), unseen=(unseen,)), **asked, accept_conditions=(unseen.name,))
+    assert accepted.verdict == "pass"
+    assert any(one.startswith("accepted by name") for one in accepted.warnings) == holds
+
+
+def test_nothing_but_a_pass_has_conditions(edge: Maker) -> None:
+    for nominal in (2.0, 2.1):
+        found = sections(replace(edge(), unseen=(STOP,)), root_nominal_mm=nominal)
+        assert found.verdict != "pass"
+        assert found.conditions == ()

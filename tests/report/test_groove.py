@@ -56,8 +56,8 @@ def test_the_first_page_states_what_was_decided(chapter, judged, elements):
     assert "linear misalignment out of tolerance" in text
     assert "1.9 to 2.9 mm" in text
     assert "SIMULATED" in elements(html((chapter,)).content.decode()).text
-    for sentence in judged.uncertainty.not_included:
-        assert sentence in text
+    for one in judged.uncertainty.not_included:
+        assert one.told in text
 
 
 def test_every_size_has_its_largest_u(chapter, judged, elements):

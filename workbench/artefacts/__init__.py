@@ -46,7 +46,7 @@ from workbench.artefacts.edges import (
     conformity,
     u_name,
 )
-from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames, Verdict
+from workbench.artefacts.evidence import LINEAR_AXIS, NO_NAMES, UNKNOWN_PART, Check, Part, PartNames, Unseen, Verdict
 from workbench.artefacts.paths import (
     Batch,
     ChainU,
@@ -163,6 +163,7 @@ __all__ = [
     "Toolpath",
     "Travel",
     "Uncertainty",
+    "Unseen",
     "Verdict",
     "Violation",
     "conformity",

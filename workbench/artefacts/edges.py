@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part, Verdict
+from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part, Unseen, Verdict
 from workbench.artefacts.quantities import Quantity
 from workbench.artefacts.showing import AlongTheEdge, along_chart, rows_table
 from workbench.geometry.chains import FaceLines
@@ -46,7 +46,7 @@ class Edge(AlongTheEdge):
     part: Part = UNKNOWN_PART
     source: str = ""  # the file it was measured in
     warnings: tuple[str, ...] = ()
-    not_included: tuple[str, ...] = ()  # what no recording of this kind can show, in sentences
+    unseen: tuple[Unseen, ...] = ()  # what this recording does not show of itself
     checks: tuple[Check, ...] = ()  # of the cloud that it was found in, and of the faces
 
 
@@ -211,6 +211,7 @@ class JointInspection:
     verdict: Verdict
     reason: str
     uncertainty: Uncertainty
+    conditions: tuple[Unseen, ...]  # on which a pass rests, and that nobody accepted
     part: Part
     warnings: tuple[str, ...]
     checks: tuple[Check, ...]
@@ -355,7 +356,7 @@ class Uncertainty:
     """What goes with the uncertainty budget, whose sources the sections' sizes hold."""
 
     coverage_factor: float = 2.0
-    not_included: tuple[str, ...] = ()  # sentences
+    not_included: tuple[Unseen, ...] = ()
     correlations: str = ""  # why the squares of the sources do not add up, where they do not
 
 
@@ -381,6 +382,7 @@ class Inspection(JointInspection):
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()  # what was checked of recording and faces
     source: str = ""  # the file it was measured in
+    conditions: tuple[Unseen, ...] = ()
 
     @property
     def requirements_in_file(self) -> Mapping[str, Any]:
@@ -532,6 +534,7 @@ class RecognisedInspection(JointInspection):
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     source: str = ""
+    conditions: tuple[Unseen, ...] = ()
 
     @property
     def requirements_in_file(self) -> Mapping[str, Any]:

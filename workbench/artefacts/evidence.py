@@ -27,6 +27,28 @@ UNSEEN = (
 
 
 @dataclass(frozen=True, slots=True)
+class Unseen:
+    """What a recording does not show of itself, and what it may cost its values.
+
+    >>> Unseen("clock_offset", "A clock that is 10 ms off.", 0.0021, 0.0).told
+    'A clock that is 10 ms off (root face 0.0021 mm).'
+    """
+
+    name: str  # by which a user accepts it
+    sentence: str
+    root_mm: float | None = None  # of the root face, or of any length; None: not known
+    bevel_deg: float | None = None  # of the bevel angle, or of any angle
+    is_doubt: bool = False  # of what was measured at all: the verdict rests on it whatever it costs
+
+    @property
+    def told(self) -> str:
+        """The sentence with its sizes."""
+        sizes = (("root face", self.root_mm, "mm"), ("bevel angle", self.bevel_deg, "°"))
+        told = ", ".join(f"{what} {size:.2g} {unit}" for what, size, unit in sizes if size)
+        return f"{self.sentence.rstrip('.')} ({told})." if told else self.sentence
+
+
+@dataclass(frozen=True, slots=True)
 class Check:
     """One plausibility check. Checks travel with what they are of: recording, cloud, edge, inspection, toolpath.
 

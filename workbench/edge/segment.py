@@ -36,6 +36,7 @@ from workbench.edge.rim import (
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
 from workbench.edge.steps import level_doubt, steps, waves_u
+from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
@@ -51,17 +52,9 @@ ROUNDED = (
     "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
 )
-TOLD_BY_NOMINAL = (
-    "That the faces are root face and bevel face, and not bevel face and upper surface: neither the upper nor the "
-    "lower surface is in view, so that their nominal sizes alone tell."
-)
 LIES_ON = (
     "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
     "root face seems to end above it is in their uncertainty"
-)
-TOLD_BY_TABLE = (
-    "That what joins the root face's lower end is what the plate lies on: a stop that touches the root face further up "
-    "looks alike."
 )
 ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
@@ -122,9 +115,9 @@ def segment(
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    unseen = [] if shown.upper_seen or shown.lower_seen else [TOLD_BY_NOMINAL]
-    unseen += [TOLD_BY_TABLE] if shown.lies_on else []
-    return replace(edge, not_included=(*edge.not_included, *unseen))
+    doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
+    doubts += [BY_TABLE] if shown.lies_on else []
+    return replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge)))
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:

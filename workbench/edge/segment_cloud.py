@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from pydantic import Field
 
-from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, Quantity, RawEdge
+from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, Quantity, RawEdge, Unseen
 from workbench.checks import NOT_JUDGED
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
@@ -34,9 +34,10 @@ from workbench.units import DEG, Bool, Float, Int
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
-OTHER_SOFTWARE = (
+OTHER_SOFTWARE = Unseen(
+    "other_software",
     "What other software did to the cloud: points cut off or removed at the end of a face (crop, outlier removal), "
-    "moved (smoothing, averaging, interpolation, another scale) or merged from scans registered to each other."
+    "moved (smoothing, averaging, interpolation, another scale) or merged from scans registered to each other.",
 )
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
 NO_LINES = "its points stand on no scan lines: several passes, if they were merged, are known only where they disagree"
@@ -106,7 +107,7 @@ def segment_cloud(
     edge = segment(
         cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
     )
-    edge = replace(edge, not_included=(*edge.not_included, OTHER_SOFTWARE))
+    edge = replace(edge, unseen=(*edge.unseen, OTHER_SOFTWARE))
     return cloud, edge if passes is None else _of_slices(edge, passes, robot_noise_mm)
 
 

@@ -263,8 +263,8 @@ def _context(inspection: JointInspection, provenance: Provenance | None) -> Iter
             f"u({one.symbol}) {source.get(name, 0.0):.6f} {'degree' if one.is_angle else 'mm'}" for name, one in units
         ]
         yield f"uncertainty source {k}", "; ".join([source["name"], f"type {source['kind']}", *shares])
-    for k, sentence in enumerate(inspection.uncertainty.not_included, 1):
-        yield f"not included in the uncertainty {k}", sentence
+    for k, one in enumerate(inspection.uncertainty.not_included, 1):
+        yield f"not included in the uncertainty {k}", one.told
     for name, path, digest in provenance.inputs if provenance else ():
         yield f"input {name}", f"{path}; SHA-256 {digest}"
 

@@ -15,19 +15,28 @@ from workbench.artefacts import (
     GrooveSection,
     Preparation,
     PreparationInspection,
+    Unseen,
 )
 from workbench.artefacts.edges import Joint, RecognisedInspection, named
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.inspect.verdict import NOTHING_REQUIRED, judged, not_included, reason_of, worst
+from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Float
 
 NEAR_MM = 10.0  # frames this near to a section are drawn with it
 LEFT_OUT = (
-    "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the root.",
-    "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured.",
+    Unseen(
+        "other_side",
+        "What the side that was scanned does not show: root faces that look away from the sensor, bevels below the "
+        "root.",
+    ),
+    Unseen(
+        "cover", "What covers all that is seen of a plate's upper surface, as tape or a sheet: its top is measured."
+    ),
 )
-LEFT_OUT_OF_PLATES = ("What the side that was scanned does not show: bevels below the root face.",)
+LEFT_OUT_OF_PLATES = (
+    Unseen("other_side", "What the side that was scanned does not show: bevels below the root face."),
+)
 
 
 @stage("inspect.groove")
@@ -100,7 +109,7 @@ def _judged(
     sections: int,
     guard_factor: float,
     where: str,
-    left_out: tuple[str, ...],
+    left_out: tuple[Unseen, ...],
 ) -> dict[str, Any]:
     """The fields of a joint's inspection."""
     required = _required(nominal, joint, where)
@@ -117,7 +126,7 @@ def _judged(
         "guard_factor": guard_factor,
         "verdict": worst(s.verdict for s in inspected),
         "reason": reason_of(inspected, bool(required)),
-        "uncertainty": not_included(joint.part, *left_out),
+        "uncertainty": of_a_joint(joint.part, *left_out),
         "part": joint.part,
         "warnings": joint.warnings,
         "checks": joint.checks,

@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import EdgeProfile, Inspection, MilledEdge, Requirements, Section, Verdict, conformity
+from workbench.artefacts import (
+    EdgeProfile,
+    Inspection,
+    MilledEdge,
+    Requirements,
+    Section,
+    Uncertainty,
+    Verdict,
+    conformity,
+)
 from workbench.artefacts.edges import BEVEL_TERMS
-from workbench.inspect.verdict import judged, not_included, reason_of, worst
+from workbench.inspect.verdict import PROVIDED, conditions, judged, material, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Bool, Float
 
 Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 
+Condition = Literal[
+    "told_by_nominal",
+    "lies_on",
+    "lost_columns",
+    "shadow",
+    "hand_eye",
+    "scale",
+    "clock_offset",
+    "layer",
+    "other_software",
+]
+COVERAGE = 2.0
 HIDDEN = "the edge is hidden here"
 NEAR_MM = 10.0  # frames this near to a section are drawn with it
 MOST_BEVEL_DEG = 85.0  # a root face or an angle beyond these limits is no measure of a bevel
@@ -34,12 +56,14 @@ def sections(
     bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
+    accept_conditions: tuple[Condition, ...] = (),
 ) -> Inspection:
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
     Section i lies at (i - 1/2)/n of the measured stretch of the lower edge. Sizes and angles hold in the section plane,
     with the root face's direction there. Verdicts by ISO 14253-1: pass inside the limits by at least guard_factor * u,
-    fail outside by at least that, else undecided, as a section where the edge is hidden.
+    fail outside by at least that, else undecided, as a section where the edge is hidden. A pass that rests on what this
+    recording does not show is undecided, too, until that is accepted by name.
 
     Args:
         edge: the measured edge.
@@ -49,6 +73,7 @@ def sections(
         bevel_tolerance_deg: allowed deviations from it, likewise.
         sections: count of sections along the edge.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
+        accept_conditions: names of `conditions` of inspection.json that do not hold back a pass.
 
     Example:
         >>> from workbench import cloud, edge, inspect, scan
@@ -70,11 +95,18 @@ def sections(
     absurd = seen & ~is_bevel(edge)
     profile = _profile(edge, seen & ~absurd)
     inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
-    verdict = worst(s.verdict for s in inspected)
+    verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, required=True)
+    unseen = material(edge.unseen, _largest(inspected)) if edge.unseen else ()
+    provided = conditions(unseen, inspected, required, guard_factor) if verdict == "pass" else ()
+    accepted = [one for one in provided if one.name in accept_conditions]
+    provided = tuple(one for one in provided if one not in accepted)
+    if provided:
+        verdict, reason = "undecided", PROVIDED.format(" ".join(one.told for one in provided))
     warnings = (
         *edge.warnings,
         *_no_bevel(edge.arc_length_mm[absurd]),
         *_warnings(edge, seen & ~absurd, required, guard_factor, verdict),
+        *(f"accepted by name, {one.name}: {one.told}" for one in accepted),
     )
     return Inspection(
         inspected,
@@ -82,14 +114,23 @@ def sections(
         asked,
         guard_factor,
         verdict,
-        reason_of(inspected, required=True),
+        reason,
         "per section",
         edge.part,
-        not_included(edge.part, *edge.not_included),
+        Uncertainty(not_included=unseen),
         warnings,
         edge.checks,
         edge.source,
+        provided,
     )
+
+
+def _largest(inspected: Sequence[Section]) -> dict[str, float]:
+    """U (k = 2) of both sizes in the section where it is largest; inf: none was measured."""
+    return {
+        name: COVERAGE * max((u for one in inspected if (u := getattr(one, key)) is not None), default=math.inf)
+        for name, key in (("root_mm", "root_u_mm"), ("bevel_deg", "bevel_u_deg"))
+    }
 
 
 Asked = Mapping[str, tuple[float, tuple[float, float]]]

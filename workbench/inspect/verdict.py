@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from workbench.artefacts import GrooveSection, Part, Quantity, Section, Uncertainty, Verdict, conformity
-from workbench.artefacts.evidence import UNSEEN
+from workbench.artefacts import GrooveSection, Part, Quantity, Section, Uncertainty, Unseen, Verdict, conformity
 
 RANK: dict[Verdict, int] = {"pass": 0, "undecided": 1, "fail": 2}
-NOT_INCLUDED = (
-    *UNSEEN,
-    "Thermal expansion: values hold at the temperature of the measurement and are not corrected to 20 °C (ISO 1).",
-)
 NOTHING_REQUIRED = "no specification: measured, conformity not assessed"
-NO_HAND_EYE = "The uncertainty of the hand-eye calibration: the calibration in use states none."
+NO_HAND_EYE = Unseen("hand_eye", "The uncertainty of the hand-eye calibration: the calibration in use states none.")
+PROVIDED = "pass, provided that nothing stands behind these: {}"
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
@@ -60,7 +57,46 @@ def reason_of(sections: Sequence[Section | GrooveSection], required: bool) -> st
     return f"all {len(sections)} sections within tolerance"
 
 
-def not_included(part: Part, *particular: str) -> Uncertainty:
-    """What the uncertainty of a part's sizes does not hold."""
-    hand_eye = () if part.hand_eye_u_mm is not None else (NO_HAND_EYE,)
-    return Uncertainty(not_included=(*NOT_INCLUDED, *particular, *hand_eye))
+def of_a_joint(part: Part, *unseen: Unseen) -> Uncertainty:
+    """What the uncertainty of a joint's sizes does not hold, whose cost nobody knows."""
+    return Uncertainty(not_included=(*unseen, *(() if part.hand_eye_u_mm is not None else (NO_HAND_EYE,))))
+
+
+def material(unseen: Sequence[Unseen], largest: Mapping[str, float]) -> tuple[Unseen, ...]:
+    """Those that may cost more than U, or nobody knows what; the dearest first, and that one in any case.
+
+    largest: U (k = 2) of `root_mm` and `bevel_deg` in the section where it is largest.
+    """
+
+    def share(one: Unseen) -> float:
+        if one.is_doubt or one.root_mm is None or one.bevel_deg is None:
+            return math.inf
+        return max(one.root_mm / largest["root_mm"], one.bevel_deg / largest["bevel_deg"])
+
+    ranked = sorted(unseen, key=share, reverse=True)
+    return tuple(one for one in ranked if one is ranked[0] or share(one) > 1.0)
+
+
+def conditions(
+    unseen: Sequence[Unseen],
+    sections: Sequence[Section],
+    required: Mapping[str, tuple[float, tuple[float, float]]],
+    guard_factor: float,
+) -> tuple[Unseen, ...]:
+    """What a pass rests on: doubts, and what would carry a size of some section out of its limits."""
+
+    def rests(one: Unseen) -> bool:
+        if one.is_doubt:
+            return True
+        return any(
+            conformity(value + sign * cost, u, *required[name], guard_factor) != "pass"
+            for section in sections
+            for name, value, u, cost in (
+                ("root_mm", section.root_mm, section.root_u_mm, one.root_mm),
+                ("bevel_deg", section.bevel_deg, section.bevel_u_deg, one.bevel_deg),
+            )
+            if value is not None and u is not None and cost
+            for sign in (-1.0, 1.0)
+        )
+
+    return tuple(one for one in unseen if rests(one))

@@ -20,7 +20,7 @@ from workbench.artefacts import (
     Toolpath,
 )
 from workbench.artefacts.edges import JointInspection, RecognisedInspection
-from workbench.artefacts.evidence import UNSEEN
+from workbench.artefacts.evidence import UNSEEN, Unseen
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import PipelineError
 from workbench.strict_json import content_digest, strict_json
@@ -43,7 +43,14 @@ def inspection_document(found: JointInspection) -> dict[str, Any]:
         "guard_factor": found.guard_factor,
         "part": dataclasses.asdict(found.part),
         "requirements": dict(found.requirements_in_file),
-        "uncertainty": {**dataclasses.asdict(found.uncertainty), "sources": list(found.sources)},
+        "uncertainty": {
+            "coverage_factor": found.uncertainty.coverage_factor,
+            "sources": list(found.sources),
+            "not_included": [one.told for one in found.uncertainty.not_included],
+            "correlations": found.uncertainty.correlations,
+        },
+        "not_included": [_unseen(one) for one in found.uncertainty.not_included],
+        "conditions": [_unseen(one) for one in found.conditions],
         "warnings": list(found.warnings),
         "checks": [dataclasses.asdict(check) for check in found.checks],
         "sections": [
@@ -62,6 +69,11 @@ def inspection_document(found: JointInspection) -> dict[str, Any]:
             for k, section in enumerate(found.sections)
         ],
     }
+
+
+def _unseen(one: Unseen) -> dict[str, Any]:
+    """What a recording does not show, with what it may cost."""
+    return {"name": one.name, "sentence": one.sentence, "root_mm": one.root_mm, "bevel_deg": one.bevel_deg}
 
 
 SECTION = ("index", "arc_length_mm", "origin_mm", "tangent", "normal", "across", "corners")

@@ -196,7 +196,7 @@ def certificate_html(inspection: JointInspection) -> str:
         budget=sources,
         totals=totals,
         correlations=known.correlations,
-        not_included=known.not_included,
+        not_included=[one.told for one in known.not_included],
         decision_rule=decision_rule(inspection.guard_factor) if judged else "",
         terms=data_address(source("bevel_terms.svg").encode()) if isinstance(inspection, Inspection) else "",
     )

@@ -126,6 +126,15 @@ class UncertaintyRow(Row):
     correlations: str = Field(default="", description="why the squares do not add up, where they do not")
 
 
+class UnseenRow(Row):
+    """What a recording does not show of itself, and what it may cost; null: not known."""
+
+    name: str
+    sentence: str
+    root_mm: UnknownU
+    bevel_deg: UnknownU
+
+
 class QuantityRow(Row):
     """A size in a section."""
 
@@ -196,6 +205,8 @@ class InspectionFile(ResultFile):
     part: Part | None = None
     requirements: RequirementsRow
     uncertainty: UncertaintyRow | None = None
+    not_included: list[UnseenRow] = Field(default_factory=list, description="with what each may cost this part")
+    conditions: list[UnseenRow] = Field(default_factory=list, description="on which a pass rests; not accepted")
     checks: list[Check] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
     sections: Annotated[list[SectionRow], Field(min_length=1), AfterValidator(_each_once)]

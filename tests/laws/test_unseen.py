@@ -1,0 +1,85 @@
+"""What a recording does not show costs what its inspection says: the recording is changed so, and measured again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.artefacts import Inspection, MilledEdge, Recording
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.inspect import sections
+from workbench.scan import fuse, read
+
+RECORDING = "data/synthetic/milled_edge.h5"
+
+
+@cache
+def recording() -> Recording:
+    return read(recording=RECORDING)
+
+
+def measured(scan: Recording) -> tuple[MilledEdge, Inspection]:
+    edge = segment(denoise(fuse(scan)), edge_condition="sharp")
+    return edge, sections(edge)
+
+
+@cache
+def as_it_is() -> tuple[MilledEdge, Inspection]:
+    return measured(recording())
+
+
+def scaled(scan: Recording, x: float, z: float) -> Recording:
+    return replace(scan, x_mm=(scan.x_mm * x).astype(np.float32), z_mm=(scan.z_mm * z).astype(np.float32))
+
+
+def turned(scan: Recording, axis: Any) -> Recording:
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_rotvec(axis, degrees=True).as_matrix()
+    return replace(scan, flange_from_profiler=scan.flange_from_profiler @ turn)
+
+
+CHANGES: dict[str, tuple[str, Callable[[Recording], Recording]]] = {
+    "x by 0.1 %": ("scale", lambda scan: scaled(scan, 1.001, 1.0)),
+    "z by 0.1 %": ("scale", lambda scan: scaled(scan, 1.0, 1.001)),
+    "about x": ("hand_eye", lambda scan: turned(scan, np.array([1.0, 0.0, 0.0]))),
+    "about y": ("hand_eye", lambda scan: turned(scan, np.array([0.0, 1.0, 0.0]))),
+    "about z": ("hand_eye", lambda scan: turned(scan, np.array([0.0, 0.0, -1.0]))),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_it_costs_no_more_than_the_inspection_says(change: str) -> None:
+    name, spoil = CHANGES[change]
+    edge, before = as_it_is()
+    told = next(one for one in edge.unseen if one.name == name)
+    _, after = measured(spoil(recording()))
+    for key, cost in (("root_mm", told.root_mm), ("bevel_deg", told.bevel_deg)):
+        moved = [abs(getattr(b, key) - getattr(a, key)) for a, b in zip(before.sections, after.sections, strict=True)]
+        slack = 0.2 * max(getattr(s, key.replace("_", "_u_")) for s in before.sections)
+        assert cost is not None
+        assert np.median(moved) <= 1.1 * cost + slack
+
+
+def test_the_dearest_rotation_costs_what_the_inspection_says() -> None:
+    edge, before = as_it_is()
+    told = next(one for one in edge.unseen if one.name == "hand_eye")
+    cost = []
+    for axis in (*np.eye(3), *-np.eye(3)):
+        _, after = measured(turned(recording(), axis))
+        pairs = zip(before.sections, after.sections, strict=True)
+        cost.append(np.median([abs((b.bevel_deg or np.nan) - (a.bevel_deg or np.nan)) for a, b in pairs]))
+    assert max(cost) == pytest.approx(told.bevel_deg, rel=0.3, abs=0.01)
+
+
+def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:
+    cloud = denoise(fuse(recording()))
+    known = segment(replace(cloud, hand_eye_covariance=np.diag([0.01] * 3 + [1e-8] * 3)))
+    assert "hand_eye" in {one.name for one in as_it_is()[0].unseen}
+    assert "hand_eye" not in {one.name for one in known.unseen}

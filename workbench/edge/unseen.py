@@ -1,0 +1,145 @@
+"""What a recording of a milled edge does not show of itself, and what that may cost this part (docs/method.md, 5)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge, Quantity, Unseen
+from workbench.edge.faces import TrackedFaces
+from workbench.edge.rim import is_free_end
+from workbench.geometry.poses import rotation_from_vector
+from workbench.units import DEG, Float, Shaped
+
+TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
+SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
+CLOCK_S = 0.01  # a period of a fast pose stream
+LAYER_MM = 0.05  # a coat of shop primer
+UNDERCUT_MM = 0.1
+MOST_FRAMES = 200  # that are looked at
+
+BY_NOMINAL = Unseen(
+    "told_by_nominal",
+    "That the faces are root face and bevel face, and not bevel face and upper surface: neither the upper nor the "
+    "lower surface is in view, so that their nominal sizes alone tell.",
+    is_doubt=True,
+)
+BY_TABLE = Unseen(
+    "lies_on",
+    "That what joins the root face's lower end is what the plate lies on: a stop that touches the root face further up "
+    "looks alike.",
+    is_doubt=True,
+)
+
+
+def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> tuple[Unseen, ...]:
+    """What each may cost root face and bevel angle, of the size that its sentence says."""
+    section = _Section.of(cloud, tracked, edge)
+    bevel = float(np.nanmedian(edge.bevel.value))
+    root = float(np.nanmedian(edge.root.value))
+    found = []
+    free = is_free_end(tracked)
+    if free.sum() > 0.5 * tracked.seen.sum():
+        step = float(np.nanmedian(tracked.root_end[free, 2]))
+        steep = float(np.median(np.abs(section.slopes[0])))
+        found += [
+            Unseen(
+                "lost_columns",
+                "A burr in the plane of the root face, or a column that the sensor loses at its lower end, all along "
+                "the edge.",
+                step,
+                0.0,
+            ),
+            Unseen(
+                "shadow",
+                f"An undercut of {UNDERCUT_MM:g} mm below the root face, in the shadow that it throws.",
+                UNDERCUT_MM * steep,
+                0.0,
+            ),
+        ]
+    if cloud.hand_eye_covariance is None:
+        turns = [rotation_from_vector(TURN_DEG * DEG * axis) for axis in (*np.eye(3), *-np.eye(3))]
+        found.append(
+            Unseen(
+                "hand_eye",
+                f"A rotation of {TURN_DEG:g}° of the hand-eye pose in use, which states no uncertainty.",
+                *section.change(turns, root),
+            )
+        )
+    scales = [np.diag([1.0 + SCALE, 1.0, 1.0]), np.diag([1.0, 1.0, 1.0 + SCALE])]
+    return (
+        *found,
+        Unseen("scale", "An error of 0.1 % of the profiler's scale.", *section.change(scales, root)),
+        Unseen(
+            "clock_offset",
+            f"An offset of {1000 * CLOCK_S:g} ms between the clocks of profiler and robot, which moves values along "
+            "the edge.",
+            *_by_clock(cloud, edge),
+        ),
+        Unseen(
+            "layer",
+            f"An even layer of {LAYER_MM:g} mm of paint, scale or coolant.",
+            LAYER_MM * math.tan(0.5 * bevel * DEG),
+            0.0,
+        ),
+    )
+
+
+class _Section:
+    """The two faces of some frames (f,): their slopes in the profiler frame, and its orientation beside the edge's."""
+
+    def __init__(self, slopes: Shaped[Float, "2 f"], base_from_profiler: Float, tangent: Float) -> None:
+        self.slopes = slopes
+        self._turn = base_from_profiler
+        self._tangent = tangent
+        self._before = self._shape(np.eye(3))
+
+    @classmethod
+    def of(cls, cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> _Section:
+        """Of frames that show both, evenly over the edge."""
+        faces = [tracked.faces[label] for label in (ROOT_FACE, BEVEL_FACE)]
+        on = tracked.seen & np.isfinite(edge.frame_arc_length_mm)
+        on &= np.all([one.count > 2 for one in faces], axis=0)
+        rows = np.flatnonzero(on)
+        rows = rows[:: max(1, rows.size // MOST_FRAMES)]
+        station = np.abs(edge.frame_arc_length_mm[rows, None] - edge.arc_length_mm[None]).argmin(axis=1)
+        slopes = np.array([one.sxz[rows] / one.sxx[rows] for one in faces])
+        return cls(slopes, cloud.base_from_profiler[rows, :3, :3], edge.tangent[station])
+
+    def _shape(self, profiler: Shaped[Float, "3 3"]) -> tuple[Float, Float]:
+        """Length (f,) of the root face in the section by that in the frame, and bevel angle (f,) in rad."""
+        lines = np.stack([np.ones_like(self.slopes), np.zeros_like(self.slopes), self.slopes], axis=-1)
+        turned = np.einsum("fij,jk,nfk->nfi", self._turn, profiler, lines)
+        across = turned - np.einsum("nfi,fi->nf", turned, self._tangent)[..., None] * self._tangent
+        length = np.linalg.norm(across, axis=-1)
+        cosine = (across[0] * across[1]).sum(axis=-1) / (length[0] * length[1])
+        return length[0] / np.linalg.norm(lines[0], axis=-1), np.arccos(np.clip(cosine, -1.0, 1.0))
+
+    def change(self, profilers: list[Float], root_mm: float) -> tuple[float, float]:
+        """By how much root face, mm, and bevel angle, deg, change at most where returns are taken through one of these.
+
+        profilers: maps (3, 3) of profiler coordinates.
+        """
+        length, angle = self._before
+        after = [self._shape(one) for one in profilers]
+        return (
+            max(root_mm * abs(float(np.median(one / length - 1.0))) for one, _ in after),
+            max(abs(float(np.median(one - angle))) / DEG for _, one in after),
+        )
+
+
+def _by_clock(cloud: Cloud, edge: MilledEdge) -> tuple[float, float]:
+    """What values change over the way of CLOCK_S, where they change fast (95 % of the edge less)."""
+    at, time = edge.frame_arc_length_mm, cloud.time_s
+    step = np.diff(time)
+    speed = np.abs(np.diff(at))[step > 0.0] / step[step > 0.0]
+    if not np.isfinite(speed).any():
+        return 0.0, 0.0
+    way = CLOCK_S * float(np.nanmedian(speed))
+
+    def change(size: Quantity) -> float:
+        slope = np.abs(np.gradient(size.value, edge.arc_length_mm))
+        return way * float(np.nanpercentile(slope, 95)) if np.isfinite(slope).any() else 0.0
+
+    return change(edge.root), change(edge.bevel)

@@ -77,6 +77,8 @@ docs: setup-dev
 
 data: setup
 	@$(BIN)/python -m scripts.synthetic_data
+	@for name in groove milled_nose; do \
+		$(BIN)/python -m bench.simulators.swept bench/simulators/swept/recipes/$$name.json --out data/synthetic/$$name.h5 || exit; done
 
 lock:
 	@scripts/lock.sh

@@ -21,6 +21,7 @@ from bench.calibration.paper import (
     turn_cost,
     vol_mm,
 )
+from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.table import markdown
 from bench.speed.calibration import with_signs
@@ -30,7 +31,6 @@ from workbench.plugins.calibration.methods import Centres
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.report.marks import FACES, GREY, MEASURED
-from workbench.synthetic import random_sphere_recipe
 from workbench.units import DEG, Float
 
 BOXES_DEG = (1.0, 2.0, 5.0, 20.0)

@@ -1,6 +1,6 @@
-"""`python -m bench.groove`: errors of every size over random grooves of both simulators, as a table in Markdown.
+"""`python -m bench.groove`: errors of every size over random grooves of two simulators, as a table in Markdown.
 
-Odd: the second simulator with shapes that nothing is made for: any angle, gap, radius and misalignment, rounded upper
+Odd: the swept simulator with shapes that nothing is made for: any angle, gap, radius and misalignment, rounded upper
 edges, coarse columns.
 """
 
@@ -15,8 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.groove.drawn import random_groove_recipe, random_prism_recipe
+from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
 from bench.groove.table import FAR, print_table
+from bench.simulators.swept import simulate_groove
+from bench.simulators.swept.recipe import GrooveRecipe
+from bench.simulators.swept.sweep import GROOVES
 from workbench.artefacts import SIZES, Groove, GrooveInspection, Quantity, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -24,10 +27,8 @@ from workbench.edge.groove_sizes import FACES, RETURNS
 from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
+from workbench.synthetic import GrooveTruth
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.recipe import GrooveRecipe
-from workbench.synthetic.swept.sweep import GROOVES
 from workbench.units import DEG, Float
 
 BOUND = (FACES, RETURNS)  # sources that no evaluation can leave out

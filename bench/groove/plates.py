@@ -1,6 +1,6 @@
 """`python -m bench.groove.plates`: errors of every size of prepared plates, of two simulators, as a table in Markdown.
 
-Swept: the second simulator of the package, with everything that it can spoil. Outside: the third one, for judging only
+Swept: the swept simulator, with everything that it can spoil. Outside: the third one, for judging only
 (`bench.outside`), with the shapes of `bench.odd_plates`. X: the same one, bevels above and below the root face (give
 `--kinds bevel`), each turned to the sensor in turn. Odd: the second one with shapes that nothing is made for:
 fillets of every radius, hollow corners that are rounded, narrow and bowed faces, coarse columns.
@@ -14,10 +14,11 @@ from collections import defaultdict
 
 import numpy as np
 
+from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
 from bench.groove.table import FAR, print_table
 from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
 from bench.outside import FAR_MM, simulate
-from bench.recipes import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
+from bench.simulators.swept import SweptRecipe, simulate_swept
 from workbench.artefacts import PreparationInspection, Recording, u_name
 from workbench.artefacts.edges import PREPARATION_TERMS
 from workbench.cloud import denoise
@@ -25,7 +26,6 @@ from workbench.edge import segment_preparation
 from workbench.errors import WorkbenchError
 from workbench.inspect import preparation as inspect_preparation
 from workbench.scan import fuse
-from workbench.synthetic.swept import SweptRecipe, simulate_swept
 from workbench.units import DEG, Float
 
 KINDS = ("bevel", "compound", "nose", "J")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.calibration.part import CalibrationResult, measure_calibration
 from bench.metrology.calibration.summary import (
     CALIBRATION_CONDITIONS,
@@ -30,7 +31,6 @@ from bench.metrology.stiffness.summary import (
     summarise_stiffness,
     worst_stiffness,
 )
-from workbench.synthetic import RAW_CONDITIONS
 
 MEASURING = tuple(f"workbench/{family}" for family in ("geometry", "scan", "cloud", "edge", "synthetic"))
 

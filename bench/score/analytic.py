@@ -1,4 +1,4 @@
-"""Parts of the first simulator: `workbench.synthetic`."""
+"""Parts of the package's simulator."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ from typing import Any
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS
+from bench.drawn import plates
+from bench.drawn.plates import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner, random_recipe
 from bench.score.errors import about_robot, as_real
 from bench.score.face import local_face
 from bench.score.parts import Drawn, generator, nominal
 from workbench.geometry.poses import rotation_from_vector
-from workbench.synthetic import conditions, parse_recipe, random_recipe, simulate_recording
-from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
+from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.units import DEG
 
 MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 ORDINARY = (
-    conditions.as_is,
-    conditions.arc,
-    conditions.wavy,
-    conditions.oblique,
-    conditions.reversed,
-    conditions.two_pass,
+    plates.as_is,
+    plates.arc,
+    plates.wavy,
+    plates.oblique,
+    plates.reversed,
+    plates.two_pass,
 )
 CONDITIONS = (
-    conditions.clamps,
-    conditions.vibration,
-    conditions.robot_error,
-    conditions.partial_view,
-    conditions.outliers,
-    conditions.missing,
-    conditions.correlated,
-    conditions.coarse,
+    plates.clamps,
+    plates.vibration,
+    plates.robot_error,
+    plates.partial_view,
+    plates.outliers,
+    plates.missing,
+    plates.correlated,
+    plates.coarse,
 )
 SPOILS = (
     "mean over 3 columns",
@@ -122,7 +123,7 @@ def raw_part(rng: np.random.Generator, recording: Any, truth: Any, known: dict[s
 
 
 def groove(seed: int) -> Drawn:
-    from bench.groove.drawn import random_prism_recipe
+    from bench.drawn.grooves import random_prism_recipe
 
     recipe = random_prism_recipe(("V", "Y", "HV", "HY")[seed % 4], seed)
     bare = recipe.groove.model_copy(update={"mounds": type(recipe.groove.mounds)()})

@@ -15,7 +15,7 @@ LOCAL_MM = 10.0  # a rough end face is its least-squares plane over this much to
 def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:
     """Lower edge, n, m and upper edge at the truth's stations; on a rough face, of its local least-squares plane.
 
-    The second simulator's truth is that plane already.
+    The swept simulator's truth is that plane already.
     """
     if hasattr(truth, "upper_position_mm"):
         return truth.position_mm, truth.normal, truth.across, truth.upper_position_mm

@@ -1,4 +1,4 @@
-"""Parts under every named condition of the package's simulators, and mixtures of them, with nothing declared."""
+"""Parts under every named condition of two simulators, and mixtures of them, with nothing declared."""
 
 from __future__ import annotations
 
@@ -8,46 +8,48 @@ from typing import Any
 
 import numpy as np
 
-from bench.score.analytic import declared_of, raw_part, truth_of
-from bench.score.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
-from bench.score.parts import Drawn
-from workbench.artefacts import Recording
-from workbench.synthetic import (
+from bench.drawn import plates
+from bench.drawn.plates import (
     CONDITIONS,
     RAW_CONDITIONS,
-    Recipe,
-    conditions,
-    parse_recipe,
+    draw_disturbances,
+    draw_part,
+    draw_pass,
+    draw_robot,
+    draw_scanner,
     random_recipe,
-    simulate_recording,
-    simulate_swept,
 )
-from workbench.synthetic.conditions import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner
+from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.score.analytic import declared_of, raw_part, truth_of
+from bench.score.parts import Drawn
+from bench.simulators.swept import simulate_swept
+from workbench.artefacts import Recording
+from workbench.synthetic import Recipe, parse_recipe, simulate_recording
 
 # not raw_robot: an error of the hand-eye moves the whole edge in the base, and no recording shows it
 ANALYTIC = (*CONDITIONS, "mixed", *(name for name in RAW_CONDITIONS if name != "raw_robot"), "raw_mixed")
 SWEPT = (*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS)
-_SHAPES = (conditions.arc, conditions.wavy)
+_SHAPES = (plates.arc, plates.wavy)
 _FAULTS = (
-    conditions.oblique,
-    conditions.two_pass,
-    conditions.reversed,
-    conditions.outliers,
-    conditions.missing,
-    conditions.coarse,
-    conditions.noisy,
-    conditions.correlated,
-    conditions.robot_error,
-    conditions.clamps,
-    conditions.vibration,
+    plates.oblique,
+    plates.two_pass,
+    plates.reversed,
+    plates.outliers,
+    plates.missing,
+    plates.coarse,
+    plates.noisy,
+    plates.correlated,
+    plates.robot_error,
+    plates.clamps,
+    plates.vibration,
 )
 _RAW_FAULTS = (
-    conditions.oblique,
-    conditions.reversed,
-    conditions.outliers,
-    conditions.missing,
-    conditions.noisy,
-    conditions.clamps,
+    plates.oblique,
+    plates.reversed,
+    plates.outliers,
+    plates.missing,
+    plates.noisy,
+    plates.clamps,
 )
 
 
@@ -75,7 +77,7 @@ def simulated(condition: str, seed: int) -> tuple[Recording, Any]:
 
 
 def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
-    """Two to four conditions of the first simulator at once, a curved edge among them half of the time."""
+    """Two to four conditions of the package's simulator at once, a curved edge among them half of the time."""
     rng = np.random.default_rng([seed, zlib.crc32(b"raw_mixed" if raw_edge else b"mixed")])
     document: dict[str, Any] = {
         "seed": seed,
@@ -90,9 +92,7 @@ def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     if rng.random() < 0.5:
         chosen.append(_SHAPES[rng.integers(len(_SHAPES))])
     if raw_edge:
-        first = [conditions.straight, conditions.rough, conditions.drift, conditions.burrs, conditions.two_raw_passes][
-            rng.integers(5)
-        ]
+        first = [plates.straight, plates.rough, plates.drift, plates.burrs, plates.two_raw_passes][rng.integers(5)]
         first(rng, document)
     for condition in chosen:
         condition(rng, document)

@@ -22,7 +22,7 @@ from workbench.artefacts import Recording
 from workbench.scan import write
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = (ROOT / "workbench" / "synthetic", ROOT / "bench" / "score")
+SOURCES = tuple(ROOT / name for name in ("workbench/synthetic", "bench/score", "bench/drawn", "bench/simulators"))
 JUDGES = ("__main__.py", "laws.py", "measure.py", "scorer.py", "table.py")  # draw nothing
 OTHERS = tuple(
     ROOT / "bench" / name
@@ -30,9 +30,6 @@ OTHERS = tuple(
         "outside.py",
         "odd_plates.py",
         "faulty.py",
-        "recipes.py",
-        "simulators/spheres.py",
-        "simulators/triangulated.py",
     )
 )
 

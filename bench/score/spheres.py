@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from bench.drawn.spheres import random_sphere_recipe
 from bench.score.parts import Drawn, generator
 from bench.simulators.spheres import by_rays, by_sections, shown
-from workbench.synthetic import random_sphere_recipe, simulate_sphere
+from workbench.synthetic import simulate_sphere
 
 ORDINARY, ODD = ("sphere_nine", "sphere_six", "sphere_equator"), ("sphere_stray", "sphere_gross")
 ODD_EVERY = 7

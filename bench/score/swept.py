@@ -1,15 +1,15 @@
-"""Parts of the second simulator: `workbench.synthetic.swept`."""
+"""Parts of the swept simulator: `bench.simulators.swept`."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from bench.drawn.swept import random_swept_recipe
 from bench.score.analytic import declared_of, groove_part, raw_part, truth_of
-from bench.score.conditions import random_swept_recipe
 from bench.score.errors import about_robot, as_real
 from bench.score.parts import Drawn, generator
-from workbench.synthetic import simulate_groove, simulate_swept
-from workbench.synthetic.swept.recipe import SweptRecipe
+from bench.simulators.swept import simulate_groove, simulate_swept
+from bench.simulators.swept.recipe import SweptRecipe
 
 ORDINARY = ("plain", "arc", "space_wave", "sway", "stop_and_go", "reversal", "there_and_back", "twist")
 WORN = ("rounded", "burr_out", "burr_in", "texture")
@@ -74,7 +74,7 @@ def raw(seed: int) -> Drawn:
 
 
 def groove(seed: int) -> Drawn:
-    from bench.groove.drawn import random_groove_recipe
+    from bench.drawn.grooves import random_groove_recipe
 
     return groove_part(*simulate_groove(random_groove_recipe(("V", "Y", "HV", "HY")[seed % 4], seed, clutter=False)))
 

@@ -1,1 +1,1 @@
-"""Simulators that judge and nothing is developed on: no code of `workbench.synthetic`, nor of one another."""
+"""Simulators beside the package's, which judge: of its code they share at most the form of recipes and truths."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
@@ -28,7 +29,7 @@ from workbench.plugins.calibration.model import Estimate, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, from_arrays
 from workbench.plugins.calibration.solve import solve
 from workbench.scan import read
-from workbench.synthetic import random_sphere_recipe, write_simulation
+from workbench.synthetic import write_simulation
 from workbench.synthetic.sphere import design_hand_eye
 from workbench.units import Float
 

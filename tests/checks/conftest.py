@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Recording
-from workbench.synthetic.conditions import random_recipe
 from workbench.synthetic.simulate import simulate_recording
 
 

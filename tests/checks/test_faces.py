@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
-from bench.groove.drawn import random_groove_recipe, random_prism_recipe
+from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
+from bench.drawn.plates import random_recipe
+from bench.drawn.swept import random_swept_recipe
 from bench.metrology.planning.part import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
@@ -29,7 +31,8 @@ from bench.odd_plates import (
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
-from bench.score.conditions import random_swept_recipe
+from bench.simulators.swept import simulate_groove, simulate_swept
+from bench.simulators.swept.sweep import GROOVES
 from tests.checks.conftest import good
 from workbench.artefacts import Gate, RawEdge, Recording
 from workbench.checks.corners import Bend, _corner, ledge_takes_mm
@@ -41,9 +44,7 @@ from workbench.edge.groove_frames import two_plates_share
 from workbench.errors import InputError, WorkbenchError
 from workbench.inspect import gate, sections
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_groove, simulate_prism, simulate_recording
-from workbench.synthetic.swept import simulate_swept
-from workbench.synthetic.swept.sweep import GROOVES
+from workbench.synthetic import simulate_prism, simulate_recording
 from workbench.units import DEG
 
 REAL = Path(__file__).parents[3] / "shared" / "data"

@@ -15,9 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from bench import outside
 from bench.confidently_wrong.kinds import KINDS
+from bench.drawn import spheres
+from bench.drawn.plates import random_recipe
+from bench.drawn.swept import random_swept_recipe
 from bench.metrology.part import inspect_as_a_user
-from bench.score.conditions import random_swept_recipe
 from bench.score.named import mixed_recipe
+from bench.simulators.swept import simulate_swept
 from scripts.checks_table import limits_table
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Check, Recording
@@ -35,9 +38,8 @@ from workbench.checks.window import as_delivered
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.plugins.calibration.circles import circles
-from workbench.synthetic import random_recipe, simulate_recording, sphere_conditions
+from workbench.synthetic import simulate_recording
 from workbench.synthetic.sphere import simulate_sphere
-from workbench.synthetic.swept import simulate_swept
 from workbench.units import Float
 
 GOOD = [
@@ -264,17 +266,17 @@ def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     assert "mean_columns" in failed(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
 
 
-SPHERES = sphere_conditions.SOUND | sphere_conditions.DEGENERATE
+SPHERES = spheres.SOUND | spheres.DEGENERATE
 
 
 @pytest.mark.parametrize("condition", SPHERES)
 def test_good_calibration_recordings_pass_every_check(condition: str) -> None:
-    recording, _ = simulate_sphere(sphere_conditions.random_sphere_recipe(condition, 900))
+    recording, _ = simulate_sphere(spheres.random_sphere_recipe(condition, 900))
     assert failed(recording) == {}
 
 
 def test_a_calibration_recording_is_judged() -> None:
-    recording, _ = simulate_sphere(sphere_conditions.random_sphere_recipe(next(iter(SPHERES)), 901))
+    recording, _ = simulate_sphere(spheres.random_sphere_recipe(next(iter(SPHERES)), 901))
     first = np.zeros(len(recording.time_s), int)
     for words, changes in (
         ("a frozen or repeating scanner", {"x_mm": recording.x_mm[first], "z_mm": recording.z_mm[first]}),

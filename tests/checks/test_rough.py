@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.score.conditions import random_swept_recipe
+from bench.drawn.swept import random_swept_recipe
+from bench.simulators.swept import simulate_swept
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
-from workbench.synthetic.swept import simulate_swept
 
 
 @cache

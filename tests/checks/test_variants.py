@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from bench.confidently_wrong.__main__ import inspected, planned
 from bench.confidently_wrong.kinds import Kind
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Recording
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.scan.fuse import flange_poses
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Truth, simulate_recording
 
 Vary = Callable[[Recording, np.random.Generator], Recording]
 

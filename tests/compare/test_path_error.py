@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Check, Document
 from workbench.cloud import denoise
 from workbench.compare import deviation, register, surface
@@ -14,7 +15,7 @@ from workbench.compare.local_planes import heights
 from workbench.compare.statistics import path_error_u
 from workbench.compare.surface import Deviations, Surface
 from workbench.scan import fuse
-from workbench.synthetic import Recipe, random_recipe, simulate_recording
+from workbench.synthetic import Recipe, simulate_recording
 from workbench.units import DEG, Float
 
 NORMALS = np.array([[0.0, 0.0, 1.0], [0.0, np.sin(40 * DEG), np.cos(40 * DEG)], [0.0, 1.0, 0.0]])

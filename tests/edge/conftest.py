@@ -10,13 +10,14 @@ from typing import Any
 
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Cloud, Edge
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.measure import Measured, measure_edge
 from workbench.scan import fuse
-from workbench.synthetic import Recipe, Truth, parse_recipe, random_recipe, simulate_recording
+from workbench.synthetic import Recipe, Truth, parse_recipe, simulate_recording
 
 
 @dataclass(frozen=True)

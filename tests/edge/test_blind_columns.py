@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.edge.faces import find_faces
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 
 
 @pytest.mark.parametrize("columns", [4, 8])

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.kinds import KINDS
+from bench.drawn.plates import random_recipe
 from bench.metrology.part import inspect_as_a_user
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.faces import find_faces, rises_with_column
 from workbench.errors import InputError
-from workbench.synthetic import random_recipe, raycast, simulate_recording
+from workbench.synthetic import raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.units import AnyArray, Int
 

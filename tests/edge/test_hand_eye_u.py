@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Edge, Recording
 from workbench.edge import segment_raw
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
 
 SIGMA = np.array([0.2, 0.1, 0.3, 0.05 * DEG, 0.1 * DEG, 0.02 * DEG])  # mm and rad, in the flange

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.simulators.swept import SweptRecipe, simulate_swept
 from workbench import cloud, edge, scan
-from workbench.synthetic.swept import SweptRecipe, simulate_swept
 
 
 @pytest.mark.parametrize("spine", [{"shape": "straight"}, {"shape": "arc", "radius_mm": 300}])

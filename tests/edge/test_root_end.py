@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import ROOT_FACE, Cloud
 from workbench.cloud import denoise
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.root_end import last_pixel_fill
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 
 FULL, FILLED, SPECKLE = 1000.0, 0.6, 0.05
 

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]

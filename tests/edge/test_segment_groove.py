@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from bench.confidently_wrong.kinds import KINDS
+from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
 from bench.groove.__main__ import errors, measured
-from bench.groove.drawn import random_groove_recipe, random_prism_recipe
+from bench.simulators.swept import simulate_groove
+from bench.simulators.swept.recipe import GrooveRecipe
 from workbench.artefacts import Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -14,10 +16,8 @@ from workbench.edge.segment_groove import possible_types, with_a_bevel
 from workbench.errors import InputError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
-from workbench.synthetic import parse_recipe, simulate_recording
+from workbench.synthetic import GrooveTruth, parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.synthetic.swept import GrooveTruth, simulate_groove
-from workbench.synthetic.swept.recipe import GrooveRecipe
 
 SEED = 4711
 

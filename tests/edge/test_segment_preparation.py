@@ -12,6 +12,7 @@ import pytest
 from bench.confidently_wrong.kinds import KINDS
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.groove.plates import measured, swept_plate
+from bench.simulators.swept import SweptRecipe, simulate_swept
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
@@ -25,7 +26,6 @@ from workbench.report import preparation as report_preparation
 from workbench.result_files import RESULT_FILES
 from workbench.scan import fuse, read
 from workbench.strict_json import strict_json
-from workbench.synthetic.swept import SweptRecipe, simulate_swept
 from workbench.units import DEG
 
 SEED = 4712
@@ -110,7 +110,7 @@ def test_two_plates_are_refused() -> None:
 
 
 def scanned(part: dict[str, object], columns: int = 600, pitch_mm: float = 0.045):
-    """A short straight plate of the second simulator, scanned once: cloud and truth."""
+    """A short straight plate of the swept simulator, scanned once: cloud and truth."""
     recipe = {
         "simulator": "swept",
         "part": {"spine": {"length_mm": 60}, **part},

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import pytest
 
+from bench.drawn.plates import random_recipe
 from workbench.artefacts import Cloud, Edge, Inspection, Provenance
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 
 
 @dataclass(frozen=True)

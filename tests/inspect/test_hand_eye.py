@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bench.drawn.plates import random_recipe
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
 
 SIGMA = 0.5 * DEG  # of the hand-eye rotation, an axis

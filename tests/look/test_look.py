@@ -9,13 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from bench.score.conditions import random_swept_recipe
+from bench.drawn.swept import random_swept_recipe
+from bench.simulators.swept import simulate_swept
 from tests.importing.makers import write_gocator, write_gopxl
 from workbench.look.command import seen
 from workbench.look.recorded import consistent_axes, judged
 from workbench.look.seen import measured
 from workbench.scan import read
-from workbench.synthetic import simulate_swept
 
 ROOT = Path(__file__).parents[2]
 SYNTHETIC = ROOT / "data" / "synthetic"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.part import CalibrationResult, measure_calibration, recorded
 from bench.metrology.calibration.summary import (
     CALIBRATION_CONDITIONS,
@@ -19,7 +20,6 @@ from bench.peers.genetic import evolve
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.plugins.calibration.model import Estimate, Noise, information
 from workbench.plugins.calibration.observations import from_arrays
-from workbench.synthetic import random_sphere_recipe
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from bench.score.face import LOCAL_MM, local_face
-from workbench.synthetic import random_recipe, simulate_recording
+from workbench.synthetic import simulate_recording
 from workbench.synthetic.raycast import _rough
 from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG

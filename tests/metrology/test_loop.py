@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.loop.part import LoopResult
 from bench.metrology.loop.summary import LOOP_CONDITIONS, loop_tables, summarise_loops, worst_loops
-from workbench.synthetic import RAW_CONDITIONS
 
 
 def case(root, milled, injected=1.5, bevel=40.0, u=0.01):

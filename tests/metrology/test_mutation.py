@@ -27,10 +27,10 @@ def test_one_number_is_scaled_and_nothing_else() -> None:
 
 def test_a_mutant_is_killed_by_a_test_that_holds_it_and_survives_others() -> None:
     tests = ["tests/metrology/test_mutation.py::test_the_format_of_a_truth"]
-    path = Path("workbench/synthetic/swept/truth.py")
+    path = Path("workbench/synthetic/prism_scan.py")
     source = (ROOT / path).read_text(encoding="utf-8")
     assert fails(path, scaled(source, "STATION_MM", 2), tests)
-    assert not fails(path, scaled(source, "LOCAL_MM", 2), tests)
+    assert not fails(path, scaled(source, "_PAUSE_S", 2), tests)
 
 
 def test_a_change_is_put_to_the_tests_that_call_its_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,9 +63,9 @@ def test_a_kernel_brings_those_that_it_calls() -> None:
 
 
 def test_the_format_of_a_truth() -> None:
-    from workbench.synthetic.swept import truth
+    from workbench.synthetic import prism_scan
 
-    assert truth.STATION_MM == 0.25
+    assert prism_scan.STATION_MM == 0.25
 
 
 def test_every_room_has_its_tests() -> None:

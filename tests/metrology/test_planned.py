@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.drawn.plates import RAW_CONDITIONS, random_recipe
 from bench.metrology.loop.part import (
     HAND_EYE_ERROR_MM,
     LoopResult,
@@ -17,7 +18,7 @@ from bench.metrology.loop.summary import BEVEL_GOAL_DEG, LOOP_CONDITIONS, ROOT_G
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import MOST_TURNED_DEG, measure_plan, rough_upper_side
 from bench.metrology.planning.summary import GOALS
-from workbench.synthetic import RAW_CONDITIONS, parse_recipe, random_recipe, simulate_recording
+from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.workpiece import build_truth
 from workbench.units import DEG
 

@@ -8,13 +8,14 @@ import math
 import numpy as np
 import pytest
 
+from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.figures import cover, spread
 from bench.metrology.planning.part import PlanResult, compare_edge, compare_path
 from bench.metrology.planning.summary import GOALS, plan_tables, summarise_plans
 from bench.metrology.true_edge import best_plane_turn_deg
 from workbench.artefacts import Cutter, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation
-from workbench.synthetic import RAW_CONDITIONS, parse_recipe
+from workbench.synthetic import parse_recipe
 from workbench.synthetic.workpiece import build_truth
 
 BETA, ROOT = math.radians(40), 1.5

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.__main__ import command, main, parse, tasks
 from bench.metrology.run import Measurement, digest
 from bench.metrology.studies import STUDIES
-from workbench.synthetic import RAW_CONDITIONS
 
 
 def test_everything_is_measured_unless_said_otherwise():

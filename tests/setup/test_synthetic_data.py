@@ -10,10 +10,12 @@ import h5py
 import numpy as np
 import pytest
 
+from bench.simulators.swept import simulate_swept_file
 from scripts.synthetic_data import main, make_library, recipes_in
 from workbench.synthetic import Recipe, read_any_recipe, read_truth, truth_path
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
+SWEPT_RECIPES = Path(__file__).parents[2] / "bench" / "simulators" / "swept" / "recipes"
 RECIPES = recipes_in(DATA)
 
 
@@ -45,6 +47,14 @@ def test_recordings_are_made_anew_from_their_recipes(name, tmp_path):
     assert made == [tmp_path / f"{name}.h5"]
     with h5py.File(made[0]) as new, h5py.File(DATA / f"{name}.h5") as old:
         for field in ("profiles/time", "profiles/x", "profiles/z", "robot/position", "robot/quaternion_wxyz"):
+            assert np.allclose(new[field][:], old[field][:], rtol=0, atol=1e-4, equal_nan=True), field
+
+
+@pytest.mark.parametrize("path", recipes_in(SWEPT_RECIPES), ids=lambda path: path.stem)
+def test_what_the_swept_simulator_made_is_what_it_makes(path, tmp_path):
+    simulate_swept_file(path, tmp_path / "made.h5")
+    with h5py.File(tmp_path / "made.h5") as new, h5py.File(DATA / f"{path.stem}.h5") as old:
+        for field in ("profiles/x", "profiles/z", "robot/position"):
             assert np.allclose(new[field][:], old[field][:], rtol=0, atol=1e-4, equal_nan=True), field
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
@@ -15,7 +16,6 @@ from workbench.plugins.calibration.methods import Centres
 from workbench.plugins.calibration.model import Noise, linearise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
-from workbench.synthetic import random_sphere_recipe
 from workbench.synthetic.sphere import design_hand_eye
 
 

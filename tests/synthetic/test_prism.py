@@ -1,4 +1,4 @@
-"""Grooves of the first simulator: exact returns, sizes, and the same ranges as the second simulator's."""
+"""Grooves of the package's simulator: exact returns, sizes, and the same ranges as the swept simulator's."""
 
 from __future__ import annotations
 
@@ -10,22 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.groove.drawn import random_prism_recipe
+from bench.drawn.grooves import random_prism_recipe
+from bench.simulators.swept import parse_groove_recipe, parse_swept_recipe, simulate_groove, simulate_swept
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import (
-    parse_groove_recipe,
-    parse_prism_recipe,
+    GrooveTruth,
+    PrismRecipe,
+    parse_as,
     parse_recipe,
-    parse_swept_recipe,
     simulate_file,
-    simulate_groove,
     simulate_prism,
     simulate_recording,
-    simulate_swept,
 )
-from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.units import Float
 
 DRIFT = {
@@ -61,7 +59,7 @@ def in_sections(recording: Recording, truth: GrooveTruth) -> tuple[Float, Float,
 
 @pytest.mark.parametrize("kind", ["V", "Y", "HV", "HY", "X", "K"])
 def test_returns_lie_on_the_section(kind: str) -> None:
-    recording, truth = simulate_prism(parse_prism_recipe(document(kind, **DRIFT)))
+    recording, truth = simulate_prism(parse_as(PrismRecipe, document(kind, **DRIFT)))
     base, a, b = in_sections(recording, truth)
     start, stop = (truth.at(base, truth.sizes.corners[f"left_{name}"]) for name in ("root", "upper"))
     way = (stop - start) / np.linalg.norm(stop - start, axis=1, keepdims=True)
@@ -74,7 +72,7 @@ def test_returns_lie_on_the_section(kind: str) -> None:
 
 
 def swept_document(kind: str, **groove: Any) -> dict[str, Any]:
-    """The same scan for the second simulator."""
+    """The same scan for the swept simulator."""
     names = {"thickness_mm": 12, "spine": {"length_mm": 60}, "base_from_part": PLACE, "reach_mm": 60}
     return {
         "simulator": "swept",
@@ -94,7 +92,7 @@ def swept_document(kind: str, **groove: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", TYPES)
 def test_both_simulators_see_the_same_groove(kind: str) -> None:
-    first, truth = simulate_prism(parse_prism_recipe(document(kind, **DRIFT)))
+    first, truth = simulate_prism(parse_as(PrismRecipe, document(kind, **DRIFT)))
     second, other = simulate_groove(parse_groove_recipe(swept_document(kind, **DRIFT)))
     agree(first, second)
     for name, corner in truth.sizes.corners.items():
@@ -147,7 +145,7 @@ def agree(first: Recording, second: Recording) -> None:
 
 def test_a_mound_and_a_background() -> None:
     mound = {"at_mm": 30, "z_mm": 1, "half_mm": [5, 2.5, 2]}
-    recording, truth = simulate_prism(parse_prism_recipe(document("V", mounds=[mound], background_mm=6)))
+    recording, truth = simulate_prism(parse_as(PrismRecipe, document("V", mounds=[mound], background_mm=6)))
     base, a, b = in_sections(recording, truth)
     along = truth.arc_length_mm_at(base)
     off = ((along - 30) / 5) ** 2 + (a / 2.5) ** 2 + ((b - 1) / 2) ** 2
@@ -175,8 +173,8 @@ def test_from_a_file_to_a_file(tmp_path: Path) -> None:
 
 def test_refusals() -> None:
     with pytest.raises(InputError, match=r"groove\.gap: .*did you mean 'gap_mm'"):
-        parse_prism_recipe(document("V", gap=3))
+        parse_as(PrismRecipe, document("V", gap=3))
     with pytest.raises(InputError, match="root_face_mm must stay below"):
-        parse_prism_recipe(document("Y", root_face_mm=11))
+        parse_as(PrismRecipe, document("Y", root_face_mm=11))
     with pytest.raises(InputError, match="groove 'W'"):
         random_prism_recipe("W", 1)

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bench.simulators.swept.recipe import GrooveRecipe, SweptRecipe
 from workbench.errors import InputError
-from workbench.synthetic import Recipe, parse_recipe, read_recipe, simulate_recording
+from workbench.synthetic import Recipe, parse_recipe, read_any_recipe, read_recipe, simulate_recording
 from workbench.synthetic.recipe import PrismRecipe
-from workbench.synthetic.swept.recipe import GrooveRecipe, SweptRecipe
 
 PASS = {"from_mm": 0, "to_mm": 10}
 
@@ -111,6 +111,13 @@ def test_missing_and_binary_files_are_refused(tmp_path):
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="UTF-8"):
         read_recipe(tmp_path / "binary.json")
+
+
+def test_a_recipe_of_the_swept_simulator_is_refused_with_where_it_is_read(tmp_path):
+    path = tmp_path / "nose.json"
+    path.write_text('{"simulator": "swept", "passes": []}')
+    with pytest.raises(InputError, match=r"nose\.json: simulator: .*python -m bench\.simulators\.swept"):
+        read_any_recipe(path)
 
 
 def test_documentation_names_every_key_and_no_other():

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from bench.drawn.spheres import DEGENERATE, SOUND, random_sphere_recipe
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, rotation_from_quaternion, vector_from_rotation
 from workbench.scan import read
-from workbench.synthetic import parse_sphere_recipe, random_sphere_recipe, read_any_recipe, simulate_sphere
-from workbench.synthetic.sphere_conditions import DEGENERATE, SOUND
+from workbench.synthetic import parse_sphere_recipe, read_any_recipe, simulate_sphere
 
 QUIET = {"noise": {"sd_mm": 0.0}, "columns": 600}
 EXACT = {"pose_noise_mm": 0.0, "pose_noise_deg": 0.0}

@@ -1,4 +1,4 @@
-"""Scanning a straight groove of the first simulator, and its truth."""
+"""Scanning a straight weld groove, and its truth."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import numpy as np
 
 from workbench.artefacts import Part, Recording
 from workbench.geometry.poses import inverse
+from workbench.synthetic.groove_truth import GrooveSizes, GrooveTruth
 from workbench.synthetic.raycast import Sensor
 from workbench.synthetic.recipe import SQUARE, Course, PrismGroove, PrismRecipe
 from workbench.synthetic.scan import column_offsets, disturb, generator, intensities, move, recorded_hand_eye, sensor_of
-from workbench.synthetic.swept.sweep import GrooveSizes
-from workbench.synthetic.swept.truth import GrooveTruth
 from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Bool, Float, Shaped
 

@@ -8,7 +8,7 @@ A calibration recording has a sphere instead of the part, and where the scanner 
 origin on the laser's axis at the stand-off: x lateral as in the profiler frame, y normal to the laser plane, range away
 from the sensor, whatever the sense of z.
 
-Straight weld grooves of the first simulator are such documents too (`"format": "groove-recipe"`). There the groove runs
+Straight weld grooves are such documents too (`"format": "groove-recipe"`). There the groove runs
 along +x, its middle at y = 0, the left plate at +y; the left plate's lower surface lies in z = 0.
 """
 
@@ -218,7 +218,7 @@ class Pass(Strict):
 
 
 class RecordedRobot(Strict):
-    """What the robots of both simulators have: when they record, and with which errors."""
+    """When a robot records, and with which errors."""
 
     frame_rate_hz: Positive = 50.0
     frame_pitch_mm: Positive = 0.2

@@ -11,7 +11,6 @@ from pydantic import BaseModel, ValidationError
 from workbench.errors import InputError, nearest
 from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
-from workbench.synthetic.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -21,46 +20,35 @@ def read_recipe(path: str | Path) -> Recipe:
     return parse_recipe(read_any_json(Path(path)), source=str(path))
 
 
-def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | PrismRecipe | AnyRecipe:
-    """The recipe in the JSON file `path`: by its `format` of a part or a sphere, by its `simulator` a swept part."""
+def read_any_recipe(path: str | Path) -> Recipe | SphereRecipe | PrismRecipe:
+    """The recipe in the JSON file `path`: by its `format` of a plate, a groove or a sphere."""
     document = read_any_json(Path(path))
-    if isinstance(document, Mapping) and document.get("format") == "sphere-recipe":
-        return parse_sphere_recipe(document, source=str(path))
-    if isinstance(document, Mapping) and document.get("format") == "groove-recipe":
-        return parse_prism_recipe(document, source=str(path))
-    if isinstance(document, Mapping) and "simulator" in document:
-        part = document.get("part")
-        groove = isinstance(part, Mapping) and part.get("kind") == "groove"
-        return (parse_groove_recipe if groove else parse_swept_recipe)(document, source=str(path))
+    if isinstance(document, Mapping):
+        if "simulator" in document:
+            raise InputError(
+                f"{path}: simulator",
+                "no such key: recipes of the swept simulator are read in a checkout only, by "
+                "`python -m bench.simulators.swept`; here: bevel-recipe, groove-recipe, sphere-recipe",
+            )
+        if document.get("format") == "sphere-recipe":
+            return parse_sphere_recipe(document, source=str(path))
+        if document.get("format") == "groove-recipe":
+            return parse_as(PrismRecipe, document, str(path))
     return parse_recipe(document, source=str(path))
 
 
 def parse_recipe(document: Any, source: str = "recipe") -> Recipe:
     """The recipe that `document` (parsed JSON) describes; InputError as for `read_recipe`."""
-    return _parse(Recipe, document, source)
+    return parse_as(Recipe, document, source)
 
 
 def parse_sphere_recipe(document: Any, source: str = "recipe") -> SphereRecipe:
     """The recipe of a calibration recording that `document` describes; InputError as for `read_recipe`."""
-    return _parse(SphereRecipe, document, source)
+    return parse_as(SphereRecipe, document, source)
 
 
-def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
-    """The recipe of a swept plate that `document` describes; InputError as for `read_recipe`."""
-    return _parse(SweptRecipe, document, source)
-
-
-def parse_prism_recipe(document: Any, source: str = "recipe") -> PrismRecipe:
-    """The recipe of a straight groove of the first simulator; InputError as for `read_recipe`."""
-    return _parse(PrismRecipe, document, source)
-
-
-def parse_groove_recipe(document: Any, source: str = "recipe") -> GrooveRecipe:
-    """The recipe of a swept groove that `document` describes; InputError as for `read_recipe`."""
-    return _parse(GrooveRecipe, document, source)
-
-
-def _parse(model: type[M], document: Any, source: str) -> M:
+def parse_as(model: type[M], document: Any, source: str = "recipe") -> M:
+    """The recipe that `document` describes, of the kind `model`; InputError as for `read_recipe`."""
     if not isinstance(document, Mapping):
         raise InputError(source, "a JSON object, the recipe")
     try:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,26 +14,26 @@ from workbench.artefacts import Part, Recording
 from workbench.errors import OutputError
 from workbench.recording_file import Frames, fill
 from workbench.storage import beside, digest_of
+from workbench.synthetic.groove_truth import GrooveTruth
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import read_any_recipe
 from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
-from workbench.synthetic.swept import (
-    GrooveRecipe,
-    GrooveTruth,
-    SweptRecipe,
-    SweptTruth,
-    simulate_groove,
-    simulate_swept,
-)
 from workbench.synthetic.workpiece import DIGEST, Truth, Workpiece, build_truth
 from workbench.units import Float, Int
 
 Progress = Callable[[int, int], None]
-AnyTruth = Truth | SphereTruth | SweptTruth | GrooveTruth
-InMemory = SweptRecipe | GrooveRecipe | PrismRecipe
+AnyTruth = Truth | SphereTruth | GrooveTruth
+T = TypeVar("T", bound="Written")
 PACKING = "gzip"
+
+
+class Written(Protocol):
+    """A truth that a file can hold."""
+
+    def document(self) -> dict[str, Any]:
+        """The content of the truth file."""
 
 
 def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
@@ -90,21 +90,35 @@ def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progr
 
 
 def write_simulation(
-    recipe: Recipe | SphereRecipe | InMemory, out_path: str | Path, progress: Progress | None = None
+    recipe: Recipe | SphereRecipe | PrismRecipe, out_path: str | Path, progress: Progress | None = None
 ) -> AnyTruth:
     """As `simulate_file`, from a recipe at hand."""
+    if isinstance(recipe, Recipe):
+        return _written(lambda path: _write_recording(recipe, path, progress), out_path)
+    if isinstance(recipe, SphereRecipe):
+        return write_made(*simulate_sphere(recipe), out_path)
+    return write_made(*simulate_prism(recipe), out_path)
+
+
+def write_made(recording: Recording, truth: T, out_path: str | Path) -> T:
+    """A recording that is simulated already, and its truth, as `simulate_file` writes them."""
+
+    def write(path: Path) -> T:
+        fill(path, recording, [Frames(recording.x_mm, recording.z_mm, recording.intensity)], PACKING)
+        return truth
+
+    return _written(write, out_path)
+
+
+def _written(write: Callable[[Path], T], out_path: str | Path) -> T:
+    """What `write` makes of a file for the recording: both files, whole or not at all."""
     recording, truth_file = Path(out_path), truth_path(out_path)
     partial = [beside(path) for path in (recording, truth_file)]
     for path in (recording, truth_file):
         if path.is_dir():
             raise OutputError(str(path), "a file to write, but this is a folder")
     try:
-        truth: AnyTruth
-        if isinstance(recipe, Recipe):
-            truth = _write_recording(recipe, partial[0], progress)
-        else:
-            made, truth = _in_memory(recipe, progress)
-            fill(partial[0], made, [Frames(made.x_mm, made.z_mm, made.intensity)], PACKING)
+        truth = write(partial[0])
         document = {**truth.document(), DIGEST: digest_of(partial[0])}
         text = json.dumps(document, allow_nan=False, separators=(",", ":")) + "\n"
         partial[1].write_text(text, encoding="utf-8")
@@ -128,17 +142,6 @@ def truth_path(recording_path: str | Path) -> Path:
 
 def _pass_index(counts: Any) -> Int:
     return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
-
-
-def _in_memory(recipe: SphereRecipe | InMemory, progress: Progress | None) -> tuple[Recording, AnyTruth]:
-    """A sphere, a prism, a groove or a swept part: simulated whole."""
-    if isinstance(recipe, SphereRecipe):
-        return simulate_sphere(recipe)
-    if isinstance(recipe, PrismRecipe):
-        return simulate_prism(recipe)
-    if isinstance(recipe, GrooveRecipe):
-        return simulate_groove(recipe, progress)
-    return simulate_swept(recipe, progress)
 
 
 def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> Truth:

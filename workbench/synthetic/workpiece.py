@@ -14,6 +14,7 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.storage import digest_of
 from workbench.strict_json import read_json
 from workbench.synthetic import raycast
+from workbench.synthetic.groove_truth import rounded
 from workbench.synthetic.raycast import CUT_REACH_MM, CutTerms
 from workbench.synthetic.recipe import Course, Part, Placement, Recipe
 from workbench.synthetic.recipe_file import parse_recipe
@@ -304,7 +305,7 @@ class Truth:
     def document(self) -> dict[str, Any]:
         """The content of a truth file: strict JSON, null for what is not."""
         columns = {
-            name: _rounded(getattr(self, name))
+            name: rounded(getattr(self, name))
             for name in ("arc_length_mm", "position_mm", "tangent", "normal", "across", "root_mm", "bevel_deg")
         }
         return {
@@ -314,7 +315,7 @@ class Truth:
             "seed": self.recipe.seed,
             "kind": "milled" if np.isfinite(self.root_mm).any() else "raw",
             **columns,
-            "thickness_mm": _rounded(self.thickness_mm),
+            "thickness_mm": rounded(self.thickness_mm),
             "seen": self.seen.tolist(),
             "base_from_part": pose(self.recipe.part.base_from_part).tolist(),
             "flange_from_profiler": pose(self.recipe.robot.flange_from_profiler).tolist(),
@@ -392,10 +393,3 @@ def _seen(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: float) 
         after = np.searchsorted(at, u)
         seen |= np.minimum(u - at[after - 1], at[after] - u) <= 0.75 * frame_pitch_mm + 1e-9
     return seen
-
-
-def _rounded(values: Float) -> list[Any]:
-    """As nested lists at 1e-9, null for NaN."""
-    if values.ndim == 2:
-        return [[round(float(x), 9) for x in row] for row in values]
-    return [None if np.isnan(x) else round(float(x), 9) for x in values]

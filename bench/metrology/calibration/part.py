@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.truth import Cell, bound, cell_of, circles
 from bench.metrology.part import Clock
 from bench.peers.genetic import genetic_hand_eye
@@ -26,7 +27,7 @@ from workbench.plugins.calibration.plan import (
 )
 from workbench.plugins.calibration.shared_errors import correlated
 from workbench.plugins.calibration.solve import Answer, solve
-from workbench.synthetic import SphereRecipe, random_sphere_recipe, simulate_sphere
+from workbench.synthetic import SphereRecipe, simulate_sphere
 from workbench.synthetic.sphere import design_hand_eye, in_profiler, sphere_motion
 from workbench.synthetic.workpiece import pose as placed
 from workbench.units import DEG, Float

@@ -10,10 +10,10 @@ from math import isfinite
 import numpy as np
 from scipy.stats import beta, chi2
 
+from bench.drawn.spheres import DEGENERATE, SOUND
 from bench.metrology.calibration.part import CalibrationResult
 from bench.metrology.quantity import percentile
 from bench.metrology.table import markdown, study_text
-from workbench.synthetic.sphere_conditions import DEGENERATE, SOUND
 
 CALIBRATION_CONDITIONS = (*SOUND, "sphere_planned", *DEGENERATE)
 ELLIPSOID = float(chi2.ppf(0.95, 6))

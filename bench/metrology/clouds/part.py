@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from bench.metrology.part import Clock, Numbers, numbers
 from workbench.artefacts import Cloud, Edge, Inspection, PointSet
 from workbench.cloud import denoise, read
@@ -16,7 +17,7 @@ from workbench.errors import WorkbenchError
 from workbench.export import cloud as export_cloud
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Truth, simulate_recording
 
 ROUTES = ("grid", "ply", "shuffled")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from bench.metrology.part import WINDOW_MM, Clock, Numbers, numbers
 from bench.metrology.planning.part import plan_as_a_user
 from bench.metrology.true_edge import true_edge_at
@@ -17,7 +18,7 @@ from workbench.edge import segment
 from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
+from workbench.synthetic import Recipe, Truth, simulate_recording
 from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float

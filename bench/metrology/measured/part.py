@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.planning.part import rough_upper_side
 from bench.metrology.run import ROOT
@@ -24,7 +25,7 @@ from workbench.plugins.stiffness.force import force
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.robot import read_cell
 from workbench.scan import fuse
-from workbench.synthetic import Recipe, Truth, random_recipe, simulate_recording
+from workbench.synthetic import Recipe, Truth, simulate_recording
 from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float

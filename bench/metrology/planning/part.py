@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bench.drawn.plates import random_recipe
 from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.places import clear_of_boundaries
 from bench.metrology.true_edge import best_plane_turn_deg, true_edge_at
@@ -17,7 +18,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.poses import rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, feed, layers
 from workbench.scan import fuse
-from workbench.synthetic import Truth, random_recipe, simulate_recording
+from workbench.synthetic import Truth, simulate_recording
 from workbench.units import DEG, Bool, Float
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.figures import Cover, Spread, cover, spread, told
 from bench.metrology.planning.part import PlanResult
 from bench.metrology.quantity import percentile
 from bench.metrology.table import markdown, study_text
-from workbench.synthetic import RAW_CONDITIONS
 
 GOALS: dict[str, tuple[float, float] | None] = dict.fromkeys(RAW_CONDITIONS, (0.04, 0.1)) | {
     "raw_rough": (0.06, 0.15),

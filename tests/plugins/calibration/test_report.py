@@ -9,9 +9,10 @@ from xml.etree import ElementTree
 
 import pytest
 
+from bench.drawn.spheres import random_sphere_recipe
 from workbench.artefacts import Part
 from workbench.plugins.calibration import circles, hand_eye, plan, report, validate
-from workbench.synthetic import random_sphere_recipe, simulate_sphere
+from workbench.synthetic import simulate_sphere
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.drawn.spheres import random_sphere_recipe
 from tests.plugins.calibration.conftest import TRUE, off_design, scan_motion, scan_recording, scans_over
 from workbench.api import InputError, interpolate_poses, quaternion_from_rotation, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye
 from workbench.plugins.calibration.observations import _moving, _slopes
 from workbench.plugins.calibration.values import Calibration
-from workbench.synthetic import random_sphere_recipe, simulate_sphere
+from workbench.synthetic import simulate_sphere
 
 
 def distance(found: Calibration) -> float:

@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 
+from bench.drawn.spheres import random_sphere_recipe
 from workbench.api import HandEye, InputError
 from workbench.plugins.calibration import circles, hand_eye, validate
-from workbench.synthetic import random_sphere_recipe, simulate_sphere
+from workbench.synthetic import simulate_sphere
 
 OTHER = {"center_mm": [900.0, -400.0, 700.0]}
 

@@ -1,4 +1,4 @@
-"""What random recipes of the second simulator share: where a part lies, how it runs, by what it is seen.
+"""What random recipes of the swept simulator share: where a part lies, how it runs, by what it is seen.
 
 The order in which values are drawn belongs to it: a seed gives the part that it gave.
 """
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from workbench.synthetic.conditions import draw_course
+from bench.drawn.plates import draw_course
 
 Document: TypeAlias = dict[str, Any]
 Generator: TypeAlias = np.random.Generator

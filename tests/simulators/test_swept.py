@@ -1,4 +1,4 @@
-"""The second simulator: its mesh against the exact section, what its pixels, losses and truth are."""
+"""The swept simulator: its mesh against the exact section, what its pixels, losses and truth are."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.score.conditions import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
+from bench.simulators.swept import parse_swept_recipe, simulate_swept
+from bench.simulators.swept.truth import SweptTruth
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses
-from workbench.synthetic import parse_swept_recipe, simulate_swept
-from workbench.synthetic.swept.truth import SweptTruth
 from workbench.units import Float
 
 SPINES: dict[str, dict[str, Any]] = {

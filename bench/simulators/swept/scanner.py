@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import scipy
 
+from bench.simulators.swept.recipe import AnyRecipe, Block, EdgeBurr, SweptPart, SweptScanner, Way
+from bench.simulators.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of, shape_of
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.synthetic.recipe import Placement
-from workbench.synthetic.swept.recipe import AnyRecipe, Block, EdgeBurr, SweptPart, SweptScanner, Way
-from workbench.synthetic.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of, shape_of
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 STEP_STRAIGHT_MM, STEP_BENT_MM = 0.5, 0.3  # between stations

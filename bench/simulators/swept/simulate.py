@@ -9,9 +9,7 @@ from functools import partial
 import numpy as np
 import scipy
 
-from workbench.artefacts import Part, Recording
-from workbench.errors import InputError
-from workbench.synthetic.swept.recipe import (
+from bench.simulators.swept.recipe import (
     AnyRecipe,
     Ghost,
     GroovePart,
@@ -22,7 +20,7 @@ from workbench.synthetic.swept.recipe import (
     SweptScanner,
     Texture,
 )
-from workbench.synthetic.swept.scanner import (
+from bench.simulators.swept.scanner import (
     OTHER,
     Hits,
     Mesh,
@@ -45,7 +43,7 @@ from workbench.synthetic.swept.scanner import (
     stations,
     swept,
 )
-from workbench.synthetic.swept.sweep import (
+from bench.simulators.swept.sweep import (
     BEVEL,
     RIGHT,
     ROOT,
@@ -57,7 +55,10 @@ from workbench.synthetic.swept.sweep import (
     groove_sizes,
     is_square,
 )
-from workbench.synthetic.swept.truth import GrooveTruth, SweptTruth, groove_truth, truth_of
+from bench.simulators.swept.truth import SweptTruth, groove_truth, truth_of
+from workbench.artefacts import Part, Recording
+from workbench.errors import InputError
+from workbench.synthetic import GrooveTruth
 from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK_FRAMES = 128

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench.drawn.plates import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.errors import InputError
-from workbench.synthetic import CONDITIONS, RAW_CONDITIONS, random_recipe, raycast, simulate_recording
+from workbench.synthetic import raycast, simulate_recording
 from workbench.synthetic.scan import plan_motion, scan_pass
 from workbench.synthetic.workpiece import build_truth
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.groove.drawn import random_groove_recipe
+from bench.drawn.grooves import random_groove_recipe
+from bench.simulators.swept import parse_groove_recipe, simulate_groove, simulate_swept_file
+from bench.simulators.swept.sweep import GROOVES
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import read
 from workbench.scan.fuse import flange_poses
-from workbench.synthetic import parse_groove_recipe, simulate_file, simulate_groove
-from workbench.synthetic.swept.sweep import GROOVES
-from workbench.synthetic.swept.truth import GrooveTruth
+from workbench.synthetic import GrooveTruth
 from workbench.units import Float
 
 
@@ -147,7 +147,7 @@ def test_background_tacks_spatter_and_reflections_are_seen() -> None:
 def test_from_a_file_to_a_file(tmp_path: Path) -> None:
     recipe = tmp_path / "groove.json"
     recipe.write_text(json.dumps(document(groove="U")), encoding="utf-8")
-    simulate_file(recipe, tmp_path / "u.h5")
+    simulate_swept_file(recipe, tmp_path / "u.h5")
     assert read(recording=tmp_path / "u.h5").x_mm.shape == (77, 400)
     truth = json.loads((tmp_path / "u.truth.json").read_text(encoding="utf-8"))
     assert (truth["format"], truth["type"]) == ("groove-truth", "U")

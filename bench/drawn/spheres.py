@@ -12,8 +12,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from bench.drawn.plates import Document, Generator
 from workbench.errors import InputError, nearest
-from workbench.synthetic.conditions import Document, Generator
 from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
 

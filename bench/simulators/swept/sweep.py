@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bench.simulators.swept.recipe import GroovePart, Spine, SweptPart
+from workbench.synthetic.groove_truth import GrooveSizes
 from workbench.synthetic.recipe import Course
-from workbench.synthetic.swept.recipe import GroovePart, Spine, SweptPart
 from workbench.units import DEG, Float, Int, Shaped
 
 _GAUSS_AT, _GAUSS_WEIGHT = np.polynomial.legendre.leggauss(5)
@@ -421,23 +422,6 @@ def groove_chains(part: GroovePart, s: Float, length: float) -> list[Chain]:
 def mirrored(points: Float, raised: Float) -> Float:
     """Section points (k, ..., 2) of a left plate as those of the right one, `raised` (k, ...) mm."""
     return np.stack([-points[..., 0], points[..., 1] + raised], axis=-1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GrooveSizes:
-    """The exact sizes at k stations; NaN where the type has none."""
-
-    gap_mm: Float
-    root_face_left_mm: Float
-    root_face_right_mm: Float
-    bevel_left_deg: Float
-    bevel_right_deg: Float
-    included_deg: Float
-    depth_mm: Float
-    width_mm: Float
-    misalignment_mm: Float
-    root_radius_mm: Float
-    corners: dict[str, Float]  # name -> (k, 2) as (a, b)
 
 
 def groove_sizes(part: GroovePart, s: Float, length: float) -> GrooveSizes:

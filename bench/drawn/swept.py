@@ -9,9 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from bench.recipes import Document, Generator, anywhere, course, held, noise, robot, scanner
+from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner
+from bench.simulators.swept.recipe import SweptRecipe
 from workbench.errors import InputError, nearest
-from workbench.synthetic.swept.recipe import SweptRecipe
 from workbench.units import DEG
 
 Condition: TypeAlias = Callable[[Generator, Document], None]

@@ -1,4 +1,4 @@
-"""What the second simulator makes a recording from. Every key is documented in `docs/tables/simulation_keys.csv`.
+"""What the swept simulator makes a recording from. Every key is documented in `docs/tables/simulation_keys.csv`.
 
 Lengths in mm, angles in degrees (`_deg`), times in s. Along the edge s is the arc length of the spine, the curve that
 the section is swept along; in the section a counts along the end face's normal n, b along m, from the spine.

@@ -1,4 +1,4 @@
-"""Random grooves of each type, of the first (straight ones) and of the second simulator, for statistics."""
+"""Random grooves of each type, of the package's (straight ones) and of the swept simulator, for statistics."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import zlib
 
 import numpy as np
 
-from bench.recipes import Document, anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.common import Document, anywhere, course, held, noise, robot, scanner, spine, way
+from bench.drawn.plates import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
+from bench.simulators.swept.recipe import GrooveRecipe
+from bench.simulators.swept.sweep import GROOVES
 from workbench.errors import InputError, nearest
-from workbench.synthetic.conditions import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
 from workbench.synthetic.recipe import TYPES, PrismRecipe
-from workbench.synthetic.swept.recipe import GrooveRecipe
-from workbench.synthetic.swept.sweep import GROOVES
 from workbench.units import DEG
 
 BEVEL_DEG = {"U": (8, 20), "J": (10, 20), "HV": (30, 50), "HY": (30, 50), "K": (35, 50)}  # others 25 to 35

@@ -1,0 +1,52 @@
+"""A second, independent simulator: a section swept along a space curve, a mesh met by rays (docs/simulation.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bench.simulators.swept.recipe import AnyRecipe, GrooveRecipe, SweptRecipe
+from bench.simulators.swept.simulate import simulate_groove, simulate_swept
+from bench.simulators.swept.truth import SweptTruth
+from workbench.errors import InputError
+from workbench.strict_json import read_any_json
+from workbench.synthetic import parse_as, write_made
+
+__all__ = [
+    "GrooveRecipe",
+    "SweptRecipe",
+    "SweptTruth",
+    "parse_groove_recipe",
+    "parse_swept_recipe",
+    "read_swept",
+    "simulate_groove",
+    "simulate_swept",
+    "simulate_swept_file",
+]
+
+
+def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
+    """The recipe of a swept plate that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
+    return parse_as(SweptRecipe, document, source)
+
+
+def parse_groove_recipe(document: Any, source: str = "recipe") -> GrooveRecipe:
+    """The recipe of a swept groove that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
+    return parse_as(GrooveRecipe, document, source)
+
+
+def read_swept(path: Path) -> AnyRecipe:
+    """The recipe in the JSON file `path`: a groove's if its part is of that kind."""
+    document = read_any_json(path)
+    if not isinstance(document, dict):
+        raise InputError(str(path), "a JSON object, the recipe")
+    part = document.get("part")
+    groove = isinstance(part, dict) and part.get("kind") == "groove"
+    return (parse_groove_recipe if groove else parse_swept_recipe)(document, str(path))
+
+
+def simulate_swept_file(recipe_path: Path, out_path: Path) -> None:
+    """Write the recording of a recipe, and its truth to `<out_path>.truth.json`, as `workbench simulate` does."""
+    recipe = read_swept(recipe_path)
+    made: Any = simulate_groove(recipe) if isinstance(recipe, GrooveRecipe) else simulate_swept(recipe)
+    write_made(*made, out_path)

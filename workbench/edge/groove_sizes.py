@@ -14,7 +14,7 @@ from workbench.edge.frame_order import scatter
 from workbench.edge.groove_form import WALKS, likely_walk
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
-from workbench.edge.steps import level_doubt, steps
+from workbench.edge.steps import readings
 from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.curves import covered
@@ -549,8 +549,9 @@ class GrooveSizes:
         for place in found.s[found.contradicted]:
             hidden |= np.abs(self.at - place) < CELL_MM
         value = np.where(hidden, np.nan, found.course.value(self.at))
-        level_u = level_doubt(steps(found.s, found.middle, found.middle_u), self.at)[1]
-        return value, np.hypot(found.course.u(self.at), level_u), float(np.median(step))
+        said = readings(found.s, found.middle, found.middle_u, found.course, self.at)
+        u = np.sqrt(found.course.u(self.at) ** 2 + said.u_mm**2)
+        return value + said.shift_mm, u, float(np.median(step))
 
     def _corners(self, roots: list[_Root]) -> None:
         """Upper corners from their own courses; roots from these."""

@@ -35,7 +35,7 @@ from workbench.edge.rim import (
     weights,
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
-from workbench.edge.steps import level_doubt, steps, waves_u
+from workbench.edge.steps import readings, waves_u
 from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
@@ -247,21 +247,23 @@ def _end_terms(
 ) -> EndTerms:
     """What the course leaves open of the root face's end at arc lengths `at` (m,) of the lower edge."""
     s, end = at + measured.shift, measured.end
-    level, level_u = level_doubt(steps(end.s, end.middle, end.middle_u), s)
+    said = readings(end.s, end.middle, end.middle_u, end.course, s)
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
     on = np.flatnonzero(np.isfinite(shown))
     face = tracked.faces[ROOT_FACE]
     hidden = np.hypot(hidden_end_u_mm(cloud, face), under_u_mm(cloud, tracked, measured.s_low, at))
     frames = measured.ends
+    own = np.interp(np.nan_to_num(measured.upper_s), end.s, said.own) > 0.5
     left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
-    left[weights(shown, broken.u_mm) < 0.5] = np.nan
+    left[~own | (weights(shown, broken.u_mm) < 0.5)] = np.nan
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
-    reached = reached_mm(measured.upper_s, frames.low, frames.step, frames.sigma, end.course, s)
+    low = np.where(own, frames.low, np.nan)
+    reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
     order = on[np.argsort(measured.upper_s[on], kind="stable")]
     unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
-    level_u = np.sqrt(level_u**2 + waves**2 + reached**2 + unsettled**2)
+    level_u = np.sqrt(said.u_mm**2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
-    return EndTerms(level, level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
+    return EndTerms(said.shift_mm, level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
 
 
 def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:

@@ -80,12 +80,11 @@ def _off_the_face(s: Float, value: Float, u: Float, sense: float) -> _Reading | 
 def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Reading | None:
     """The reading to which the face's own end `face` (c,) leads (expectation maximisation)."""
     _, own = _own(value - face, u)
-    stiffness = None
     for _ in range(MOST_ROUNDS):
         shown = own > LEAST_OWN
         if shown.sum() < LEAST_CELLS // 2:
             return None
-        course = fit_course(s, np.where(shown, value, np.nan), u**2 / np.maximum(own, LEAST_OWN), stiffness=stiffness)
+        course = fit_course(s, np.where(shown, value, np.nan), u**2 / np.maximum(own, LEAST_OWN))
         before, sigma = own, u * math.sqrt(min(course.noise_factor, NOISIER))
         evidence, own = _own(value - course.value(s), u)
         if np.abs(own - before).max() < SETTLED:

@@ -24,17 +24,15 @@ from workbench.stage import Stage
 
 DIRECTORY, PICTURES = Path("docs/stages"), "pictures"
 NOTE = "<!-- This page and those of the stages are written by scripts.stage_pages -->"
-READING = """A page has what its stage takes and makes, and its parameters: the default (none: required), the type where
-that does not show it, the range, the meaning; names end in their units. In a pipeline:
-`{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md)). What is refused ends in an `InputError` where
-nothing else is said."""
+READING = """Each page has what its stage takes and makes, and its parameters: default (none: required), type, range,
+meaning; names end in their units. In a pipeline: `{"stage": NAME, PARAMETER: VALUE}` ([pipelines](../pipelines.md))."""
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
 NUMBERS = re.compile(r"\[number(?:, number)+\]")
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PARSER = doctest.DocTestParser()
-LONG = 12  # words of a description
+LONG = 7  # words of a description
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
 ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)

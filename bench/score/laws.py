@@ -198,15 +198,15 @@ def applies(name: str, change: str) -> bool:
 
 def table() -> str:
     """Every law over all recordings: by how much it fails at most, and where."""
-    lines = ["| law | value | recordings | held | worst | of |", "| --- | --- | --- | --- | --- | --- |"]
+    lines = ["| against | value | held | worst | of |", "| --- | --- | --- | --- | --- |"]
     for change in POORER:
         mine = [name for name in names() if applies(name, change)]
         for quantity in ROUNDING:
             found = {name: growth(name, change, quantity) for name in mine}
             worst = max(found, key=found.__getitem__, default="none")
             lines.append(
-                f"| u is no more than with {change}, times 1.1 | `{quantity}` | {len(mine)} | "
-                f"{sum(g <= GROWS for g in found.values())} | {found.get(worst, 0.0):.2f} times | {worst} |"
+                f"| {change} | `{quantity}` | {sum(g <= GROWS for g in found.values())} of {len(mine)} | "
+                f"u {found.get(worst, 0.0):.2f} times | {worst} |"
             )
     for change in ALIKE:
         for quantity, limit in ROUNDING.items():
@@ -214,8 +214,8 @@ def table() -> str:
             worst = max(both, key=both.__getitem__)
             value, u = both[worst][0], max(one[1] for one in both.values())
             lines.append(
-                f"| {change}: nothing changes | `{quantity}` | {len(both)} | "
-                f"{sum(v <= limit for v, _ in both.values())} | {value:.5f}, u by {100 * u:.1f} % | {worst} |"
+                f"| {change} | `{quantity}` | {sum(v <= limit for v, _ in both.values())} of {len(both)} | "
+                f"{value:.5f}, u {100 * u:.1f} % | {worst} |"
             )
     return "\n".join(lines)
 

@@ -31,8 +31,8 @@ def denoise(
     """Reject isolated returns and short streaks, on the scanner's own grid.
 
     A return is kept if it continues the line of two neighbours in its profile, lies between two of them, or agrees with
-    the same column of the frames next door; runs of fewer than four returns that stand off both neighbours by more than
-    `jump_mm` a column are rejected as specular streaks. Points are marked, not moved.
+    the same column of the next frames; runs of fewer than four that stand off by more than `jump_mm` a column are
+    specular streaks. Points are marked, not moved.
 
     Args:
         cloud: the organised cloud.

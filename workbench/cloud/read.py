@@ -37,9 +37,8 @@ def read(
 ) -> PointSet:
     """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
-    In the robot's base, or in any other frame that results shall be in, in the file's precision and order, which may
-    show the scanner's own lines; an organised PCD (HEIGHT above 1) keeps rows and columns. Points without coordinates
-    (NaN) are left out; scans of an E57 file are placed by their poses.
+    In the robot's base or any other frame, in the file's precision and order; an organised PCD (HEIGHT above 1) keeps
+    rows and columns. NaN points are left out; scans of an E57 file are placed by their poses.
 
     Args:
         file: the cloud; its name's ending tells the format.

@@ -34,8 +34,8 @@ def register(
 ) -> tuple[PointSet, Document]:
     """Lay a cloud on a reference from no start: Open3D's features and RANSAC, then its point-to-plane ICP.
 
-    The cloud comes back in the reference's frame, with the pose in `cloud_registration.json`. Two scans of one cell are
-    compared by `compare.register`, which states a covariance and names open directions; nothing tells them here.
+    The cloud comes back in the reference's frame, with the pose in `cloud_registration.json`. A covariance and open
+    directions: `compare.register`.
 
     Args:
         points: a cloud without a grid.

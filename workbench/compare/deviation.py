@@ -52,9 +52,8 @@ def deviation(
 ) -> tuple[Deviations, Document, Chapter]:
     """Measure signed distances along the normal, positive outside the reference, each with its level of detection.
 
-    M3C2 with the departures of docs/comparison.md. A distance below the level of detection, 1.96 standard
-    uncertainties, is no significant change; whether anything changed at all is decided with 5 % false discoveries among
-    all that is reported.
+    M3C2 with the departures of docs/comparison.md. Below the level of detection, 1.96 standard uncertainties, a
+    distance is no significant change; changes are found with 5 % false discoveries.
 
     Args:
         scan: from `compare.surface`, as recorded.

@@ -116,9 +116,8 @@ def repeatability(
 ) -> tuple[Document, Chapter]:
     """Judge the measuring system by repeated measurements: gauge R&R by analysis of variance, bias, E_n.
 
-    As AIAG's Measurement Systems Analysis names them, for every section by itself and for all of them
-    (docs/comparison.md): EV, AV, PV, %GRR of the tolerance and of the study variation, number of distinct categories,
-    with 95 % intervals; with reference measurements bias by section, and E_n.
+    AIAG's EV, AV, PV, %GRR, number of distinct categories, with 95 % intervals, by section and for all
+    (docs/comparison.md); with reference measurements bias and E_n.
 
     Args:
         study: parts x operators x trials by section.

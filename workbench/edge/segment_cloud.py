@@ -62,9 +62,8 @@ def segment_cloud(
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
 
-    The cloud becomes an organised one, by its scan lines or in slices, and the edge is then that of `edge.segment`
-    (`edge.segment_raw` where `upper_side` is given). Several passes without order are refused, unless they are said to
-    agree (docs/clouds.md).
+    The cloud becomes an organised one, by scan lines or slices; the edge is that of `edge.segment` (`edge.segment_raw`
+    with `upper_side`). Several passes without order are refused unless declared to agree (docs/clouds.md).
 
     Args:
         points: the cloud of one edge, in mm.
@@ -73,9 +72,6 @@ def segment_cloud(
         upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in
             scan order. null: a milled edge.
         use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
-
-    Returns:
-        The organised cloud, for reports and planning, and its edge.
 
     Raises:
         InputError: no cloud of a part; no root face next to a bevel face (no end face) in view; points without order

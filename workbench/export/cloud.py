@@ -58,10 +58,9 @@ def cloud(
 ) -> Document:
     """Write the fused cloud as `cloud.ply` (or pcd, las, laz, e57), each point with its face, frame and column.
 
-    In the robot's base. PLY and PCD keep float64 and mm; LAS and LAZ hold multiples of 1e-5 mm (more only beyond 40 m);
-    E57 is in metres (ASTM E2807), one scan a face, float32 about the scan's own origin: 1e-5 mm on a part of 300 mm.
-    Faces: 0 unlabelled, 1 root face (end face), 2 bevel face, 3 upper surface, 4 lower surface (all 0 without an edge).
-    Stray points are left out. The same cloud gives the same bytes, but for the identities of E57's scans.
+    In the robot's base. PLY and PCD keep float64 and mm; LAS and LAZ multiples of 1e-5 mm; E57 is in metres (ASTM
+    E2807), one scan a face, float32 about its own origin. Faces: 0 unlabelled, 1 root face (end face), 2 bevel face, 3
+    upper surface, 4 lower surface. Stray points are left out.
 
     Args:
         cloud: the cloud.

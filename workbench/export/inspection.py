@@ -50,11 +50,10 @@ def inspection(
     *,
     format: Literal["parquet", "csv"] = "parquet",
 ) -> Document:
-    """Write a row a section as `inspection.parquet` or `inspection.csv`, with what it was measured on and by.
+    """Write a row a section as `inspection.parquet` or `inspection.csv`.
 
-    In mm and degrees, `_u` for standard uncertainties, `lower` and `upper` for the limits as values, not deviations.
-    Not measured is null (empty in CSV). A row names its part, and its recording with the SHA-256 of the file, so that
-    rows of many parts can stand in one table.
+    In mm and degrees, `_u` for standard uncertainties, `lower` and `upper` as values. Not measured is null (empty in
+    CSV). Every row names part and recording (SHA-256).
 
     Args:
         inspection: the measured part.

@@ -19,9 +19,8 @@ CODE_PAGE = "cp1252"
 def qdas(inspection: JointInspection) -> tuple[Document, Document]:
     """Write `inspection.dfd` and `inspection.dfx` (Q-DAS AQDEF): every size of the joint in each section.
 
-    With part, drawing and, for each characteristic, nominal value, limits, unit, gauge and, as a remark, the expanded
-    uncertainty. The values are one record with the date of the recording; one that was not measured is marked as not
-    processed. In mm and degrees; code page 1252, characters beyond it become question marks.
+    Nominal value, limits, unit, gauge and, as a remark, the expanded uncertainty; one record of values with the
+    recording's date. In mm and degrees; code page 1252.
 
     Args:
         inspection: the judged part.

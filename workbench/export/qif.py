@@ -44,10 +44,9 @@ def kind_of(one: Characteristic) -> str:
 def qif(inspection: JointInspection, provenance: Provenance | None = None) -> Document:
     """Write `inspection.qif`: QIF 3.0 results, every size of the joint in each section, in mm and degrees.
 
-    Each with limits and nominal value where something is required, measured value with combined standard uncertainty
-    and status (undecided: INDETERMINATE, hidden: NOT_ANALYZED, nothing required: UNDEFINED); instruments. Start,
-    operator and procedure (title of the pipeline, SHA-256 of its stages) are the inspection's traceability; budget,
-    decision rule and inputs are attributes of the results. The same inspection gives the same bytes.
+    Limits, nominal value, measured value with combined standard uncertainty, status (undecided: INDETERMINATE, hidden:
+    NOT_ANALYZED, nothing required: UNDEFINED), instruments, traceability; budget, decision rule and inputs as
+    attributes.
 
     Args:
         inspection: the judged part.

@@ -40,10 +40,9 @@ def sections(
 ) -> Document:
     """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
 
-    Coordinates in a section are mm from its origin, along its `normal` and `across` (of a bevel: from the lower edge,
-    outwards from the root face and from the lower to the upper side). The DXF (in mm) holds a block a section: points,
-    fitted lines, corners, all sizes with standard uncertainties as text, of a bevel as dimensions too. The CSV has a
-    row a point (with face, frame and column) or corner, in the base too; CR LF (RFC 4180).
+    Coordinates are mm from the section's origin, along `normal` and `across`. The DXF (in mm) holds a block a section:
+    points, fitted lines, corners, sizes with standard uncertainties, of a bevel as dimensions. The CSV has a row a
+    point (with face, frame and column) or corner, in the base too; CR LF (RFC 4180).
 
     Args:
         inspection: the sections.

@@ -28,8 +28,8 @@ def gate(
 ) -> Gate:
     """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
 
-    Neither does a part of which too little was measured pass. A pipeline that accepts `undecided` parts, or asks for
-    less of the edge than two thirds, says so in the decision's reason and in the run's warnings.
+    Nor does a part of which too little was measured pass. Accepting `undecided` or less of the edge than two thirds is
+    said in the reason and the run's warnings.
 
     Args:
         inspection: the judged part.
@@ -37,7 +37,7 @@ def gate(
         least_measured_share: share of the edge's length that must have both root face and bevel angle for a pass.
 
     Raises:
-        InputError: no section was measured, or none to better than ten times the tolerance: there is nothing to judge.
+        InputError: no section measured, or none to better than ten times the tolerance.
 
     Example:
         >>> from workbench import cloud, edge, inspect, scan

@@ -60,10 +60,10 @@ def sections(
 ) -> Inspection:
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
-    Section i lies at (i - 1/2)/n of the measured stretch of the lower edge. Sizes and angles hold in the section plane,
-    with the root face's direction there. Verdicts by ISO 14253-1: pass inside the limits by at least guard_factor * u,
-    fail outside by at least that, else undecided, as a section where the edge is hidden. A pass that rests on what this
-    recording does not show is undecided, too, until that is accepted by name.
+    Section i lies at (i - 1/2)/n of the measured stretch, in the plane normal to the lower edge. Verdicts by ISO
+    14253-1: pass inside the limits by at least guard_factor * u, fail outside by at least that, else undecided, as
+    where the edge is hidden. A pass that rests on what this recording does not show is undecided, too, until that is
+    accepted by name.
 
     Args:
         edge: the measured edge.

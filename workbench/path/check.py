@@ -70,23 +70,17 @@ def check(
 ) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
-    Layers: the last one lies on the finished bevel, none below it; each takes no more than the depth of cut, and some
-    point of the cloud away; key points every 1 mm; nothing is cut where nothing was measured. Frames: y along the edge,
-    the cutter's axis in the bevel face, shank on the upper side, x into the material, no jump. The cutter, a cylinder
-    without end on the shank's side, meets no clamp and enters nothing that remains after its layer by more than
-    `penetration_mm` + 3 u. Feeds within v_slow, v_fast and the acceleration.
+    Layers: the last one on the finished bevel, none below it, each no deeper than the depth of cut; key points every 1
+    mm; no cut where nothing was measured. Frames without a jump, the cutter's axis in the bevel face, shank on the
+    upper side. The cutter meets no clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds within
+    v_slow, v_fast and the acceleration.
 
-    Where a deflection is predicted, or a cut was measured (`path.correct`; then a prediction does not count besides),
-    the tool as it comes must come where the plan asks; the path as commanded is held against clamps and part too, with
-    the deflection allowed for. A refused correction refuses the path.
+    With a predicted deflection or a correction (`path.correct`) the tool must come where the plan asks; the path as
+    commanded is held against clamps and part too. A refused correction refuses the path.
 
-    What shows where the part stands in the robot's base: touched points, two passes whose scanner is turned about the
-    edge by 10 deg and more, a hand-eye with covariance that was calibrated in the 90 days before the recording.
-    Without any the path is a shape only: exit status 1, and no program that does not stop for the operator (`probe` of
-    the cell).
-
-    A `penetration_mm` above 0.05 loosens the check, and so does a path that rests on another one until `rests_milled`:
-    programs then say so, and the exit status is 1.
+    Without evidence of where the part stands the path is a shape only, with exit status 1: docs/planning.md. A
+    `penetration_mm` above 0.05, or a path that rests on another one until `rests_milled`, loosens the check: programs
+    say so, and the exit status is 1.
 
     Args:
         toolpath: the path.

@@ -34,13 +34,12 @@ def check_file(
     *,
     penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
 ) -> PathGate:
-    """Check a path that comes out of a file, where no scan is at hand.
+    """Check a path out of a file, where no scan is at hand.
 
-    A path that its file says was refused stays refused, and so does one that was changed after its check. Then: finite
-    poses, layers that step down to the final one, and the cutter as a cylinder nowhere deeper than `penetration_mm` in
-    the bevel face that the final layer leaves, travels included. Where the file tells no check, the path's programs say
-    that the workpiece was not looked at. What showed where the part stands (`path.check`) is the file's word too;
-    without it the path is a shape only.
+    A path refused or changed according to its file stays refused. Then: finite poses, layers that step down to the
+    final one, and the cutter nowhere deeper than `penetration_mm` in the face that the final layer leaves. Without a
+    check in the file the path's programs say that the workpiece was not looked at; without evidence of where the part
+    stands (`path.check`) it is a shape only.
 
     Args:
         toolpath: the path.

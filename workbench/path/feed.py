@@ -173,10 +173,10 @@ def feed(
     v_fast_mm_s: Annotated[float, Field(gt=0, le=5000)] = 20.0,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
 ) -> Toolpath:
-    """Plan the feed by the distance of the cutter's axis to the stock that still stands: the paper's equation (26).
+    """Plan the feed by the distance of the cutter's axis to the remaining stock: the paper's equation (26).
 
-    Formula and stock: docs/planning.md, "Feed"; where it cuts, the feed is the path's v_slow. |v dv/ds| stays within
-    the acceleration along the whole path, travels included. The feed of a point is the feed towards it.
+    Formula and stock: docs/planning.md, "Feed". Where it cuts, the feed is the path's v_slow; |v dv/ds| stays within
+    the acceleration. The feed of a point is the feed towards it.
 
     Args:
         toolpath: the path.

@@ -83,11 +83,9 @@ def layers(
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
     Key points lie every 1 mm of the lower edge, the tool frame in the middle of the layer's bevel face
-    (docs/conventions.md). What was not measured is not cut: the cutter is lifted over it and over clamps. Layers,
-    leads, compound bevels, J preparations: docs/planning.md.
-
-    With a finish allowance the path ends that much above the finished bevel, at a larger root, and its last layer takes
-    no more than the allowance (`path.correct`). The finishing pass is part of the path, but not of its layers.
+    (docs/conventions.md). What was not measured is not cut; the cutter is lifted over it and over clamps. With a finish
+    allowance the path ends that much above the bevel, and its last layer takes no more than the allowance
+    (`path.correct`). Leads, compound bevels, J preparations: docs/planning.md.
 
     Args:
         edge: the measured raw edge.
@@ -122,8 +120,8 @@ def layers(
         mill: the upper bevel, or the lower one after it, until `path.check` is told (`rests_milled`) NOT CHECKED.
 
     Raises:
-        InputError: a milled edge, too little of it seen, a requirement that the stock or the cutter cannot satisfy, a
-            concave edge tighter than the cutter, nothing that can be reached.
+        InputError: a milled edge; too little of it seen; requirements that stock or cutter cannot meet; a concave
+            edge tighter than the cutter.
 
     Example:
         >>> from workbench import edge, path, scan

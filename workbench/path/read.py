@@ -25,8 +25,8 @@ PLACE_UNSAID = f"{SHAPE_ONLY}the file does not say what shows where the part sta
 def read(*, toolpath: InputFile) -> Toolpath:
     """Read a milling path from a `toolpath.json`, its own or another program's.
 
-    What the contract does not require may be absent: travels, requirements, what its check said, and the width of the
-    face that is cut, which is then taken as the depth of cut. Positions in mm, in the frame that the file names.
+    Travels, requirements, check, and the width of the cut face (then the depth of cut) may be absent. Positions in mm,
+    in the frame that the file names.
 
     Args:
         toolpath: a toolpath.json (docs/pipelines.md).

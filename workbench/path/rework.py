@@ -105,12 +105,11 @@ def rework(
     v_fast_mm_s: Annotated[float, Field(gt=0, le=5000)] = 20.0,
     acceleration_mm_s2: Annotated[float, Field(gt=0, le=1e5)] = 50.0,
 ) -> Rework:
-    """Plan to mill again where an inspection fails by too much material, and only there.
+    """Plan to mill again where an inspection fails by too much material.
 
-    Place by place (ISO 14253-1): one that fails is milled to the required bevel if the measured face lies on or above
-    it, unless the first path left it out (a clamp), in layers of the first plan's depth of cut; beyond a stretch's ends
-    the cutter rises out of the surface. Where the root is too small, or a failing angle has left part of the face below
-    the required one, that is said, with the amount.
+    A place that fails (ISO 14253-1) is milled to the required bevel where the measured face lies above it, unless the
+    first path left it out, in layers of the first plan's depth of cut. Where too much is gone, place and amount are
+    reported. A path that cannot be planned or fails its checks is left out with a warning.
 
     Args:
         edge: the milled edge as measured.

@@ -44,18 +44,15 @@ def simplify(
         Field(gt=0, le=90),
     ] = 4.2,
 ) -> Moves:
-    r"""Replace runs of key points by straight moves and circular arcs, for controllers that choke on dense points.
+    r"""Replace runs of key points by straight moves and circular arcs.
 
-    From each target the longest move is taken, straight or circular, whose every skipped point lies within the chord
-    tolerance, in the order of motion, and is turned within the angle tolerance as the controller turns there (slerp by
-    length of path, in the frame of the work object: `CirPathMode\ObjectFrame` of ABB, `$CIRC_TYPE = #BASE` of KUKA). A
-    straight move turns so little that the path holds as well where the controller moves the cutter's tip straight. A
-    move's feed is the slowest of its points; layer, cutting and measured do not change within it. Arcs turn at most 170
-    deg, their via point in the middle. With postures the targets are those of the turned tool, in the base, with the
+    From each target the longest straight or circular move is taken whose skipped points all lie within both tolerances,
+    in order, turned as the controller turns (slerp in the frame of the work object: `CirPathMode\ObjectFrame` of ABB,
+    `$CIRC_TYPE = #BASE` of KUKA). A move's feed is the slowest of its points; layer, cutting and measured do not change
+    within it; arcs turn at most 170 deg. With postures the targets are those of the turned tool, in the base, with the
     turntable's angles.
 
-    Every point is the target of a straight move where both tolerances are 0, and while the turntable turns: a
-    controller would not turn it in step otherwise.
+    With both tolerances 0, and while the turntable turns, every point is the target of a straight move.
 
     Args:
         toolpath: the path; its frame stays.

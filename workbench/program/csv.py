@@ -15,11 +15,11 @@ HEADER = "layer,arc_length_mm,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,cutting,measu
 
 @stage("program.csv")
 def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Document | None:
-    """Every point of the path as a row of `toolpath.csv`, in the order of motion, before any simplification.
+    """Every point of the path, before simplification, as a row of `toolpath.csv`.
 
-    In mm and mm/s, unit quaternions w x y z, in the frame of the path (base or work object); cutting and measured are 1
-    or 0. Between the layers the layer is 0 and the arc length empty. ASCII, comma, CR LF (RFC 4180). Nothing is written
-    where the gate rejects the path, or a check was loosened (a table has no comment that could say so).
+    In mm and mm/s, unit quaternions w x y z, in the frame of the path; cutting and measured are 1 or 0. Between layers
+    the layer is 0 and the arc length empty. ASCII, CR LF (RFC 4180). Nothing is written where the gate rejects the path
+    or a check was loosened.
 
     Args:
         toolpath: the path.

@@ -56,15 +56,13 @@ def write(
 ) -> tuple[Document | PathGate | Judgement | Chapter, ...]:
     """Write the moves as a program for the robot's controller (docs/controllers.md).
 
-    It is read back and driven through the cell (docs/programs.md); what fails leaves no program: the gate says line,
-    place and what is wrong. `program_check.json` tells how near the program came to anything. Where the cutter gives
-    way by more than half of the root face's tolerance and nothing allows for it, the robot repeats a pose to more than
-    a quarter, or the cutter asks more torque or power than the spindle has, there is none either.
+    It is read back and driven through the cell (docs/programs.md); what fails leaves no program. `program_check.json`
+    has violations and the nearest approaches.
 
-    A tool or work object that the cell file does not name is declared by the program: the tool centre point then lies
-    on the cutter's flank, a radius off its axis. Positions have 3 decimals or more, orientations 3 of a degree or more,
-    feeds 3 significant digits. Circular moves turn the tool in the frame of the work object. Files are ASCII; names out
-    of recordings stand in comments only, filtered.
+    A tool or work object that the cell file does not name is declared by the program, its tool centre point on the
+    cutter's flank. Positions have 3 decimals or more, orientations 3 of a degree, feeds 3 significant digits. Circular
+    moves turn the tool in the frame of the work object. Files are ASCII; names out of recordings stand in comments
+    only.
 
     Args:
         moves: the path as straight and circular moves.
@@ -80,9 +78,8 @@ def write(
         root_tolerance_mm: of the root face, either way: what the robot's part of it is held against.
 
     Raises:
-        InputError: two of RAPID's names are the same; the gate is another path's; a cell, but no postures; moves that
-            leave the path farther than its check allows for; what the controller cannot do (URScript, INFORM: a
-            turntable that turns).
+        InputError: equal names in RAPID; another path's gate; a cell without postures; moves that leave the path
+            farther than its check allows; a turntable that turns, in URScript or INFORM.
 
     Example:
         >>> from workbench import path, program, robot

@@ -147,9 +147,8 @@ def closed_loop(
 ) -> Chapter:
     """The closed loop as a chapter: root face and bevel angle as required, as planned, as measured; and the rework.
 
-    Planned is what the plane of the path's final layer makes in each inspected section, in that section's own axes as
-    measured: measured less planned is what milling and the two scans have added. U = 2 u. The verdict is the
-    inspection's.
+    Planned is what the plane of the path's final layer makes in each inspected section: measured less planned is what
+    milling and the two scans add. U = 2 u. The verdict is the inspection's.
 
     Args:
         inspection: of the milled part.

@@ -59,12 +59,11 @@ def outside(html: str) -> str:
 
 @stage("report.html")
 def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) -> Document:
-    """The chapters as one self-contained page, `report.html`, with the overall verdict and the provenance.
+    """The chapters as one self-contained page, `report.html`, with verdict and provenance.
 
-    At the top the part, the overall verdict (the worst of the chapters that decide something) and a line a chapter;
-    then the warnings, the chapters in the order of the pipeline, and what the run rests on. Chapters with a scene get a
-    view that turns in the browser (WebGL 2), of 300,000 points at most; that viewer is the page's only script. No
-    network is needed.
+    First the part, the overall verdict (the worst of the chapters) and a line a chapter; then warnings, chapters,
+    provenance. A chapter with a scene turns in the browser (WebGL 2; 300,000 points); that viewer is the page's only
+    script.
 
     Args:
         chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.

@@ -27,9 +27,8 @@ def inspection(
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
-    The cloud by face with the section planes; each section's points and fitted lines, dimensioned; root face and bevel
-    angle along the edge (the paper's Figs. 20 and 21) with tolerance, guard and uncertainty bands (U = 2 u); what was
-    rejected; a view in three dimensions.
+    Cloud with section planes; points and fitted lines of each section, dimensioned; sizes along the edge (the paper's
+    Figs. 20 and 21) with tolerance, guard and uncertainty bands (U = 2 u); rejected points; a view in three dimensions.
 
     Args:
         cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.

@@ -124,12 +124,11 @@ def plan(
     *,
     points: Annotated[int, Field(ge=10_000, le=1_000_000)] = 150_000,
 ) -> Chapter:
-    """The plan as a chapter of the report: from the scan to the path, all layers, feed, times, what was refused.
+    """The plan as a chapter of the report: scan, path, layers, feed, times, refusals.
 
-    The steps of the paper's Fig. 8 (a to f); a dimensioned section with the layers; all layers on the part (Fig. 13);
-    the feed on the path (Fig. 14: the darker the slower) and along the final layer; the cutter's engagement, if it was
-    milled in simulation. Root face and bevel angle are those that the path's own points make with the scanned edge,
-    with U = 2 u. The verdict is the gate's.
+    The steps of the paper's Fig. 8; a dimensioned section with the layers; all layers on the part (Fig. 13); the feed
+    on the path (Fig. 14) and along the final layer; the engagement, if milled in simulation. Root face and bevel angle
+    are those of the path against the scanned edge, with U = 2 u. The verdict is the gate's.
 
     Args:
         cloud: the cloud of the raw edge.

@@ -179,11 +179,11 @@ def sensitivity(
     inspection_mm: Annotated[float | None, Field(ge=0, le=100)] = None,
     inspection_deg: Annotated[float | None, Field(ge=0, le=20)] = None,
 ) -> tuple[Chapter, Document]:
-    """Tell what each link of the chain costs in this part's root face and bevel angle, and what to improve first.
+    """What each link of the chain contributes to this part's root face and bevel angle, and what to improve first.
 
-    Each link is a standard uncertainty of the bevel face's place along its normal, and of its direction: for a part
-    that is milled blindly, and for one whose finishing pass is corrected by a measured cut (docs/planning.md, "Which
-    link costs how much"). On the root face b . e / sin(bevel) counts.
+    Each link is a standard uncertainty of the bevel face's place along its normal and of its direction, for a part
+    milled blindly and for one with a finishing pass corrected by a measured cut (docs/planning.md, "Which link costs
+    how much").
 
     Args:
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.

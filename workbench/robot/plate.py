@@ -123,13 +123,11 @@ def plate(
     voxel_mm: Annotated[float, Field(gt=0, le=100)] = 5.0,
     planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
 ) -> Cell | None:
-    """Make the scan a collision body of the cell: plate, clamps and fixtures as they stand, as boxes of a grid.
+    """Make the scan (plate, clamps, fixtures) a collision body of the cell, as boxes of a grid.
 
-    The body `workpiece` stands on the turntable, or on the base where there is none, in the place of a workpiece that
-    the cell file names. It is larger than what was seen by up to a cube of the grid, which is made coarser where the
-    part is large; what the scan has not seen is not there. The cutter (the tool's shapes with `"body": "cutter"`) may
-    touch it. What the hand-eye's covariance leaves open counts with the cell's own uncertainty of the part; without a
-    scan upstream, the path's own figure of it.
+    The body `workpiece` stands on the turntable, else on the base, and replaces the cell file's. It is larger than what
+    was seen by up to a cube of the grid; what was not seen is not there. The cutter (shapes with `"body": "cutter"`)
+    may touch it. The hand-eye's covariance counts with the cell's uncertainty of the part.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.
@@ -142,7 +140,7 @@ def plate(
         planned_at_deg: turntable angle at which the scan's points hold: where it stood when the part was scanned.
 
     Raises:
-        InputError: points too far from the origin for the grid; a file that is none, or in metres.
+        InputError: points too far from the origin for the grid; a file that is no cloud, or in metres.
 
     Example:
         >>> from workbench import edge, path, robot, scan

@@ -28,13 +28,10 @@ def fuse(
 ) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
-    base_from_profiler = base_from_flange(t) @ flange_from_profiler, the flange's position interpolated linearly within
-    each scanning pass, its orientation by slerp. The cloud keeps the scanner's grid (frame x column, profiler
-    coordinates in mm), pass after pass.
-
-    First the recording is judged (docs/checks.md): what it contradicts itself in is refused, with the suspicion named.
-    Frames and passes that only repeat others bit for bit are left out, as are columns in which the sensor measures
-    nothing.
+    base_from_profiler = base_from_flange(t) @ flange_from_profiler: position linear within each pass, orientation by
+    slerp. The cloud keeps the scanner's grid (frame x column, profiler coordinates in mm), pass after pass. The
+    recording is checked first (docs/checks.md): contradictions are refused, with the suspicion named. Copied frames and
+    passes, and columns without a measurement, are left out.
 
     Args:
         recording: profiles and flange poses on one clock.
@@ -43,8 +40,8 @@ def fuse(
             by a wider limit is named in the results, and a path then ends with status 1.
 
     Raises:
-        InputError: no calibration at all, or an improper one; a recording on the profiler's own clock, or one that
-            fails a check.
+        InputError: no calibration, or an improper one; a recording on the profiler's own clock, or one that fails a
+            check.
         PipelineError: `limits` names no check, or gives it no number.
 
     Example:

@@ -28,8 +28,7 @@ ON_THE_GRID = ("x_mm", "z_mm", "intensity")
 def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress = None) -> Recording:
     """Read a profile recording: laser profiles (frame x column, mm) and robot poses, each with its time in s.
 
-    The grid is read in blocks of frames straight into place and checked while in the cache. Quaternions within 1e-3 of
-    unit length are normalised. Anything else that the format does not allow is refused, none of it repaired.
+    Quaternions within 1e-3 of unit length are normalised; anything else that the format does not allow is refused.
 
     Args:
         recording: the HDF5 file, `format = "profile-recording"`, version 1.
@@ -37,7 +36,7 @@ def read(*, recording: InputFile, part: PartNames = NO_NAMES, progress: Progress
         progress: called with the fraction read so far.
 
     Raises:
-        InputError: not such a file, or not a whole one, with the place in it (data set, row) and what was expected.
+        InputError: not such a file, or not a whole one, with data set, row and what was expected.
 
     Example:
         >>> from workbench.scan import read

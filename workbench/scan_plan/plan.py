@@ -123,12 +123,11 @@ def plan(
     tool_stays: bool = True,
     z_away: bool = True,
 ) -> tuple[ScanPlan | Document | Chapter | Gate, ...]:
-    """Plan a scan: from where, in how many passes, root face and bevel angle will be known well enough.
+    """Plan from where, in how many passes, to scan so that root face and bevel angle are known well enough.
 
-    For candidates of elevation, lead, frame pitch and turntable angle the standard uncertainty is predicted by the
-    engine's own terms (docs/scan_planning.md), and whether robot, plate, fixtures, laser and camera allow them. Chosen
-    is the set of passes of least time that reaches what is wanted wherever the edge can be seen. Where none does, the
-    run ends in exit status 1, and tells before anything moves what binds and what would help.
+    For candidates of elevation, lead, frame pitch and turntable angle u is predicted by the engine's own terms, and
+    whether robot, plate, fixtures and light paths allow them (docs/scan_planning.md). Chosen is the set of passes of
+    least time that reaches what is wanted; else exit status 1, with what binds and what would help.
 
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.

@@ -53,9 +53,9 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
 
-    From home to before the pass, the profiler on (`trigger_signal`) and ready, straight along the pass, off, back home.
-    Each is read back and driven through the cell as a milling program is (docs/programs.md), with the scanner as its
-    tool and the plate as a body; what fails leaves no program. The head says how its poses are to be logged.
+    Home, profiler on (`trigger_signal`), along the pass, off, home. Read back and driven through the cell as a milling
+    program (docs/programs.md), the scanner as tool and the plate as a body; what fails leaves no program. The head says
+    how poses are to be logged.
 
     Args:
         plan: the planned scan.

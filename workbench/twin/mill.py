@@ -64,9 +64,8 @@ def mill(
 ) -> tuple[Workpiece, Engagement]:
     """Mill a workpiece along a path and tell what the cutter met.
 
-    The cutter, a cylinder along the z axis of each point's frame at x = -radius, with its ball end if any, moves
-    through travels and layers in their order, straight from point to point; it removes what it meets, also where the
-    path does not mean to cut (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).
+    The cutter, a cylinder at x = -radius of each point's frame (or a ball end), moves straight from point to point and
+    removes what it meets (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).
 
     Args:
         workpiece: the part as it is now.

@@ -211,8 +211,8 @@ def circles(
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 
-    Circles through three points are tried (RANSAC) and the best is fitted by maximum likelihood with the noise along z
-    (docs/calibration.md). Circle centre, squared radius and their covariance come from the largest contiguous arc.
+    RANSAC, then maximum likelihood with the noise along z, from the largest contiguous arc (docs/calibration.md):
+    centre, squared radius, covariance.
 
     Args:
         recording: a calibration recording (with /sphere).

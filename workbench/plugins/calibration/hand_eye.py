@@ -85,9 +85,9 @@ def hand_eye(
 ) -> tuple[HandEye, Calibration, Document]:
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
 
-    The signs of h are searched; then maximum likelihood on (x_c, z_c, w = r^2), the sphere's radius and the profiler's
-    scales held to what is stated (docs/calibration.md). Gross postures are left out and named. With the profiles on
-    their own clock its offset is estimated from scans over the sphere.
+    The signs of h are searched; then maximum likelihood on (x_c, z_c, w = r^2), with the sphere's radius and the
+    profiler's scales as unknowns with priors (docs/calibration.md). Gross postures are rejected and named. A profiler's
+    own clock offset is estimated from scans over the sphere.
 
     Args:
         profiles: circles from `calibrate.circles`.

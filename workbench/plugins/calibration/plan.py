@@ -186,9 +186,8 @@ def plan(
 ) -> tuple[PosturePlan, Document]:
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
 
-    The information of the postures at hand and of each candidate comes from the model of the calibration's uncertainty,
-    the robot's noise as large as the residuals say; candidates are chosen greedily and by exchange (Fedorov 1972).
-    `calibration_plan.csv`: flange poses to go to, in order, and the uncertainty after each.
+    Candidates are chosen greedily and by exchange (Fedorov 1972), the robot's noise as large as the residuals say.
+    `calibration_plan.csv`: flange poses in order, and the uncertainty after each.
 
     Args:
         calibration: the calibration so far.

@@ -29,8 +29,7 @@ def report(
     plan: PosturePlan | None = None,
     validation: Validation | None = None,
 ) -> Chapter:
-    """Tell the calibration: profiles, sphere centres (the paper's Fig. 5), residuals, uncertainties, what to do next.
-
+    """The calibration as a chapter: profiles, sphere centres (Fig. 5), residuals, uncertainties, what next.
     Args:
         calibration: from `calibrate.hand_eye`.
         profiles: its circles.

@@ -114,11 +114,11 @@ def robot(
     bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
 ) -> tuple[HandEye, Document, Document, Chapter]:
-    """Estimate joint offsets and lengths of the robot beside the hand-eye pose, from a sphere in 30 postures or more.
+    """Estimate joint offsets and lengths of the robot with the hand-eye pose, from a sphere in 30 postures or more.
 
-    The model of `calibrate.hand_eye` with the flange's pose from the joint angles and the arm's errors (product of
-    exponentials), otherwise as `calibrate.tracker`; a posture that all others contradict by 5 standard deviations is
-    left out. `robot.json` and `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
+    The model of `calibrate.hand_eye` with the flange's pose from joint angles and the arm's errors (product of
+    exponentials), otherwise as `calibrate.tracker`. `robot.json` and `handeye.json` belong to the corrected robot
+    (docs/howto/calibrate_robot.md).
 
     Args:
         profiles: circles from `calibrate.circles`.

@@ -95,14 +95,12 @@ def tcp(
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
-    """Determine the tool's points on the flange from touches, and its axis from two points on it.
+    """Determine the tool's points on the flange from touches, and its axis from two of them.
 
-    Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d where a ball keeps the tool point off (`stand_off_mm`), for
-    the tool point p and the reference c: unknown (at least three orientations), typed, or shown by the passes of a
-    recording. Weighted least squares by the robot's position and, with the lever |p|, its orientation. Touches in
-    postures less than 1 deg apart (of a ball: and as near) weigh as much as one; one that all others contradict by 5
-    standard deviations is left out, with the cause. The first tool point of the table is the tip; the axis runs to it
-    from the last one. `tcp.json`: points, axis, covariance (docs/howto/calibrate_tool.md).
+    Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point p and the reference c:
+    unknown, typed, or scanned. Weighted least squares; touches less than 1 deg apart weigh as one; one off by 5
+    standard deviations is left out, with the cause. The first tool point is the tip; the axis runs to it from the last
+    one. `tcp.json`: points, axis, covariance (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.

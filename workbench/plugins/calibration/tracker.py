@@ -164,13 +164,11 @@ def tracker(
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
-    """Register a robot to a laser tracker, and estimate what its joint offsets and lengths are off.
+    """Register a robot to a laser tracker, and estimate its joint offsets and lengths.
 
-    A reading is one place of one target at one posture: x = T (base_from_flange p), registration T and target p
-    unknown. With joint angles and the cell's model also the robot's offsets, lengths and, on request, tilts of axes are
-    estimated (maximum a posteriori, Gauss-Newton); priors, what is left out or open, `robot.json`:
-    docs/howto/calibrate_robot.md. Where residuals are larger than the noise the covariance grows with them, never the
-    other way.
+    x = T (base_from_flange p), registration T and target p unknown; with joint angles and the cell's model also
+    offsets, lengths and, on request, tilts of axes (maximum a posteriori). Residuals above the noise enlarge the
+    covariance. `robot.json`: docs/howto/calibrate_robot.md.
 
     Args:
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).

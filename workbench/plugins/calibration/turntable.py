@@ -131,12 +131,11 @@ def turntable(
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
-    """Determine a turntable's axis in the base from the same markers, measured at two or more of its angles.
+    """Determine a turntable's axis in the base from markers measured at two or more of its angles.
 
-    Marker q (any point that the scanner finds again) at angle a lies at c + R(d, a) (q - c): least squares over
-    direction d, a point c of the axis and the markers; the covariance is larger where the residuals ask for it. Places
-    at angles less than 0.1 deg apart weigh as much as one; a point that all others contradict by 5 standard deviations
-    is left out, with the cause. `turntable.json` holds the pose for a cell file (docs/howto/calibrate_tool.md).
+    Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
+    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause.
+    `turntable.json` holds the pose for a cell file (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.

@@ -106,9 +106,8 @@ def validate(
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
-    Of the calibration's own recording, postures are left out part by part and predicted from a fit of the others. Of a
-    second recording only where its sphere stood is fitted. (The spread of fitted centres is small along just the
-    directions that nothing determines: it is not used.)
+    Postures are left out part by part and predicted from a fit of the others; of a second recording only the sphere's
+    place is fitted.
 
     Args:
         calibration: what to validate.

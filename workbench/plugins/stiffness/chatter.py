@@ -50,8 +50,8 @@ def chatter(
 ) -> tuple[PathStability, Document, Chapter]:
     """Whether the cut chatters: the least unstable depth over the depth, along the path, with U (docs/stiffness.md).
 
-    Mode coupling and regeneration in one model; the spectral radius over a tooth's period judges. As the path runs a
-    right-hand cutter mills up; down-milling is the path run backwards. Writes `chatter.json`.
+    Mode coupling and regeneration in one model; the spectral radius over a tooth's period decides, for up-milling (as
+    the path runs) and down-milling. Writes `chatter.json`.
 
     Args:
         cell: the robot.

@@ -56,8 +56,8 @@ def force(
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
-    Defaults are the paper's case: 6000 rpm; 1 mm/s, 1 mm, 4 flutes and 10 mm come with the path. Its workpiece and
-    coefficients are not given: those of an aluminium alloy stand in.
+    Spindle speed defaults to the paper's 6000 rpm; feed, flutes and diameter come with the path. For the material that
+    the paper does not name an aluminium alloy's published coefficients are taken.
 
     Args:
         toolpath: points, feed, cutter.

@@ -65,9 +65,9 @@ def identify(
 ) -> tuple[JointStiffness, Chapter, Document]:
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
 
-    Weighted least squares for the compliance, with the cell file's noise of displacement and wrench, (27) and (28) put
-    right, and the second order of the deflection. Tracked points that leave the rigid body, and loads that contradict
-    the rest, are rejected. What six springs do not explain is named and stands in u (docs/stiffness_metrology.md).
+    Weighted least squares for the compliance, with the cell file's noise, (27) and (28) corrected, and the second order
+    of the deflection. Contradictory points and loads are rejected. What six springs do not explain is named and in u
+    (docs/stiffness_metrology.md).
 
     Args:
         cell: the cell; its `loading` says where sensor, tool and targets sit.

@@ -87,8 +87,8 @@ def identify_forces(
 ) -> tuple[Document, Chapter]:
     """Cutting and edge coefficients from the mean forces of whole turns at two feeds or more (Budak et al. 1996).
 
-    Means know nothing of the dynamometer's resonances, waveforms do: these serve for the spindle's speed, the sense in
-    which the force turns and the run-out only. Writes `coefficients.json` for `stiffness.force`.
+    Means are free of the dynamometer's resonances; waveforms serve for spindle speed, sense of rotation and run-out
+    only. Writes `coefficients.json` for `stiffness.force`.
 
     Args:
         recordings: DynoWare exports, or tables with the columns fx_n, fy_n, fz_n and time_s, one a feed.
@@ -108,8 +108,8 @@ def identify_forces(
         helix_deg: of the cutter, right-hand; it changes no mean, but the run-out's line.
 
     Raises:
-        InputError: one feed only, fewer than 20 whole turns, a saturated channel, a line of chatter, another number of
-            flutes or speed by the spectrum; no axes, or several, that give coefficients above zero.
+        InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another number of flutes or
+            speed by the spectrum; no axes, or several, with positive coefficients.
 
     Example:
         >>> from workbench.plugins import stiffness

@@ -33,9 +33,9 @@ def maps(
 ) -> tuple[StiffnessMaps, Chapter]:
     """Map 1/omega (18), f_p (19) and f_r (20) over two axes, and say whether K_c is negligible for this robot.
 
-    f_p: how far apart the cutter's tip comes to rest under a force with K_c and without, over the larger displacement;
-    f_r: the largest component of the difference in its rotation under force and torque together. Both are the worst
-    over directions spread evenly over the sphere. (The paper compares lengths: its f_p is smaller.)
+    f_p: distance of the cutter's resting places with K_c and without, over the larger displacement; f_r: the largest
+    component of the difference in its rotation. Both are the worst over directions. (The paper compares lengths: its
+    f_p is smaller.)
 
     Args:
         cell: the robot and its tool.

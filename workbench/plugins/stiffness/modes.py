@@ -66,9 +66,8 @@ def modes(
 ) -> tuple[RobotModes, Document, Chapter]:
     """Mass, stiffness and damping of the robot at the tool: declared, or fitted to tap tests of several postures.
 
-    Rigid links on springs and dampers about their joints. Without tap tests masses come from the URDF (or are given)
-    and damping is declared: every result says so. With them stiffness, masses and dampers are fitted together, what was
-    declared being a prior. Writes `modes.json`.
+    Rigid links on springs and dampers. Without tap tests masses come from the URDF (or are given) and damping is
+    declared; with them all are fitted, the declared values being priors. Writes `modes.json`.
 
     Args:
         cell: the robot, with its tool's mass and centre of gravity.

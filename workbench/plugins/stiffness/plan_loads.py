@@ -118,8 +118,8 @@ def plan_loads(
 ) -> tuple[LoadPlan, Document]:
     """Plan loading tests: postures, load points and directions that determine the worst joint best, and how many.
 
-    Pairs of opposite forces at the cell's load points, in 13 directions, are added one at a time, the one that helps
-    most, until every joint is known to the target; then exchanged while that helps.
+    Pairs of opposite forces in 13 directions at the cell's load points are added one at a time until every joint is
+    known to the target, then exchanged while that helps.
 
     Args:
         cell: the cell; chosen postures are within limits and free of collision in it.

@@ -113,13 +113,12 @@ def posture(
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
-    """Choose cutter rotation and turntable angle so that the cutter gives way least: eq. (25), Fig. 17.
+    """Choose cutter rotation and turntable angle so that the cutter deflects least: eq. (25), Fig. 17.
 
-    `constant`: the pair of angles with the least mean displacement J K^-1 J^T f of the path's points, the proven
-    optimum of the grid; of a robot whose stiffness nobody knows, with the least awkwardness, which counts how near its
-    postures are to singular ones and to limits. What each configuration costs stands beside it. `along_path`: a law of
-    the cutter rotation, or of both angles, by dynamic programming, never worse; the file says how far it can be from
-    the best. All of it keeps the cell's margins (docs/stiffness.md). Writes `posture.json`.
+    `constant`: the pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid;
+    without known stiffness the least awkwardness (nearness to singular postures and limits). `along_path`: a law of the
+    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. All keep
+    the cell's margins (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -145,8 +144,8 @@ def posture(
             whole path, which takes about 2 ms.
 
     Raises:
-        InputError: the path is out of reach or collides at every angle; the robot is not of the kind that the fast
-            kernels hold for; the force is of another path.
+        InputError: out of reach or colliding at every angle; a robot that the fast kernels do not hold for; another
+            path's force.
 
     Example:
         >>> from workbench import path, robot

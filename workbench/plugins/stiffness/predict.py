@@ -36,10 +36,10 @@ def predict(
     *,
     load: Load = "mean",
 ) -> tuple[PathDeflection, Document]:
-    """Predict how far the cutter gives way at every point of a path: J K^-1 J^T f, eq. (22) put right.
+    """Predict the cutter's deflection at every point of a path: J K^-1 J^T f, eq. (22) corrected.
 
-    In each point's own frame: x into the material, y along the feed, z from shank to tip. The small turn of the tool is
-    left out. Also as `deflections.csv`, which `twin.mill` reads.
+    In each point's own frame: x into the material, y along the feed, z from shank to tip. Also as `deflections.csv`,
+    which `twin.mill` reads.
 
     Args:
         cell: the robot.

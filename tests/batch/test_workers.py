@@ -36,7 +36,7 @@ def cluster(breaking: Path) -> Iterator[Any]:
 
 def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, record: Write, tmp_path: Path) -> None:
     paths = [record(f"part-{i}", "slow") for i in range(1, 13)]
-    paths += [record("bad", "reject"), record("torn", "segfault"), record("stuck", "hang")]
+    paths += [record("bad", "reject"), record("torn", "segfault")]
     out = tmp_path / "out"
 
     def kill_one() -> None:
@@ -48,14 +48,13 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
 
     killer = threading.Thread(target=kill_one, daemon=True)
     killer.start()
-    made = run_batch(pipeline, paths, str(out), scheduler=cluster.scheduler_address, time_limit_s=3.0)
+    made = run_batch(pipeline, paths, str(out), scheduler=cluster.scheduler_address)
     killer.join()
     outcomes = {one.part: one.outcome for one in made.records}
-    assert outcomes == {f"part-{i}": "passed" for i in range(1, 13)} | {
-        "bad": "rejected",
-        "torn": "crashed",
-        "stuck": "hung",
-    }
+    assert outcomes == {f"part-{i}": "passed" for i in range(1, 13)} | {"bad": "rejected", "torn": "crashed"}
+    limited = {"scheduler": cluster.scheduler_address, "time_limit_s": 2.0}  # alone: others might take as long
+    (stuck,) = run_batch(pipeline, [record("stuck", "hang")], str(tmp_path / "limited"), **limited).records
+    assert stuck.outcome == "hung"
     assert len(made.records) == len(paths)
     single = tmp_path / "single"
     run_batch(pipeline, paths[:13], str(single), workers=0)

@@ -1,4 +1,7 @@
-"""What is no bevel is refused before a size of it is told: 204 simulated shapes of twelve kinds, and a real one."""
+"""What is no bevel is refused before a size of it is told: twelve kinds of shapes, odd plates, grooves, real files.
+
+Two draws of a kind here; `python -m bench.confidently_wrong` takes hundreds.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +71,7 @@ def test_upper_surface_and_bevel_face_are_no_bevel_face_and_root_face() -> None:
 @pytest.mark.parametrize("kind", SHAPES)
 def test_what_is_no_bevel_is_refused(kind: str) -> None:
     told = []
-    for seed in range(17):
+    for seed in range(2):
         with contextlib.suppress(WorkbenchError):
             told.append((seed, inspected(shape_recording(kind, seed)).reason))
     assert told == []
@@ -208,15 +211,13 @@ def odd(name: str, seed: int, is_raw: bool) -> Part:
     return simulate(seed, is_raw, of)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("name", ODD)
+@pytest.mark.parametrize(("name", "seed"), [(name, k % 3) for k, name in enumerate(ODD)])
 def test_a_plate_that_is_no_plain_bevel_is_refused(name: str, seed: int) -> None:
     with pytest.raises(InputError, match=r"no bevel: |no edge in view"):
         segment(denoise(fuse(odd(name, seed, is_raw=False).recording)), root_nominal_mm=1.5, bevel_nominal_deg=35.0)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("name", ODD)
+@pytest.mark.parametrize(("name", "seed"), [(name, k % 3) for k, name in enumerate(ODD)])
 def test_an_edge_that_is_prepared_is_no_raw_edge(name: str, seed: int) -> None:
     part = odd(name, seed, is_raw=True)
     with pytest.raises(InputError):

@@ -84,8 +84,7 @@ def test_a_good_recording_passes_every_check(condition: str) -> None:
 HONEST = ["swept_there_and_back", "swept_reversal", "swept_twist", "swept_helix", "swept_saddle", "swept_ring"]
 
 
-@pytest.mark.parametrize("condition", HONEST)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("condition", "seed"), [(condition, 1 + k % 2) for k, condition in enumerate(HONEST)])
 def test_edges_that_turn_and_passes_that_turn_back_are_honest(condition: str, seed: int) -> None:
     recording, _ = simulate_swept(random_swept_recipe(condition, seed))
     assert failed(recording) == {}
@@ -260,8 +259,9 @@ def test_a_rough_surface_is_no_filter() -> None:
         assert "mean_columns" not in failed(rough)
 
 
-@pytest.mark.parametrize("columns", [2, 3, 9, 15])
-@pytest.mark.parametrize("condition", ["straight", "raw_rough", "correlated"])
+@pytest.mark.parametrize(
+    ("condition", "columns"), [("straight", 2), ("straight", 15), ("raw_rough", 3), ("correlated", 9)]
+)
 def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     assert "mean_columns" in failed(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
 

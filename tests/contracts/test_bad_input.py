@@ -21,6 +21,7 @@ PIPELINE = Path(__file__).parents[2] / "pipelines" / "inspect_bevel.json"
 DOCUMENT = json.loads(PIPELINE.read_text())
 DOCUMENT["stages"] = [entry for entry in DOCUMENT["stages"] if not entry["stage"].startswith("report.")]
 quick = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+whole = settings(quick, max_examples=16)  # a run each; `make fuzz` tries thousands
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.just("${recording}")
 values = st.recursive(
@@ -146,7 +147,7 @@ def _attribute(file: h5py.File, draw: Any) -> None:
     place.attrs[draw(st.sampled_from(["format", "version", "length_unit", "time_unit", "clock", "part_id"]))] = value
 
 
-@quick
+@whole
 @given(data=st.data(), change=st.sampled_from([_poke, _reshape, _remove, _attribute]))
 def test_mutated_recordings(recording_file: Path, data: st.DataObject, change: Change) -> None:
     with tempfile.TemporaryDirectory() as place:
@@ -159,7 +160,7 @@ def test_mutated_recordings(recording_file: Path, data: st.DataObject, change: C
         assert Path(place, "out").exists() == (status != 2)
 
 
-@quick
+@whole
 @given(at=st.integers(0, 4000), length=st.integers(1, 40), seed=st.integers(0, 99), cut=st.booleans())
 def test_damaged_recordings(recording_file: Path, at: int, length: int, seed: int, cut: bool) -> None:
     """Bytes overwritten in the headers, or the file cut off."""

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "bench/fuzz/corpus/inspecting/small.h5"
 PIPELINE = ROOT / "pipelines/inspect_bevel.json"
 WRITER = """
-import sys, time, h5py
+import os, sys, time, h5py
 source, target, swmr = sys.argv[1:4]
 last, pause_s = int(sys.argv[4]), float(sys.argv[5])
 with h5py.File(source) as old, h5py.File(target, "w", libver="latest") as new:
@@ -51,8 +52,8 @@ with h5py.File(source) as old, h5py.File(target, "w", libver="latest") as new:
                 values[first : first + 12] = old[group][name][first : first + 12]
                 values.flush()
         print(first, flush=True)
-        if first + 12 >= last:
-            time.sleep(600)
+        while first + 12 >= last and not os.path.exists(target + ".go"):
+            time.sleep(0.02)
         time.sleep(pause_s)
 """
 
@@ -71,8 +72,16 @@ def writing(target: Path, swmr: bool = True, last: int = 10**6, pause_s: float =
 
 def test_the_results_are_those_of_the_complete_file(command: Callable[..., Any], tmp_path: Path) -> None:
     grown = tmp_path / "grown.h5"
-    with writing(grown, pause_s=0.5):
+
+    def let_go() -> None:
+        """Once it was measured on the way."""
+        while "frames so far: " not in sys.stderr.getvalue():  # type: ignore[attr-defined] # pytest's
+            time.sleep(0.02)
+        grown.with_suffix(".h5.go").touch()
+
+    with writing(grown, last=48):
         assert state_of(grown) == "growing"
+        threading.Thread(target=let_go, daemon=True).start()
         done = command("run", PIPELINE, "--follow", grown, "--no-report", "--out", tmp_path / "a", "--stall-s", "300")
     assert done.status == 0, done.err
     assert "frames so far: pass" in done.err

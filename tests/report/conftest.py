@@ -403,5 +403,6 @@ def browser():
             started = driver.chromium.launch(executable_path=path, args=[*SOFTWARE, *as_root])
         except playwright.Error as error:
             pytest.skip(f"pages are not looked at in a browser: {path} does not start: {str(error).splitlines()[0]}")
+        playwright.expect.set_options(timeout=300_000)
         yield started
         started.close()

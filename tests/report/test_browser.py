@@ -58,7 +58,7 @@ class Opened:
         if before:
             self.page.add_init_script(before)
         self.page.goto(path.as_uri())
-        playwright.expect(self.page.locator("figure.space:not([data-drawn])")).to_have_count(0, timeout=60_000)
+        playwright.expect(self.page.locator("figure.space:not([data-drawn])")).to_have_count(0)
 
     def scene(self, chapter):
         return Shown(
@@ -322,6 +322,6 @@ def test_a_program_is_played(browser, tmp_path):
     assert np.abs(steps).min() > 10
     assert steps == pytest.approx(steps[0], rel=0.06)  # lines of the others cross it
     shown.figure.get_by_role("button", name="Play").click()
-    playwright.expect(words).to_have_text(said[3], timeout=10_000)
-    playwright.expect(shown.figure.get_by_role("button", name="Play")).to_be_visible(timeout=10_000)
+    playwright.expect(words).to_have_text(said[3])
+    playwright.expect(shown.figure.get_by_role("button", name="Play")).to_be_visible()
     assert opened.complaints == []

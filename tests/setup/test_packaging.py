@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from workbench import __version__
+
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
@@ -126,10 +128,15 @@ def test_importing_the_command_loads_nothing_heavy(module):
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
-    subprocess.run(build, capture_output=True, check=True)
-    return next(folder.glob("*.whl"))
+    return built(tmp_path_factory.mktemp("wheel"))
+
+
+def built(folder, **environment):
+    """The wheel of this checkout, without isolation."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, capture_output=True, check=True, cwd=ROOT, env={**os.environ, **environment})
+    (made,) = folder.glob("*.whl")
+    return made
 
 
 def test_a_built_wheel_holds_every_file_of_the_package_the_samples_and_nothing_else(wheel):
@@ -156,15 +163,17 @@ def test_an_installed_wheel_runs_without_the_checkout(wheel, tmp_path):
     assert json.loads((tmp_path / "out" / "stiffness.json").read_text())["loads"] > 0
 
 
+def test_a_wheel_built_later_has_the_same_bytes(wheel, tmp_path):
+    """Seconds later: file times would tell."""
+    assert wheel.name == f"workbench-{__version__}-py3-none-any.whl"
+    assert built(tmp_path).read_bytes() == wheel.read_bytes()
+
+
 def test_a_wheel_with_kernels_is_one_platforms(tmp_path):
     kernels = tmp_path / "kernels"
     kernels.mkdir()
     (kernels / "room.one-0.kernel").write_bytes(b"code")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / "dist")]
-    subprocess.run(
-        build, capture_output=True, check=True, cwd=ROOT, env={**os.environ, "WORKBENCH_KERNELS": str(kernels)}
-    )
-    (made,) = (tmp_path / "dist").iterdir()
+    made = built(tmp_path / "dist", WORKBENCH_KERNELS=str(kernels))
     assert not made.name.endswith("none-any.whl")
     assert zipfile.ZipFile(made).read("workbench/shipped/kernels/room.one-0.kernel") == b"code"
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
-
-import pytest
 
 from scripts.sbom import document, locked
 from workbench import __version__
@@ -42,17 +38,3 @@ def test_the_bill_names_every_locked_package() -> None:
 
 def test_every_locked_package_has_hashes() -> None:
     assert all(hashes for _, _, hashes in locked(LOCK))
-
-
-def test_a_wheel_built_twice_has_the_same_bytes(tmp_path: Path) -> None:
-    pytest.importorskip("hatchling")
-    digests = []
-    for k in range(2):
-        command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / str(k))]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        (wheel,) = (tmp_path / str(k)).glob("*.whl")
-        assert wheel.name == f"workbench-{__version__}-py3-none-any.whl"
-        digests.append(hashlib.sha256(wheel.read_bytes()).hexdigest())
-        time.sleep(1.1)  # file times are told in seconds
-    assert digests[0] == digests[1]

@@ -12,7 +12,7 @@ import pytest
 
 from .conftest import ROOT
 
-QUICK = {"inspect_bevel", "plan_bevel", "identify_stiffness"}
+QUICK = {"inspect_bevel", "plan_bevel"}
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 PIPELINES = [
     pytest.param(path, marks=() if path.stem in QUICK else pytest.mark.slow, id=path.stem)

@@ -335,7 +335,7 @@ def test_yaml_says_the_same(cell_file: Any) -> None:
     assert (one.loading.targets_mm == other.loading.targets_mm).all()
 
 
-@pytest.mark.parametrize("change", [change for change, _ in BAD])
+@pytest.mark.parametrize("change", [change for change, _ in BAD[::8]])
 def test_bad_yaml_cells_are_refused_as_json_ones(cell_file: Any, change: Change) -> None:
     path = cell_file(change)
     errors = []

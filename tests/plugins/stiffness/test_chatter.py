@@ -31,13 +31,19 @@ def milled(cell, stiffness, plan):
     return push, found, robot
 
 
-def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan, milled) -> None:
+@pytest.fixture(scope="module")
+def found(cell, plan, milled):
     push, postures, robot = milled
-    found, file, page = chatter(cell, robot, plan, push, postures, stations=5, force_relative_u=0.1)
+    return chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1)
+
+
+def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan, milled, found) -> None:
+    push, postures, robot = milled
+    found, file, page = found
     assert np.allclose(found.margin * found.depth_mm, found.up_limit_mm)
     assert (found.u_log > 0.1).all()
     surer = dataclasses.replace(robot, covariance=robot.covariance / 100)
-    less, *_ = chatter(cell, surer, plan, push, postures, stations=5, force_relative_u=0.1)
+    less, *_ = chatter(cell, surer, plan, push, postures, stations=2, force_relative_u=0.1)
     assert np.allclose(less.u_log**2 - 0.01, (found.u_log**2 - 0.01) / 100, rtol=0.05)
     document = json.loads(file.content)
     assert len(document["declared"]) == 3
@@ -50,17 +56,17 @@ def test_twice_the_force_is_half_the_limit(cell, plan, milled) -> None:
     _, postures, robot = milled
     strong, _ = force(plan, None, cell, coefficients=tuple(2 * k for k in OWN), helix_deg=0)
     plain, _ = force(plan, None, cell, coefficients=OWN, helix_deg=0)
-    one, _, _ = chatter(cell, robot, plan, plain, postures, stations=3, force_relative_u=0.1)
-    two, _, _ = chatter(cell, robot, plan, strong, postures, stations=3, force_relative_u=0.1)
+    one, _, _ = chatter(cell, robot, plan, plain, postures, stations=2, force_relative_u=0.1)
+    two, _, _ = chatter(cell, robot, plan, strong, postures, stations=2, force_relative_u=0.1)
     assert np.allclose(two.up_limit_mm * 2, one.up_limit_mm, rtol=0.01)
     assert np.allclose(two.down_limit_mm * 2, one.down_limit_mm, rtol=0.01)
 
 
-def test_more_damping_allows_more(cell, plan, milled) -> None:
+def test_more_damping_allows_more(cell, plan, milled, found) -> None:
     push, postures, robot = milled
     calm = dataclasses.replace(robot, damping=2 * robot.damping)
-    one, two = (chatter(cell, r, plan, push, postures, stations=3)[0] for r in (robot, calm))
-    assert (two.up_limit_mm > 1.2 * one.up_limit_mm).all()
+    two, *_ = chatter(cell, calm, plan, push, postures, stations=2)
+    assert (two.up_limit_mm > 1.2 * found[0].up_limit_mm).all()
 
 
 def test_another_paths_force_and_one_without_coefficients_are_refused(cell, plan, milled) -> None:

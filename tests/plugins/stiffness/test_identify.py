@@ -36,8 +36,8 @@ def test_exact_loads_give_table_2_exactly(cell: Cell, exact: Any, targets: int) 
 
 
 def test_errors_are_at_the_bound_and_uncertainties_honest(cell: Cell, exact: Any, noisy: Any) -> None:
-    """80 trials: the spread over the Cramer-Rao bound, computed with the true stiffness, and the 95 % ellipsoid."""
-    trials = 80
+    """24 trials: the spread over the Cramer-Rao bound, computed with the true stiffness, and the 95 % ellipsoid."""
+    trials = 24
     clean = exact()
     assert cell.loading is not None
     eq = equations(cell.chain, cell.loading, clean)

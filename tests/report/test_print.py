@@ -176,7 +176,6 @@ def test_every_text_is_dark_enough(page):
     ("name", "inputs", "most"),
     [
         ("inspect_bevel", {}, 4),
-        ("closed_loop", {}, 8),
         ("measured_loop", {"tool_error_mm": [0.25, -0.2, 0.25]}, 8),  # as `make demo`
     ],
 )

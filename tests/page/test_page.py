@@ -35,7 +35,7 @@ class Client:
         self.root = f"/{self.server.token}"
 
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.server_port, timeout=60)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.server_port, timeout=600)
         content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
         connection.request(method, self.root + path, content, headers)
         answer = connection.getresponse()
@@ -212,7 +212,7 @@ def test_in_a_browser(client: Client) -> None:
         ["chromium", *FLAGS, "--enable-logging=stderr", "--virtual-time-budget=2000", "--dump-dom", address],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert 'data-kind="number"' in got.stdout

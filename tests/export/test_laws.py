@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 import ezdxf
 import numpy as np
 import pytest
-import xmlschema
 from pyarrow import parquet
 
 from workbench.artefacts import (
@@ -44,7 +43,6 @@ from workbench.export.qif import NAMESPACE
 from workbench.pipeline.results import result_files
 from workbench.report import csv
 
-OFFICIAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "qif30" / "QIFDocument.xsd"
 Q = {"q": NAMESPACE}
 RUN = Provenance("t", (("recording", "part 7.h5", "ab12"),), {}, {}, 0)
 U, TOLERANCE = 0.01, (-0.25, 0.5)
@@ -287,18 +285,6 @@ def test_the_budget_adds_up_to_the_largest_section_of_each_size(what: str) -> No
     for name in inspection.terms:
         whole = max(section.values[u_name(name)] or 0.0 for section in inspection.sections)
         assert np.sqrt(sum(row[u_name(name)] ** 2 for row in inspection.sources)) == pytest.approx(whole)
-
-
-@pytest.fixture(scope="module")
-def schema() -> xmlschema.XMLSchema:
-    if not OFFICIAL.is_file():
-        pytest.skip("the official schema of QIF 3.0 is not here: ../shared/data/real/qif30")
-    return xmlschema.XMLSchema(OFFICIAL)
-
-
-@pytest.mark.parametrize(("what", "kind"), CASES)
-def test_qif_of_every_joint_and_verdict_is_valid(what: str, kind: str, schema: xmlschema.XMLSchema) -> None:
-    schema.validate(qif(JOINTS[what](kind), RUN).content.decode())
 
 
 @pytest.mark.parametrize("what", JOINTS)

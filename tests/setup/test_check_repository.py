@@ -148,11 +148,5 @@ def test_a_test_of_inner_names_is_counted():
         assert check.ratchet.inner_tests(public + body) == 0
 
 
-def test_a_run_has_no_room_s_name():
-    now = check.ratchet.measured(False)
-    assert "program" in now
-    assert not now.keys() & check.ratchet.RUNS.keys()
-
-
 def test_the_repository_itself_passes():
     assert check.main(["--loaded"]) == 0

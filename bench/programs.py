@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider, Target
-from workbench.program.rapid_reader import read_rapid
+from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell import ON_BASE, Shape
 from workbench.robot.judge import judge

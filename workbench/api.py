@@ -90,6 +90,7 @@ from workbench.geometry.poses import (
     vector_from_rotation,
 )
 from workbench.kernels import kernel
+from workbench.language import Language
 from workbench.stage import InputFile, Progress, Seed, stage
 from workbench.storage import numbered_lines, read_text
 from workbench.strict_json import read_json, strict_json
@@ -193,6 +194,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Joint",
     "JointInspection",
     "Judgement",
+    "Language",
     "Layer",
     "LayerEngagement",
     "LoadingSetup",

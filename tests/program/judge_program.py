@@ -13,7 +13,10 @@ import pinocchio as pin
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from workbench.program.rapid_reader import parse_rapid
+from workbench.program.rapid import read_rapid
+from workbench.robot import read_cell
+
+from .paths import targets as targets_of
 
 
 def pose(document: Any) -> np.ndarray:
@@ -39,7 +42,7 @@ class Judge:
     """The robot from its URDF, the cell from its file, the finished surface from the truth."""
 
     def __init__(self, cell: Path, truth: Path, root_mm: float, bevel_deg: float) -> None:
-        self.cell = json.loads(cell.read_text())
+        self.file, self.cell = cell, json.loads(cell.read_text())
         urdf = cell.parent / self.cell["robot"]["urdf"]
         self.model = pin.buildModelFromUrdf(str(urdf))
         self.data = self.model.createData()
@@ -79,16 +82,16 @@ class Judge:
         posture = json.loads((out / "posture.json").read_text())
         rows = posture["points"] + posture["travels"]
         faults, targets = [], []
-        program = parse_rapid((out / "BevelPath.mod").read_text())
-        tool = next(iter(program.tools.values())).frame
-        flange_from_tool = pose({"position_mm": tool.position_mm, "quaternion_wxyz": tool.quaternion_wxyz})
+        process = read_cell(self.file).process
+        program = read_rapid((out / "BevelPath.mod").read_text(), "BevelPath.mod", process)
+        flange_from_tool = program.tools[program.moves[0].tool].flange_from_tool
         for row in rows:
             flange = self._stand(row["joints_deg"])
             targets.append((flange @ flange_from_tool)[:3, 3])
             faults += self._limits(row) + self._hits(flange, np.radians(row["turntable_deg"]))
             faults += self._below(flange, np.radians(row["turntable_deg"]), radius_mm, flute_mm)
         last = -1 if self.cell.get("process") else None  # the last target is the retract
-        away = cKDTree(np.array(targets)).query(program.poses[0][:last])[0]
+        away = cKDTree(np.array(targets)).query(targets_of(program)[0][:last])[0]
         faults += [f"a target lies {away.max():.3f} mm from every posture"] if away.max() > 0.02 else []
         return faults
 

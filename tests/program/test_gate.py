@@ -20,8 +20,7 @@ from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
 from workbench.pipeline.results import result_files
 from workbench.program import csv, write
-from workbench.program.rapid import Rapid
-from workbench.program.rapid_reader import parse_rapid
+from workbench.program.rapid import Rapid, read_rapid
 from workbench.program.write import program_job
 from workbench.report import html
 from workbench.robot import Cell
@@ -399,8 +398,8 @@ def test_blending_does_not_leave_the_path_farther_than_it_was_checked_for(moves:
     """Wide zones would cut corners; sharp ones are driven to their point, and all others stay near it."""
     path = moves.toolpath
     straight = simplify(path, moves.postures, arcs=False, chord_tolerance_mm=0.001, angle_tolerance_deg=0.01)
-    moves = parse_rapid(program(straight, passed(path), irb6700, 5)).moves[1:]
-    at = np.array([move.target.position_mm for move in moves])
+    moves = read_rapid(program(straight, passed(path), irb6700, 5)).moves[1:]
+    at = np.array([move.pose[:3, 3] for move in moves])
     blended = [i for i in range(1, len(moves) - 1) if moves[i].zone_mm > 0]
     sharp = [i for i in range(1, len(moves) - 1) if not moves[i].zone_mm]
     assert len(blended) > 5

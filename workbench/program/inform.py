@@ -4,23 +4,12 @@
 Instructions, INFORM Language.) Targets are X, Y, Z in mm and R = Rz(Rz) Ry(Ry) Rx(Rx) in deg, in the robot's frame or
 in a user frame that the controller has, for a tool that it has: a job declares none. RCONF says the arm's branch for
 every target: flip 0 (R, axis 4, within +-90 deg) or no flip 1, upper arm 0 or lower arm 1, front 0 or rear 1, then
-whether R, T and S (joints 4, 6 and 1) are beyond +-180 deg. MOVJ goes to such a target too: pulses of the encoders,
-the other way to say a posture, are known to the controller alone. Speeds are mm/s in tenths, rounded down. A target
-is reached (PL=0), or rounded by CR in mm where the controller has that tag, or by the largest position level (PL=1 to
-8) that the zone holds, where the cell file says their zones, which no job does.
-
-Read back strictly, and no more of it than milling jobs need.
-
-    job     = /JOB //NAME //POS ///NPOS [///USER n] ///TOOL n ///POSTYPE ROBOT | USER ///RECTAN {///RCONF | C} //INST
-              ///ATTR ///FRAME ///GROUP1 RB1 NOP {event} [MSG PAUSE] MOVJ {move | event} END
-    move    = MOVJ C | P, VJ=, PL=0 | MOVL C, V=, PL= | CR= | arc
-    arc     = [MOVC start, V=, PL=0] MOVC middle, V= MOVC end, V=, PL= | CR=, FPT
-    event   = DOUT OT#(n) ON | OFF, WAIT IN#(n)=ON, TIMER T=, PAUSE, a label, CALL JOB:
-
-An arc that follows another one begins where that ended; any other one says its start again. MOVJ goes to a pose by the
-branch that RCONF names, of which the robot must have exactly one within its limits, or to the controller's home.
-Everything else is refused with its line: counts and numbers of positions that are wrong, one that is not there, signals
-and jobs that the cell file's process does not name, an event after a corner that is rounded.
+whether R, T and S (joints 4, 6 and 1) are beyond +-180 deg. MOVJ goes to such a target too, of which the robot must
+have exactly one within its limits: pulses of the encoders, the other way to say a posture, are known to the controller
+alone. Speeds are mm/s in tenths, rounded down. A target is reached (PL=0), or rounded by CR in mm where the controller
+has that tag, or by the largest position level (PL=1 to 8) that the zone holds, where the cell file says their zones,
+which no job does. An arc that follows another one begins where that ended; any other one says its start again. WAIT
+waits without end; feeds are limited where they are written.
 """
 
 from __future__ import annotations
@@ -29,23 +18,20 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramMove, ProgramMoves, ProgramTool
+from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
-from workbench.program.skeleton import (
-    CellDialect,
-    check_standing_turntable,
-    check_words,
-    limited,
-)
-from workbench.program.words import NAME, NUMBER, Events, Lines, euler_pose, numbers, one_file
+from workbench.program.reading import Reading, euler_pose, one_file
+from workbench.program.skeleton import CellDialect, check_standing_turntable, check_words, limited
 from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
@@ -62,16 +48,72 @@ FLIP_DEG = 90.0  # to both sides of R's home, and of whole turns of it
 WHOLE = 2 * np.pi
 TURNED = [3, 5, 0]  # joints R, T, S
 SAME_POSTURE = 1e-3 * DEG  # branches that coincide
-UNUSED = ",0" * 18  # of RCONF
-POSITION = rf"C(\d{{5}})={','.join([NUMBER] * 6)}"
-SPEED = rf"V={NUMBER}"
-NEAR = rf"(?:PL=([0-8])|CR={NUMBER})"
-EVENT = rf"DOUT OT#\((\d+)\) (ON|OFF)|WAIT IN#\((\d+)\)=ON|TIMER T=(\d+\.\d\d)|(PAUSE)|\*([A-Z0-9]+)|CALL JOB:{NAME}"
+ARC = "MOVC C{via:05d} V={speeds[0]:.1f}\nMOVC C{target:05d} V={speeds[1]:.1f} {near} FPT"
+BODY: tuple[str, ...] = (
+    "straight",
+    "arc",
+    "axes",
+    "home_",
+    "switch_on",
+    "switch_off",
+    "wait_speed",
+    "wait_time",
+    "stop",
+)
+BODY += ("restart", "hook", "end")
+JOB = Language(
+    forms={
+        "header": "/JOB\n//NAME {name}\n//POS\n///NPOS {count:d},0,0,0,0,0{user}\n///TOOL {tool:d}\n"
+        "///POSTYPE {kind}\n///RECTAN",
+        "rconf": f"///RCONF {row([''] * 6, 'flags', 'd')}{',0' * 18}",
+        "position": f"C{{number:05d}}={row([''] * 3, 'at', '.3f')},{row([''] * 3, 'turn', '.4f')}",
+        "instructions": "//INST\n///ATTR SC,RW,RJ\n///FRAME {frame}\n///GROUP1 RB1\nNOP",
+        "turntable": 'MSG "TURNTABLE AT {angle:.4f} DEG?"\nPAUSE',
+        "axes": "MOVJ C{target:05d} VJ={percent:.2f} PL=0",
+        "home_": "MOVJ {variable} VJ={percent:.2f} PL=0",
+        "straight": "MOVL C{target:05d} V={feed:.1f} {near}",
+        "arc": f"MOVC C{{start:05d}} V={{speeds[2]:.1f}} PL=0\n{ARC}",
+        "arc_on": ARC,
+        "switch_on": "DOUT OT#({signal}) ON",
+        "switch_off": "DOUT OT#({signal}) OFF",
+        "wait_speed": "WAIT IN#({signal})=ON",
+        "wait_time": "TIMER T={seconds}",
+        "stop": "PAUSE",
+        "restart": "*{value}",
+        "hook": "CALL JOB:{value}",
+        "end": "END",
+    },
+    order={
+        "": ("header",),
+        "header": ("rconf",),
+        "rconf": ("position",),
+        "position": ("position", "rconf", "instructions"),
+        "instructions": ("hook", "turntable", "axes", "home_"),
+        "turntable": ("axes", "home_"),
+        **dict.fromkeys(BODY, BODY),
+        **dict.fromkeys(("arc", "arc_on"), ("arc_on", *BODY)),
+        "hook": (*BODY, "turntable"),
+        "end": (),
+    },
+    kinds={
+        "user": r"(?:\r?\n///USER [0-9]+)?",
+        "kind": "ROBOT|USER",
+        "flags": "[01]",
+        "frame": "ROBOT|USER [0-9]+",
+        "variable": "P[0-9]+",
+        "near": f"PL=[0-8]|CR={NUMBER}",
+        "signal": "[0-9]+",
+        "seconds": r"[0-9]+\.[0-9][0-9]",
+    },
+    comment="'",
+)
 
 
 @dataclass
 class Inform(CellDialect):
     """The dialect of Yaskawa's controllers."""
+
+    language = JOB
 
     def __post_init__(self) -> None:
         """Refuse what a job cannot say."""
@@ -129,25 +171,13 @@ class Inform(CellDialect):
         base_from_frame = np.eye(4) if self.frame is None else self.cell.base_from_workobject
         return Arm(self.cell.chain, self.cell.flange_from_cutter, base_from_frame)
 
-    def event(self, kind: EventKind, value: str) -> list[str]:
-        """What happens between moves: DOUT, WAIT, TIMER, PAUSE, a label, CALL.
-
-        The move before reaches its target, and WAIT waits without end. Feeds are limited where they are written.
-        """
-        words: dict[EventKind, list[str]] = {
-            "hook": [f"CALL JOB:{value.upper()}"],
-            "stop": ["PAUSE"],
-            "feed_limits": [],
-            "restart": [f"*{value.upper()}"],
-            "wait_speed": [f"WAIT IN#({value})=ON"],
-        }
-        if kind == "wait_time":
-            return [f"TIMER T={float(value):.2f}"]
-        switched = {"on": "ON", "off": "OFF"}.get(kind.rpartition("_")[2])
-        return [f"DOUT OT#({value}) {switched}"] if switched else words[kind]
+    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
+        """Seconds in hundredths; names are in capitals."""
+        seconds = f"{float(value):.2f}" if kind == "wait_time" else ""
+        return {"value": value.upper(), "signal": value, "seconds": seconds}
 
     @functools.cached_property
-    def ends(self) -> list[str]:
+    def ends(self) -> list[tuple[float, str]]:
         """All that stands behind the target of each move: speed, and how near it is reached."""
         controller = self.cell.controller
         corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
@@ -159,7 +189,7 @@ class Inform(CellDialect):
         blends = self.blends
         arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
         near = [rounded if free and not arc else "PL=0" for free, arc in zip(blends, arc_next, strict=True)]
-        return [f"V={feed:.1f} {end}" for feed, end in zip(feeds.tolist(), near, strict=True)]
+        return list(zip(feeds.tolist(), near, strict=True))
 
     def head(self) -> Iterator[str]:
         """Remarks; the first posture's angles, by which its branch is told on the pendant; the turntable's."""
@@ -169,62 +199,49 @@ class Inform(CellDialect):
             for axis, angle in zip("SLURBT", self._first_deg.tolist(), strict=True)
         )
         yield self.remark(f"C00000 on the pendant, deg: {said}")
-        yield from self.said(self.skeleton.first) if self.skeleton else ()
+        yield from self.events("first")
         if self.job.turntable_deg is not None:
-            yield from (f'MSG "TURNTABLE AT {self.job.turntable_deg[0] + 0.0:.4f} DEG?"', "PAUSE")
+            yield from JOB.say("turntable", angle=self.job.turntable_deg[0] + 0.0).split("\n")
 
-    def start(self) -> Iterable[str]:
-        """By the joints to the first posture; with a process from home, and straight to the first target."""
-        start = f"MOVJ C00000 VJ={JOINT_PERCENT:.2f} PL=0"
-        if self.skeleton is None:
-            return [start]
-        probe = self.probed(f"MOVJ {self._around[3]} VJ={JOINT_PERCENT:.2f} PL=0")
-        return [self._home, *probe, start, *self.said(self.skeleton.on), f"MOVL {self._around[1]} {self.ends[0]}"]
+    def axes(self, where: str) -> list[str]:
+        """MOVJ."""
+        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
+        if named:
+            return [JOB.say("home_", variable=named, percent=JOINT_PERCENT)]
+        target = {
+            "start": 0,
+            "home": self.numbers[-1] + 1,
+            "back": self.numbers[-1] + 1,
+            "probe": self.numbers[-1] + 4,
+        }[where]
+        return [JOB.say("axes", target=target, percent=JOINT_PERCENT)]
 
-    @property
-    def _home(self) -> str:
-        assert self.skeleton is not None
-        place = self.skeleton.process.home.controller_name or self._around[0]
-        return f"MOVJ {place} VJ={JOINT_PERCENT:.2f} PL=0"
-
-    def straight(self, i: int) -> Iterable[str]:
+    def straight_to(self, where: str) -> list[str]:
         """MOVL."""
-        return [*self.layer(i), f"MOVL {self._name(i)} {self.ends[i]}"]
+        behind, (feed, near) = (2, self.ends[0]) if where == "first" else (3, self.ends[-1])
+        return [JOB.say("straight", target=self.numbers[-1] + behind, feed=feed, near=near)]
 
-    def circular(self, i: int) -> Iterable[str]:
-        """MOVC over the middle to the end, which FPT ends; the first of several says its start once more."""
-        said, (speed, near) = self.layer(i), self.ends[i].split(" ")
-        begins = not self.job.moves.circular[i - 1] or bool(said)
-        start = [f"MOVC {self._name(i - 1)} {speed} PL=0"] if begins else []
-        via = f"MOVC C{self.numbers[i] - 1:05d} {speed}"
-        return [*said, *start, via, f"MOVC {self._name(i)} {speed} {near} FPT"]
+    def move(self, i: int) -> list[str]:
+        """MOVL; or MOVC over the middle to the end, which FPT ends: the first of several says its start once more."""
+        (feed, near), number, circular = self.ends[i], self.numbers[i], self.job.moves.circular
+        if not circular[i]:
+            return [JOB.say("straight", target=number, feed=feed, near=near)]
+        again = "arc" if not circular[i - 1] or self.layer(i) else "arc_on"
+        begin = self.numbers[-1] + 2 if i == 1 and self.skeleton else self.numbers[i - 1]
+        return JOB.say(again, start=begin, via=number - 1, target=number, speeds=[feed] * 3, near=near).split("\n")
 
-    def remark(self, text: str) -> str:
-        """Up to the end of the line; a job takes 32 characters."""
-        return f"'{text}"
-
-    def foot(self) -> Iterable[str]:
+    def foot(self) -> list[str]:
         """With a process back, and home; the end."""
-        skeleton = self.skeleton
-        if skeleton is None:
-            return ["END"]
-        retract = f"MOVL {self._around[2]} {self.ends[-1]}"
-        return [retract, *self.said(skeleton.off), self._home, *self.said(skeleton.last), "END"]
+        return [*super().foot(), "END"]
 
     @functools.cached_property
     def numbers(self) -> list[int]:
-        """Of each target's position, from 0; the middle of an arc has the one before."""
+        """Of each target's position, from 0; an arc's middle has the one before. Behind: home, first, retract, probe.
+
+        The first is said twice with a process: the second time by a straight move.
+        """
         numbers: list[int] = (np.cumsum(1 + self.job.moves.circular.astype(int)) - 1).tolist()
         return numbers
-
-    def _name(self, i: int) -> str:
-        """Of move i's target; the first is said twice with a process: the second time by a straight move."""
-        return self._around[1] if i == 0 and self.skeleton else f"C{self.numbers[i]:05d}"
-
-    @property
-    def _around(self) -> list[str]:
-        """Behind the targets: home, the first target, the retract, the probe."""
-        return [f"C{self.numbers[-1] + k:05d}" for k in (1, 2, 3, 4)]
 
     @property
     def _count(self) -> int:
@@ -234,21 +251,18 @@ class Inform(CellDialect):
         """Turn it back."""
         return read_inform(files, self.arm, self.cell)
 
-    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+    def configuration(self, joints: Float, cell: Cell) -> Configuration:
         """RCONF of a posture (6,), rad: no flip, lower arm, rear, and whether R, T, S are beyond +-180 deg."""
         return inform_configuration(cell.chain, joints)
 
     def documents(self, text: str) -> dict[str, str]:
         """Positions, then instructions."""
-        name = self.job.name.upper()
-        frame = "ROBOT" if self.frame is None else "USER"
-        user = [] if self.frame is None else [f"///USER {self.frame}"]
-        content = ["/JOB", f"//NAME {name}", "//POS", f"///NPOS {self._count},0,0,0,0,0", *user]
-        content += [f"///TOOL {self.tool}", f"///POSTYPE {frame}", "///RECTAN", *self._positions()]
-        place = "ROBOT" if self.frame is None else f"USER {self.frame}"
-        content += ["//INST", "///ATTR SC,RW,RJ", f"///FRAME {place}", "///GROUP1 RB1", "NOP"]
+        name, kind = self.job.name.upper(), "ROBOT" if self.frame is None else "USER"
+        user, place = ("", kind) if self.frame is None else (f"\n///USER {self.frame}", f"USER {self.frame}")
+        content = [JOB.say("header", name=name, count=self._count, user=user, tool=self.tool, kind=kind)]
+        content += [*self._positions(), JOB.say("instructions", frame=place)]
         content += [piece for line in text.splitlines() for piece in _short(line)]
-        return {f"{name}.JBI": "\r\n".join([*content, ""])}
+        return {f"{name}.JBI": "\n".join([*content, ""]).replace("\n", "\r\n")}
 
     @property
     def _first_deg(self) -> Float:
@@ -275,29 +289,29 @@ class Inform(CellDialect):
             rows += [self._posture(skeleton.home_deg[0] * DEG), (said[0], here[0])]
             rows.append((self.configuration(skeleton.retract_joints, self.cell), back))
             rows += [] if skeleton.probe_deg is None else [self._posture(skeleton.probe_deg[0] * DEG)]
-        last: tuple[int, ...] = ()
+        last: Configuration = ()
         for number, (configuration, values) in enumerate(rows):
             if configuration != last:
-                yield "///RCONF " + ",".join(map(str, (*configuration, *[0] * 18)))
+                yield JOB.say("rconf", flags=configuration)
             last = configuration
-            yield f"C{number:05d}={values}"
+            yield JOB.say("position", number=number, at=values[:3], turn=values[3:])
 
-    def _posture(self, joints: Float) -> tuple[tuple[int, ...], str]:
+    def _posture(self, joints: Float) -> tuple[Configuration, list[float]]:
         """RCONF and pose of joint angles (6,), rad."""
         pose = self.arm.pose(forward_kinematics(self.cell.chain, joints))
         return self.configuration(joints, self.cell), spelled(pose[None])[0]
 
-    def _spelled(self, position_mm: Float, quaternion_wxyz: Float) -> list[str]:
+    def _spelled(self, position_mm: Float, quaternion_wxyz: Float) -> list[list[float]]:
         """Targets (k, 3), (k, 4) of the job's work object, in the frame of the positions."""
         poses = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)
         return spelled(poses if self.frame is not None else self.job.base_from_workobject @ poses)
 
 
-def spelled(poses: Float) -> list[str]:
+def spelled(poses: Float) -> list[list[float]]:
     """X, Y, Z, Rx, Ry, Rz of poses (k, 4, 4): 3 decimals of a mm, 4 of a degree."""
     turned = euler_deg(quaternion_from_rotation(poses[:, :3, :3]))[:, ::-1]
-    rows = zip((np.round(poses[:, :3, 3], 3) + 0.0).tolist(), (np.round(turned, 4) + 0.0).tolist(), strict=True)
-    return [",".join([*(f"{x:.3f}" for x in place), *(f"{x:.4f}" for x in turn)]) for place, turn in rows]
+    rows: list[list[float]] = np.hstack([np.round(poses[:, :3, 3], 3) + 0.0, np.round(turned, 4) + 0.0]).tolist()
+    return rows
 
 
 def _short(line: str) -> list[str]:
@@ -315,9 +329,6 @@ def inform_configuration(chain: Chain, joints: Float) -> Configuration:
     flip = 0.0 < (float(angles[0]) + FLIP_DEG) % 360.0 <= 2.0 * FLIP_DEG
     beyond = ((angles > 180) | (angles <= -180)).astype(int).tolist()
     return (int(not flip), int(down), int(behind), *beyond)
-
-
-# The reader.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -350,6 +361,86 @@ class Arm:
         return [k for k in (0, 1, -1) if lower <= angle + WHOLE * k <= upper]
 
 
+class _Job(Reading):
+    """The job, statement by statement."""
+
+    language = JOB
+
+    def __init__(self, arm: Arm, cell: Cell) -> None:
+        super().__init__(cell.process)
+        self.arm, self.levels_mm = arm, cell.controller.levels_mm if cell.controller else ()
+        self.flags: Configuration = ()
+        self.positions: list[tuple[Configuration, Float]] = []
+        self.at: int | None = None  # the position that the last move went to, where it was not the controller's home
+        self.table: float | None = None  # rad: where a message asks for it
+
+    def header(self, name: str, count: int, user: str, tool: int, kind: str) -> None:
+        self.tool, self.count = f"TOOL[{tool}]", count
+        self.frame = user.strip()[3:] if user else "ROBOT"
+        if kind != self.frame.split(" ")[0]:
+            self.refuse("///POSTYPE USER where ///USER is said, else ROBOT", f"///POSTYPE {kind}")
+        self.work_object = re.sub(r"USER (\d+)", r"USER[\1]", self.frame)  # as cell files have it
+
+    def rconf(self, flags: list[int]) -> None:
+        self.flags = tuple(flags)
+
+    def position(self, number: int, at: list[float], turn: list[float]) -> None:
+        if number != len(self.positions):
+            self.refuse(f"C{len(self.positions):05d}")
+        self.positions.append((self.flags, euler_pose(at, turn[::-1])))
+
+    def instructions(self, frame: str) -> None:
+        if len(self.positions) != self.count:
+            self.refuse(f"///NPOS {len(self.positions)}", str(self.count))
+        if frame != self.frame:
+            self.refuse(f"///FRAME {self.frame}, as the positions have it", f"///FRAME {frame}")
+
+    def turntable(self, angle: float) -> None:
+        if self.moves or self.table is not None:
+            self.refuse("this message once, before the first move")
+        self.table = angle * DEG
+
+    def axes(self, target: int, percent: float) -> None:
+        configuration, pose = self._position(target)
+        postures = self.arm.postures(pose, configuration)
+        if len(postures) != 1:
+            self.refuse(f"a position that RCONF makes one posture of the robot, not {len(postures)}")
+        self.by_joints(percent / 100, postures[0], self.table)
+
+    def home_(self, variable: str, percent: float) -> None:
+        if variable != self.home:
+            self.refuse("a position of this job or the controller's home", variable)
+        self.at = None
+        self.by_joints(percent / 100, None, place=variable)
+
+    def straight(self, target: int, feed: float, near: str, via: Float | None = None) -> None:
+        configuration, pose = self._position(target)
+        zone = float(near[3:])
+        if near.startswith("PL") and zone > len(self.levels_mm):
+            self.refuse("PL=0, or a level of the cell file's ($.controller.position_levels_mm)", near)
+        if near.startswith("PL"):
+            zone = self.levels_mm[int(zone) - 1] if zone else 0.0
+        self.in_space(pose, via, feed, zone, turntable=self.table, configuration=configuration)
+
+    def arc_on(self, via: int, target: int, speeds: list[float], near: str) -> None:
+        if len({*speeds}) > 1:
+            self.refuse("the same speed all along the arc")
+        self.said = self.said._replace(line=self.said.line + len(speeds) - 1)  # where it ends
+        self.straight(target, speeds[0], near, self._position(via)[1])
+
+    def arc(self, start: int, **more: Any) -> None:
+        if start != self.at or self.moves[-1].zone_mm > 0:
+            self.refuse("an arc that starts where the move before ended, with PL=0")
+        self.arc_on(**more)
+
+    def _position(self, number: int) -> tuple[Configuration, Float]:
+        """Configuration and pose (4, 4) of C<number>, where the robot then is."""
+        if number >= len(self.positions):
+            self.refuse(f"a position of //POS, C00000 to C{len(self.positions) - 1:05d}", f"C{number:05d}")
+        self.at = number
+        return self.positions[number]
+
+
 def read_inform(files: Mapping[str, str], arm: Arm, cell: Cell) -> ProgramMoves:
     """Read a job from its file, name -> text.
 
@@ -362,185 +453,8 @@ def read_inform(files: Mapping[str, str], arm: Arm, cell: Cell) -> ProgramMoves:
         InputError: "line 12: expected ..., found ...".
     """
     name, text = one_file(files, ".jbi")
-    lines = Lines(text, name, "'")
-    lines.take("/JOB", "/JOB")
-    lines.take(rf"//NAME {NAME}", "//NAME and a name of letters, digits and _")
-    frame, tool, positions = _positions(lines)
-    lines.take("//INST", "//INST")
-    lines.take("///ATTR SC,RW,RJ", "///ATTR SC,RW,RJ: a relative job")
-    lines.take(rf"///FRAME {re.escape(frame)}", f"///FRAME {frame}, as the positions have it")
-    lines.take("///GROUP1 RB1", "///GROUP1 RB1")
-    lines.take("NOP", "NOP")
-    job = _Job(lines, arm, positions, (tool, frame), cell)
-    job.read()
-    lines.end()
-    objects = {job.frame: np.eye(4) if frame == "ROBOT" else None}
-    return ProgramMoves(
-        "yaskawa",
-        name,
-        tuple(job.moves),
-        {tool: ProgramTool(None)},
-        objects,
-        tuple(job.events.found),
-        tuple(lines.remarks),
-    )
-
-
-def _positions(lines: Lines) -> tuple[str, str, list[tuple[Configuration, Float]]]:
-    """Frame and tool of the positions; configuration and pose (4, 4) of each."""
-    lines.take("//POS", "//POS")
-    count = int(lines.take(r"///NPOS (\d+),0,0,0,0,0", "///NPOS n,0,0,0,0,0: positions of the robot alone")[1])
-    user = lines.take(r"///USER (\d+)", "///USER n")[1] if lines.peek().startswith("///USER") else None
-    tool = lines.take(r"///TOOL (\d+)", "///TOOL n")[1]
-    frame = "ROBOT" if user is None else "USER"
-    lines.take(f"///POSTYPE {frame}", f"///POSTYPE {frame}" + ("" if user else ", where no ///USER is said"))
-    lines.take("///RECTAN", "///RECTAN")
-    said: Configuration | None = None
-    found: list[tuple[Configuration, Float]] = []
-    while not lines.peek().startswith("//INST"):
-        if lines.peek().startswith("///RCONF"):
-            flags = lines.take(rf"///RCONF ([01],[01],[01],[01],[01],[01]){UNUSED}", "///RCONF and its flags")
-            said = tuple(int(flag) for flag in flags[1].split(","))
-            continue
-        row = lines.take(POSITION, f"C{len(found):05d}=X,Y,Z,Rx,Ry,Rz")
-        if said is None or int(row[1]) != len(found):
-            lines.refuse(f"C{len(found):05d} behind an ///RCONF", row[0])
-        x, y, z, rx, ry, rz = numbers(row, 2, 7)
-        found.append((said, euler_pose([x, y, z, rz, ry, rx])))
-    if len(found) != count:
-        lines.refuse(f"///NPOS {len(found)}", str(count))
-    return frame if user is None else f"USER {user}", f"TOOL[{tool}]", found
-
-
-@dataclass
-class _Job:
-    """The instructions, one after the other."""
-
-    lines: Lines
-    arm: Arm
-    positions: list[tuple[Configuration, Float]]
-    names: tuple[str, str]  # of tool and frame
-    cell: Cell
-    moves: list[ProgramMove] = field(default_factory=list)
-    turntable: float | None = None  # rad: where a message asks for it
-    at: int | None = None  # the position that the last move went to, where it was not by the controller's home
-    in_arc: bool = False  # an arc has just ended: the next one begins there
-
-    def __post_init__(self) -> None:
-        self.events = Events(self.lines, self.moves, self.cell.process)
-
-    @property
-    def levels_mm(self) -> tuple[float, ...]:
-        """Zones of PL=1, 2, ..."""
-        return self.cell.controller.levels_mm if self.cell.controller else ()
-
-    @property
-    def frame(self) -> str:
-        """The frame's name as cell files have it."""
-        return re.sub(r"USER (\d+)", r"USER[\1]", self.names[1])
-
-    def read(self) -> None:
-        """All between NOP and END."""
-        lines = self.lines
-        while lines.peek() not in ("END", ""):
-            word = lines.peek().split(" ")[0]
-            if word == "MOVJ":
-                self.moves.append(self.by_joints())
-            elif word in ("MOVL", "MOVC") and not self.moves:
-                lines.take("MOVJ.*", "MOVJ first")
-            elif word == "MOVL":
-                self.moves.append(self.straight())
-            elif word == "MOVC":
-                self.moves.append(self.circular())
-            elif word == "MSG":
-                asked = lines.take(rf'MSG "TURNTABLE AT {NUMBER} DEG\?"', "the message that asks for the turntable")
-                lines.take("PAUSE", "PAUSE")
-                if self.moves or self.turntable is not None:
-                    lines.refuse("this message once, before the first move", asked[0])
-                self.turntable = float(asked[1]) * DEG
-            else:
-                self.event()
-        lines.take("END", "a move, an event or END")
-
-    def event(self) -> None:
-        """What happens between moves."""
-        found = self.lines.take(EVENT, "a move, an event or END (see workbench.program.inform)")
-        self.in_arc = False
-        self.events.tell(found)
-
-    def by_joints(self) -> ProgramMove:
-        """MOVJ to a posture."""
-        lines, text = self.lines, self.lines.peek()
-        found = lines.take(rf"MOVJ (?:C(\d{{5}})|(P\d+)) VJ={NUMBER} PL=0", "MOVJ to a position, VJ= and PL=0")
-        if self.moves and self.moves[-1].zone_mm > 0:
-            lines.refuse("a move that reaches its target before MOVJ", text)
-        share = float(found[3]) / 100
-        process = self.cell.process
-        home = process.home.controller_name if process else None
-        if not 0 < share <= 1 or (found[2] and found[2] != home):
-            lines.refuse("VJ= above 0 to 100, and a position of this job or the controller's home", text)
-        self.in_arc = False
-        tool = self.names[0]
-        if found[2]:
-            self.at = None
-            return ProgramMove(lines.number, "J", tool, self.frame, joint_speed=share, place=found[2])
-        configuration, pose = self.position(found[1])
-        postures = self.arm.postures(pose, configuration)
-        if len(postures) != 1:
-            lines.refuse(f"a position that RCONF makes one posture of the robot, not {len(postures)}", text)
-        return ProgramMove(
-            lines.number, "J", tool, self.frame, joints=postures[0], joint_speed=share, turntable=self.turntable
-        )
-
-    def straight(self) -> ProgramMove:
-        """MOVL."""
-        found = self.lines.take(rf"MOVL C(\d{{5}}) {SPEED} {NEAR}", "MOVL to a position, V= and PL= or CR=")
-        self.in_arc = False
-        return self.move(found[1], float(found[2]), self.zone_mm(found), None)
-
-    def circular(self) -> ProgramMove:
-        """MOVC over a middle to an end; before the first of several their start."""
-        lines = self.lines
-        if not self.in_arc:
-            start = lines.take(rf"MOVC C(\d{{5}}) {SPEED} PL=0", "MOVC to the arc's start, V= and PL=0")
-            if self.at is None or int(start[1]) != self.at or self.moves[-1].zone_mm > 0:
-                lines.refuse("an arc that starts where the move before ended, with PL=0", start[0])
-        middle = lines.take(rf"MOVC C(\d{{5}}) {SPEED}", "MOVC to the arc's middle and V=")
-        via = self.position(middle[1])[1]
-        end = lines.take(rf"MOVC C(\d{{5}}) {SPEED} {NEAR} FPT", "MOVC to the arc's end, V=, PL= or CR=, FPT")
-        if float(end[2]) != float(middle[2]):
-            lines.refuse(f"the same speed all along the arc, V={middle[2]}", end[0])
-        self.in_arc = True
-        return self.move(end[1], float(end[2]), self.zone_mm(end), via)
-
-    def zone_mm(self, found: re.Match[str]) -> float:
-        """Of PL= or CR=."""
-        level, corner = int(found[3] or 0), float(found[4] or 0)
-        if level > len(self.levels_mm):
-            self.lines.refuse("PL=0, or a level of the cell file's ($.controller.position_levels_mm)", found[0])
-        return self.levels_mm[level - 1] if level else corner
-
-    def move(self, number: str, feed_mm_s: float, zone: float, via: Float | None) -> ProgramMove:
-        """To a pose."""
-        configuration, pose = self.position(number)
-        if feed_mm_s <= 0 or zone < 0:
-            self.lines.refuse("a speed above 0 and a corner of 0 mm or more", f"V={feed_mm_s:g} CR={zone:g}")
-        return ProgramMove(
-            self.lines.number,
-            "L" if via is None else "C",
-            self.names[0],
-            self.frame,
-            pose=pose,
-            via=via,
-            feed_mm_s=feed_mm_s,
-            zone_mm=zone,
-            turntable=self.turntable,
-            configuration=configuration,
-        )
-
-    def position(self, number: str) -> tuple[Configuration, Float]:
-        """Configuration and pose (4, 4) of C<number>, where the robot then is."""
-        if int(number) >= len(self.positions):
-            self.lines.refuse(f"a position of //POS, C00000 to C{max(len(self.positions) - 1, 0):05d}", f"C{number}")
-        self.at = int(number)
-        return self.positions[self.at]
+    job = _Job(arm, cell)
+    job.run(name, text)
+    objects = {job.work_object: np.eye(4) if job.frame == "ROBOT" else None}
+    tools = {job.tool: ProgramTool(None)}
+    return ProgramMoves("yaskawa", name, tuple(job.moves), tools, objects, tuple(job.events), tuple(job.remarks))

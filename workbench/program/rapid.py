@@ -1,4 +1,4 @@
-"""RAPID, ABB's language: the path as a module (ABB, RAPID Instructions, Functions and Data types).
+"""RAPID, ABB's language: the path as a module (ABB, RAPID Overview; RAPID Instructions, Functions and Data types).
 
 Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
 quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
@@ -6,30 +6,134 @@ Feeds have 3 significant digits, one speeddata each. Where the moves rest on pos
 to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Every
 target says its axis configuration, and the controller monitors it (ConfL\\On): a restart in another posture is stopped.
 Circular moves turn the tool in the frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
+A WaitDI that waits longer than its MaxTime stops the program.
+
+Read back is one module, of which one procedure moves. Refused as by a controller on loading, or earlier: names that are
+declared twice, of the wrong type or RAPID's own; quaternions not of unit length; circles that no controller can make;
+external axes other than eax_a; stationary tools, and work objects that the robot holds. A tool, work object or joint
+target that the module does not declare is one that the controller has, and so are signals, units and procedures.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import EventKind, Moves, ProgramMoves
+from workbench.artefacts import EventKind, Moves, ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
-from workbench.program.rapid_reader import read_rapid
+from workbench.geometry.poses import pose_from, rotation_from_quaternion
+from workbench.language import NUMBER, Language, reading, row
+from workbench.program.reading import Reading, numbers_in
 from workbench.program.skeleton import CellDialect, check_words
-from workbench.program.words import free_name
+from workbench.program.words import PREDEFINED, SPEEDS, TAKEN, ZONES, free_name
 from workbench.robot.cell import Cell
+from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 
 TURN_DEG_S = 50  # where the orientation alone moves
 UNUSED = "9E+09"  # an external axis that is not there
-MODES = ("    ConfJ\\Off;", "    ConfL\\On;", "    CirPathMode\\ObjectFrame;")
-UNLIMITED = "    VelSet 100,5000;"  # as the controller starts with it
+ABSENT = 9e8  # an external axis beyond this is not there (9E+09 in single precision)
+LEAST_DISTANCE_MM, LEAST_ANGLE_DEG = 0.1, 1.0  # of MoveC: start to via and target; between these, seen from the start
+NORM_TOLERANCE = 1e-3  # of quaternions (docs/conventions.md)
+UNITY = {"at": [0.0] * 3, "turn": [1.0, 0.0, 0.0, 0.0]}
+
+
+def _elements(field: str, count: int, spec: str = "g") -> str:
+    return f"[{row([''] * count, field, spec)}]"
+
+
+TARGET = (
+    f"[{_elements('at', 3, '.4f')},{_elements('turn', 4, '.8f')},{_elements('cf', 4, '')},{_elements('axes', 6, '')}]"
+)
+JOINTS = f"[{_elements('joints', 6, '.4f')},{_elements('axes', 6, '')}]"
+POSE = f"[{_elements('at', 3, '.4f')},{_elements('turn', 4, '.8f')}]"
+LOAD = f"[{{mass:g}},{_elements('centre', 3, '.4f')},{_elements('moments', 4)},{row([''] * 3, 'inertia', 'g')}]"
+END = "{speed},{zone},{tool}{object};"
+GAP = r"(?:\s|![^\n]*)*+"  # blanks and remarks
+WORD = "[A-Za-z][A-Za-z0-9_]{0,31}(?![A-Za-z0-9_])"  # the longest name has 32 characters
+LISTS = [reading(form, GAP, cf="-?[0-9]+", axes=NUMBER) for form in (TARGET, JOINTS)]
+BODY: tuple[str, ...] = (
+    "straight",
+    "circular",
+    "axes",
+    "joint",
+    "confl",
+    "confj",
+    "path",
+    "switch_off",
+    "switch_on",
+    "wait_speed",
+)
+BODY += ("wait_time", "activate_axis", "feed_limits", "stop", "restart", "hook", "endproc")
+DATA = ("robtarget", "jointtarget", "speeddata", "zonedata", "tooldata", "wobjdata")
+MODULE = Language(
+    forms={
+        "module": "MODULE {name}",
+        "tooldata": f"  {{pers}} tooldata {{name}}:=[{{true_or_false}},{POSE},{LOAD}];",
+        "wobjdata": "  {pers} wobjdata {name}:=[{true_or_false},{true_or_false_},{string},"
+        + f"{POSE},[{_elements('object_at', 3)},{_elements('object_turn', 4)}]];",
+        "speeddata": "  {scope} speeddata {name}:=[{feed:.7g}," + row([""] * 3, "others", "g") + "];",
+        "zonedata": "  {scope} zonedata {name}:=[{true_or_false}," + row([""] * 6, "zones", "g") + "];",
+        "robtarget": f"  {{scope}} robtarget {{name}}:={TARGET};",
+        "jointtarget": f"  {{scope}} jointtarget {{name}}:={JOINTS};",
+        "procedure": "  {local}PROC {name}()",
+        "confl": "    ConfL\\{on_or_off};",
+        "confj": "    ConfJ\\{on_or_off};",
+        "path": "    CirPathMode\\{frame};",
+        "axes": f"    MoveAbsJ {{target}}{{offsets}},{END}",
+        "joint": f"    MoveJ {{target}},{END}",
+        "straight": f"    MoveL {{target}},{END}",
+        "circular": f"    MoveC {{via}},{{target}},{END}",
+        "switch_off": "    SetDO {signal},0;",
+        "switch_on": "    SetDO {signal},1;",
+        "wait_speed": "    WaitDI {signal},1\\MaxTime:={longest:g};",
+        "wait_time": "    WaitTime {seconds};",
+        "activate_axis": "    ActUnit {value};",
+        "feed_limits": "    VelSet {percent:g},{most:g};",
+        "stop": "    Stop;",
+        "restart": "    {value}:",
+        "hook": "    {value};",
+        "endproc": "  ENDPROC",
+        "endmodule": "ENDMODULE",
+    },
+    order={
+        "": ("module",),
+        "module": (*DATA, "procedure", "endmodule"),
+        "procedure": BODY,
+        "endproc": ("procedure", "endmodule"),
+        "endmodule": (),
+    },
+    kinds={
+        **dict.fromkeys(("name", "value", "signal", "speed", "zone", "tool"), WORD),
+        **dict.fromkeys(("target", "via"), "|".join((WORD, *LISTS))),
+        "pers": rf"(?:(?:LOCAL|TASK)\b{GAP})?PERS\b",
+        "scope": rf"(?:LOCAL\b{GAP})?(?:CONST|PERS|VAR)\b|TASK\b{GAP}(?:PERS|VAR)\b",
+        "local": r"(?:LOCAL\b)?",
+        **dict.fromkeys(("true_or_false", "true_or_false_"), r"(?:TRUE|FALSE)\b"),
+        "string": r'"[^"\\\n]{0,80}"',
+        "cf": "-?[0-9]+",
+        **dict.fromkeys(("axes", "seconds"), NUMBER),
+        "on_or_off": r"(?:On|Off)\b",
+        "frame": r"(?:PathFrame|ObjectFrame|CirPointOri)\b",
+        "offsets": rf"(?:\\{GAP}NoEOffs\b)?",
+        "object": rf"(?:\\{GAP}WObj\b{GAP}:={GAP}{WORD})?",
+    },
+    comment="!",
+    free=True,
+)
+MODES = [
+    MODULE.say("confj", on_or_off="Off"),
+    MODULE.say("confl", on_or_off="On"),
+    MODULE.say("path", frame="ObjectFrame"),
+]
 
 
 @dataclass
@@ -39,6 +143,7 @@ class Rapid(CellDialect):
     procedure: str
     tool_name: str
     work_object_name: str
+    language = MODULE
 
     def __post_init__(self) -> None:
         """Refuse names of the process that mean something in RAPID."""
@@ -61,26 +166,16 @@ class Rapid(CellDialect):
                 raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
         check_words(self.cell, process, "ABB", signals="names", units=True)
 
-    def event(self, kind: EventKind, value: str) -> list[str]:
-        """What happens between moves (ABB, RAPID Instructions: ActUnit, SetDO, Stop, VelSet, WaitDI, WaitTime).
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """A longest wait stops the program; feed limits are two numbers."""
+        spindle = self.cell.process.spindle if self.cell.process else None
+        percent, most = map(float, value.split(",")) if kind == "feed_limits" else (0.0, 0.0)
+        more = {"longest": spindle.wait_s if spindle else 0.0, "percent": percent, "most": most}
+        return {**super().fields(kind, value), **more}
 
-        A WaitDI that waits longer than its MaxTime stops the program.
-        """
-        if kind == "restart":
-            return [f"    {value}:", *MODES]
-        switched = {"on": 1, "off": 0}.get(kind.rpartition("_")[2])
-        if switched is not None:
-            return [f"    SetDO {value},{switched};"]
-        longest = self.cell.process.spindle.wait_s if self.cell.process and self.cell.process.spindle else 0.0
-        words = {
-            "hook": value,
-            "activate_axis": f"ActUnit {value}",
-            "feed_limits": f"VelSet {value}",
-            "stop": "Stop",
-            "wait_speed": f"WaitDI {value},1\\MaxTime:={longest:g}",
-            "wait_time": f"WaitTime {value}",
-        }
-        return [f"    {words[kind]};"]
+    def event(self, kind: EventKind, value: str) -> list[str]:
+        """Behind a restart point stand the modes."""
+        return [*super().event(kind, value), *(MODES if kind == "restart" else ())]
 
     @functools.cached_property
     def feeds(self) -> tuple[Float, Int]:
@@ -89,106 +184,95 @@ class Rapid(CellDialect):
         return distinct, which
 
     @functools.cached_property
-    def ends(self) -> list[str]:
+    def ends(self) -> list[dict[str, str]]:
         """All that stands behind the target of each move: speed, zone, tool and work object."""
         which = self.feeds[1].tolist()
         zones = ["zonePath" if blends else "fine" for blends in self.blends]
         tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
-        tail = f"{tool}\\WObj:={place};"
-        return [f"feed{w + 1},{zone},{tail}" for w, zone in zip(which, zones, strict=True)]
+        tail = {"tool": tool, "object": f"\\WObj:={place}", "offsets": "\\NoEOffs"}
+        return [{"speed": f"feed{w + 1}", "zone": zone, **tail} for w, zone in zip(which, zones, strict=True)]
 
     def head(self) -> Iterator[str]:
         """Declarations: tool, work object, zone, speeds, targets."""
-        job = self.job
-        load = f"[{job.tool.mass_kg:g},{_vector(job.tool.centre_of_gravity_mm)},[1,0,0,0],0,0,0]"
-        frame = _pose(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
-        z = job.zone_mm
-        yield f"MODULE {job.name}"
+        job, moves, z = self.job, self.job.moves, self.job.zone_mm
+        tool = {"mass": job.tool.mass_kg, "centre": _tidy(job.tool.centre_of_gravity_mm, 4)}
+        yield MODULE.say("module", name=job.name)
         yield from (f"  ! {remark}" for remark in job.remarks)
         if job.tool_name is None:
-            yield f"  PERS tooldata {self.tool_name}:=[TRUE,{frame},{load}];"
-        if job.work_object_name is None:
-            yield f'  TASK PERS wobjdata {self.work_object_name}:=[FALSE,TRUE,"",{_pose(*job.work_object)},{NO_POSE}];'
-        if z:
-            yield f"  CONST zonedata zonePath:=[FALSE,{z:g},{z:g},{z:g},{z / 10:g},{z:g},{z / 10:g}];"
-        for i, feed in enumerate(self.feeds[0].tolist(), 1):
-            yield f"  CONST speeddata feed{i}:=[{feed:.7g},{TURN_DEG_S},5000,1000];"
-        assert job.moves.joints_deg is not None
-        said = configurations(self.cell, job.moves.joints_deg * DEG)
-        yield from _targets(
-            "p",
-            np.arange(len(job.moves.layer)),
-            job.moves.position_mm,
-            job.moves.quaternion_wxyz,
-            job.turntable_deg,
-            said,
-        )
-        arcs = np.flatnonzero(job.moves.circular)
-        said = configurations(self.cell, _joints_on_arcs(job.moves))
-        yield from _targets("via", arcs, job.moves.via_position_mm, job.moves.via_quaternion_wxyz, _halfway(job), said)
-        skeleton = self.skeleton
-        if skeleton is None:
-            yield from self._start_posture()
-        else:
-            if not skeleton.process.home.controller_name:
-                yield joint_target("jHome", *skeleton.home_deg)
-            if skeleton.probe_deg is not None:
-                yield joint_target("jProbe", *skeleton.probe_deg)
-            yield joint_target("jStart", *skeleton.start_deg)
-            place, turn = skeleton.retracted
-            last = None if job.turntable_deg is None else job.turntable_deg[-1:]
-            yield from _targets(
-                "retract", np.array([0]), place, turn, last, configurations(self.cell, skeleton.retract_joints[None])
+            frame = _spelt(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
+            rest = {"true_or_false": "TRUE", "moments": UNITY["turn"], "inertia": UNITY["at"]}
+            yield MODULE.say(
+                "tooldata", pers="PERS", name=self.tool_name, true_or_false="TRUE", **frame, **tool, **rest
             )
-        yield f"  PROC {self.procedure}()"
-        yield from self.said(skeleton.first) if skeleton else ()
-        yield from MODES
+        if job.work_object_name is None:
+            more = {f"object_{key}": value for key, value in UNITY.items()} | {"true_or_false_": "TRUE", "string": '""'}
+            frame = _spelt(*job.work_object)
+            yield MODULE.say(
+                "wobjdata", pers="TASK PERS", name=self.work_object_name, true_or_false="FALSE", **frame, **more
+            )
+        if z:
+            yield MODULE.say(
+                "zonedata", scope="CONST", name="zonePath", true_or_false="FALSE", zones=[z, z, z, z / 10, z, z / 10]
+            )
+        for i, feed in enumerate(self.feeds[0].tolist(), 1):
+            yield MODULE.say("speeddata", scope="CONST", name=f"feed{i}", feed=feed, others=[TURN_DEG_S, 5000, 1000])
+        assert moves.joints_deg is not None
+        said, all_ = configurations(self.cell, moves.joints_deg * DEG), np.arange(len(moves.layer))
+        yield from _targets("p", all_, moves.position_mm, moves.quaternion_wxyz, job.turntable_deg, said)
+        arcs, said = np.flatnonzero(moves.circular), configurations(self.cell, _joints_on_arcs(moves))
+        yield from _targets("via", arcs, moves.via_position_mm, moves.via_quaternion_wxyz, _halfway(job), said)
+        yield from self._around()
+        yield MODULE.say("procedure", local="", name=self.procedure)
+        yield from (*self.events("first"), *MODES)
 
-    def _home(self, end: str) -> str:
-        assert self.skeleton is not None
-        return f"    MoveAbsJ {self.skeleton.process.home.controller_name or 'jHome'}\\NoEOffs,{end}"
+    def _around(self) -> Iterator[str]:
+        """Where the way begins and ends."""
+        job, skeleton = self.job, self.skeleton
+        if skeleton is None:
+            assert job.moves.joints_deg is not None
+            first = None if job.turntable_deg is None else float(job.turntable_deg[0])
+            yield joint_target("jStart", job.moves.joints_deg[0], first)
+            return
+        if not skeleton.process.home.controller_name:
+            yield joint_target("jHome", *skeleton.home_deg)
+        if skeleton.probe_deg is not None:
+            yield joint_target("jProbe", *skeleton.probe_deg)
+        yield joint_target("jStart", *skeleton.start_deg)
+        last = None if job.turntable_deg is None else job.turntable_deg[-1:]
+        said = configurations(self.cell, skeleton.retract_joints[None])
+        yield from _targets("retract", np.array([0]), *skeleton.retracted, last, said)
 
-    def start(self) -> Iterable[str]:
-        """By the axes to the first posture, and exactly to the first target."""
-        end, skeleton = self.ends[0], self.skeleton
-        probe = self.probed(f"    MoveAbsJ jProbe\\NoEOffs,{end}")
-        before = [*self.said(skeleton.settings), self._home(end), *probe] if skeleton else []
-        behind = self.said(skeleton.on) if skeleton else []
-        return [*before, f"    MoveAbsJ jStart\\NoEOffs,{end}", *behind, f"    MoveL p1,{end}"]
+    def axes(self, where: str) -> list[str]:
+        """MoveAbsJ; 'back': home in the end."""
+        named = self.skeleton.process.home.controller_name if self.skeleton else None
+        home = named or "jHome"
+        target = {"home": home, "back": home, "probe": "jProbe", "start": "jStart"}[where]
+        return [MODULE.say("axes", target=target, **self.ends[-1 if where == "back" else 0])]
 
-    def _start_posture(self) -> Iterator[str]:
-        """Joint angles of the first target."""
-        joints, turntable = self.job.moves.joints_deg, self.job.turntable_deg
-        if joints is not None:
-            yield joint_target("jStart", joints[0], None if turntable is None else float(turntable[0]))
-
-    def straight(self, i: int) -> Iterable[str]:
+    def straight_to(self, where: str) -> list[str]:
         """MoveL."""
-        return [*self.layer(i), f"    MoveL p{i + 1},{self.ends[i]}"]
+        target, end = ("p1", self.ends[0]) if where == "first" else ("retract1", self.ends[-1])
+        return [MODULE.say("straight", target=target, **end)]
 
-    def circular(self, i: int) -> Iterable[str]:
-        """MoveC."""
-        return [*self.layer(i), f"    MoveC via{i + 1},p{i + 1},{self.ends[i]}"]
+    def move(self, i: int) -> list[str]:
+        """MoveL or MoveC."""
+        form = "circular" if self.job.moves.circular[i] else "straight"
+        return [MODULE.say(form, via=f"via{i + 1}", target=f"p{i + 1}", **self.ends[i])]
+
+    def start(self) -> list[str]:
+        """Exactly to the first target, without a process too."""
+        return super().start() if self.skeleton else [*self.axes("start"), *self.straight_to("first")]
 
     def remark(self, text: str) -> str:
         """Up to the end of the line."""
         return f"    ! {text}"
 
-    def foot(self) -> Iterable[str]:
-        """Settings as the controller starts with them."""
-        skeleton, end = self.skeleton, self.ends[-1]
-        back = (
-            []
-            if skeleton is None
-            else [
-                f"    MoveL retract1,{end}",
-                *self.said(skeleton.off),
-                self._home(end),
-                *self.said(skeleton.last),
-                *([UNLIMITED] if skeleton.process.feed else []),
-            ]
-        )
-        return [*back, "    CirPathMode\\PathFrame;", "    ConfJ\\On;", "  ENDPROC", "ENDMODULE"]
+    def foot(self) -> list[str]:
+        """With a process back, and home; settings as the controller starts with them."""
+        unlimited = MODULE.say("feed_limits", percent=100, most=5000)
+        limited = [unlimited] if self.skeleton and self.skeleton.process.feed else []
+        modes = [MODULE.say("path", frame="PathFrame"), MODULE.say("confj", on_or_off="On"), "  ENDPROC", "ENDMODULE"]
+        return [*super().foot(), *limited, *modes]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
@@ -217,9 +301,13 @@ def configurations(cell: Cell, joints: Float) -> Int:
 
 def joint_target(name: str, joints_deg: Float, turntable_deg: float | None) -> str:
     """A declaration."""
-    axes = ",".join(f"{angle:.4f}" for angle in (np.round(joints_deg, 4) + 0.0).tolist())
-    first = UNUSED if turntable_deg is None else f"{round(turntable_deg, 4) + 0.0:.4f}"
-    return f"  CONST jointtarget {name}:=[[{axes}],[{first},{','.join([UNUSED] * 5)}]];"
+    return MODULE.say(
+        "jointtarget", scope="CONST", name=name, joints=_tidy(joints_deg, 4), axes=_external(turntable_deg)
+    )
+
+
+def _external(turntable_deg: float | None) -> list[str]:
+    return [UNUSED if turntable_deg is None else f"{round(turntable_deg, 4) + 0.0:.4f}", *[UNUSED] * 5]
 
 
 def _joints_on_arcs(moves: Moves) -> Float:
@@ -240,29 +328,230 @@ def _targets(
     prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None, configuration: Int
 ) -> Iterator[str]:
     """One declaration a target, numbered from 1."""
-    others = ",".join([UNUSED] * 5)
-    axis = [UNUSED] * len(position_mm) if turntable is None else [f"{angle:.4f}" for angle in _tidy(turntable, 4)]
-    rows = zip(indices.tolist(), _tidy(position_mm[indices], 4), _tidy(quaternion[indices], 8), strict=True)
-    for i, (x, y, z), (w, a, b, c) in rows:
-        yield (
-            f"  CONST robtarget {prefix}{i + 1}:=[[{x:.4f},{y:.4f},{z:.4f}],[{w:.8f},{a:.8f},{b:.8f},{c:.8f}],"
-            f"[{','.join(map(str, configuration[i].tolist()))}],[{axis[i]},{others}]];"
-        )
+    said = zip(indices.tolist(), _tidy(position_mm[indices], 4), _tidy(quaternion[indices], 8), strict=True)
+    for i, at, turn in said:
+        axes = _external(None if turntable is None else float(turntable[i]))
+        cf = configuration[i].tolist()
+        yield MODULE.say("robtarget", scope="CONST", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
 
 
-def _tidy(values: Float, digits: int) -> list[list[float]]:
+def _tidy(values: Float, digits: int) -> Any:
     """Rounded, without negative zeros."""
-    rounded: list[list[float]] = (np.round(values, digits) + 0.0).tolist()
-    return rounded
+    return (np.round(values, digits) + 0.0).tolist()
 
 
-def _vector(v: Float) -> str:
-    return "[" + ",".join(f"{x:.4f}" for x in (np.round(v, 4) + 0.0).tolist()) + "]"
+def _spelt(position_mm: Float, quaternion_wxyz: Float) -> dict[str, Any]:
+    return {"at": _tidy(position_mm, 4), "turn": _tidy(quaternion_wxyz, 8)}
 
 
-def _pose(position_mm: Float, quaternion_wxyz: Float) -> str:
-    turn = ",".join(f"{x:.8f}" for x in (np.round(quaternion_wxyz, 8) + 0.0).tolist())
-    return f"[{_vector(position_mm)},[{turn}]]"
+class _Target(NamedTuple):
+    """Of a robtarget."""
+
+    pose: Float
+    configuration: tuple[int, ...]
+    turntable: float | None
 
 
-NO_POSE = "[[0,0,0],[1,0,0,0]]"
+class _Module(Reading):
+    """The module, statement by statement."""
+
+    language = MODULE
+
+    def __init__(self, process: ProcessPart | None) -> None:
+        super().__init__(process)
+        self.taken = {*TAKEN, *PREDEFINED}  # names in lower case
+        self.tools = {"tool0": ProgramTool(np.eye(4), 0.001, np.array([0.0, 0.0, 0.001]))}
+        self.objects: dict[str, Float | None] = {"wobj0": np.eye(4)}
+        self.data: dict[str, tuple[str, Any]] = {"tool0": ("tooldata", "tool0"), "wobj0": ("wobjdata", "wobj0")}
+        self.data |= {name: ("speeddata", feed) for name, feed in SPEEDS.items()}
+        self.data |= {name: ("zonedata", zone) for name, zone in ZONES.items()}
+        self.share, self.most = 1.0, np.inf  # of the programmed feeds; mm/s
+        self.before = (0, 0)  # events and moves of the procedures that have ended
+
+    # Names.
+
+    def module(self, name: str) -> None:
+        if name.lower() in self.taken:
+            self.refuse("a name that is not taken", name)
+        self.taken.add(name.lower())
+
+    def _declare(self, name: str, value: Any) -> None:
+        self.module(name)
+        self.data[name.lower()] = (self.said.form, value)
+
+    def _named(self, kind: str, name: str) -> Any:
+        """What a name stands for; None: the controller has it."""
+        found, value = self.data.get(name.lower(), ("", None))
+        if not found and (kind not in ("tooldata", "wobjdata", "jointtarget") or name.lower() in self.taken):
+            self.refuse(f"the name of a {kind} that is declared", name)
+        if found and found != kind:
+            self.refuse(f"a {kind}, not a {found}", name)
+        return value
+
+    # Data.
+
+    def _pose(self, at: list[float], turn: list[float]) -> Float:
+        norm = math.hypot(*turn)
+        if abs(norm - 1.0) > NORM_TOLERANCE:
+            self.refuse(f"a quaternion of unit length, not {norm:.6g}", self.said.text)
+        return pose_from(rotation_from_quaternion(np.array(turn) / norm), np.array(at))
+
+    def tooldata(self, name: str, true_or_false: str, at: list[float], turn: list[float], **load: Any) -> None:
+        pose, _ = self._pose(at, turn), self._pose(at, load["moments"])
+        if true_or_false.upper() != "TRUE":
+            self.refuse("a tool that the robot holds: this one is stationary", name)
+        self._declare(name, name)
+        self.tools[name] = ProgramTool(pose, load["mass"], np.array(load["centre"]))
+
+    def wobjdata(self, name: str, true_or_false: str, at: list[float], turn: list[float], **frame: Any) -> None:
+        pose = self._pose(at, turn) @ self._pose(frame["object_at"], frame["object_turn"])
+        if true_or_false.upper() == "TRUE":
+            self.refuse("a work object that stands: the robot holds this one", name)
+        self._declare(name, name)
+        self.objects[name] = pose
+
+    def speeddata(self, name: str, feed: float, others: list[float], **_: str) -> None:
+        if min(feed, *others) <= 0:
+            self.refuse("speeds above 0")
+        self._declare(name, feed)
+
+    def zonedata(self, name: str, true_or_false: str, zones: list[float], **_: str) -> None:
+        if min(zones) < 0:
+            self.refuse("zones of 0 or more")
+        self._declare(name, 0.0 if true_or_false.upper() == "TRUE" else zones[0])
+
+    def robtarget(
+        self, name: str, at: list[float], turn: list[float], cf: list[str], axes: list[str], **_: str
+    ) -> None:
+        self._declare(name, _Target(self._pose(at, turn), tuple(map(int, cf)), self._turntable(axes)))
+
+    def jointtarget(self, name: str, joints: list[float], axes: list[str], **_: str) -> None:
+        self._declare(name, (np.array(joints) * DEG, self._turntable(axes)))
+
+    def _turntable(self, axes: list[str]) -> float | None:
+        """Angle of eax_a in rad; None: it is not there."""
+        first, *others = map(float, axes)
+        if min(others) < ABSENT:
+            self.refuse("no external axis but eax_a", ",".join(axes))
+        return first * DEG if first < ABSENT else None
+
+    # Statements.
+
+    confl = confj = path = Reading.header
+
+    def procedure(self, name: str, **_: str) -> None:
+        self.module(name)
+
+    def endproc(self) -> None:
+        """One procedure moves, and in no other anything happens."""
+        now = (len(self.events), len(self.moves))
+        if (now[1] > self.before[1] > 0) or (now[0] > self.before[0] and now[1] == self.before[1]):
+            self.refuse("one procedure that moves, and statements in no other")
+        self.before = now
+
+    def endmodule(self) -> None:
+        if not self.moves:
+            self.refuse("one procedure that moves, before the end")
+
+    def _end(self, speed: str, zone: str, tool: str, object: str) -> dict[str, Any]:
+        """Feed and zone; tool and work object as they were declared, or first spelt."""
+        place = object.rpartition("=")[2]
+        place = re.sub(GAP, "", place) or "wobj0"
+        for kind, name, held in (("tooldata", tool, self.tools), ("wobjdata", place, self.objects)):
+            if self._named(kind, name) is None and name.lower() not in map(str.lower, held):
+                held[name] = ProgramTool(None) if kind == "tooldata" else None  # type: ignore[assignment]
+        self.tool = next(one for one in self.tools if one.lower() == tool.lower())
+        self.work_object = next(one for one in self.objects if one.lower() == place.lower())
+        feed = min(self.share * self._named("speeddata", speed), self.most)
+        return {"feed_mm_s": feed, "zone_mm": self._named("zonedata", zone)}
+
+    def _place(self, kind: str, target: str) -> Any:
+        """What a move leads to, by name or written out."""
+        if target[0] != "[":
+            return self._named(kind, target)
+        numbers = numbers_in(re.sub("![^\n]*", "", target))
+        if len(numbers) != (TARGET if kind == "robtarget" else JOINTS).count("{"):
+            self.refuse(f"a {kind}", target)
+        axes = [str(one) for one in numbers[-6:]]
+        if kind == "jointtarget":
+            return np.array(numbers[:6]) * DEG, self._turntable(axes)
+        pose, cf = self._pose(numbers[:3], numbers[3:7]), tuple(int(one) for one in numbers[7:11])
+        return _Target(pose, cf, self._turntable(axes))
+
+    def axes(self, target: str, offsets: str, **end: str) -> None:
+        found = self._place("jointtarget", target)
+        joints, turntable = found or (None, None)
+        place = "" if found else target
+        self.move("J", joints=joints, turntable=turntable, place=place, **self._end(**end))
+
+    def joint(self, target: str, **end: str) -> None:
+        self._to("J", target, None, end)
+
+    def straight(self, target: str, **end: str) -> None:
+        self._to("L", target, None, end)
+
+    def circular(self, via: str, target: str, **end: str) -> None:
+        over, there = self._place("robtarget", via).pose, self._place("robtarget", target).pose
+        start = self.moves[-1].pose if self.moves else None
+        if start is None or not _is_circle(start, over, there):
+            self.refuse("a circle that can be made through the target before, via and target")
+        self._to("C", target, over, end)
+
+    def _to(self, kind: str, target: str, via: Float | None, end: dict[str, str]) -> None:
+        self.move(kind, via=via, **self._place("robtarget", target)._asdict(), **self._end(**end))
+
+    def use(self, use: str, name: str) -> None:
+        """Nothing that the module has taken."""
+        if name.lower() in self.taken:
+            self.refuse("a name that the controller knows and this module has not taken", name)
+        super().use(use, name)
+
+    def wait_speed(self, signal: str, longest: float) -> None:  # type: ignore[override]
+        self._above_0(longest)
+        self.use("wait", signal)
+
+    def wait_time(self, seconds: str) -> None:
+        self._above_0(float(seconds))
+        self.event("wait_time", seconds)
+
+    def activate_axis(self, value: str) -> None:
+        self.use("unit", value)
+
+    def feed_limits(self, percent: float, most: float) -> None:
+        self._above_0(min(percent, most))
+        self.share, self.most = percent / 100, most
+        self.event("feed_limits", f"{percent:g},{most:g}")
+
+    def restart(self, value: str, **_: str) -> None:
+        self.module(value)
+        self.event("restart", value)
+
+    def _above_0(self, number: float) -> None:
+        if number <= 0:
+            self.refuse("a number above 0", f"{number:g}")
+
+
+def read_rapid(text: str, name: str = "program", process: ProcessPart | None = None) -> ProgramMoves:
+    """Read a RAPID module with one procedure that moves.
+
+    The turntable is the external axis eax_a; it turns what stands in the cell, the work object stays in the base.
+
+    Args:
+        text: the module.
+        name: of its file, for messages.
+        process: whose signals switch what; None: a program that switches any is refused.
+
+    Raises:
+        InputError: "line 12: expected ..., found ...".
+    """
+    made = _Module(process)
+    made.run(name, text)
+    return ProgramMoves("abb", name, tuple(made.moves), made.tools, made.objects, tuple(made.events))
+
+
+def _is_circle(start: Float, via: Float, target: Float) -> bool:
+    """Whether a controller can make the circle: its points lie apart, and not on a line seen from the start."""
+    a, b = via[:3, 3] - start[:3, 3], target[:3, 3] - start[:3, 3]
+    shortest = float(min(np.linalg.norm(a), np.linalg.norm(b)))
+    angle = math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+    return shortest >= LEAST_DISTANCE_MM and LEAST_ANGLE_DEG <= angle / DEG <= 180.0 - LEAST_ANGLE_DEG

@@ -14,6 +14,7 @@ import functools
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from workbench.artefacts import EventKind
 from workbench.dialect import ProgramJob, plain
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.language import Language
 from workbench.program.words import NUMBERED, RESERVED
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
@@ -157,37 +159,57 @@ class Skeleton:
 
 @dataclass
 class CellDialect(ABC):
-    """What the languages share that know a cell's process: a dialect (`workbench.dialect`) but for its words."""
+    """A dialect (`workbench.dialect`) by the table of its language: here is the order, there are the words.
+
+    A language has forms for the events (`switch_on`, `switch_off`, and others by their kind); one that has none for a
+    kind says nothing of it.
+    """
 
     job: ProgramJob
     cell: Cell
+    language: ClassVar[Language]
 
     @abstractmethod
+    def axes(self, where: str) -> list[str]:
+        """By the joints: 'home' and 'back' there, 'probe' (where the operator looks), 'start' (of the path)."""
+
+    @abstractmethod
+    def straight_to(self, where: str) -> list[str]:
+        """Straight to the 'first' target, and in the end to the 'retract'."""
+
+    @abstractmethod
+    def move(self, i: int) -> list[str]:
+        """To target i, straight or over its via."""
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
+        """What a form of an event may say."""
+        return {"value": value, "signal": value, "seconds": value}
+
     def event(self, kind: EventKind, value: str) -> list[str]:
         """What happens between moves, in the language's own lines."""
+        switched = kind.rpartition("_")[2]
+        form = f"switch_{switched}" if switched in ("on", "off") else kind
+        said = form in self.language.forms
+        return self.language.say(form, **self.fields(kind, value)).split("\n") if said else []
 
     @functools.cached_property
     def skeleton(self) -> Skeleton | None:
         """What the cell's process asks for around the milling; None: its file has none."""
         return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
 
-    def probed(self, move: str) -> list[str]:
-        """The way to where the operator looks, in the language's own line, what is asked there, and the stop."""
-        process = self.cell.process
-        if process is None or process.probe is None:
-            return []
-        ask = f"PROBE: the tip is {process.probe.distance_mm:g} mm back from where it cuts"
-        return [move, self.remark(plain(ask)), *self.event("stop", "probe")]
-
-    @abstractmethod
     def remark(self, text: str) -> str:
-        """A comment."""
+        """A comment, up to the end of the line."""
+        return f"{self.language.comment}{text}"
 
     @functools.cached_property
     def blends(self) -> list[bool]:
         """Whether the next move may blend in before each target (k,): not where something is switched behind it."""
         stops = self.skeleton.stops if self.skeleton else set()
         return [blends and i not in stops for i, blends in enumerate(self.job.blends)]
+
+    def events(self, which: str) -> list[str]:
+        """The lines of the skeleton's `first`, `settings`, `on`, `off` or `last`; none without a process."""
+        return self.said(getattr(self.skeleton, which)) if self.skeleton else []
 
     def said(self, events: Iterable[Event]) -> list[str]:
         """The lines of several events."""
@@ -196,6 +218,29 @@ class CellDialect(ABC):
     def layer(self, i: int) -> list[str]:
         """What stands before move i where a layer begins with it."""
         return self.said(self.skeleton.layer(i)) if self.skeleton else []
+
+    def start(self) -> list[str]:
+        """By the joints to the first posture; with a process from home, and straight to the first target."""
+        if self.skeleton is None:
+            return self.axes("start")
+        probe, asked = self.skeleton.process.probe, list[str]()
+        if probe is not None:
+            ask = f"PROBE: the tip is {probe.distance_mm:g} mm back from where it cuts"
+            asked = [*self.axes("probe"), self.remark(plain(ask)), *self.event("stop", "probe")]
+        begin = [*self.events("settings"), *self.axes("home"), *asked, *self.axes("start")]
+        return [*begin, *self.events("on"), *self.straight_to("first")]
+
+    def straight(self, i: int) -> list[str]:
+        """To target i."""
+        return [*self.layer(i), *self.move(i)]
+
+    circular = straight
+
+    def foot(self) -> list[str]:
+        """With a process back, and home."""
+        if self.skeleton is None:
+            return []
+        return [*self.straight_to("retract"), *self.events("off"), *self.axes("back"), *self.events("last")]
 
 
 def limited(feed_mm_s: Float, cell: Cell) -> Float:

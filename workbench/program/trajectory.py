@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
+from workbench.artefacts import ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob
 from workbench.errors import InputError
 from workbench.geometry.poses import (
@@ -30,7 +30,8 @@ from workbench.geometry.poses import (
     slerp,
 )
 from workbench.kernels import kernel
-from workbench.program.words import NUMBER, Lines, one_file
+from workbench.language import Language, row
+from workbench.program.reading import Reading, one_file
 from workbench.robot.cell import Cell
 from workbench.robot.collision import turntable_pose
 from workbench.robot.inverse import inverse_kinematics
@@ -49,6 +50,13 @@ MOST_SWEEPS = 200  # forth and back: a few suffice, each corner meets its neighb
 NEARLY = 1 + 1e-6
 
 
+TABLE = Language(
+    forms={"columns": ",".join(COLUMNS), "row": f"{row([''] * 8, 'numbers', f'.{DIGITS}f')},{{layer:d}}"},
+    order={"": ("columns",), "columns": ("row",), "row": ("row", "")},
+    comment="#",
+)
+
+
 def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
     """Read a joint trajectory from its CSV and JSON, name -> text; its base is the robot's.
 
@@ -56,26 +64,34 @@ def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
         InputError: "line 12: expected ..., found ..."; times that do not rise from 0; a JSON that says something else.
     """
     name, text = one_file(files, ".csv")
-    lines = Lines(text, name, "#")
-    lines.take(",".join(COLUMNS), "the names of the columns: " + ",".join(COLUMNS))
-    moves: list[ProgramMove] = []
-    rows: list[list[float]] = []
-    while lines.more:
-        found = lines.take(",".join([NUMBER] * 8) + r",(\d+)", f"{len(COLUMNS)} numbers")
-        row = [float(part) for part in found.groups()]
-        if row[0] <= (rows[-1][0] if rows else -1.0) or (not rows and row[0] != 0.0):
-            lines.refuse("times that rise from 0", found[0])
-        rows.append(row)
-        joints, table = np.array(row[1:7]) * DEG, row[7] * DEG
-        moves.append(
-            ProgramMove(lines.number, "J", TOOL, BASE, joints=joints, turntable=table, time_s=row[0], layer=int(row[8]))
-        )
-    if len(moves) < 2:
-        raise InputError(name, f"expected at least two rows, found {len(moves)}")
-    tool = _same(rows, *one_file(files, ".json"))
+    table = _Table()
+    table.run(name, text)
+    if len(table.moves) < 2:
+        raise InputError(name, f"expected at least two rows, found {len(table.moves)}")
+    tool = _same(table.rows, *one_file(files, ".json"))
     return ProgramMoves(
-        "trajectory", name, tuple(moves), {TOOL: ProgramTool(tool)}, {BASE: np.eye(4)}, remarks=tuple(lines.remarks)
+        "trajectory", name, tuple(table.moves), {TOOL: ProgramTool(tool)}, {BASE: np.eye(4)}, (), tuple(table.remarks)
     )
+
+
+class _Table(Reading):
+    """The CSV, row by row."""
+
+    language = TABLE
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: list[list[float]] = []
+        self.tool, self.work_object = TOOL, BASE
+
+    columns = Reading.header
+
+    def row(self, numbers: list[float], layer: int) -> None:
+        if numbers[0] <= (self.rows[-1][0] if self.rows else -1.0) or (not self.rows and numbers[0] != 0.0):
+            self.refuse("times that rise from 0")
+        self.rows.append([*numbers, float(layer)])
+        joints, table = np.array(numbers[1:7]) * DEG, numbers[7] * DEG
+        self.move("J", joints=joints, turntable=table, time_s=numbers[0], layer=layer)
 
 
 def _same(rows: list[list[float]], name: str, text: str) -> Float:

@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 
-from workbench.artefacts import PathGate, Postures, Toolpath
+from workbench.artefacts import PathGate, Postures, ProgramMoves, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.path import read, simplify
@@ -17,13 +17,11 @@ from workbench.plugins.stiffness.path_points import path_points
 from workbench.plugins.stiffness.posture import _table_band
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
-from workbench.program.rapid_language import RapidProgram, RobTarget
-from workbench.program.rapid_reader import parse_rapid
+from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
 from workbench.robot.cell import ON_BASE, Shape
 from workbench.robot.process import drawn_back
 from workbench.twin.mill import read_deflections
-from workbench.units import Float
 
 from .test_posture import PATH, thinned
 
@@ -64,34 +62,29 @@ def made(
 
 
 @pytest.fixture(scope="module")
-def program(made: Postures, path: Toolpath, cell: Cell) -> RapidProgram:
+def program(made: Postures, path: Toolpath, cell: Cell) -> ProgramMoves:
     document, record, gate, judgement, _ = write(
         simplify(path, made), free(path), dataclasses.replace(cell, process=None)
     )
     assert (record.name, gate.passed, judgement.violations) == ("program_check.json", True, ())
-    return parse_rapid(document.content.decode())
+    return read_rapid(document.content.decode())
 
 
-def frame(position: tuple[float, ...], quaternion: tuple[float, ...]) -> Float:
-    return pose_from(rotation_from_quaternion(np.array(quaternion)), np.array(position))
-
-
-def test_program_begins_in_the_first_posture(program: RapidProgram, made: Postures, cell: Cell) -> None:
+def test_program_begins_in_the_first_posture(program: ProgramMoves, made: Postures, cell: Cell) -> None:
     """Its joint angles put its tool where its first target is, and the turntable is told."""
     first, second = program.moves[:2]
-    assert first.instruction == "MoveAbsJ"
-    start = first.target
-    assert not isinstance(start, RobTarget)
-    assert isinstance(second.target, RobTarget)
-    assert np.allclose(np.radians(start.joints_deg), made.joints[0], atol=1e-6)
-    tool = frame(*next(iter(program.tools.values())).frame)
-    at = forward_kinematics(cell.chain, np.radians(start.joints_deg)) @ tool
-    assert np.allclose(at, frame(second.target.position_mm, second.target.quaternion_wxyz), atol=5e-3)
-    assert np.isclose(start.external_axes[0], np.degrees(made.turntable[0]), atol=1e-4)
+    assert first.kind == "J"
+    assert first.joints is not None
+    assert second.pose is not None
+    assert np.allclose(first.joints, made.joints[0], atol=1e-6)
+    at = forward_kinematics(cell.chain, first.joints) @ program.tools[first.tool].flange_from_tool
+    assert np.allclose(at, second.pose, atol=5e-3)
+    assert first.turntable is not None
+    assert np.isclose(np.degrees(first.turntable), np.degrees(made.turntable[0]), atol=1e-4)
 
 
 def test_targets_put_the_cutter_where_the_path_wants_it(
-    program: RapidProgram, made: Postures, path: Toolpath, cell: Cell
+    program: ProgramMoves, made: Postures, path: Toolpath, cell: Cell
 ) -> None:
     """Turned back with the turntable, every target's cutter axis is that of a point of the path."""
     points = np.vstack(
@@ -101,27 +94,26 @@ def test_targets_put_the_cutter_where_the_path_wants_it(
             for turn in [rotation_from_quaternion(part.quaternion_wxyz)]
         ]
     )
-    tool = frame(*next(iter(program.tools.values())).frame)
+    tool = program.tools[program.moves[0].tool].flange_from_tool
+    assert tool is not None
     tip = inverse(tool) @ cell.flange_from_cutter
     kept = 0
     for move in program.moves[1:]:
-        assert isinstance(move.target, RobTarget)
-        table = np.radians(move.target.external_axes[0])
-        back = turntable_pose(cell, 0.0) @ inverse(turntable_pose(cell, table))
-        at = back @ frame(move.target.position_mm, move.target.quaternion_wxyz) @ tip
+        assert move.turntable is not None
+        back = turntable_pose(cell, 0.0) @ inverse(turntable_pose(cell, move.turntable))
+        at = back @ move.pose @ tip
         middle = at[:3, 3] - path.cutter.flute_length_mm / 2 * at[:3, 2]
         away = np.abs(points - np.append(middle, at[:3, 2])) / [1, 1, 1, 1e-3, 1e-3, 1e-3]
         kept += bool(away.max(axis=1).min() < 5e-3)
     targets = len(program.moves) - 1
     assert kept > 0.6 * targets  # the rest lies between the path's points of a travel
     if np.ptp(made.turntable) > 0:
-        assert all(move.instruction == "MoveL" for move in program.moves[1:] if _turns(program, move))
+        assert all(move.kind == "L" for move in program.moves[1:] if _turns(program, move))
 
 
-def _turns(program: RapidProgram, move: object) -> bool:
+def _turns(program: ProgramMoves, move: object) -> bool:
     i = program.moves.index(move)  # type: ignore[arg-type]
-    a, b = program.moves[i - 1].target.external_axes[0], program.moves[i].target.external_axes[0]
-    return a != b
+    return program.moves[i - 1].turntable != program.moves[i].turntable
 
 
 def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell: Cell) -> None:
@@ -156,7 +148,7 @@ def test_prediction_is_the_balance_of_springs(
     for i in (10, 25, 40):
         q, table = made.joints[here[i]], made.turntable[here[i]]
         turned = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
-        point = turned @ frame(tuple(layer.position_mm[i]), tuple(layer.quaternion_wxyz[i]))
+        point = turned @ pose_from(rotation_from_quaternion(layer.quaternion_wxyz[i]), layer.position_mm[i])
         local = (inverse(forward_kinematics(cell.chain, q)) @ point)[:3, 3]
         wrench = np.append(point[:3, :3] @ forces.mean_n[i], np.zeros(3))
         moved = balance(cell.chain, stiffness.nm_per_rad, q, local, wrench)[0][:3]

@@ -1,0 +1,224 @@
+"""A controller's language as a table of forms, by which programs are written and, strictly, read back.
+
+A form is a format string of Python: `"L P[{target:d}] {feed:.1f}mm/sec {near}"`. It is written by `str.format`, and
+read by the pattern that follows from it: a field with a format of numbers is a number, `{tool:d}` digits,
+`{pose[0]:.4f}` an element of a list, any other a name, or what the table's `kinds` say. What may follow what is a table
+too: the grammar of the languages' statements is a finite automaton. All else is refused, with its line and what was
+expected there.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+import string
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, NoReturn
+
+from workbench.errors import InputError
+
+NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+NAME = "[A-Za-z][A-Za-z0-9_]*"
+TOKEN = re.compile(rf"[A-Za-z$][A-Za-z0-9_]*|{NUMBER}|:=|\S|\Z")
+LINE_END = r"[ \t]*(?:\r?\n|\Z)"
+HIDDEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x85\u2028\u2029]|\r(?!\n)")  # may end a line to a controller
+EXTREME = re.compile(r"(?<![\w.])(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE]\+?0*[1-9][0-9]|[0-9]{39}")
+SHOWN = 50  # characters of what is refused
+
+
+class Said(NamedTuple):
+    """One statement of a program."""
+
+    form: str
+    values: dict[str, Any]  # by field: a number, a text, or a list of either
+    line: int  # of the file, from 1
+    text: str
+
+
+class _Piece(NamedTuple):
+    """What stands in a form: words, or a field."""
+
+    pattern: re.Pattern[str]
+    words: str  # for messages
+    field: str = ""  # its name; '': words
+    many: bool = False  # it is an element of a list
+    number: type | None = None
+
+
+@dataclass(frozen=True)
+class Language:
+    """Forms of a language, and the order in which programs have them.
+
+    Attributes:
+        forms: name -> format string; a line break of it is one of the file.
+        order: name of a form -> names of those that may follow; a form that is no key changes nothing. '': the begin
+            as a key, the end as one that may follow; (): nothing else may.
+        kinds: name of a field -> pattern, where it is no number and no name.
+        comment: begins a remark, up to the end of the line; '': there are none.
+        free: blanks, line breaks and remarks may stand anywhere between words, as upper or lower case.
+    """
+
+    forms: Mapping[str, str]
+    order: Mapping[str, tuple[str, ...]]
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    comment: str = ""
+    free: bool = False
+
+    def say(self, form: str, **values: Any) -> str:
+        """A form with its fields."""
+        return self.forms[form].format_map(values)
+
+    def find(self, form: str, text: str) -> list[dict[str, Any]]:
+        """What a form says wherever it stands in other people's programs; blanks and letters' case do not count."""
+        pieces = self._pieces(form, True)
+        parts = (f"({piece.pattern.pattern})" if piece.field else piece.pattern.pattern for piece in pieces)
+        fields = [piece for piece in pieces if piece.field]
+        return [_values(fields, found.groups()) for found in re.finditer(r"\s*".join(parts), text, re.IGNORECASE)]
+
+    @functools.cached_property
+    def _compiled(self) -> dict[str, tuple[re.Pattern[str], list[_Piece]]]:
+        """The pattern of each form, and its fields."""
+        made = {}
+        for form in self.forms:
+            pieces = self._pieces(form, self.free)
+            parts = (f"({piece.pattern.pattern})" if piece.field else piece.pattern.pattern for piece in pieces)
+            whole = self._gap.join(parts) + ("" if self.free else LINE_END)
+            made[form] = re.compile(whole, self._flags), [piece for piece in pieces if piece.field]
+        return made
+
+    @property
+    def _flags(self) -> int:
+        return re.IGNORECASE if self.free else 0
+
+    @property
+    def _gap(self) -> str:
+        """Between two words of a statement."""
+        return rf"(?:\s|{re.escape(self.comment)}[^\n]*)*+" if self.free else ""
+
+    @functools.cached_property
+    def _between(self) -> re.Pattern[str]:
+        """Between two statements."""
+        remark = rf"(?:{re.escape(self.comment)}[^\n]*)?" if self.comment else ""
+        return re.compile(self._gap if self.free else rf"(?:[ \t]*{remark}(?:\r?\n|\Z))*[ \t]*")
+
+    def _pieces(self, form: str, free: bool) -> list[_Piece]:
+        """What a form consists of; `free`: word by word."""
+        pieces: list[_Piece] = []
+        for words, name, spec, _ in string.Formatter().parse(self.forms[form].lstrip(" ")):
+            parts = TOKEN.findall(words) if free else re.split(r"(\n)[ \t]*", words)
+            pieces += [self._words(one, free) for one in parts if one]
+            if name is not None:
+                pieces.append(self._field(name, spec or ""))
+        return pieces
+
+    def _words(self, words: str, free: bool) -> _Piece:
+        if words == "\n":
+            return _Piece(re.compile(r"[ \t]*\r?\n[ \t]*"), "the end of the line")
+        bound = r"\b" if free and words[-1].isalnum() else ""
+        shown = repr(words.lower() if self.free else words)
+        return _Piece(re.compile(re.escape(words) + bound, self._flags), shown)
+
+    def _field(self, name: str, spec: str) -> _Piece:
+        plain, many, _ = name.partition("[")
+        kinds: dict[str, type] = {"d": int, "f": float, "g": float}
+        number = kinds.get(spec[-1:])
+        digits = f"[0-9]{{{int(spec[:-1])}}}" if spec.startswith("0") else "[0-9]+"
+        usual = NAME if number is None else digits if number is int else NUMBER
+        words = plain.replace("_", " ").strip() if plain in self.kinds else "a number" if number else "a name"
+        pattern = re.compile(self.kinds.get(plain, usual), self._flags)
+        return _Piece(pattern, words, plain, bool(many), number)
+
+    def read(self, text: str, name: str, remarks: list[str] | None = None) -> Iterator[Said]:
+        """The statements of a text from first to last; remarks between them are added to `remarks`.
+
+        Raises:
+            InputError: "line 12: expected ..., found ...".
+        """
+        at, line, allowed = 0, 1, self.order[""]
+        if hidden := HIDDEN.search(text):
+            refuse(name, text.count("\n", 0, hidden.start()) + 1, "no control characters", hidden[0])
+        while True:
+            begin = self._skip(text, at, [] if remarks is None else remarks)
+            line += text.count("\n", at, begin)
+            if begin == len(text) and (not allowed or "" in allowed):
+                return
+            said = self._one(text, begin, line, allowed) or self._refuse(text, begin, name, allowed)
+            if EXTREME.search(said.text):
+                refuse(name, line, "numbers that single precision holds", said.text.strip())
+            yield said
+            at = begin + len(said.text)
+            line += said.text.count("\n")
+            allowed = self.order.get(said.form, allowed)
+
+    def _skip(self, text: str, at: int, remarks: list[str]) -> int:
+        """Where the next statement begins; what stands before it are remarks."""
+        skipped = self._between.match(text, at)
+        lines = map(str.strip, skipped[0].splitlines() if skipped and self.comment else ())
+        remarks += [line[len(self.comment) :].strip() for line in lines if line]
+        return skipped.end() if skipped else at
+
+    def _one(self, text: str, at: int, line: int, allowed: tuple[str, ...]) -> Said | None:
+        """The statement that begins here, if it is one of those allowed."""
+        for form in filter(None, allowed):
+            pattern, fields = self._compiled[form]
+            if found := pattern.match(text, at):
+                return Said(form, _values(fields, found.groups()), line, found[0])
+        return None
+
+    def _refuse(self, text: str, at: int, name: str, allowed: tuple[str, ...]) -> NoReturn:
+        """Say how far any of those allowed was there, and what it wanted next."""
+        reached = [self._reach(text, at, form) for form in allowed if form]
+        farthest = max((place for place, _ in reached), default=at)
+        wanted = dict.fromkeys(words for place, words in reached if place == farthest)
+        expected = " or ".join(wanted) or "the end of the file"
+        refuse(name, text.count("\n", 0, farthest) + 1, expected, self._found(text, farthest))
+
+    def _reach(self, text: str, at: int, form: str) -> tuple[int, str]:
+        """As far as a form is there, and what it wants next."""
+        gap = re.compile(self._gap)
+        for piece in (*self._pieces(form, self.free), *(() if self.free else (_END,))):
+            skipped = gap.match(text, at)
+            begin = skipped.end() if skipped else at
+            found = piece.pattern.match(text, begin)
+            if found is None:
+                return begin, piece.words
+            at = found.end()
+        return at, ""
+
+    def _found(self, text: str, at: int) -> str:
+        """What stands there: the next word, or the rest of the line."""
+        token = TOKEN.match(text, at)
+        return token[0] if self.free and token else text[at:].partition("\n")[0].strip()
+
+
+_END = _Piece(re.compile(LINE_END), "the end of the line")
+
+
+def _values(fields: list[_Piece], groups: tuple[str, ...]) -> dict[str, Any]:
+    """By field: a number, a text, or a list of either."""
+    made: dict[str, Any] = {}
+    for piece, text in zip(fields, groups, strict=True):
+        value = piece.number(text) if piece.number else text
+        if piece.many:
+            made.setdefault(piece.field, []).append(value)
+        else:
+            made[piece.field] = value
+    return made
+
+
+def reading(form: str, gap: str = "", **kinds: str) -> str:
+    """The pattern of a form, without groups: to be a field's kind. `gap`: what may stand between its words."""
+    pieces = Language({"": form}, {}, kinds)._pieces("", bool(gap))
+    return gap.join(f"(?:{piece.pattern.pattern})" for piece in pieces)
+
+
+def row(names: Iterable[str], field: str, spec: str, between: str = ",") -> str:
+    """Of a form: the elements of a list, each behind its name."""
+    return between.join(f"{name}{{{field}[{i}]:{spec}}}" for i, name in enumerate(names))
+
+
+def refuse(name: str, line: int, expected: str, found: str) -> NoReturn:
+    """Raise InputError for a line of a file."""
+    shown = repr(found[:SHOWN]) if found else "the end of the file"
+    raise InputError(name, f"line {line}: expected {expected}, found {shown}")

@@ -131,7 +131,11 @@ def groove(seed: int) -> Drawn:
 
 
 def groove_part(recording: Any, truth: Any) -> Drawn:
-    stations = {"position_mm": truth.position_mm, "seen": truth.seen}
+    """A groove, at the stations' origins of a groove.json: midway between the upper edges."""
+    upper = [truth.sizes.corners[f"{side}_upper"] for side in ("left", "right")]
+    middle = 0.5 * (upper[0] + upper[1])
+    place = truth.position_mm + middle[:, :1] * truth.normal + middle[:, 1:] * truth.across
+    stations = {"position_mm": place, "seen": truth.seen}
     stations |= {"gap_mm": truth.sizes.gap_mm, "depth_mm": truth.sizes.depth_mm}
     return Drawn(recording, stations, {"kind": "groove"}, f"groove {truth.type}")
 

@@ -184,7 +184,7 @@ class Way:
 
 
 class Simulated(NamedTuple):
-    """The recording, and the truth at stations along the virtual lower edge (of a groove, its middle), in the base."""
+    """The recording, and the truth at stations along the virtual lower edge, of a groove along its upper middle."""
 
     recording: Recording
     truth: dict[str, Any]
@@ -229,12 +229,16 @@ def simulate(part: Workpiece, sensor: Sensor, ways: list[Way], seed: int) -> Sim
 
 
 def true(part: Workpiece, base_from_part: Float, seen: Float) -> dict[str, Any]:
-    """Stations; normal, across and tangent are those of the root face or the leaning end face."""
+    """Stations; normal, across and tangent are those of the root face or the leaning end face.
+
+    Of a groove midway between the upper edges, else on the lower edge.
+    """
     s = part.stations()[::2]
     axes = base_from_part[:3, :3] @ part.axes(s)
     lean = part.lean.at(s, part.length_mm)[:, None] if part.kind == "raw" else np.zeros((len(s), 1))
     away, up = axes[:, :, 0], axes[:, :, 1]
-    place = part.place(s, np.zeros_like(s), np.zeros_like(s)) @ base_from_part[:3, :3].T + base_from_part[:3, 3]
+    level = part.thickness_mm if part.kind == "groove" else 0.0
+    place = part.place(s, np.zeros_like(s), level) @ base_from_part[:3, :3].T + base_from_part[:3, 3]
     found: dict[str, Any] = {"position_mm": place, "seen": (s >= seen[0]) & (s <= seen[-1])}
     if part.kind == "raw":
         normal = np.cos(lean) * away - np.sin(lean) * up

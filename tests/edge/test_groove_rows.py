@@ -36,3 +36,14 @@ def test_corners_are_found_in_every_row_whichever_way_ranges_count() -> None:
 def test_a_flat_plate_has_none() -> None:
     z = np.random.default_rng(1).normal(500.0, 1.0, (10, 800))
     assert corners_of_rows(z) is None
+
+
+def test_a_root_says_how_far_the_next_return_of_its_flanks_lies() -> None:
+    column = np.arange(1200)
+    ranges = np.interp(column, [300, 600, 900], [2500, 1585, 2500]) + np.random.default_rng(1).normal(0, 2, (6, 1200))
+    seen = corners_of_rows(ranges)
+    lost = corners_of_rows(np.where(np.abs(column - 600) < 60, np.nan, ranges))
+    assert seen is not None
+    assert lost is not None
+    assert (seen.root_away < 2.0).all()
+    assert np.allclose(lost.root_away, 60.0, atol=1.0)

@@ -286,6 +286,23 @@ def test_a_table_of_a_gauge_study_is_told_column_by_column(command, tmp_path):
     assert "compare.study" in got.out
 
 
+def test_a_root_without_returns_is_called_extrapolated(command, tmp_path):
+    """The same walls; within 25 columns of the root everything is a reflection."""
+    rng, column = np.random.default_rng(1), np.arange(1200)
+    row = np.interp(column, [300, 600, 900], [2500, 1585, 2500])
+    rows = np.round(row + rng.normal(0, 2, (40, 1200))).astype(int)
+    rows[:, 576:625] += rng.integers(150, 600, (40, 49))
+    text = "\n".join(",".join(map(str, one)) for one in [column, *rows])
+    (tmp_path / "groove.csv").write_text(text + "\n")
+    corners = tmp_path / "corners.csv"
+    shown = command("look", tmp_path / "groove.csv", "--corners", corners)
+    assert shown.status == 0
+    assert "the root is extrapolated: no return of its flanks lies within 25 columns" in shown.out
+    names, first = corners.read_text().splitlines()[:2]
+    assert names.split(",")[-1] == "root_away_columns"
+    assert float(first.split(",")[-1]) == pytest.approx(25, abs=2)
+
+
 @pytest.mark.parametrize(("floor", "expected"), [(0, "corners in 40 of 40 rows"), (200, "no V, its walls would meet")])
 def test_a_groove_with_a_flat_floor_is_no_v(floor, expected, command, tmp_path):
     """Rows of counts; `floor` is its width in columns, and the walls' lines meet far below it."""

@@ -25,6 +25,7 @@ NEIGHBOURS = 15  # rows whose median is a start
 ASIDE = 12.0  # columns from that median, beyond which a row is fitted again from there
 LEAST_DEPTH = 10.0  # times the noise: the depth of a groove
 LEAST_ON, ON_SIGMAS = 0.5, 8.0  # share of a row's returns that lie so near its chain
+TOLD_SIGMAS = 3.0  # a return farther from a corner tells nothing of it
 LEAST_ROWS = 0.8  # share of the rows in which it is found, for them to show a groove
 NEAR, LEAST_NEAR, MOST_MOVED = 120.0, 40, 40.0  # columns about an upper corner; returns on each side; it moves by less
 THIN, MOST_STEPS = 350, 60  # returns of a first fit; steps of a fit
@@ -37,6 +38,7 @@ class Rows(NamedTuple):
 
     column: Float
     z: Float
+    root_away: Float  # (N,) columns from the root to the nearest return on its flanks
 
     @property
     def found(self) -> Bool:
@@ -79,8 +81,18 @@ def corners_of_rows(z: Float) -> Rows | None:
         for i in np.flatnonzero(aside):
             again = _row(up[i], middle[i])
             table[i] = np.nan if again is None else again
-    rows = Rows(table[:, :3], sense * table[:, 3:])
+    rows = Rows(table[:, :3], sense * table[:, 3:], np.array([_away(*both) for both in zip(up, table, strict=True)]))
     return rows if rows.found.mean() >= LEAST_ROWS else None
+
+
+def _away(z: Float, corner: Float) -> float:
+    """Columns from a row's root to the nearest return within three noises of a flank; NaN: no groove, or none."""
+    column = np.flatnonzero(np.isfinite(z))
+    column = column[(column > corner[0]) & (column < corner[2])]
+    if column.size == 0:
+        return np.nan
+    on = np.abs(np.interp(column, corner[:3], corner[3:]) - z[column]) < TOLD_SIGMAS * noise_sigma(z[np.isfinite(z)])
+    return float(np.abs(column[on] - corner[1]).min()) if on.any() else np.nan
 
 
 def _filled(table: Float) -> Float | None:

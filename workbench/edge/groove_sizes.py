@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import scipy
 
 from workbench.artefacts import Corner, Quantity, Term, kind_of
 from workbench.edge.frame_order import scatter
-from workbench.edge.groove_form import WALKS, likely_walk
+from workbench.edge.groove_form import SURE, WALKS, likely_walk
 from workbench.edge.groove_frames import Lines
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.steps import readings
@@ -32,7 +32,13 @@ RETURNS = "where the returns end: step and footprint of the columns"
 PATTERN = "fixed pattern of the columns: what every profile repeats"
 DIRECTION = "direction of the groove: robot position noise and hand-eye pose"
 HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
-STEP_SHARE = 0.3  # of a column's step: where in it a return is lost depends on the sensor and on what lies behind
+# Of a column's step: where in it a return is lost depends on the sensor and on what lies behind; less where the last
+# returns tell how a column sees an end.
+STEP_SHARE, SEEN_SHARE = 0.3, 0.12
+# Of the stretch over which columns see an end in part: how far beyond the end the last return's middle may lie. By the
+# fill f from which on a column returns (1 - 2 f) / (2 - 2 f); half of all sensors ask for half a column (`edge.rim`).
+CUT_OFF, CUT_OFF_U = 0.17, 0.19
+MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is off its face's line
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
 JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
@@ -51,6 +57,7 @@ STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 BETWEEN = 1.25  # by simulation: it goes on between two plates, and turns a line the way that it moves its end
+UNTOLD = 2.0  # a gap of which a second bevel that is not seen may take half, or more, is not told
 CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 
@@ -87,14 +94,18 @@ class GrooveSizes:
     def hidden_deg(self) -> float:
         """The greatest angle at which a face may fall inwards, below an upper surface's end, without returns.
 
-        One that leans away from the rays; or one that they graze, as far as columns beyond the end return nothing.
+        One that leans away from the rays; or one that they graze, or that is as dark as the other plate's bevel may be
+        bright, as far as columns beyond the end return nothing.
         """
         leans = zip(self.leans, self.lines, strict=True)
+        dark = max(
+            (90.0 - typical(one.plate - one.face) / DEG for one in self.lines if one.kind == "bevel"), default=0.0
+        )
         shown = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind not in UNSEEN]
         depth = max((one for one in shown if one > 0.0), default=LEAST_DEPTH_MM)
         return max(
             (
-                math.atan(lean) / DEG + min(math.atan(one.missing / depth) / DEG, GRAZING_DEG)
+                math.atan(lean) / DEG + min(math.atan(one.missing / depth) / DEG, max(GRAZING_DEG, dark))
                 for lean, one in leans
                 if one.kind == "edge"
             ),
@@ -170,7 +181,7 @@ class GrooveSizes:
             )
         roots = [self._root(one, fall) for one, fall in zip(self.lines, falls, strict=True)]
         roots = self._lit(roots, typical(width.value), typical(step.value))
-        beneath = self._beneath() if doubtful else (0.0, 0.0)
+        roots = self._unlit(roots)
         depths = [root for root, one in zip(roots, self.lines, strict=True) if one.kind in PREPARED]
         if depths:
             n = len(depths)
@@ -178,34 +189,20 @@ class GrooveSizes:
                 "depth_mm",
                 np.asarray(sum(d.depth for d in depths)) / n,
                 np.sqrt(sum(d.depth_u**2 for d in depths)) / n,
-                math.hypot(*(d.depth_end for d in depths)) / n,
+                sum(d.depth_end for d in depths) / n,  # by one sensor, alike at both
                 high,
             )
         square = [typical(one.corner[:, 1] - one.last[:, 1]) for one in self.lines if one.kind == "square"]
         told = [depth for depth in (*square, *(typical(d.depth) for d in depths)) if math.isfinite(depth)]
         self.depth = max(told, default=LEAST_DEPTH_MM)
-        along_ray = max(told, default=math.inf) * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN)
-        reach = min(along_ray, typical(width.value))  # of a hidden face, inwards
         self._mm(
             "gap_mm",
             width.value + hidden - sum(r.run for r in roots),
             np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
-            math.hypot(*(r.run_end for r in roots), edge_u),
+            math.hypot(sum(r.run_end for r in roots), edge_u),
             math.hypot(shared, *(self._face_walk(one) for one in self.lines)),
         )
-        if doubtful and self.hides_bevels:
-            if depths and not typical(self.sizes["gap_mm"].value) > reach:  # it may hide the root that is seen
-                self.sizes["depth_mm"] = replace(self.sizes["depth_mm"], value=np.full(self.at.size, np.nan))
-            self._hidden("gap_mm", reach)
-        elif any(beneath):
-            self._hidden("depth_mm", beneath[0])
-            self._hidden("gap_mm", beneath[1])
-        if len(both) == 2 and any(self._joined(one) is not None for one in self.lines):
-            # A thin weld between the ends: without it the bevels go on until they meet.
-            apart = typical(self.sizes["gap_mm"].value)
-            if apart > 0.0:
-                self._hidden("gap_mm", apart)
-                self._hidden("depth_mm", apart / sum(1.0 / math.tan(typical(angle)) for angle, _ in both))
+        self._unseen(roots, falls, max(told, default=math.inf), typical(width.value), doubtful)
         round_ = [one for one in self.lines if one.kind in ("round", "hidden")]
         if round_:
             radius = [self._course(one.fillets.radius, one.fillets.variances()[0]) for one in round_]
@@ -222,11 +219,45 @@ class GrooveSizes:
         self._corners(roots)
         self._root_faces(roots)
 
+    def _unseen(
+        self,
+        roots: list[_Root],
+        falls: list[tuple[Float, Float] | None],
+        depth_mm: float,
+        width_mm: float,
+        doubtful: bool,
+    ) -> None:
+        """Put into depth and gap what faces may do that are not seen; doubtful: as `measure`."""
+        unlit = [root for root in roots if root.unlit_depth]
+        for root in unlit:
+            self._hidden("depth_mm", 0.5 * root.unlit_depth)  # the mean of two
+            self._hidden("gap_mm", root.unlit_run)
+        gap = typical(self.sizes["gap_mm"].value)
+        if doubtful and self.hides_bevels:
+            reach = min(depth_mm * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN), width_mm)  # inwards
+            self._hidden("gap_mm", reach)
+            if "depth_mm" in self.sizes and not gap > reach:  # it may hide the root that is seen
+                self._untold("depth_mm")
+            if any(one.kind == "bevel" for one in self.lines) and not gap > UNTOLD * reach:
+                self._untold("gap_mm")
+        elif doubtful and not unlit:
+            beneath = self._beneath()
+            if any(beneath):
+                self._hidden("depth_mm", beneath[0])
+                self._hidden("gap_mm", beneath[1])
+        if gap > 0.0 and None not in falls and any(self._joined(one) is not None for one in self.lines):
+            # A thin weld between the ends: without it the bevels go on until they meet.
+            self._hidden("gap_mm", gap)
+            self._hidden("depth_mm", gap / sum(1.0 / math.tan(typical(fall[0])) for fall in falls if fall))
+
     def _hidden(self, name: str, reach_mm: float) -> None:
         """Put into a size's u that a face which is not seen may reach so far."""
         size = self.sizes[name]
         hidden = Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0))
         self.sizes[name] = replace(size, terms=(*size.terms, hidden))
+
+    def _untold(self, name: str) -> None:
+        self.sizes[name] = replace(self.sizes[name], value=np.full(self.at.size, np.nan))
 
     def _beneath(self) -> tuple[float, float]:
         """How far a face that is not seen below the upper one of two uneven roots may change depth and gap, mm.
@@ -410,10 +441,13 @@ class GrooveSizes:
                 course = self._course(np.where(near, low, np.nan), (one.sigma / way[:, 0]) ** 2)
                 hidden = ~covered(np.where(near, self.s, np.nan), self.group, self.at)
                 far, far_u = np.where(hidden, np.nan, course.value), course.u
+            share = STEP_SHARE
         else:
             far, far_u, step = self._end(low, one)
+            beyond, share = self._seen_in_part(one, off)
+            far = far - (beyond if joined is None else 0.0) * step
         angle, angle_u = fall
-        end = STEP_SHARE * step if joined is None else math.hypot(JOINED_SHARE * step, joined)
+        end = share * step if joined is None else math.hypot(JOINED_SHARE * step, joined)
         # The run in the section plane: where the plates do not stand level with each other, no plate's own is that.
         in_plane = -self._course(one.face, one.face_variance, one.face_s).value
         c, d, mean = np.cos(in_plane), np.sin(in_plane), typical(angle)
@@ -426,6 +460,30 @@ class GrooveSizes:
             end * math.cos(mean),
             far * d,
         )
+
+    def _seen_in_part(self, one: Lines, off: Float) -> tuple[float, float]:
+        """How far columns still see a face beyond its end, in columns, and u; off (n, 2): last returns from its corner.
+
+        A column of half width h that sees the end y short of its middle returns the middle of what it sees, (h - y) / 2
+        beside its own: a return above the line of a falling face. With ends anywhere in a column these are off by
+        L^2 / 4 columns in the mean, over L columns from the first that is not seen whole to the first that is lost.
+        A face beside one that may be too dark to be seen may need a column that sees it whole: nothing is told then.
+        """
+        if self.hides_bevels:
+            return 0.0, STEP_SHARE
+        ray = np.array([self.leans[1] if one is self.lines[0] else self.leans[0], 1.0])
+        ray /= np.linalg.norm(ray)
+        along, up = np.cos(one.face), np.sin(one.face)
+        above = along * off[:, 1] - up * off[:, 0]
+        sine, cosine = np.abs(along * ray[0] + up * ray[1]), np.abs(along * ray[1] - up * ray[0])
+        column = one.step * sine * cosine
+        mixed = above / column
+        told = mixed[np.abs(mixed) < MOST_MIXED]
+        if told.size < LEAST_ENDS:
+            return 0.0, STEP_SHARE
+        doubt = math.hypot(float(told.std()) / math.sqrt(told.size), self._walked(one.face_mm) / typical(column))
+        least, most = (2.0 * math.sqrt(max(float(told.mean()) + by, 0.0)) for by in (-doubt, doubt))
+        return CUT_OFF * least, math.hypot(SEEN_SHARE, CUT_OFF_U * most)
 
     def _joined(self, one: Lines) -> float | None:
         """By how much (mm, u) the levels leave open where a root ends that the other plate's last return joins.
@@ -465,6 +523,34 @@ class GrooveSizes:
                 roots[k] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0, unknown)
                 self.shadowed = True
         return roots
+
+    def _unlit(self, roots: list[_Root]) -> list[_Root]:
+        """The roots; of two bevels the shorter one ends where it is seen to, or in a shadow as deep as the other.
+
+        Both are alike likely where no column returns as far as it would go on.
+        """
+        depths = [typical(root.depth) for root in roots]
+        k = int(np.argmin(depths))
+        short, one, lower = roots[k], self.lines[k], abs(depths[0] - depths[1])
+        known = math.hypot(*(typical(root.depth_u) + root.depth_end for root in roots))
+        inwards = lower * typical(short.run) / max(depths[k], 1e-3)
+        if (
+            any(each.kind != "bevel" or self._joined(each) is not None for each in self.lines)
+            or np.isfinite(one.root_a).mean() > SHOWS
+            or not SURE * known < lower
+            or not inwards < one.missing
+        ):
+            return roots
+        out = list(roots)
+        out[k] = replace(
+            short,
+            depth=short.depth + 0.5 * lower,
+            down=short.down + 0.5 * lower,
+            run=short.run + 0.5 * inwards,
+            unlit_depth=0.5 * lower,
+            unlit_run=0.5 * inwards,
+        )
+        return out
 
     def _end(self, low: Float, one: Lines) -> tuple[Float, Float, float]:
         """Where returns end: value and u (k,), NaN where a tack weld or lost returns hide it, and the columns' step."""
@@ -565,8 +651,8 @@ class GrooveSizes:
                 low = place + np.stack([root.run, -root.down], axis=1)
                 low_u = np.stack(
                     [
-                        np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2),
-                        np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2),
+                        np.sqrt(u[:, 0] ** 2 + root.run_u**2 + root.run_end**2 + root.unlit_run**2 / 3.0),
+                        np.sqrt(u[:, 1] ** 2 + root.depth_u**2 + root.depth_end**2 + root.unlit_depth**2 / 3.0),
                     ],
                     axis=1,
                 )
@@ -624,18 +710,22 @@ class _Course:
         self.value, self.u, self.smooth = value, u, smooth
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Root:
     """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end.
 
     depth: square to the plate's own upper surface; run, down: in the section plane.
     """
 
-    def __init__(
-        self, depth: Float, depth_u: Float, depth_end: float, run: Float, run_u: Float, run_end: float, down: Float
-    ) -> None:
-        self.depth, self.depth_u, self.depth_end = depth, depth_u, depth_end
-        self.run, self.run_u, self.run_end = run, run_u, run_end
-        self.down = down
+    depth: Float
+    depth_u: Float
+    depth_end: float
+    run: Float
+    run_u: Float
+    run_end: float
+    down: Float
+    unlit_depth: float = 0.0  # mm, by which it may lie deeper or less deep: it ends in the shadow, or does not
+    unlit_run: float = 0.0
 
 
 def _nearby(lost: Float) -> Float:

@@ -200,8 +200,9 @@ def _hidden(measured: GrooveSizes, declared: bool) -> tuple[str, ...]:
     if declared or not measured.hides_bevels:
         return ()
     deg = f"{measured.hidden_deg:.0f} deg"
-    told = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is known "
-    return (told + "bluntly, and what would rest on a square face is not told: give `groove`",)
+    told = f"nothing is seen below a plate's upper surface, where a bevel of up to {deg} may be: the gap is "
+    told += "known bluntly" if np.isfinite(measured.sizes["gap_mm"].value).any() else "not told"
+    return (told + ", and nothing that would rest on a square face: give `groove`",)
 
 
 def possible_types(kinds: tuple[Kind, Kind], root_face: bool, no_root_face: bool) -> tuple[GrooveType, ...]:

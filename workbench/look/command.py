@@ -58,13 +58,16 @@ def look(
 
 
 def write_corners(found: Seen, target: Path) -> None:
-    """Row, then column and range of each corner, as the file counts them; empty where a row shows no groove."""
+    """Row, column and range of each corner, as the file counts them; empty where a row shows no groove.
+
+    Last, how many columns the nearest return on its flanks lies from the root: far off, that is extrapolated.
+    """
     if found.corners is None:
         raise InputError(found.source, "expected rows of ranges across a groove, for --corners")
     if target.suffix.lower() != ".csv":
         raise InputError(str(target), "expected the name of a table to write, ending in .csv")
-    names = [f"{name}_{what}" for what in ("column", "range") for name in COLUMNS]
-    table = np.concatenate([found.corners.column, found.corners.z], axis=1)
+    names = [*(f"{name}_{what}" for what in ("column", "range") for name in COLUMNS), "root_away_columns"]
+    table = np.concatenate([found.corners.column, found.corners.z, found.corners.root_away[:, None]], axis=1)
     lines = [",".join(["row", *names])]
     for number, row in enumerate(table):
         lines.append(",".join([str(number), *("" if np.isnan(v) else f"{v:.2f}" for v in row)]))
@@ -104,6 +107,7 @@ def _written(target: Path, content: bytes) -> None:
 
 RECORDINGS = (".h5", ".hdf5")
 TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
+MOST_AWAY = 3.0  # columns from the root of a V to the next return, beyond which the root is not seen
 MOST_BEYOND = 0.1  # of a V's depth, by which its root may lie beyond the returns: some are lost in it
 
 
@@ -266,6 +270,9 @@ def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
     middle = np.nanmedian(rows.column, axis=0)
     places = ", ".join(f"{name} {column:.1f}" for name, column in zip(COLUMNS, middle, strict=True))
     told = f"groove: corners in {rows.found.sum()} of {len(rows.found)} rows, in the median at columns {places}"
+    away = float(np.nanmedian(rows.root_away)) if np.isfinite(rows.root_away).any() else np.inf
+    if away > MOST_AWAY:
+        told += f"; the root is extrapolated: no return of its flanks lies within {away:.0f} columns"
     return replace(found, lines=(*found.lines, told), corners=rows)
 
 

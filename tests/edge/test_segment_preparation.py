@@ -16,7 +16,7 @@ from bench.simulators.swept import SweptRecipe, simulate_swept
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
-from workbench.edge.prepared_fillet import fit_fillet
+from workbench.edge.fillet import fit_on_land
 from workbench.edge.prepared_profile import kind_of
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import preparation as inspect_preparation
@@ -277,7 +277,7 @@ def test_a_fillet_is_found_between_flank_and_land() -> None:
     arc = centre - radius * np.stack([-np.sin(turn), np.cos(turn)], axis=1)
     flank = np.linspace(0.1, 1.0, 20)[:, None] * arc[0]
     land = arc[-1] + np.linspace(0.05, 1.0, 20)[:, None] * np.array([math.cos(tilt), math.sin(tilt)])
-    found = fit_fillet(np.concatenate([flank, arc, land]), fall, 0.005, None)
+    found = fit_on_land(np.concatenate([flank, arc, land]), fall, 0.005, None)
     assert found is not None
-    assert (found.radius_mm, found.level_mm) == pytest.approx((radius, level), abs=1e-3)
+    assert (found.radius_mm, found.bottom_mm) == pytest.approx((radius, -level), abs=1e-3)
     assert found.tilt == pytest.approx(tilt, abs=1e-3)

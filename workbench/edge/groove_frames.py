@@ -11,7 +11,7 @@ import scipy
 from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
 from workbench.checks.limits import most
-from workbench.edge.groove_fillet import Fillets, fit_circle, fit_fillet
+from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
 from workbench.edge.groove_form import NOTHING_TOLD, Form, Repeated
 from workbench.edge.groove_profile import (
     DROP_MM,
@@ -457,7 +457,7 @@ def side_lines(cloud: Cloud, read: ReadFrames, curve: Curve, s: Float, turn: Flo
         way = _downwards(way)
         way_v, face_off_v = way_v * noise_f**2, face_off_v * noise_f**2
         if kind == "round":
-            found = fit_fillet(np.concatenate([face, arc]), middle, way, noise_f * share, guess)
+            found = fit_below_flank(np.concatenate([face, arc]), middle, way, noise_f * share, guess)
             if found is None:
                 continue
             (way, way_v, middle, face_off_v), fillet = found

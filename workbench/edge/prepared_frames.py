@@ -12,8 +12,8 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.artefacts.edges import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces, face_lines
+from workbench.edge.fillet import SHARP_MM, fit_on_land
 from workbench.edge.identify import crossing, whole_faces
-from workbench.edge.prepared_fillet import SHARP_MM, fit_fillet
 from workbench.edge.prepared_profile import Reading, readings, width_mm
 from workbench.errors import InputError
 from workbench.geometry import tracking
@@ -147,7 +147,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
         fall = abs(math.atan(flank[SLOPE]) - math.atan(upper[SLOPE]))
         above = np.arange(int(flank[FIRST]), int(flank[LAST]) + 1)
         noise = 1.4826 * float(np.median(np.abs(z[above] - flank[SLOPE] * x[above] - flank[OFFSET])))
-        fit = fit_fillet(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), LEAST_SIGMA_MM), None)
+        fit = fit_on_land(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), LEAST_SIGMA_MM), None)
         found.append(0.0 if fit is None else fit.radius_mm)
     return float(np.median(found)) if found else 0.0
 

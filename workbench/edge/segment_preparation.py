@@ -30,11 +30,11 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.frame_order import scatter, shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import EndU, Limits, RobotNoise
-from workbench.edge.prepared_fillet import Fillet, fit_fillet, misfit_mm
 from workbench.edge.prepared_frames import (
     FILLET,
     FLANK,
@@ -282,7 +282,7 @@ class _Chain:
             return {}
         seen = [one for one in self.fillets if one is not None]
         middle = seen[len(seen) // 2]
-        level, tilt, radius = (misfit_mm(seen) * u for u in middle.form_u(width_mm))
+        radius, level, tilt = (misfit_mm(seen) * u for u in middle.form_u(width_mm))
         unseen = _typical(np.array([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
         return {
             "depth_mm": level,
@@ -430,7 +430,7 @@ class _Chain:
             points = self.cloud.placed(np.full(column.size, i), column)
             _, place = in_section(points, curve, np.full(column.size, self.s[i]))
             local = (place - top[i]) @ _upper_axes(angles[0][i], angles[-1][i]).T
-            found = fit_fillet(local, float(falls[i]), self.frames.sigma_mm[FLANK], start)
+            found = fit_on_land(local, float(falls[i]), self.frames.sigma_mm[FLANK], start)
             out[int(i)] = found
             start = start if found is None else found
         return out
@@ -486,7 +486,7 @@ class _Chain:
 
     def _fillet_variance(self, name: str) -> Float:
         """What the fit of the fillet leaves open of a length, mm^2."""
-        which = {"depth_mm": 0, "root:m": 0, "root_radius_mm": 1}.get(name)
+        which = {"root_radius_mm": 0, "depth_mm": 1, "root:m": 1}.get(name)
         if which is None:
             return np.zeros(len(self.fillets))
         return np.array([math.nan if one is None else one.covariance[which, which] for one in self.fillets])

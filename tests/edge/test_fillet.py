@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.edge.groove_fillet import Fillets, fit_circle
+from workbench.edge.fillet import Fillets, fit_circle
 from workbench.units import DEG, Float
 
 RADIUS, NOISE, PITCH = 3.0, 0.015, 0.05

@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from scripts.site import navigation
+from scripts.site import ages, navigation
 from scripts.site.commands import ROOT, PageError, follow, lay_out
 from scripts.site.gallery import hang
 
@@ -36,6 +36,7 @@ def build(target: Path, quick: bool) -> None:
         source = copy_pages(Path(folder) / "source")
         if not quick:
             run_pages(source, lay_out(Path(folder) / "project"))
+        print("\n".join(ages.mark(source)))
         navigation.add(source)
         write_html(source, target)
 

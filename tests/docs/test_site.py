@@ -9,6 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from scripts.site import ages
 from scripts.site.__main__ import main
 from scripts.site.commands import ROOT, PageError, lay_out
 from scripts.site.gallery import hang
@@ -123,3 +124,22 @@ def test_the_gallery_finds_its_pictures_in_the_reports(tmp_path):
     page = tmp_path / "README.md"
     page.write_text((ROOT / "docs/gallery/README.md").read_text())
     assert hang(page, lay_out(tmp_path / "project")) >= 15
+
+
+def test_a_table_older_than_its_code_is_marked(tmp_path):
+    def commit(*words):
+        asked = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+        return asked.stdout.split()[0] if asked.stdout else pytest.skip("needs the history in git")
+
+    first, last = commit("rev-list", "--max-parents=0", "HEAD"), commit("rev-parse", "HEAD")
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    command = "`python -m bench.programs --count 3`"
+    page.write_text(f"{command}, commit {first}\n\n{command}, commit {last}\n\n{command}\n\n| 1 |\n", encoding="utf-8")
+    found = ages.mark(tmp_path)
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert re.search(r"older than its code by \d+ commit", lines[0])
+    assert lines[2].endswith(last)
+    assert lines[4].endswith("*(states no commit)*")
+    assert [one.split(":")[1] for one in found] == ["1", "5"]
+    assert {"bench/programs.py", "workbench/program", "workbench/robot"} <= ages.code_of("bench.programs")

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from bench.metrology.run import ROOT
+from bench.harness import ROOT
 from workbench.api import DEG, Chain, Float, Recording, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise

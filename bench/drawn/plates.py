@@ -431,14 +431,18 @@ def random_recipe(condition: str, seed: int) -> Recipe:
     if condition not in known:
         raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
     rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    document = draw_plate(rng, seed)
+    known[condition](rng, document)
+    return parse_recipe(document | {"title": condition}, source=condition)
+
+
+def draw_plate(rng: Generator, seed: int, elevation_deg: tuple[float, float] = (20, 70)) -> Document:
+    """A recipe's document of a milled part under no condition, with one pass."""
     document: Document = {
-        "title": condition,
         "seed": seed,
         "part": draw_part(rng),
         "scanner": draw_scanner(rng),
         "disturbances": draw_disturbances(rng),
         "robot": draw_robot(rng),
     }
-    document["passes"] = [draw_pass(rng, document)]
-    known[condition](rng, document)
-    return parse_recipe(document, source=condition)
+    return document | {"passes": [draw_pass(rng, document, elevation_deg)]}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
-from bench.metrology.run import ROOT, Task, measure_all
+from bench.harness import ROOT, made_by
+from bench.metrology.run import Task, measure_all
 from bench.metrology.studies import STUDIES, Study
 from bench.metrology.table import put_into
 
@@ -21,17 +21,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 def run(name: str, options: argparse.Namespace) -> int:
     """One study: 1 if it does not reach a goal."""
-    study, start = STUDIES[name], time.monotonic()
+    study = STUDIES[name]
     results: dict[str, list[object]] = {condition: [] for condition in conditions(study, options)}
     todo = tasks(name, options)
-    for done, result in enumerate(measure_all(todo, options.out / name, options.workers, study.measurement), 1):
+    for result in measure_all(todo, options.out / name, options.workers, study.measurement):
         results[result.condition].append(result)
-        if done % 20 == 0 or done == len(todo):
-            print(f"{name}: {done} of {len(todo)} parts, {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
     if not results:
         return 0
     summaries = [study.summarise(condition, found) for condition, found in results.items()]
-    text = study.tables(summaries, command(name, options))
+    told = command(name, options)
+    text = study.tables(summaries, told)
+    if options.docs:
+        text = text.replace(f"`{told}`", f"`{told}`{made_by()}", 1)
     print(text)
     for found in results.values():
         print(*study.worst(found, options.worst), sep="\n", end="\n" if options.worst else "")

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+from bench.harness import ROOT, each
+
 PRESENTATION = ("__main__.py", "run.py", "studies.py", "quantity.py", "summary.py", "table.py")
-THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 Task = tuple[str, int]  # condition, seed
 
 
@@ -55,7 +53,7 @@ def measure_all(tasks: Iterable[Task], folder: Path, workers: int, measurement: 
                 done.add(task)
                 yield result
     todo = [task for task in tasks if task not in done]
-    for result in _in_processes(todo, workers, measurement):
+    for result in each(partial(_measure, measurement.measure), todo, workers):
         with (folder / f"{result.condition}.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(result), allow_nan=False) + "\n")
         yield result
@@ -83,17 +81,6 @@ def _header(source: str) -> str:
 def _write(path: Path, source: str, results: Iterable[Any]) -> None:
     lines = [_header(source), *(json.dumps(asdict(r), allow_nan=False) for r in results)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _in_processes(tasks: list[Task], workers: int, measurement: Measurement) -> Iterator[Any]:
-    """Each worker is one thread: numba and Open3D would otherwise start as many threads as there are cores, each."""
-    measure = partial(_measure, measurement.measure)
-    if workers <= 1 or len(tasks) < 2:
-        yield from map(measure, tasks)
-        return
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    with multiprocessing.get_context("spawn").Pool(workers) as pool:
-        yield from pool.imap_unordered(measure, tasks)
 
 
 def _measure(measure: Callable[[str, int], Any], task: Task) -> Any:

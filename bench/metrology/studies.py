@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.drawn.plates import RAW_CONDITIONS
+from bench.harness import ROOT
 from bench.metrology.calibration.part import CalibrationResult, measure_calibration
 from bench.metrology.calibration.summary import (
     CALIBRATION_CONDITIONS,
@@ -23,7 +24,7 @@ from bench.metrology.measured.part import MeasuredResult, measure_measured
 from bench.metrology.measured.summary import MEASURED_CONDITIONS, measured_tables, summarise_measured, worst_measured
 from bench.metrology.planning.part import PlanResult, measure_plan
 from bench.metrology.planning.summary import plan_tables, summarise_plans, worst_plans
-from bench.metrology.run import ROOT, Measurement
+from bench.metrology.run import Measurement
 from bench.metrology.stiffness.part import StiffnessResult, measure_stiffness
 from bench.metrology.stiffness.summary import (
     STIFFNESS_CONDITIONS,

@@ -12,11 +12,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from bench.harness import made_by
 from bench.open.rivals import FROZEN, NAMES, rival
 from bench.open.run import answers
 from bench.open.table import put, table
 from bench.open.tracks import ROUNDS, TRACKS, Entry, drawn, entries, kept, keys, new_round, rounds, truth, write
-from bench.score.__main__ import made_by
 from workbench.score.judge import judged
 from workbench.score.page import picture
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from bench.harness import each
 from bench.open.rivals import rival
 from bench.open.tracks import Entry, drawn
 
@@ -17,22 +14,11 @@ Task = tuple[str, Entry, tuple[str, ...], Path]  # track, recording, rivals, fol
 
 
 def answers(tasks: list[Task], workers: int) -> dict[tuple[str, str, str], Any]:
-    """By track, recording and rival, as they come."""
+    """By track, recording and rival."""
     found: dict[tuple[str, str, str], Any] = {}
-    start = time.monotonic()
-    for number, (track, name, told) in enumerate(measured(tasks, workers), 1):
+    for track, name, told in each(one, tasks, workers, "recordings"):
         found |= {(track, name, method): answer for method, answer in told.items()}
-        if number % 20 == 0 or number == len(tasks):
-            print(f"{number} of {len(tasks)} recordings, {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
     return found
-
-
-def measured(tasks: list[Task], workers: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    if workers <= 1:
-        yield from map(one, tasks)
-        return
-    with multiprocessing.get_context("spawn").Pool(workers, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield from pool.imap_unordered(one, tasks)
 
 
 def one(task: Task) -> tuple[str, str, dict[str, Any]]:

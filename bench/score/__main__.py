@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import signal
-import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
+from bench.harness import each, made_by
 from bench.open.rivals import NAMES
-from bench.score.measure import Result, Task, one
-from bench.score.parts import GROUPS, ROOT, digest, group, simulators
+from bench.score.measure import Result, one
+from bench.score.parts import GROUPS, digest, group, simulators
 from bench.score.table import lines_of, put, table
 from workbench.user_folder import UserFolder
 
@@ -30,7 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
         if simulator in given.simulators and group(name).recordings in draws
     ]
     results: list[Result] = []
-    for result in results_of(tasks, given.workers):
+    for result in each(one, tasks, given.workers):
         results.append(result)
         print(*lines_of(result), sep="\n", file=sys.stderr, flush=True)
     order = [*GROUPS, *(given.conditions or ())]
@@ -58,12 +55,6 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def made_by() -> str:
-    """Commit and date of the code that was run."""
-    told = ("git", "log", "-1", "--format=, commit %h of %cs")
-    return subprocess.run(told, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-
-
 def command(given: argparse.Namespace) -> str:
     """What was run, as it can be typed again."""
     words = [f"--parts {given.parts} --seed {given.seed}"]
@@ -71,15 +62,6 @@ def command(given: argparse.Namespace) -> str:
     words += [] if given.groups == list(GROUPS) else [f"--groups {' '.join(given.groups)}"]
     words += [] if given.simulators == list(simulators()) else [f"--simulators {' '.join(given.simulators)}"]
     return " ".join([*words, *([] if given.engine == "product" else [f"--engine {given.engine}"])])
-
-
-def results_of(tasks: list[Task], workers: int) -> Iterator[Result]:
-    """As they come."""
-    if workers <= 1:
-        yield from map(one, tasks)
-        return
-    with multiprocessing.get_context("spawn").Pool(workers, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-        yield from pool.imap_unordered(one, tasks)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import plates
-from bench.drawn.plates import draw_disturbances, draw_part, draw_pass, draw_robot, draw_scanner, random_recipe
+from bench.drawn.plates import random_recipe
 from bench.score.errors import about_robot, as_real
 from bench.score.face import local_face
 from bench.score.parts import Drawn, generator, nominal
@@ -54,14 +54,7 @@ RAW = ("straight", "arc", "wavy", "drift", "rough", "twist", "burrs", "below", "
 
 def milled(rng: np.random.Generator, seed: int, elevation_deg: tuple[float, float], *more: Any) -> tuple[Any, Any]:
     """Recording and truth of a straight part under the conditions `more`."""
-    document: dict[str, Any] = {
-        "seed": seed,
-        "part": draw_part(rng),
-        "scanner": draw_scanner(rng),
-        "disturbances": draw_disturbances(rng),
-        "robot": draw_robot(rng),
-    }
-    document["passes"] = [draw_pass(rng, document, elevation_deg)]
+    document = plates.draw_plate(rng, seed, elevation_deg)
     for condition in more:
         condition(rng, document)
     document["title"] = ", ".join(condition.__name__ for condition in more)

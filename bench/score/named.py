@@ -9,16 +9,7 @@ from typing import Any
 import numpy as np
 
 from bench.drawn import plates
-from bench.drawn.plates import (
-    CONDITIONS,
-    RAW_CONDITIONS,
-    draw_disturbances,
-    draw_part,
-    draw_pass,
-    draw_robot,
-    draw_scanner,
-    random_recipe,
-)
+from bench.drawn.plates import CONDITIONS, RAW_CONDITIONS, random_recipe
 from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from bench.score.analytic import declared_of, raw_part, truth_of
 from bench.score.parts import Drawn
@@ -79,14 +70,7 @@ def simulated(condition: str, seed: int) -> tuple[Recording, Any]:
 def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     """Two to four conditions of the package's simulator at once, a curved edge among them half of the time."""
     rng = np.random.default_rng([seed, zlib.crc32(b"raw_mixed" if raw_edge else b"mixed")])
-    document: dict[str, Any] = {
-        "seed": seed,
-        "part": draw_part(rng),
-        "scanner": draw_scanner(rng),
-        "disturbances": draw_disturbances(rng),
-        "robot": draw_robot(rng),
-    }
-    document["passes"] = [draw_pass(rng, document)]
+    document = plates.draw_plate(rng, seed)
     faults = _RAW_FAULTS if raw_edge else _FAULTS
     chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]
     if rng.random() < 0.5:

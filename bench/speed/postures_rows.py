@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
-from bench.speed.timing import Row, seconds
+from bench.speed.timing import Row, alone, seconds
 
 
 def postures() -> Iterator[Row]:
     """Traversal, proven optimum and single postures, beside loops over pinocchio, in a process on one core."""
-    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    command = [sys.executable, "-m", "bench.speed.postures"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
-    yield from traversed(json.loads(done.stdout))
+    yield from traversed(alone("postures"))
 
 
 def traversed(found: dict[str, Any]) -> Iterator[Row]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from bench.speed import general, ours
 from bench.speed.recordings import unpacked
-from bench.speed.timing import REPEATS, Row, in_turn, seconds
+from bench.speed.timing import REPEATS, Row, alone, in_turn, seconds
 from workbench.geometry import grids
 from workbench.scan import read
 
@@ -200,18 +200,12 @@ def first_run(path: Path, cache: Path) -> Iterator[Row]:
 
 def planning() -> Iterator[Row]:
     """A long edge to its program, and d_min beside Open3D and a k-d tree, in a process on one core."""
-    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    command = [sys.executable, "-m", "bench.speed.planning"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
-    yield from planned(json.loads(done.stdout))
+    yield from planned(alone("planning"))
 
 
 def calibrating() -> Iterator[Row]:
     """Nine profiles to the hand-eye pose, beside the paper's genetic algorithm, in a process on one core."""
-    variables = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    command = [sys.executable, "-m", "bench.speed.calibration"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, env={**os.environ, **variables})
-    yield from calibrated(json.loads(done.stdout))
+    yield from calibrated(alone("calibration"))
 
 
 def calibrated(found: dict[str, Any]) -> Iterator[Row]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import os
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from bench.harness import THREADS
 
 REPEATS = 5
 
@@ -61,3 +64,10 @@ def in_turn(
 def seconds(value_s: float) -> str:
     """A time with three digits and its unit."""
     return f"{value_s * 1e3:.3g} ms" if value_s < 1 else f"{value_s:.3g} s" if value_s < 1000 else f"{value_s:.0f} s"
+
+
+def alone(module: str) -> dict[str, Any]:
+    """What `python -m bench.speed.MODULE` prints as JSON, in a process on one core."""
+    command = [sys.executable, "-m", f"bench.speed.{module}"]
+    variables = {**os.environ, **dict.fromkeys(THREADS, "1")}
+    return dict(json.loads(subprocess.run(command, check=True, capture_output=True, text=True, env=variables).stdout))

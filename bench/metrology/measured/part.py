@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from bench.drawn.plates import random_recipe
+from bench.harness import ROOT
 from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.planning.part import rough_upper_side
-from bench.metrology.run import ROOT
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
 from workbench.artefacts import Engagement, Inspection, PathCorrection, PathDeflection, Requirements, Toolpath
 from workbench.cloud import denoise

@@ -47,7 +47,7 @@ INCIDENCES = np.radians(np.arange(60.0, 89.0, 4.0))  # greatest angle of inciden
 QUARTER, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 # A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on, half of them
 # from half on: columns by which its middle then lies beyond the end, and half of what it sees.
-FOOTPRINTS, FILLS = np.array([0.5, 1.0, 1.5]), np.array([0.1, 0.3, 0.5, 0.7])
+FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5, 0.7])
 PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
 PIXEL_PRIOR = np.append(1.0, np.full(FOOTPRINTS.size * FILLS.size, 1.0 / FILLS.size)) / (1.0 + FOOTPRINTS.size)
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel

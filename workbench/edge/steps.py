@@ -90,6 +90,8 @@ def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Re
         if np.abs(own - before).max() < SETTLED:
             break
     evidence, own = _own(value - course.value(s), sigma)
+    if (own > 0.5).all():
+        return None
     return _Reading(evidence - _spent(course, s[shown], sigma[shown]), own, course, sense)
 
 

@@ -181,6 +181,9 @@ def find_end(
     first_of = np.searchsorted(cell, np.arange(place.size + 1))  # frames are in order
     middle = medians(ends.low + 0.5 * ends.step, first_of)
     departure = np.where(contradicted, middle - course.value(place), 0.0)
+    most = np.maximum.reduceat(ends.weight, first_of[:-1])
+    counts = ends.weight > 0.5 * most[cell]  # a pass that does not see the end says nothing of where it is
+    middle = medians((ends.low + 0.5 * ends.step)[counts], np.searchsorted(cell[counts], np.arange(place.size + 1)))
     middle_u = np.sqrt((np.bincount(cell, ends.step) / count) ** 2 / 12.0 + sigma**2)
     course = _doubted(course, place, ends, cell)
     return EndCourse(course, place, contradicted, _beside(departure), middle, middle_u)

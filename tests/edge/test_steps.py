@@ -60,6 +60,13 @@ def test_where_halves_of_an_edge_lie_apart_either_may_be_the_faces_own() -> None
         assert abs(value[place] + found.shift_mm[place] + 0.4) < 2.5 * found.u_mm[place]
 
 
+def test_a_few_lost_cells_turn_no_face() -> None:
+    """A reading by which the face runs away, and most of the edge with it, is none."""
+    cells = np.arange(S.size)
+    value, found = read(np.where((cells > 10) & (cells < 14), -1.1, 0.0) + noise(3) / 6.0)
+    assert np.abs(value + found.shift_mm).max() < 0.03
+
+
 @pytest.mark.parametrize("cells", [0, 2, 7, 20, 30])
 def test_a_chain_of_cells_is_the_same_from_either_end(cells: int) -> None:
     off = noise(cells) + np.where(np.arange(S.size) < cells, 0.3, 0.0) + 0.1 * (S > 90.0) * np.sin(S)

@@ -10,7 +10,7 @@ import pytest
 from bench.score.laws import ALIKE, GROWS, POORER, ROUNDING, applies, change_of, growth, names
 
 FAILS = {  # greatest growth of u, or greatest change of a value, as measured (docs/score.md)
-    ("the last pass alone", "root_mm"): "u of both passes 1.11 times that of the better one",
+    ("the last pass alone", "root_mm"): "u of both passes 1.12 times that of the better one",
     ("every second column", "bevel_deg"): "u 1.12 times that of half the columns",
     ("in a mirror", "root_mm"): "0.0011 mm",
     ("in a mirror", "bevel_deg"): "0.0035 deg",

@@ -20,12 +20,13 @@ from workbench.kernels import kernel
 from workbench.units import Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
-BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.1])
+BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
 OFF_MM, RAGGED_MM = 0.2, 0.02  # usual height off the face; by which ragged heights change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.15  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
 NEAR, LOW = 10, 0.25  # cells on each side, of which so many are taken for the face's own at first
 LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 8, 0.01
+LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
 NOISIER = 2.0  # variance of cells over the stated one, by which heights off the face are not told from noise
 LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
 
@@ -90,7 +91,7 @@ def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Re
         if np.abs(own - before).max() < SETTLED:
             break
     evidence, own = _own(value - course.value(s), sigma)
-    if (own > 0.5).all():
+    if (own > 0.5).all() or (own > 0.5).mean() < LEAST_SHARE:
         return None
     return _Reading(evidence - _spent(course, s[shown], sigma[shown]), own, course, sense)
 

@@ -122,8 +122,9 @@ def segment(
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
     """What the view shows beside both faces, to tell whether they are root face and bevel face."""
+    passes = [tracked.seen & (cloud.pass_index == one) for one in np.unique(cloud.pass_index[tracked.seen])]
     upper, lower = (
-        bool((tracked.faces[one].count[tracked.seen] > 2).mean() > 0.5) for one in (UPPER_SURFACE, LOWER_SURFACE)
+        any((tracked.faces[one].count[on] > 2).mean() > 0.5 for on in passes) for one in (UPPER_SURFACE, LOWER_SURFACE)
     )
     root, bevel = (np.arctan(tracked.faces[one].sxz / tracked.faces[one].sxx) for one in (ROOT_FACE, BEVEL_FACE))
     lies_on = bool(tracked.lies_on[tracked.seen].mean() > 0.5)

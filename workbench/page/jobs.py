@@ -14,7 +14,8 @@ from typing import Any
 from workbench.children import environment
 from workbench.page.store import Run, Store
 
-INSPECTIONS = ("inspection.json", "groove_inspection.json", "preparation_inspection.json")
+NEXT_SCAN = "next_scan.json"  # of scan.next
+INSPECTIONS = ("inspection.json", "groove.json", "preparation.json")
 SIZE = re.compile(r"(?P<name>.+)_u(?P<unit>_mm|_deg)$")  # of a characteristic's uncertainty
 LOOK = "look"
 STEP = re.compile(r"\[\d+/\d+\] \S+")
@@ -143,10 +144,12 @@ def summary(folder: Path) -> dict[str, Any]:
     if path is None:
         return {}
     tree = json.loads(path.read_text(encoding="utf-8"))
+    following = folder / NEXT_SCAN
+    todo = json.loads(following.read_text(encoding="utf-8"))["sentence"] if following.is_file() else ""
     return {
         "part": (tree.get("part") or {}).get("part_id"),
         "verdict": tree.get("verdict"),
-        "reason": tree.get("reason"),
+        "reason": f"{tree.get('reason')}. {todo}" if todo else tree.get("reason"),
         "sizes": sizes(tree.get("sections", [])),
     }
 

@@ -31,15 +31,15 @@ from workbench.user_folder import package_digest
 
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
-FURTHER = {"scan": "workbench.scan_plan"}  # modules of the same families that take longer to import
+FURTHER = {"scan": ("workbench.scan_next", "workbench.scan_plan")}  # of the same families
 
 
 @functools.cache
 def families() -> dict[str, tuple[str, ...]]:
     """Modules by family name: the project's own first, then those of plug-ins."""
     found = {family: [f"workbench.{family}"] for family in BUILT_IN}
-    for family, module in FURTHER.items():
-        found[family].append(module)
+    for family, further in FURTHER.items():
+        found[family].extend(further)
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
         modules = found.setdefault(entry.name, [])
         if entry.value not in modules:

@@ -1,0 +1,84 @@
+"""What would decide an undecided inspection: the pass that is proposed is scanned, and decides what it was said to."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench.artefacts import Cloud, Inspection, MilledEdge
+from workbench.cloud import denoise
+from workbench.edge import segment
+from workbench.inspect import sections
+from workbench.scan import fuse
+from workbench.scan_next import next_scan
+from workbench.synthetic import parse_recipe, simulate_recording
+
+RECIPE = Path("data/synthetic/milled_edge.json")
+CLOSE = (-0.09, 0.09)  # of a root face that goes from 1.46 to 1.6 mm about its nominal size of 1.5
+
+
+@cache
+def scanned(*elevations_deg: float) -> tuple[Cloud, MilledEdge]:
+    recipe: dict[str, Any] = json.loads(RECIPE.read_text())
+    recipe["passes"] = [{**recipe["passes"][0], "elevation_deg": one} for one in elevations_deg]
+    recording, _ = simulate_recording(parse_recipe(recipe, str(RECIPE)))
+    cloud = denoise(fuse(recording))
+    return cloud, segment(cloud)
+
+
+def told(*elevations_deg: float, **asked: Any) -> tuple[Inspection, dict[str, Any]]:
+    cloud, edge = scanned(*elevations_deg)
+    found = sections(edge, **asked)
+    made = next_scan(cloud, edge, found)
+    return found, json.loads(made[0].content) if made else {}  # type: ignore[union-attr]
+
+
+def test_a_decided_part_needs_no_further_pass() -> None:
+    for tolerance in ((-0.5, 0.5), (-0.01, 0.01)):
+        found, proposal = told(42.0, root_tolerance_mm=tolerance)
+        assert found.verdict in ("pass", "fail")
+        assert proposal == {}
+
+
+def test_the_proposed_pass_decides_what_it_was_said_to() -> None:
+    nominal = {"root_nominal_mm": 1.5, "root_tolerance_mm": CLOSE}
+    before, proposal = told(42.0, **nominal)
+    assert before.verdict == "undecided"
+    assert proposal["decided_by_it"]
+    after = sections(scanned(42.0, proposal["elevation_deg"])[1], **nominal)
+    verdicts = {one.index: one.verdict for one in after.sections}
+    assert {verdicts[k] for k in proposal["decided_by_it"]} <= {"pass", "fail"}
+    u = [2.0 * one.root_u_mm for one in after.sections if one.root_u_mm is not None]
+    assert np.median(u) == pytest.approx(proposal["predicted_root_U_mm"], rel=0.5)
+
+
+def test_a_part_that_passes_on_a_condition_is_to_be_seen_from_below() -> None:
+    cloud, edge = scanned(42.0)
+    found = sections(edge, root_tolerance_mm=(-0.15, 0.15), root_nominal_mm=1.55)
+    assert {one.verdict for one in found.sections} == {"pass"}
+    assert {one.name for one in found.conditions} == {"lost_columns", "shadow"}
+    proposal = json.loads(next_scan(cloud, edge, found)[0].content)  # type: ignore[union-attr]
+    assert proposal["elevation_deg"] < -20.0
+    assert proposal["undecided_sections"] == []
+    assert "lower surface is in view" in proposal["sentence"]
+    _, both = scanned(42.0, proposal["elevation_deg"])
+    settled = sections(both, root_tolerance_mm=(-0.15, 0.15), root_nominal_mm=1.55)
+    assert settled.verdict == "pass", settled.reason
+
+
+def test_the_file_is_an_edge_for_the_plan_of_a_scan(tmp_path: Path) -> None:
+    from workbench.scan_plan import plan
+
+    cloud, edge = scanned(42.0)
+    found = sections(edge, root_tolerance_mm=CLOSE)
+    file = tmp_path / "next_scan.json"
+    file.write_bytes(next_scan(cloud, edge, found)[0].content)  # type: ignore[union-attr]
+    proposal = json.loads(file.read_text())
+    made = plan(edge=file, sensor=Path("data/calibration/sensor.json"))[0]
+    length = proposal["to_mm"] - proposal["from_mm"]
+    assert made.edge.length_mm == pytest.approx(length, rel=0.02)  # type: ignore[union-attr]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from bench.calibration import arm, tools
+from bench.calibration import arm, faces, tools
 from bench.calibration.paper import (
     CENTER_MM,
     TRUE,
@@ -212,6 +212,7 @@ STATEMENTS = {
     "diameter": diameter,
     "arm": arm.statement,
     "tools": tools.statement,
+    "faces": faces.statement,
 }
 
 

@@ -71,6 +71,7 @@ def judged(
     recording: Recording,
     flange_from_profiler: Float | None = None,
     limits: Mapping[str, Bound] | None = None,
+    calibrating: bool = False,
 ) -> tuple[tuple[Check, ...], Recording]:
     """As `judge_recording`; and the recording less what only repeats itself: evidence counts once.
 
@@ -78,6 +79,7 @@ def judged(
 
     Args:
         recording, limits: see there.
+        calibrating: see `refuse_unsound`.
         flange_from_profiler: the hand-eye pose (4, 4) to judge with; None: the recording's own, if it has one.
 
     Example:
@@ -91,7 +93,7 @@ def judged(
     recording = as_delivered(recording)
     repeats = find_repeats(recording.z_mm, recording.pass_index)
     once = _without_copies(recording, repeats)
-    return tuple(_checks(recording, repeats, once, hand_eye, limits or {})), once
+    return tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating)), once
 
 
 def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:
@@ -108,13 +110,16 @@ def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fu
             )
 
 
-def refuse_unsound(recording: Recording, limits: Mapping[str, object], parameter: str) -> tuple[Check, ...]:
+def refuse_unsound(
+    recording: Recording, limits: Mapping[str, object], parameter: str, calibrating: bool = False
+) -> tuple[Check, ...]:
     """The checks of a recording, by its own hand-eye pose, all of them passed.
 
     Args:
         recording: as read.
         limits: limits to set by name.
         parameter: of the stage, that they come from.
+        calibrating: its poses are postures that a calibration chose, without a sphere: no way along an edge.
 
     Raises:
         InputError: a check did not pass.
@@ -127,7 +132,8 @@ def refuse_unsound(recording: Recording, limits: Mapping[str, object], parameter
         >>> refuse_unsound(recording, {"reach_mm": [500, 3000]}, "scan.fuse.limits")[0].name
         'view_width_mm'
     """
-    checks = judge_recording(recording, limits=checked_limits(limits, parameter))
+    bounds = checked_limits(limits, parameter)
+    checks = judged(recording, limits=bounds, calibrating=calibrating)[0]
     refuse_failed(checks, recording.source, parameter)
     return checks
 
@@ -229,9 +235,14 @@ def _poses(
 
 
 def _checks(
-    recording: Recording, repeats: Repeats, once: Recording, hand_eye: Float | None, given: Mapping[str, Bound]
+    recording: Recording,
+    repeats: Repeats,
+    once: Recording,
+    hand_eye: Float | None,
+    given: Mapping[str, Bound],
+    calibrating: bool,
 ) -> Iterator[Check]:
-    calibration = recording.sphere_diameter_mm is not None
+    calibration = calibrating or recording.sphere_diameter_mm is not None
     yield from _profile_checks(recording, given)
     yield from _pose_checks(recording, given, calibration)
     yield from _copy_checks(recording, repeats, given, calibration)

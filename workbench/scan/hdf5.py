@@ -271,8 +271,6 @@ def calibration(file: Any, where: str) -> tuple[float | None, Literal["robot", "
     clock = text(profiles, "clock", f"{where}: /profiles") or "robot"
     if clock not in ("robot", "own"):
         raise InputError(f"{where}: /profiles@clock", f"expected 'robot' or 'own', found {_shown(clock)}")
-    if clock == "own" and sphere is None:
-        raise InputError(f"{where}: /profiles@clock", "'own' is for calibration recordings (with /sphere) only")
     return diameter_mm, "own" if clock == "own" else "robot"
 
 

@@ -73,7 +73,7 @@ def _tables(file: Any, where: str) -> tuple[dict[str, Any], dict[str, AnyArray],
     values = {name: whole(sets[name], FIELDS[name].dtype) for name in sets if name not in ON_THE_GRID}
     values.setdefault("pass_index", np.zeros(len(values["time_s"]), np.int64))
     values.setdefault("robot_pass", np.zeros(len(values["robot_time_s"]), np.int64))
-    values = checked(where, values, diameter_mm is not None, clock)
+    values = checked(where, values, diameter_mm is not None or clock == "own", clock)
     part = part_of(file, where)
     unsure = tuple((text(file, "not_confirmed", f"{where}: /") or "").splitlines())
     return (

@@ -7,6 +7,7 @@ recorded ones, and so are their errors: frames between the same two recorded pos
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
@@ -29,6 +30,7 @@ from workbench.plugins.calibration.values import Rejected, SphereProfiles
 REPEAT_GATE = 25.0  # squared Mahalanobis distance of a repeat from the median of its posture: 3 degrees of freedom
 DIFFERENCE_S = 1e-4  # for turning a rotation vector's rate into a spin
 MARGIN_S = 0.3  # of poses before and after a scan's frames that tell its motion
+PIECE_S = 4.0  # of a long scan, whose motion is taken for one polynomial
 MAX_DEGREE = 15  # of the polynomial in time that a scan's motion is taken for
 SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
 
@@ -38,7 +40,7 @@ class Group:
     """Observations whose pose errors come from the same recorded poses, in the order of time."""
 
     rows: Shaped[Int, " m"]  # of the observations
-    node: Shaped[Int, " m"]  # recorded pose before each
+    node: Shaped[Int, " m"]  # recorded pose before each, of those beside a frame
     fraction: Shaped[Float, " m"]  # of the way to the next one
     nodes: int  # recorded poses
 
@@ -117,7 +119,7 @@ class Passes:
         """Clock offsets (profile time - robot time) with which every frame of every scan lies within its poses."""
         low, high = [], []
         for number in self.scans:
-            time, poses = self.time_s[self.number == number], self._poses(number)[0]
+            time, poses = self.time_s[self.number == number], poses_of(self.recording, number)[0]
             low.append(time[-1] - poses[-1])
             high.append(time[0] - poses[0])
         if max(low) > min(high):
@@ -129,34 +131,53 @@ class Passes:
 
     def place(self, offset_s: float = 0.0) -> Observations:
         """Observations with the flange's poses at the frames' times minus `offset_s`."""
-        k = len(self.circle)
-        base_from_flange, velocity, evened = np.empty((k, 4, 4)), np.zeros((k, 6)), np.ones(k)
-        still, scans = [], []
-        for number in np.unique(self.number):
-            rows = np.flatnonzero(self.number == number)
-            time, *poses = self._poses(number)
-            if len(time) == 1:
-                base_from_flange[rows] = interpolate_poses(time, time, *poses)
-                still.append(rows)
-                continue
-            at = np.clip(self.time_s[rows] - offset_s, time[0], time[-1])
-            node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-            step = time[node + 1] - time[node]
-            fraction = (at - time[node]) / step
-            base_from_flange[rows], velocity[rows] = _moving(
-                at, 0.5 * fraction * (1 - fraction) * step**2, time, *poses
-            )
-            evened[rows] = fraction**2 + (1 - fraction) ** 2
-            scans.append(Group(rows, node, fraction, len(time)))
-        at_rest = np.concatenate([*still, np.zeros(0, int)]).astype(int)
         return Observations(
-            self.circle, self.covariance, base_from_flange, velocity, evened, at_rest, tuple(scans), self.frames
+            self.circle, self.covariance, *placed(self.recording, self.time_s, self.number, offset_s), self.frames
         )
 
-    def _poses(self, number: int) -> tuple[Float, Float, Float]:
-        r = self.recording
-        here = r.robot_pass == number
-        return r.robot_time_s[here], r.robot_position_mm[here], r.robot_quaternion_wxyz[here]
+
+class Placed(NamedTuple):
+    """Poses of the flange at the times of k observations, and what their errors share: as in `Observations`."""
+
+    base_from_flange: Shaped[Float, "k 4 4"]
+    velocity: Shaped[Float, "k 6"]
+    evened: Shaped[Float, " k"]
+    still: Shaped[Int, " s"]
+    scans: tuple[Group, ...]
+
+
+def placed(recording: Recording, time_s: Float, number: Int, offset_s: float = 0.0) -> Placed:
+    """The flange at times (k,), on the clock of the profiles, of the passes `number` (k,)."""
+    k = len(time_s)
+    base_from_flange, velocity, evened = np.empty((k, 4, 4)), np.zeros((k, 6)), np.ones(k)
+    still, scans = [], []
+    for this in np.unique(number):
+        rows = np.flatnonzero(number == this)
+        time, *poses = poses_of(recording, this)
+        if len(time) == 1:
+            base_from_flange[rows] = interpolate_poses(time, time, *poses)
+            still.append(rows)
+            continue
+        at = np.clip(time_s[rows] - offset_s, time[0], time[-1])
+        node = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+        step = time[node + 1] - time[node]
+        fraction = (at - time[node]) / step
+        chord = 0.5 * fraction * (1 - fraction) * step**2
+        piece = np.floor((at - at[0]) / PIECE_S).astype(int)
+        for one in np.unique(piece):
+            here = piece == one
+            base_from_flange[rows[here]], velocity[rows[here]] = _moving(at[here], chord[here], time, *poses)
+        evened[rows] = fraction**2 + (1 - fraction) ** 2
+        near = np.union1d(node, node + 1)  # the others have no part in any frame
+        scans.append(Group(rows, np.searchsorted(near, node), fraction, len(near)))
+    at_rest = np.concatenate([*still, np.zeros(0, int)]).astype(int)
+    return Placed(base_from_flange, velocity, evened, at_rest, tuple(scans))
+
+
+def poses_of(recording: Recording, number: int) -> tuple[Float, Float, Float]:
+    """Times, positions and quaternions of a pass's recorded poses."""
+    here = recording.robot_pass == number
+    return recording.robot_time_s[here], recording.robot_position_mm[here], recording.robot_quaternion_wxyz[here]
 
 
 def by_pass(profiles: SphereProfiles, recording: Recording) -> Passes:
@@ -230,13 +251,17 @@ def _moving(at: Float, chord: Float, time: Float, position: Float, quaternion: F
     motion (see `_slopes`): differences of neighbouring poses would pass their noise for motion, and so find a clock
     offset where none shows.
     """
-    here = (time >= at.min() - MARGIN_S) & (time <= at.max() + MARGIN_S)
-    if here.sum() < 4:
-        here = np.ones(len(time), bool)
+    first, last = np.searchsorted(time, [at.min() - MARGIN_S, at.max() + MARGIN_S])
+    around = slice(max(int(first) - 1, 0), int(last) + 1)  # a pose more on either side, between which `at` may lie
+    if last - first >= 4:
+        time, position, quaternion = time[around], position[around], quaternion[around]
     rotation = rotation_from_quaternion(quaternion)
     poses = interpolate_poses(at, time, position, quaternion)
     middle = rotation[len(rotation) // 2]
     turned = vector_from_rotation(middle.T @ rotation)  # small enough to be unique within a scan
+    here = (
+        (time >= at.min() - MARGIN_S) & (time <= at.max() + MARGIN_S) if last - first >= 4 else np.ones(len(time), bool)
+    )
     linear, bend = _slopes(at, time[here], position[here] - position[0])
     rate, curl = _slopes(at, time[here], turned[here])
     poses[:, :3, 3] -= chord[:, None] * bend

@@ -9,6 +9,7 @@ and of the rotation as a displacement at the field's edge.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -334,6 +335,16 @@ def check_determined(
         with_offset: whether the clock's offset is unknown too.
         raised: that the noise is larger than stated, in words.
     """
+    refuse_undetermined(
+        covariance,
+        estimate,
+        demand,
+        lambda: raised or cause_of(seen.base_from_flange, linearise(estimate, seen, noise).centre, with_offset),
+    )
+
+
+def refuse_undetermined(covariance: Float, estimate: Estimate, demand: Demand, cause: Callable[[], str]) -> None:
+    """Refuse a covariance that leaves a point of the field more uncertain than the limit: which direction, and why."""
     view, limit_mm, where = demand
     total = volume_u(covariance, estimate.rotation, view)
     if total <= limit_mm:
@@ -346,7 +357,7 @@ def check_determined(
         where,
         f"the postures do not determine {found[0][0]}{more} well enough: predicted uncertainty {size} over the field "
         f"of view of {2 * view.half_mm[0]:.0f} by {2 * view.half_mm[1]:.0f} mm, allowed {limit_mm:g} mm (max_u_mm); "
-        f"{raised or _cause(seen, linearise(estimate, seen, noise).centre, with_offset)}",
+        f"{cause()}",
     )
 
 
@@ -375,9 +386,9 @@ def _words(v: Float) -> str:
     return f"the rotation about {along}" if turns else f"the translation along {along}"
 
 
-def _cause(seen: Observations, centre: Float, with_offset: bool) -> str:
-    """Why a set is weak, and what would mend it; the sphere's centre (k, 3) in the profiler frame."""
-    between = inverse(seen.base_from_flange[:1]) @ seen.base_from_flange
+def cause_of(base_from_flange: Float, centre: Float, with_offset: bool, what: str = "sphere") -> str:
+    """Why a set of poses (k, 4, 4) is weak, and what would mend it; what is seen, at (k, 3) in the profiler frame."""
+    between = inverse(base_from_flange[:1]) @ base_from_flange
     turns = vector_from_rotation(between[:, :3, :3])
     turning = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
     spread = np.linalg.svd(centre - centre.mean(axis=0), compute_uv=False) / np.sqrt(len(centre))
@@ -388,12 +399,12 @@ def _cause(seen: Observations, centre: Float, with_offset: bool) -> str:
             return "there are only two orientations: add a third, turned about another axis"
         return "all postures turn about one axis: turn the flange about a second one"
     if spread[0] < ALIKE_MM:
-        return "the sphere lies at one point of the profile in all postures: move it through the field of view"
+        return f"the {what} lies at one point of the profile in all postures: move it through the field of view"
     if spread[1] < ALIKE_MM:
-        return "the sphere's centres lie on one line of the field of view: spread them over its width and depth"
+        return f"the {what} lies on one line of the field of view: spread it over its width and depth"
     if with_offset:
         return MOVE_DIFFERENTLY
-    return "add postures that differ in orientation and in where the sphere lies in the profile"
+    return f"add postures that differ in orientation and in where the {what} lies in the profile"
 
 
 def _two_clusters(turns: Float) -> bool:

@@ -1,0 +1,251 @@
+"""The measurement model of a fixed part: points in the profiler frame lie on planes, or on straight lines, of the base.
+
+With (A, b) the flange's pose and (R, t) the hand-eye pose, a point p of the profile lies at P = A (R p + t) + b. Of a
+plane through a with normal w, w (P - a) = 0; of a line through a along w, u (P - a) = v (P - a) = 0. The profiler's x
+and z may count too much, within what is stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
+from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
+from workbench.plugins.calibration.observations import Placed, placed
+from workbench.plugins.calibration.profile_lines import Marks, Target
+
+START_ROUNDS = 4  # of the directions of lines, in turn with the translation
+ROUGH_STEPS = 10
+TRIED = 8  # rotations that explain the points best, of the sixty of an icosahedron and the design's
+REFINED = 4  # answers of these
+BLURRED = 10.0  # the robot's noise in the search
+SCALES = 2
+THINNED = 200  # observations that a search looks at
+
+
+@dataclass(frozen=True)
+class At:
+    """A point in the space of unknowns: the hand-eye pose and clock of `pose`, the part's faces, the scales."""
+
+    pose: Estimate
+    frame: Shaped[Float, "F 3 3"]  # rows u, v, w: w is a plane's normal, or along a line
+    place_mm: Shaped[Float, "F 3"]  # on it
+    scale: Shaped[Float, " 2"]  # relative errors of x and z
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is measured with: marks of frames on faces of a fixed part. k observations of D distances each."""
+
+    recording: Recording
+    marks: Marks
+    target: Target
+    time_s: Shaped[Float, " k"]
+    number: Shaped[Int, " k"]  # pass
+    noise: Noise
+    scale_u: float
+    with_offset: bool
+    held: Placed | None = None  # where the flange stays, while the clock's offset does
+
+    @property
+    def faces(self) -> int:
+        """Planes or lines."""
+        points = int(self.marks.point_mm.shape[1])
+        return points if self.target == "points" else points // 2
+
+    @property
+    def shifts(self) -> tuple[int, ...]:
+        """Axes of a face along which its place is unknown."""
+        return (0, 1) if self.target == "points" else (2,)
+
+    @property
+    def size(self) -> int:
+        """Unknowns: t, w, each face's two turns and shifts, the scales, the clock's offset."""
+        return 6 + self.faces * (2 + len(self.shifts)) + SCALES + self.with_offset
+
+    @property
+    def pairs(self) -> list[tuple[int, int, int]]:
+        """Of every distance: which point, of which face, along which of its axes."""
+        if self.target == "points":
+            return [(k, k, axis) for k in range(self.faces) for axis in (0, 1)]
+        return [(2 * k + end, k, 2) for k in range(self.faces) for end in (0, 1)]
+
+    def placed(self, offset_s: float) -> Placed:
+        """The flange at the marks, the profiles' clock ahead by `offset_s`."""
+        return self.held or placed(self.recording, self.time_s, self.number, offset_s)
+
+    @property
+    def middle_mm(self) -> Float:
+        """What the scales leave where it is."""
+        return np.asarray(self.marks.point_mm.mean(axis=(0, 1)))
+
+    def thinned(self, most: int) -> Part:
+        """The same of at most so many observations, spread over all: for searching."""
+        some = np.unique(np.linspace(0, len(self.time_s) - 1, min(most, len(self.time_s))).astype(int))
+        marks = self.marks._replace(
+            **{name: getattr(self.marks, name)[some] for name in ("frame", "point_mm", "covariance", "rms_mm")}
+        )
+        return replace(self, marks=marks, time_s=self.time_s[some], number=self.number[some])
+
+    def on_flange(self, at: At) -> tuple[Float, Float]:
+        """R p (k, Q, 3) of the marks, and the same less what the scales leave: x and z (k, Q, 2) from the middle."""
+        away = self.marks.point_mm - self.middle_mm
+        xz = self.middle_mm + away / (1.0 + at.scale)
+        return xz @ at.pose.rotation[:, [0, 2]].T, away
+
+    def rows(self, at: At) -> estimator.Rows:
+        """Distances from the faces, all of them 0 as measured."""
+        seen = self.placed(at.pose.offset_s)
+        A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
+        turned, away = self.on_flange(at)
+        lever = turned + at.pose.translation_mm
+        point = np.einsum("kij,kqj->kqi", A, lever) + b[:, None]
+        which, face, axis = (np.array(one) for one in zip(*self.pairs, strict=True))
+        normal, off = at.frame[face, axis], point[:, which] - at.place_mm[face]
+        here = np.einsum("kji,dj->kdi", A, normal)  # the normals in the flange's axes
+        jacobian = np.zeros((len(A), len(which), self.size))
+        jacobian[..., :3] = here
+        jacobian[..., 3:6] = np.cross(turned[:, which], here)
+        per_face = 2 + len(self.shifts)
+        for d, (k, a) in enumerate(zip(face, axis, strict=True)):
+            first = 6 + per_face * k
+            for turn in (0, 1):
+                jacobian[:, d, first + turn] = off[:, d] @ np.cross(at.frame[k, turn], at.frame[k, a])
+            jacobian[:, d, first + 2 + self.shifts.index(a)] = -1.0
+        by_x_z = here @ at.pose.rotation[:, [0, 2]]  # (k, D, 2): of each distance by its point
+        behind = 6 + per_face * self.faces
+        jacobian[..., behind : behind + SCALES] = -by_x_z * away[:, which]
+        if self.with_offset:
+            moving = seen.velocity[:, None, :3] + np.cross(seen.velocity[:, None, 3:], lever[:, which])
+            jacobian[..., -1] = -(here * moving).sum(axis=2)
+        spread = np.concatenate([np.broadcast_to(normal, here.shape), np.cross(lever[:, which], here)], axis=2)
+        return self._rows(
+            at, -(off * normal).sum(axis=2), jacobian, self._alone(by_x_z, which), spread * self.noise.spread, seen
+        )
+
+    def _alone(self, by_x_z: Float, which: Int) -> Float:
+        """Covariance (k, D, D) of the distances by the marks' own."""
+        spread = np.einsum("kdi,kdij,kej->kde", by_x_z, self.marks.covariance[:, which], by_x_z)
+        return np.asarray(np.where(which[:, None] == which[None, :], spread, 0.0))
+
+    def _rows(self, at: At, residual: Float, jacobian: Float, alone: Float, own: Float, seen: Placed) -> estimator.Rows:
+        prior, away = np.zeros((self.size, self.size)), np.zeros(self.size)
+        scales = np.arange(SCALES) + self.size - SCALES - self.with_offset
+        prior[scales, scales], away[scales] = self.scale_u**-2, -at.scale
+        covariance = alone + seen.evened[:, None, None] * (own @ np.swapaxes(own, 1, 2))
+        none = np.zeros((*residual.shape, 0))
+        shared = tuple(
+            estimator.Shared(g.rows, alone[g.rows], own[g.rows], g.node, g.fraction, g.nodes - 1, none[g.rows])
+            for g in seen.scans
+        )
+        values = np.full(len(residual), float(residual.shape[1]))
+        return estimator.Rows(residual, jacobian, covariance, values, prior, away, shared)
+
+    def moved(self, at: At, step: Float) -> At:
+        """Turns by half a rad at most: beyond, the model is no plane."""
+        per_face = 2 + len(self.shifts)
+        each = step[6 : 6 + per_face * self.faces].reshape(self.faces, per_face)
+        turns = np.concatenate([[step[3:6]], np.pad(each[:, :2], ((0, 0), (0, 1)))])
+        less = min(1.0, MOST_TURN / max(float(np.linalg.norm(turns, axis=1).max()), 1e-12))
+        each = less * each
+        turn = rotation_from_vector(np.einsum("fa,fai->fi", each[:, :2], at.frame[:, :2]))
+        shift = np.einsum("fa,fai->fi", each[:, 2:], at.frame[:, list(self.shifts)])
+        pose = at.pose.moved(np.concatenate([less * step[:6], np.zeros(4), less * step[-1:] * self.with_offset]))
+        behind = 6 + per_face * self.faces
+        scale = at.scale + less * step[behind : behind + SCALES]
+        return At(pose, np.einsum("fij,faj->fai", turn, at.frame), at.place_mm + shift, scale)
+
+    def starts(self, design: Float | None, offset_s: float) -> list[At]:
+        """Answers from rotations all about, the translation and the faces by linear least squares; the best first."""
+        every = Rotation.create_group("I").as_matrix()
+        if design is not None:
+            every = np.concatenate([design[None, :3, :3], every])
+        seen = self.placed(offset_s)
+        found = [self._start(R, seen, offset_s) for R in every]
+        best = sorted(found, key=lambda one: one[0])[:TRIED]
+        return [at for _, at in ([found[0], *best] if design is not None else best)]
+
+    def _start(self, R: Float, seen: Placed, offset_s: float) -> tuple[float, At]:
+        A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
+        turned = self.marks.point_mm @ R[:, [0, 2]].T
+        base = np.einsum("kij,kqj->kqi", A, turned) + b[:, None]  # but for A t
+        t, size = np.zeros(3), self.faces
+        frame, place = np.tile(np.eye(3), (size, 1, 1)), np.zeros((size, 3))
+        for _ in range(START_ROUNDS if self.target == "points" else 1):
+            point = base + (A @ t)[:, None]
+            for k in range(size):
+                if self.target == "points":
+                    axes = np.linalg.svd(point[:, k] - point[:, k].mean(axis=0), full_matrices=False)[2]
+                    frame[k] = axes[[1, 2, 0]]
+                else:
+                    frame[k] = np.linalg.svd(base[:, 2 * k + 1] - base[:, 2 * k], full_matrices=False)[2]
+                frame[k] *= np.linalg.det(frame[k])
+            t, place, left = self._linear(A, base, frame)
+        return left, At(Estimate(R, t, np.zeros(3), 0.0, offset_s), frame, place, np.zeros(SCALES))
+
+    def _linear(self, A: Float, base: Float, frame: Float) -> tuple[Float, Float, float]:
+        """Translation, places of the faces, and the sum of the squared distances, for faces turned as given."""
+        columns, side = [], []
+        for which, face, axis in self.pairs:
+            normal = frame[face, axis]
+            level = np.zeros((len(A), 3 * self.faces))
+            level[:, 3 * face + axis] = -1.0
+            columns.append(np.concatenate([np.einsum("kji,j->ki", A, normal), level], axis=1))
+            side.append(-base[:, which] @ normal)
+        matrix, target = np.concatenate(columns), np.concatenate(side)
+        answer = np.linalg.lstsq(matrix, target, rcond=1e-9)[0]
+        place = np.einsum("fa,fai->fi", answer[3:].reshape(-1, 3), frame)
+        return answer[:3], place, float(((matrix @ answer - target) ** 2).sum())
+
+
+def part_of(
+    recording: Recording, marks: Marks, target: Target, noise: Noise, scale_u: float, search_s: float
+) -> tuple[Part, Int]:
+    """The marks joined with the flange's poses, repeats of a posture averaged; and the frame that each begins with.
+
+    Frames nearer than `search_s` to the ends of their pass's poses are left out: the clocks may be so far apart.
+    """
+    numbers, count = np.unique(recording.robot_pass, return_counts=True)
+    number, time = recording.pass_index[marks.frame], recording.time_s[marks.frame]
+    keep: Bool = np.ones(len(number), bool)
+    groups = []
+    for this, poses in zip(numbers, count, strict=True):
+        rows = np.flatnonzero(number == this)
+        if poses == 1:
+            groups += [rows] if len(rows) else []
+            continue
+        if search_s:
+            when = recording.robot_time_s[recording.robot_pass == this]
+            keep[rows] = (time[rows] > when[0] + search_s) & (time[rows] < when[-1] - search_s)
+        groups += list(rows[keep[rows]][:, None])
+    means = [(marks.point_mm[g].mean(0), marks.covariance[g].mean(0) / len(g), marks.rms_mm[g].mean()) for g in groups]
+    first = np.array([g[0] for g in groups], int)
+    points, covariance, rms = (np.array(one) for one in zip(*means, strict=True))
+    joined = marks._replace(frame=marks.frame[first], point_mm=points, covariance=covariance, rms_mm=rms)
+    part = Part(recording, joined, target, time[first], number[first], noise, scale_u, search_s > 0)
+    return part, marks.frame[first]
+
+
+def answers(part: Part, design: Float | None, offsets: Float) -> list[estimator.Fit[At]]:
+    """Maximum likelihood from many starts, of some of the observations, the likeliest first; the same answer once."""
+    few, rough = part.thinned(THINNED), []
+    blurred = replace(part.noise, pose_mm=BLURRED * part.noise.pose_mm, pose_deg=BLURRED * part.noise.pose_deg)
+    for offset in offsets:
+        held = replace(few, noise=blurred, with_offset=False, held=few.placed(float(offset)))
+        rough += [estimator.fit(held, at, steps=ROUGH_STEPS) for at in held.starts(design, float(offset))]
+    kept: list[estimator.Fit[At]] = []
+    for one in sorted(rough, key=lambda found: found.chi2)[:REFINED]:
+        fit = estimator.fit(few, one.at)
+        if not any(same(fit.at, other.at) for other in kept):
+            kept.append(fit)
+    return sorted(kept, key=lambda found: found.chi2)
+
+
+def same(one: At, other: At) -> bool:
+    """Whether two answers have one hand-eye pose."""
+    turn = np.abs(one.pose.rotation - other.pose.rotation).max()
+    shift = np.abs(one.pose.translation_mm - other.pose.translation_mm).max()
+    return bool(turn < 0.01 and shift < 1.0)

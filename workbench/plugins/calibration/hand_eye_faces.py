@@ -1,0 +1,271 @@
+"""`calibrate.hand_eye_faces`: the profiler's pose on the flange from an edge, a plane or a tracker's points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.api import (
+    DEG,
+    Bool,
+    Chapter,
+    Document,
+    Float,
+    HandEye,
+    HandEyeFile,
+    InputError,
+    Int,
+    Recording,
+    estimator,
+    frozen,
+    pieces,
+    pose_from,
+    refuse_unsound,
+    rpy_from_rotation,
+    stage,
+)
+from workbench.plugins.calibration.circles import HARMLESS
+from workbench.plugins.calibration.fixed_faces import At, Part, answers, part_of
+from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
+from workbench.plugins.calibration.observations import distinct_postures
+from workbench.plugins.calibration.profile_lines import MOST_LINES, Marks, Target, marks_of
+from workbench.plugins.calibration.solve import (
+    MIN_POSTURES,
+    RIVAL,
+    Demand,
+    cause_of,
+    check_offset,
+    directions,
+    refuse_undetermined,
+)
+from workbench.plugins.calibration.tables import check_misfit, fit_words, noisy, sentence
+from workbench.plugins.calibration.verdicts import serves
+
+SEEN = {"edge": "edge", "plane": "plane", "points": "point"}
+FIT_ROUNDS = 6  # of leaving out what all others contradict
+SECOND_WORST = 0.5  # of the worst distance: what lies nearer may have been pulled off by it
+OFFSETS = 3  # from which the clock's offset is sought
+
+
+@stage("calibrate.hand_eye_faces")
+def hand_eye_faces(
+    recording: Recording,
+    *,
+    target: Target = "edge",
+    profile_noise_mm: Annotated[float, Field(gt=0, le=1)] = 0.015,
+    corner_mm: Annotated[float, Field(ge=0, le=20)] = 1.0,
+    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
+    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
+    sensor_scale_u: Annotated[float, Field(gt=0, le=0.05)] = 0.003,
+    clock_search_s: Annotated[float, Field(gt=0, le=2)] = 0.1,
+    max_u_mm: Annotated[float, Field(gt=0, le=10)] = 0.75,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
+    bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
+    bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
+    limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
+) -> tuple[HandEye, Document, Chapter]:
+    """Find the profiler's pose on the flange from a fixed part with flat faces, where there is no sphere.
+
+    What the profiles show lies on planes, or straight lines, of the base: pose, faces, scales of the profiler (held to
+    what is stated) and, where the profiles have a clock of their own, its offset are estimated together by the
+    estimator of all instruments, from many starts (docs/calibration.md). `handeye.json` is as that of a sphere.
+
+    Args:
+        recording: profiles of the part from postures that turn about two axes and more; /hand_eye, if there, is the
+            design's pose: a start, and what tells two answers apart.
+        target: 'edge': two flat faces that meet (two lines a profile); 'plane': one face (one line a profile);
+            'points': each column is a point that a seam tracker found, on a straight line of its own.
+        profile_noise_mm: least standard deviation of a point; where the lines show more, that counts.
+        corner_mm: of 'edge': what lies nearer to the corner does not count: it may be rounded.
+        pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
+        pose_noise_deg: the same of its orientation.
+        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share of themselves.
+        clock_search_s: how far apart the clocks may be, where the profiles have their own.
+        max_u_mm: largest predicted uncertainty over the field of view that is accepted; else the recording is refused.
+        root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
+        bevel_tolerance_deg: likewise.
+        bevel_deg: angle of that bevel.
+        limits: limits of the checks by name, where the default ones do not fit (docs/checks.md).
+
+    Raises:
+        InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.
+
+    Example:
+        >>> from workbench import scan
+        >>> from workbench.plugins import calibration
+        >>> bar = scan.read(recording="data/calibration/edge.h5")
+        >>> pose, document, chapter = calibration.hand_eye_faces(bar)
+        >>> pose.flange_from_profiler.shape
+        (4, 4)
+    """
+    if target == "points" and recording.x_mm.shape[1] > MOST_LINES:
+        said = f"target 'points' is for a tracker's points, a column each, found {recording.x_mm.shape[1]} columns"
+        raise InputError(f"{recording.source}: /profiles", said)
+    if target != "points":
+        refuse_unsound(recording, HARMLESS | limits, "calibrate.hand_eye_faces.limits", calibrating=True)
+    marks = marks_of(recording, target, profile_noise_mm, corner_mm)
+    noise = Noise(pose_noise_mm, pose_noise_deg)
+    search_s = clock_search_s if recording.clock == "own" else 0.0
+    part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
+    where = f"{recording.source}: /robot"
+    fits = answers(part, recording.flange_from_profiler, _offsets(search_s))
+    best, left_out = _without_gross(part, estimator.fit(part, fits[0].at))
+    _check_alone(fits, recording.flange_from_profiler, where)
+    check_misfit(best, estimator.Labels(where, (), ask="is the part fixed and flat, and are the poses the flange's?"))
+    view = view_of_points(*_in_view(marks), np.array([[*part.middle_mm, 0.0]]))
+    demand, covariance = Demand(view, max_u_mm, where), best.covariance
+    placed = part.placed(best.at.pose.offset_s)
+    between = np.insert(part.marks.point_mm.mean(axis=1), 1, 0.0, axis=1)
+    refuse_undetermined(
+        covariance[:6, :6],
+        best.at.pose,
+        demand,
+        lambda: cause_of(placed.base_from_flange, between, search_s > 0, SEEN[target]),
+    )
+    if search_s:
+        speed = float(np.sqrt(np.mean((placed.velocity[:, :3] ** 2).sum(axis=1))))
+        check_offset(math.sqrt(covariance[-1, -1]), speed, where)
+    words = ("the hand-eye pose", "add postures that turn about another axis")
+    verdict = serves(
+        covariance[:6, :6],
+        best.at.pose.rotation,
+        view,
+        bevel_deg,
+        (root_tolerance_mm, bevel_tolerance_deg),
+        words,
+    )
+    warned = noisy(best, "the lines", "a part that moved or is not flat, a systematic robot error, or a wrong noise")
+    if left_out:
+        named = ", ".join(str(frames[k]) for k in left_out[:12])
+        warned += (f"{len(left_out)} of {len(frames)} profiles left out: all others contradict them (frames {named})",)
+    return _results(recording, part, best, view, verdict, warned, (frames, left_out))
+
+
+def _joined(
+    recording: Recording, marks: Marks, target: Target, noise: Noise, scale_u: float, search_s: float
+) -> tuple[Part, Int]:
+    """The marks with their poses; refused where too few frames show the target."""
+    place = f"{recording.source}: /profiles"
+    cause = f": frame {marks.rejected[0].frame}: {marks.rejected[0].cause}" if marks.rejected else ""
+    if not len(marks.frame):
+        raise InputError(place, f"no frame shows the {SEEN[target]}{cause}")
+    part, frames = part_of(recording, marks, target, noise, scale_u, search_s)
+    poses = part.placed(0.0).base_from_flange
+    count = distinct_postures(poses[:: max(1, len(poses) // 200)])
+    if count < MIN_POSTURES:
+        raise InputError(
+            place,
+            f"expected at least {MIN_POSTURES} distinct postures that see the {SEEN[target]}, found {count}: the "
+            f"hand-eye pose and where the part lies remain undetermined; turn the flange about two axes{cause}",
+        )
+    return part, frames
+
+
+def _offsets(search_s: float) -> Float:
+    return np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
+
+
+def _without_gross(part: Part, first: estimator.Fit[At]) -> tuple[estimator.Fit[At], list[int]]:
+    """The fit without what all others contradict, the farthest first; and which these are."""
+    best = first
+    for _ in range(FIT_ROUNDS):
+        usual = max(1.0, float(np.quantile(best.distance, 1.0 - estimator.MOST_GROSS)) / estimator.THREE_QUARTERS)
+        distance = best.distance
+        far: Bool = distance > max(estimator.GROSS * usual, SECOND_WORST * float(distance[best.used].max()))
+        used = (best.used | (distance <= estimator.GROSS * usual)) & ~far
+        if (used == best.used).all() or used.mean() < 1.0 - estimator.MOST_GROSS:
+            break
+        best = estimator.fit(part, best.at, used)
+    return best, np.flatnonzero(~best.used).tolist()
+
+
+def _check_alone(fits: list[estimator.Fit[At]], design: Float | None, where: str) -> None:
+    """Refuse two answers that explain the profiles alike, unless the design's pose is near one of them only."""
+    scale = max(1.0, fits[0].misfit)
+    rivals = [one.at.pose for one in fits if one.chi2 < fits[0].chi2 + RIVAL * scale]
+    if len(rivals) > 1 and design is not None:
+        off = [np.arccos(np.clip((np.trace(one.rotation.T @ design[:3, :3]) - 1) / 2, -1, 1)) for one in rivals]
+        near = sorted(off)
+        if near[0] == off[0] and near[1] > 2 * near[0] + 10 * DEG:
+            return
+    if len(rivals) > 1:
+        shift = np.linalg.norm(rivals[0].translation_mm - rivals[1].translation_mm)
+        said = f"two hand-eye poses, {shift:.1f} mm apart, explain the profiles equally: turn the flange about two axes"
+        raise InputError(where, f"{said}, and give the design's pose (/hand_eye)")
+
+
+def _in_view(marks: Marks) -> tuple[Float, Float]:
+    return marks.point_mm[..., 0].ravel(), marks.point_mm[..., 1].ravel()
+
+
+def _results(
+    recording: Recording,
+    part: Part,
+    best: estimator.Fit[At],
+    view: View,
+    verdict: tuple[bool, str],
+    warned: tuple[str, ...],
+    of_frames: tuple[Int, list[int]],
+) -> tuple[HandEye, Document, Chapter]:
+    pose, covariance = pose_from(best.at.pose.rotation, best.at.pose.translation_mm), best.covariance[:6, :6]
+    frames, left_out = of_frames
+    volume = volume_u(covariance, best.at.pose.rotation, view)
+    first = best.covariance.shape[0] - 2 - part.with_offset
+    eye = HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume)
+    eye = replace(eye, sensor_scale=(1.0, 1.0), sensor_middle_mm=(float(part.middle_mm[0]), float(part.middle_mm[1])))
+    offset_u = float(np.sqrt(best.covariance[-1, -1])) if part.with_offset else None
+    residual = float(np.sqrt(np.mean(best.rows.residual[best.used] ** 2)))
+    document = {
+        "part": asdict(recording.part),
+        "flange_from_profiler": pose,
+        "translation_mm": pose[:3, 3],
+        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
+        "covariance": covariance,
+        "sensor_scale": eye.sensor_scale,
+        "sensor_middle_mm": eye.sensor_middle_mm,
+        "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
+        "sphere_center_mm": None,
+        "sphere_diameter_mm": None,
+        "time_offset_s": best.at.pose.offset_s if part.with_offset else None,
+        "time_offset_u_s": offset_u,
+        "volume_u_mm": volume,
+        "residual_rms_mm": residual,
+        "method": part.target,
+        "frames_used": np.delete(frames, left_out),
+        "frames_rejected": [
+            *({"frame": one.frame, "cause": one.cause} for one in part.marks.rejected),
+            *({"frame": int(frames[k]), "cause": "all other profiles contradict it"} for k in left_out),
+        ],
+        "good_enough": verdict[0],
+        "verdict": verdict[1],
+        "warnings": warned,
+    }
+    u = np.sqrt(np.diagonal(covariance))
+    facts = [
+        ("Predicted RMS error of a point over the field of view", f"{volume:.3f} mm"),
+        (
+            "Translation tx, ty, tz",
+            ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True)) + " mm",
+        ),
+        ("Rotation roll, pitch, yaw", ", ".join(f"{a / DEG:.3f}°" for a in rpy_from_rotation(pose[:3, :3]))),
+        ("u of the rotation about the flange's axes", ", ".join(f"{s / DEG:.4f}°" for s in u[3:])),
+        ("Distance from the faces, RMS", f"{residual:.3f} mm"),
+    ]
+    if offset_u is not None:
+        clock = f"{1e3 * best.at.pose.offset_s:.2f} ± {1e3 * offset_u:.2f} ms"
+        facts.append(("Profiler's clock ahead of the robot's", clock))
+    rows = [(words, f"{size:.3f}") for words, size in directions(covariance, best.at.pose, view)]
+    html = "\n".join(
+        (
+            pieces.facts_html(facts),
+            pieces.paragraph(f"{sentence(verdict[1])} {fit_words(best)}"),
+            pieces.table_html(("Direction, least certain first", "u over the field of view, mm"), rows),
+        )
+    )
+    summary = f"Predicted error over the field of view {volume:.3f} mm (standard uncertainty); {verdict[1]}."
+    chapter = Chapter("Hand-eye calibration", html, summary=summary, part=recording.part, warnings=warned)
+    return eye, Document(HandEyeFile.NAME, HandEyeFile.written(document)), chapter

@@ -1,0 +1,126 @@
+"""What a profile shows of a fixed part: one straight line, two that meet, or the points that a tracker found itself."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from workbench.api import Bool, Float, Int, Recording, Shaped
+from workbench.plugins.calibration.values import Rejected
+
+Target = Literal["edge", "plane", "points"]
+LEAST_POINTS = 10  # on a line
+FAR = 4.0  # standard deviations beyond which a point does not belong to its line
+ROUNDS = 4  # of leaving such points out
+MOST_STRAY = 0.5  # share of a side's points, with more it shows no line
+MOST_CORRELATION = 0.9  # of neighbours
+STRAIGHT = 1e-3  # of a line's length, its residuals' rms at most
+MOST_LINES = 8  # columns of a recording in which each is a point of its own
+
+
+class Marks(NamedTuple):
+    """k frames: Q points each, with their covariance. A line is told by two points, one standard deviation apart."""
+
+    frame: Shaped[Int, " k"]
+    point_mm: Shaped[Float, "k Q 2"]  # x, z
+    covariance: Shaped[Float, "k Q 2 2"]
+    rms_mm: Shaped[Float, " k"]  # of the profile's points about the lines
+    rejected: tuple[Rejected, ...]
+
+
+class _Line(NamedTuple):
+    middle: Float  # (2,)
+    direction: Float  # (2,)
+    spread_mm: float  # standard deviation of the points along the line
+    variance: float  # of the middle across the line
+    rms_mm: float
+
+
+def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: float) -> Marks:
+    """What every frame shows of the target; frames that do not show it are rejected with the cause."""
+    frames, points, covariance, rms, rejected = [], [], [], [], []
+    for frame, (x, z) in enumerate(zip(recording.x_mm, recording.z_mm, strict=True)):
+        xz = np.column_stack([x, z]).astype(float)
+        seen = np.isfinite(xz).all(axis=1)
+        if target == "points":
+            if not seen.all():
+                rejected.append(Rejected(frame, f"{(~seen).sum()} of its {len(seen)} points are missing"))
+                continue
+            found, spread, off = xz, np.tile(noise_mm**2 * np.eye(2), (len(xz), 1, 1)), noise_mm
+        else:
+            lines = _lines(xz[seen], 2 if target == "edge" else 1, noise_mm, corner_mm)
+            if isinstance(lines, str):
+                rejected.append(Rejected(frame, lines))
+                continue
+            found = np.concatenate([[one.middle - s, one.middle + s] for one in lines for s in [_reach(one)]])
+            spread = np.concatenate([[_across(one)] * 2 for one in lines])
+            off = float(np.sqrt(np.mean([one.rms_mm**2 for one in lines])))
+        frames.append(frame)
+        points.append(found)
+        covariance.append(spread)
+        rms.append(off)
+    return Marks(np.array(frames, int), np.array(points), np.array(covariance), np.array(rms), tuple(rejected))
+
+
+def _reach(line: _Line) -> Float:
+    return line.spread_mm * line.direction
+
+
+def _across(line: _Line) -> Float:
+    """Covariance (2, 2) of either point: their errors across the line are independent, each twice the middle's."""
+    normal = np.array([-line.direction[1], line.direction[0]])
+    return np.asarray(2.0 * line.variance * np.outer(normal, normal))
+
+
+def _lines(xz: Float, count: int, noise_mm: float, corner_mm: float) -> list[_Line] | str:
+    """The straight lines, in the order of the columns; or why the profile does not show them."""
+    if len(xz) < count * LEAST_POINTS:
+        return f"{len(xz)} returns, expected at least {count * LEAST_POINTS}"
+    sides = [xz]
+    if count == 2:
+        at = _corner(xz)
+        corner = xz[at]
+        sides = [
+            side[np.linalg.norm(side - corner, axis=1) > corner_mm] for side in (xz[: at + 1], xz[at + 1 :])
+        ]  # the edge may be rounded
+    found = [_line(side, noise_mm) for side in sides]
+    return next((one for one in found if isinstance(one, str)), [one for one in found if isinstance(one, _Line)])
+
+
+def _corner(xz: Float) -> int:
+    """The point before the corner: two lines by least squares along z, each to one side, fit best there."""
+    x, z = (xz - xz.mean(axis=0)).T
+    one = np.ones_like(x)
+    sums = np.cumsum(np.stack([one, x, z, x * x, x * z, z * z], axis=1), axis=0)
+
+    def left_over(s: Float) -> Float:
+        n = s[:, 0]
+        xx, xz_, zz = s[:, 3] - s[:, 1] ** 2 / n, s[:, 4] - s[:, 1] * s[:, 2] / n, s[:, 5] - s[:, 2] ** 2 / n
+        return np.asarray(zz - xz_**2 / np.maximum(xx, 1e-12))
+
+    at = np.arange(LEAST_POINTS - 1, len(xz) - LEAST_POINTS)
+    return int(at[np.argmin(left_over(sums[at]) + left_over(sums[-1] - sums[at]))])
+
+
+def _line(xz: Float, noise_mm: float) -> _Line | str:
+    """A straight line by total least squares, points far off it left out."""
+    if len(xz) < LEAST_POINTS:
+        return f"{len(xz)} points beside the corner, expected at least {LEAST_POINTS}"
+    near: Bool = np.ones(len(xz), bool)
+    for _ in range(ROUNDS):
+        middle = xz[near].mean(axis=0)
+        direction = np.linalg.svd(xz[near] - middle, full_matrices=False)[2][0]
+        direction = direction * np.sign(direction @ (xz[-1] - xz[0]))
+        off = (xz - middle) @ np.array([-direction[1], direction[0]])
+        scale = max(noise_mm, 1.4826 * float(np.median(np.abs(off[near]))))
+        near = np.abs(off) <= FAR * scale
+        if near.sum() < max(LEAST_POINTS, MOST_STRAY * len(xz)):
+            return "the points beside the corner lie on no straight line"
+    along, off = (xz[near] - middle) @ direction, off[near]
+    rms = max(noise_mm, float(np.sqrt(np.mean(off**2))))
+    if rms > max(3.0 * noise_mm, STRAIGHT * float(np.ptp(along))):
+        return f"no straight line: its points lie {rms:.3f} mm (rms) off, over {np.ptp(along):.1f} mm"
+    alike = float(np.clip((off[1:] @ off[:-1]) / max(float(off @ off), 1e-30), 0.0, MOST_CORRELATION))
+    variance = rms**2 * (1 + alike) / (1 - alike) / len(along)
+    return _Line(middle, direction, float(along.std()), variance, rms)

@@ -162,6 +162,30 @@ def test_real_poses_of_a_ur5(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "profiles: none among the sources" in told
 
 
+@pytest.mark.parametrize(
+    "scale", [1.0, 0.1]
+)  # of two points a row in mm, as a seam tracker writes: in no robot's reach
+def test_two_points_a_row_are_no_poses(scale: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time = 27.6 * np.arange(60)
+    point = scale * np.stack([0.03 * np.sin(time), 20 * np.sin(time / 900), -130 + 9 * np.cos(time / 700)], axis=1)
+    source = tmp_path / "seam.txt"
+    np.savetxt(source, np.column_stack([time, point, point - np.array([0.0, 11.0 * scale, 0.4])]), fmt="%.6g")
+    assert main(["import", "--draft", str(source), "--out", str(tmp_path / "m.json")]) == 2
+    assert "expected columns x and z of points" in capsys.readouterr().err
+
+
+def test_a_controllers_stream_without_names_is_in_ms(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """External guidance writes a pose every 4 ms; 600 poses 4 s apart would take 40 minutes."""
+    time = 4.0 * np.arange(600)
+    turn = 0.05 * np.sin(time[:, None] / [300.0, 400.0, 500.0])
+    place = np.array([2100.0, 0.0, 1000.0]) + 50 * np.sin(time[:, None] / [310.0, 420.0, 530.0])
+    source = tmp_path / "egm.txt"
+    np.savetxt(source, np.column_stack([time, turn, place]), fmt="%.6g")
+    tree, _ = drafted(tmp_path, capsys, source)
+    assert (tree["poses"]["time_unit"], tree["poses"]["length_unit"]) == ("ms", "mm")
+    assert any("logarithm" in text for text in tree["uncertain"])
+
+
 def test_real_tables_of_other_things_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = real("gocator_gage_rr_minitab_ready.csv")
     assert main(["import", "--draft", str(source), "--out", str(tmp_path / "m.json")]) == 2

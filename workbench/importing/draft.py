@@ -18,7 +18,17 @@ from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S
 from workbench.importing.neutral import Imported
-from workbench.importing.roles import ANGLES, LENGTHS, TIMES, TURN_DEG, TURN_RAD, Columns, Named, columns_of
+from workbench.importing.roles import (
+    ANGLES,
+    LENGTHS,
+    TIMES,
+    TURN_DEG,
+    TURN_RAD,
+    USUAL_REACH_MM,
+    Columns,
+    Named,
+    columns_of,
+)
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
 from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
@@ -26,8 +36,8 @@ from workbench.importing.tracker import joined as joined_with_postures
 from workbench.storage import regular_file
 from workbench.units import Float
 
-USUAL_REACH_MM = (200.0, 5000.0)
 FRAME_S, POSE_S = (2e-5, 1.0), (1e-3, 60.0)  # from one frame, or pose, to the next
+STREAM, STREAM_S = 500, (1e-3, 1.0)  # so many poses are a controller's stream
 CODES = (-999.999, -999.99, -999.0, -9999.0, -99999.0, -99.99, 0.0, -32768.0, 32767.0, 65535.0, 9999.0, 99999.0)
 CODE_GAP = 0.3  # share of the other values' span that lies free around a code for 'no return'
 Tree = dict[str, Any]
@@ -213,7 +223,8 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     part: Tree = {**form.as_part(), "length_unit": unit}
     if "time" in roles:
         time = _values(form, roles["time"].column)
-        part["time_unit"], more = _time("poses", roles["time"].unit, np.diff(np.unique(time)), POSE_S)
+        usual = STREAM_S if len(time) >= STREAM else POSE_S
+        part["time_unit"], more = _time("poses", roles["time"].unit, np.diff(np.unique(time)), usual)
         part["time"] = roles["time"].column
         doubts += more
     part["position"] = [roles[role].column for role in "xyz"]

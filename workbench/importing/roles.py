@@ -227,36 +227,20 @@ def _column(form: Form, named: Named) -> Float:
     return np.asarray(form.rows[:, named.column if isinstance(named.column, int) else form.header.index(named.column)])
 
 
+USUAL_REACH_MM = (200.0, 5000.0)  # of a flange from its base
+
+
 def _by_numbers(form: Form) -> Columns:
     """Without names: a few columns are points or poses, many are ranges."""
     rows, count = form.rows, form.rows.shape[1]
     if count >= FEWEST_RANGES:
         return Columns("rows", {})
-    first = _leading(rows)
+    first = leading(rows)
     places = [k for k in range(len(first), count) if not _labels(rows[:, k])]
     doubt = "the columns have no names: what they are was told by their numbers"
     roles = {role: Named(k, "") for k, role in enumerate(first) if role != COUNTER}
-    turns_first = len(places) == 6 and _turns_first(rows[:, places])
-    if turns_first:
-        places = places[3:] + places[:3]
-    if len(places) in (6, 7) and not any(steady(rows[:, k]) for k in places[:3]):
-        roles |= {role: Named(places[k], "") for k, role in enumerate("xyz")}
-        values = rows[:, places[3:]]
-        turning = np.nanmax(np.abs(rows[:, places])) <= TURN_RAD and not _metres(rows[:, places[:3]])
-        if len(places) == 6 and turning:
-            return _joints_placed(places, first, doubt)
-        if len(places) == 7:
-            found = _quaternion(roles, places[3:], values, doubt)
-            return _joints_placed(places, first, doubt) if turning and not found.kind else found
-        names = ("rx", "ry", "rz")
-        if turns_first:
-            roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
-            why = "poses.convention: angles before lengths are taken about the fixed x, y, z"
-            return Columns("poses", roles, "euler_xyz_extrinsic", "", names, (doubt, why))
-        roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
-        if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
-            doubt += "; six of them within 2 pi could be joint angles too"
-        return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
+    if len(places) in (6, 7) and (found := _posed(rows, places, first, roles, doubt)) is not None:
+        return found
     if joints := _behind_targets(rows, places):
         return joints._replace(doubts=(doubt, *joints.doubts))
     if len(places) == 3 and steady(rows[:, places[1]]):
@@ -267,6 +251,34 @@ def _by_numbers(form: Form) -> Columns:
             roles |= {"x": Named(places[1], ""), "z": Named(places[0], "")}
         return Columns("profiles", roles, doubts=() if count == 2 else (doubt,))
     return Columns("", roles)
+
+
+def _posed(rows: Float, places: list[int], first: list[str], roles: dict[str, Named], doubt: str) -> Columns | None:
+    """Six or seven columns behind a count and a time: poses, or joints; None where a place rises from row to row."""
+    turns_first = len(places) == 6 and _turns_first(rows[:, places])
+    if turns_first:
+        places = places[3:] + places[:3]
+    if not _reaches(rows[:, places]):
+        return Columns("", {})
+    if any(steady(rows[:, k]) for k in places[:3]):
+        return None
+    roles |= {role: Named(places[k], "") for k, role in enumerate("xyz")}
+    values = rows[:, places[3:]]
+    turning = np.nanmax(np.abs(rows[:, places])) <= TURN_RAD and not _metres(rows[:, places[:3]])
+    if len(places) == 6 and turning:
+        return _joints_placed(places, first, doubt)
+    if len(places) == 7:
+        found = _quaternion(roles, places[3:], values, doubt)
+        return _joints_placed(places, first, doubt) if turning and not found.kind else found
+    names = ("rx", "ry", "rz")
+    if turns_first:
+        roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
+        why = "poses.convention: angles before lengths are taken about the fixed x, y, z; a logarithm of poses is not"
+        return Columns("poses", roles, "euler_xyz_extrinsic", "", names, (doubt, why))
+    roles |= {role: Named(at, "") for role, at in zip(names, places[3:], strict=True)}
+    if np.nanmax(np.abs(rows[:, places])) <= 2 * np.pi + 1e-3:
+        doubt += "; six of them within 2 pi could be joint angles too"
+    return _angles(Columns("poses", roles, orientation=names, doubts=(doubt,)), values, "")
 
 
 def _joints_placed(places: list[int], first: list[str], doubt: str) -> Columns:
@@ -288,6 +300,14 @@ def _behind_targets(rows: Float, places: list[int]) -> Columns | None:
     return Columns("joints", roles, doubts=(told,))
 
 
+def _reaches(places: Float) -> bool:
+    """Whether columns without names could be a robot's: joints, or places in mm or m that a flange comes to."""
+    if np.nanmax(np.abs(places)) <= TURN_RAD:
+        return True
+    far = float(np.nanmax(np.linalg.norm(places[:, :3], axis=1)))
+    return any(USUAL_REACH_MM[0] <= far * mm <= USUAL_REACH_MM[1] for mm in (1.0, 1000.0))
+
+
 def _labels(values: Float) -> bool:
     """Whether a column only says which of two kinds each row is of: 0 or 1."""
     return bool(np.isin(values, (0.0, 1.0)).all() and np.ptp(values) == 1.0)
@@ -304,7 +324,7 @@ def _metres(position: Float) -> bool:
     return bool(0.2 <= np.nanmax(np.linalg.norm(position, axis=1)) <= UR_REACH_M)
 
 
-def _leading(rows: Float) -> list[str]:
+def leading(rows: Float) -> list[str]:
     """Roles of the first columns: a counter, a frame's number, a time.
 
     What rises from row to row, and stands there without a return too, is the sensor's own count and no place.

@@ -21,6 +21,7 @@ from workbench.importing import tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
+from workbench.importing.roles import leading
 from workbench.importing.text import SAMPLE_BYTES, Form, decoded, first_bytes, head_text, sniffed
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
@@ -202,7 +203,8 @@ def _cloud(file: Path) -> Seen:
     except InputError as error:
         checks.append(failed("size_mm", float(np.ptp(points, axis=0).max()), "what a part may measure", error.expected))
         units = fitting_units(points / MM[unit])
-    lines = [f"points: {len(points)}, coordinates in {unit}", f"extent: {box(points)}"]
+    told_unit = f"in {unit}" if file.suffix.lower() in OF_FORMAT else f"taken as {unit}: the format tells no unit"
+    lines = [f"points: {len(points)}, coordinates {told_unit}", f"extent: {box(points)}"]
     some = chosen_of(points)
     return Seen(
         str(file),
@@ -224,9 +226,14 @@ def _cloud_of_text(file: Path) -> Seen:
     """A cloud whose points stand in a table; a few rows are something else."""
     form = _form(file)
     found = _cloud(file)
-    if form is not None and len(form.rows) < LEAST_POINTS:
-        raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {len(form.rows)} rows")
-    return found
+    rows = len(found.points_mm) if form is None else len(form.rows)
+    if rows < LEAST_POINTS:
+        raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {rows} rows")
+    if form is not None and not form.header and "time" in leading(form.rows):
+        raise InputError(str(file), "its first column is a time: no cloud; name its columns in a mapping")
+    beyond = 0 if form is None else form.rows.shape[1] - 3
+    more = (f"columns: the first three are taken as x, y, z; {beyond} more are left out",) if beyond > 0 else ()
+    return replace(found, lines=found.lines + more)
 
 
 def _numbers(file: Path) -> Seen:

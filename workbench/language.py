@@ -69,12 +69,21 @@ class Language:
         """A form with its fields."""
         return self.forms[form].format_map(values)
 
-    def find(self, form: str, text: str) -> list[dict[str, Any]]:
-        """What a form says wherever it stands in other people's programs; blanks and letters' case do not count."""
-        pieces = self._pieces(form, True)
-        parts = (f"({piece.pattern.pattern})" if piece.field else piece.pattern.pattern for piece in pieces)
-        fields = [piece for piece in pieces if piece.field]
-        return [_values(fields, found.groups()) for found in re.finditer(r"\s*".join(parts), text, re.IGNORECASE)]
+    def search(self, text: str) -> list[Said]:
+        """What its forms say in other people's programs, wherever they stand, in the order of the text.
+
+        Remarks, blanks and letters' case do not count.
+        """
+        code = re.sub(rf"{re.escape(self.comment)}[^\n]*", "", text) if self.comment else text
+        found = []
+        for form in self.forms:
+            pieces = self._pieces(form, True)
+            parts = (f"({piece.pattern.pattern})" if piece.field else piece.pattern.pattern for piece in pieces)
+            fields = [piece for piece in pieces if piece.field]
+            for match in re.finditer(r"\s*".join(parts), code, re.IGNORECASE):
+                line = code.count("\n", 0, match.start()) + 1
+                found.append((match.start(), Said(form, _values(fields, match.groups()), line, match[0])))
+        return [said for _, said in sorted(found, key=lambda one: one[0])]
 
     @functools.cached_property
     def _compiled(self) -> dict[str, tuple[re.Pattern[str], list[_Piece]]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -401,6 +403,20 @@ def test_what_is_no_such_program_is_refused_with_its_line(made, cells, controlle
             back(moves, cell, controller, changed)
     with pytest.raises(InputError):
         back(moves, cell, controller, {})
+
+
+def krl_findings(folder: Path, written: dict[str, str]) -> set[str]:
+    """What krllint, a checker of KRL that others wrote, finds; its own width of indentation aside."""
+    for name, text in written.items():
+        (folder / name).write_text(text)
+    ran = subprocess.run([sys.executable, "-m", "krllint", folder], capture_output=True, text=True, check=True)
+    return {code for code in re.findall(r"\[([a-z-]+)\]", ran.stdout) if code != "bad-indentation"}
+
+
+def test_a_foreign_checker_finds_nothing_in_krl(made, cells, tmp_path: Path) -> None:
+    written = files(made["kr210"], cells["kr210"], "kuka")
+    assert krl_findings(tmp_path, written) == set()
+    assert krl_findings(tmp_path, {name: text.replace("LIN ", "lin ") for name, text in written.items()})
 
 
 def test_blends_never_overlap_on_a_ur(made, cells) -> None:

@@ -21,13 +21,15 @@ from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.poses import of_flange_in_base
 from workbench.importing.text import read_lines_as_bytes
+from workbench.language import NUMBER, Language, Said, row
+from workbench.program.fanuc import SPACE
+from workbench.program.krl import FRAME
+from workbench.program.rapid import TARGET
+from workbench.program.urscript import POSE, VIA
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.units import DEG, Float
 
 NAME = "robot program (.ls, .mod, .src, .dat, .jbi, .script)"
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-LIST = rf"\s*{NUMBER}(?:\s*,\s*{NUMBER})*\s*"
-PLACE, TURN = (rf"\[(\s*{NUMBER}(?:\s*,\s*{NUMBER}){{{more}}}\s*)\]" for more in (2, 3))
 NOT_TOLD = "not told"
 
 
@@ -50,68 +52,112 @@ class Maker(NamedTuple):
     positions: Callable[[str], Positions]
 
 
-def _numbered(matches: list[str]) -> Float:
-    return np.array([[float(one) for one in re.findall(NUMBER, text)] for text in matches], float)
+def _positions(said: list[Said]) -> Float:
+    """Of statements that say one."""
+    rows = [[*one.values["at"], *one.values["turn"]] for one in said if "turn" in one.values]
+    return np.array(rows, float)
+
+
+def _of(said: list[Said], field: str) -> set[str]:
+    """All that statements say of a field."""
+    return {one.values[field] for one in said if field in one.values}
+
+
+FANUC = Language(
+    {"target": f"UF : {{frame}}, UT : {{tool}},{{more}}{SPACE.replace('{wpr[', '{turn[')}"},
+    {},
+    {"frame": r"\w+", "tool": r"\w+", "more": "[^{}]*?"},
+)
 
 
 def _fanuc(text: str) -> Positions:
-    """`P[1]{ GP1: UF : 0, UT : 0, CONFIG : '...', X = 1 mm, ... R = 2 deg };`; positions in joints have no X."""
-    blocks = re.findall(r"^P\[[^\]]*\]\s*\{(.*?)\};", text, re.S | re.M)
-    told = [re.findall(rf"\b[XYZWPR]\s*=\s*({NUMBER})\s*(?:mm|deg)", block)[:6] for block in blocks]
-    values = np.array([[float(one) for one in six] for six in told if len(six) == 6], float)
-    found = [set(re.findall(rf"\b{word}\s*:\s*(\w+)", "".join(blocks))) for word in ("UT", "UF")]
-    return Positions(values, *found)
+    """Positions in joints have no X."""
+    said = FANUC.search(text)
+    return Positions(_positions(said), _of(said, "tool"), _of(said, "frame"))
+
+
+ABB = Language(
+    {"target": TARGET, "move": "{move}{before},{tool}{object}{rest};"},
+    {},
+    {
+        **dict.fromkeys(("cf", "axes"), NUMBER),
+        **{"move": r"\bMove[LJC]\b", "before": "[^;]*?", "tool": r"\w+"},
+        **{"object": r"(?:\\WObj\s*:=\s*\w+)?", "rest": r"(?:\\[^;]*)?"},
+    },
+    comment="!",
+)
 
 
 def _abb(text: str) -> Positions:
-    """`[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[...]]`, declared as robtarget or within a motion instruction."""
-    code = re.sub(r"!.*", "", text)
-    targets = re.findall(rf"\[\s*{PLACE}\s*,\s*{TURN}\s*,\s*\[{LIST}\]\s*,\s*\[{LIST}\]\s*\]", code)
-    moves = re.findall(r"\bMove[LJC]\b[^;]*?,\s*(\w+)\s*(?:\\WObj\s*:=\s*(\w+)\s*)?(?:\\[^;]*)?;", code, re.I)
-    tools = {tool.lower() for tool, _ in moves} or {NOT_TOLD}
-    frames = {(frame or "wobj0").lower() for _, frame in moves} or {NOT_TOLD}
-    return Positions(_numbered([f"{place} {turn}" for place, turn in targets]), tools, frames)
+    """Targets declared, or within a motion instruction."""
+    said = ABB.search(text)
+    tools = {tool.lower() for tool in _of(said, "tool")} or {NOT_TOLD}
+    frames = {frame.rpartition("=")[2].strip().lower() or "wobj0" for frame in _of(said, "object")} or {NOT_TOLD}
+    return Positions(_positions(said), tools, frames)
+
+
+KUKA = Language(
+    {
+        "target": FRAME.replace("{{", "{brace}")[:-2],
+        **{word: f"{word}{{{word.lower()}}}" for word in ("TOOL_NO", "BASE_NO")},
+        **{word: f"{word}_DATA[{{{word.lower()}_no}}]" for word in ("TOOL", "BASE")},
+        **{f"${word}": f"${word}={{{word.lower()}_own}}" for word in ("TOOL", "BASE")},
+    },
+    {},
+    {
+        **{"brace": r"\{[^{}]*?\b", **dict.fromkeys(("tool_no", "base_no"), r"\s*[0-9]+")},
+        **dict.fromkeys(("tool_own", "base_own"), r"\$NULLFRAME|\{"),
+    },
+)
 
 
 def _kuka(text: str) -> Positions:
-    """`{X 1,Y 2,Z 3,A 4,B 5,C 6,...}` of POS and E6POS; tools and bases by FDAT, or `$TOOL`, `$BASE`."""
+    """POS and E6POS; tools and bases by FDAT, or `$TOOL`, `$BASE`."""
     code = re.sub(r"(?<!&);.*", "", text)
-    moved = re.sub(r"\$(?:TOOL|BASE)\s*=\s*\{[^}]*\}", "", code)
-    marks = ("X", "Y", "Z", "A", "B", "C")
-    form = r"\{[^{}]*?" + r"\s*,\s*".join(rf"\b{mark}\s+({NUMBER})" for mark in marks)
-    values = np.array([[float(one) for one in six] for six in re.findall(form, moved)], float)
-    found = []
-    for word in ("TOOL", "BASE"):
-        numbers = set(re.findall(rf"\b{word}_NO\s+(\d+)", code)) | set(re.findall(rf"{word}_DATA\[(\d+)\]", code))
-        if re.search(rf"\${word}\s*=\s*\$NULLFRAME", code, re.I):
-            numbers.add("0")
-        found.append(numbers | ({"$" + word} if re.search(rf"\${word}\s*=\s*\{{", code) else set()) or {NOT_TOLD})
-    return Positions(values, *found)
+    said, found = KUKA.search(code), []
+    for word in ("tool", "base"):
+        own = {"0" if one.upper() == "$NULLFRAME" else f"${word.upper()}" for one in _of(said, f"{word}_own")}
+        found.append({one.strip() for one in _of(said, f"{word}_no")} | own or {NOT_TOLD})
+    moved = KUKA.search(re.sub(r"\$(?:TOOL|BASE)\s*=\s*\{[^}]*\}", "", code))
+    rows = [one.values["frame"] for one in moved if one.form == "target"]
+    return Positions(np.array(rows, float), *found)
+
+
+YASKAWA = Language(
+    {
+        "head": "///{head} {value}",
+        "row": f"{{variable}}={row([''] * 3, 'at', '.3f')},{row([''] * 3, 'turn', '.4f')}",
+    },
+    {},
+    {"head": "POSTYPE|TOOL|USER", "value": r"\w+", "variable": r"\b[A-Z]+[0-9]+"},
+)
 
 
 def _yaskawa(text: str) -> Positions:
-    """`C00000=x,y,z,rx,ry,rz` under `///POSTYPE BASE`, `ROBOT` or `USER`; pulses are no positions."""
-    values, tools, frames = [], set[str](), set[str]()
-    kind, tool, frame = "", "0", "0"
-    for line in text.splitlines():
-        if head := re.match(r"///(POSTYPE|TOOL|USER)\s+(\w+)", line):
-            kind = head[2] if head[1] == "POSTYPE" else kind
-            tool = head[2] if head[1] == "TOOL" else tool
-            frame = head[2] if head[1] == "USER" else frame
-        elif kind and kind != "PULSE" and (row := re.match(rf"[A-Z]+\d+=({LIST})$", line.strip())):
-            values.append(_numbered([row[1]])[0, :6])
-            tools.add(tool)
-            frames.add(f"user {frame}" if kind == "USER" else "0")
-    return Positions(np.array(values, float), tools, frames)
+    """Rows under `///POSTYPE BASE`, `ROBOT` or `USER`; pulses are no positions."""
+    holds, kept, tools, frames = {"POSTYPE": "PULSE", "TOOL": "0", "USER": "0"}, list[Said](), set[str](), set[str]()
+    for said in YASKAWA.search(text):
+        if said.form == "head":
+            holds[said.values["head"].upper()] = said.values["value"]
+        elif holds["POSTYPE"] != "PULSE":
+            kept.append(said)
+            tools.add(holds["TOOL"])
+            frames.add(f"user {holds['USER']}" if holds["POSTYPE"] == "USER" else "0")
+    return Positions(_positions(kept), tools, frames)
+
+
+UR = Language({"target": POSE, "tool": f"set_tcp({VIA})"}, {}, {}, comment="#")
 
 
 def _ur(text: str) -> Positions:
-    """`p[x, y, z, rx, ry, rz]` in m and rad, the tool's in the base; `set_tcp` tells the tool."""
+    """The tool's in the base; `set_tcp` tells the tool."""
     code = re.sub(r"#.*", "", text)
-    tcp = re.findall(rf"\bset_tcp\s*\(\s*p\[({LIST})\]", code)
-    poses = re.findall(rf"\bp\[({LIST})\]", re.sub(r"\bset_(?:tcp|payload\w*)\s*\([^)]*\)", "", code))
-    tools = {"0" if not _numbered([one]).any() else "set_tcp" for one in tcp} or {NOT_TOLD}
-    return Positions(_numbered(poses), tools, {"pose_trans"} if "pose_trans" in code else {"0"})
+    tools = {"set_tcp" if any(one.values["via"]) else "0" for one in UR.search(code) if one.form == "tool"} or {
+        NOT_TOLD
+    }
+    moved = UR.search(re.sub(r"\bset_(?:tcp|payload\w*)\s*\([^)]*\)", "", code))
+    rows = [one.values["pose"] for one in moved]
+    return Positions(np.array(rows, float), tools, {"pose_trans"} if "pose_trans" in code else {"0"})
 
 
 MAKERS = {

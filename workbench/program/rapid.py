@@ -201,15 +201,12 @@ class Rapid(CellDialect):
         if job.tool_name is None:
             frame = _spelt(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
             rest = {"true_or_false": "TRUE", "moments": UNITY["turn"], "inertia": UNITY["at"]}
-            yield MODULE.say(
-                "tooldata", pers="PERS", name=self.tool_name, true_or_false="TRUE", **frame, **tool, **rest
-            )
+            yield MODULE.say("tooldata", pers="PERS", name=self.tool_name, **frame, **tool, **rest)
         if job.work_object_name is None:
-            more = {f"object_{key}": value for key, value in UNITY.items()} | {"true_or_false_": "TRUE", "string": '""'}
+            more: dict[str, Any] = {f"object_{key}": value for key, value in UNITY.items()}
+            more |= {"true_or_false": "FALSE", "true_or_false_": "TRUE", "string": '""'}
             frame = _spelt(*job.work_object)
-            yield MODULE.say(
-                "wobjdata", pers="TASK PERS", name=self.work_object_name, true_or_false="FALSE", **frame, **more
-            )
+            yield MODULE.say("wobjdata", pers="TASK PERS", name=self.work_object_name, **frame, **more)
         if z:
             yield MODULE.say(
                 "zonedata", scope="CONST", name="zonePath", true_or_false="FALSE", zones=[z, z, z, z / 10, z, z / 10]

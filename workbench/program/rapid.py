@@ -390,7 +390,7 @@ class _Module(Reading):
     def _pose(self, at: list[float], turn: list[float]) -> Float:
         norm = math.hypot(*turn)
         if abs(norm - 1.0) > NORM_TOLERANCE:
-            self.refuse(f"a quaternion of unit length, not {norm:.6g}", self.said.text)
+            self.refuse(f"a quaternion of unit length, not {norm:.6g}")
         return pose_from(rotation_from_quaternion(np.array(turn) / norm), np.array(at))
 
     def tooldata(self, name: str, true_or_false: str, at: list[float], turn: list[float], **load: Any) -> None:
@@ -525,7 +525,7 @@ class _Module(Reading):
 
     def _above_0(self, number: float) -> None:
         if number <= 0:
-            self.refuse("a number above 0", f"{number:g}")
+            self.refuse("a number above 0")
 
 
 def read_rapid(text: str, name: str = "program", process: ProcessPart | None = None) -> ProgramMoves:

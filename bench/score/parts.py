@@ -80,6 +80,9 @@ GROUPS = {
     ),
     "odd": Group("odd parts and faults of a shop, a kind a seed", "odd", {}),
     "raw": Group("raw edges: place along n and m, axis, heading; robot errors as a process", "raw", {}),
+    "raw_undeclared": Group(
+        "the same recordings, nothing said of the robot", "raw", {"robot_noise_mm": None, "robot_noise_length_mm": None}
+    ),
     "groove": Group("grooves: gap and depth", "groove", {}),
     "hand_eye": Group("calibration spheres: the profiler's pose on the flange", "sphere", {}),
 }

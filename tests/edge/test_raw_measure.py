@@ -1,4 +1,4 @@
-"""A rough end face as its local least-squares plane; sudden changes of a width."""
+"""A rough end face as its local least-squares plane; single frames beside the others."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from workbench.artefacts import ROOT_FACE
 from workbench.edge.directions import LOCAL_MM, go_together
 from workbench.edge.raw_local import local_mean
 from workbench.edge.raw_measure import _in_patches, running_median, unevenness
-from workbench.edge.sizes import changes, off_commonest
 from workbench.geometry.chains import FaceLines
 
 RNG = np.random.default_rng(8)
@@ -44,19 +43,6 @@ def test_more_is_uncertain_where_less_of_the_window_is_seen() -> None:
     course = local_mean(S, np.where(gone, np.nan, value), ONE_PASS)
     assert course.u(np.array([0.0])) > 1.5 * course.u(np.array([25.0]))
     assert course.u(np.array([49.0])) > 1.5 * course.u(np.array([25.0]))
-
-
-def test_what_lies_off_the_commonest_level_is_uncertain_by_it() -> None:
-    at = np.arange(0.0, 100.0)
-    width = 8.0 - 0.3 * (np.abs(at - 40.0) < 8.0)
-    found = changes(at, width, np.full(at.size, 0.005))
-    assert [round(change, 2) for _, _, change in found] == [0.3, 0.3]
-    over, off = off_commonest(width)
-    assert off[40] == pytest.approx(0.3)
-    assert over[40] == pytest.approx(-0.3)
-    assert off[80] == 0.0
-    _, off = off_commonest(8.0 - 0.3 * (at < 45.0))  # no level has 70 % of the edge
-    assert off.min() == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(("length_mm", "expected"), [(0.2, False), (8.0, True), (12.0, True)])

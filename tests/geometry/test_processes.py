@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import Course, fit_course, process_told
 from workbench.geometry.processes import Process, Shared
 from workbench.units import Float
 
@@ -45,6 +45,37 @@ def test_without_what_is_shared_the_course_would_be_too_sure() -> None:
     off = [course(drawn(seed, shared), None) for seed in SEEDS]
     rms = np.sqrt(np.mean([((c.value(at) - 0.2 * np.sin(at / 25.0)) / c.u(at)) ** 2 for c in off]))
     assert rms > 4.0
+
+
+POSSIBLE = Process(*(of.ravel() for of in np.meshgrid((0.005, 0.012, 0.03, 0.07), (1.5, 3.0, 6.0, 12.0, 24.0, 48.0))))
+ONE_PASS = np.zeros(S.size, np.int64)
+
+
+@pytest.mark.parametrize("length_mm", [1.5, 6.0, 24.0])
+def test_what_is_not_declared_is_told_by_the_values(length_mm: float) -> None:
+    """Whether the course follows what is told or is held against it, its u is true."""
+    at, off = np.linspace(2.0, 88.0, 15), []
+    for seed in SEEDS:
+        y = drawn(seed, Process(0.03, length_mm))
+        told = process_told(S, y, ONE_PASS, POSSIBLE)
+        for followed in (False, True):
+            found = fit_course(S, y, orders=(2, 3), shared=Shared(process=told, followed=followed))
+            off.append([(found.value(at) - 0.2 * np.sin(at / 25.0)) / found.u(at)])
+            assert (found.shared_u(at) < found.u(at)).all()
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_short_errors_that_values_do_not_have_are_not_told() -> None:
+    told = process_told(S, drawn(6, Process(0.0, 5.0)), ONE_PASS, POSSIBLE)
+    short = np.asarray(told.length_mm) < 10.0
+    assert (np.asarray(told.strength)[short] ** 2).sum() < 0.002**2
+
+
+def test_passes_beside_each_other_tell_the_strength() -> None:
+    """What passes do not repeat is no course's."""
+    y = np.concatenate([drawn(k, Process(0.03, 24.0)) for k in range(4)])
+    told = process_told(np.tile(S, 4), y, np.repeat(np.arange(4), S.size), POSSIBLE)
+    assert 0.02 < np.sqrt((np.asarray(told.strength) ** 2).sum()) < 0.045
 
 
 def test_no_strength_changes_nothing() -> None:

@@ -21,7 +21,7 @@ RobotNoiseLength: TypeAlias = Annotated[
         ge=0.1,
         le=1000,
         description="length along the way over which these errors hang together: their correlation at a distance d is "
-        "exp(-d^2 / 2 length^2); null: not known, and only what single frames show of them is in u.",
+        "exp(-d^2 / 2 length^2); null: estimated from the frames.",
     ),
 ]
 EndU: TypeAlias = Annotated[

@@ -20,10 +20,10 @@ from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
 from workbench.edge.rim import BrokenEnd, EdgeCondition, FaceRim, broken_end, weights, whole_end
-from workbench.edge.sizes import NEAR_MM, SUDDEN_MM, changes, off_levels
+from workbench.edge.sizes import NEAR_MM
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.course import ALONE, Course, fit_course
+from workbench.geometry.course import Course, fit_course, process_told
 from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
@@ -46,12 +46,11 @@ PATCHES = 0.36
 FEW_FRAMES = 20  # within 20 mm: the scatter of fewer differs by as much by chance
 UNEVEN = 2.0  # times the usual scatter: of frames within 20 mm, which share their errors over 4, chance makes up to 1.7
 STATION_MM = 1.0
-JUMP_STEPS = 3.0  # columns, of both ends together: smaller jumps are followed by a smooth course
-MORE = 0.5  # times what the other end jumps: this one may be what changes
-LEAST_MEDIAN, NEAR_JUMP_MM = 3, 4.0  # frames; within which a jump is over
-LEAST_SOUND = 0.1  # of the frames that must be left, for those at a sudden change to be bridged
+LEAST_MEDIAN = 3  # frames
 COVERS, CELL_MM = 0.9, 5.0  # share of the edge that corners must show, by stretches, for silhouettes to be left aside
 SAMPLE_FRAMES = 60
+# Errors of a robot's recorded positions, all alike likely before the frames are looked at: as robots have them.
+STRENGTHS_MM, LENGTHS_MM = (0.005, 0.012, 0.03, 0.07), (1.5, 3.0, 6.0, 12.0, 24.0, 48.0)
 ALONG_MM = 0.5  # between places at which the reference curve's bend along m is summed up
 
 
@@ -104,30 +103,37 @@ class RawMeasured:
     run: Shaped[Float, " N"]  # by how much the section advances along the edge per mm along the face
     lever_mm: float  # from the lower edge to the middle of what is seen of the end face
     rough: bool
-    pose_u_mm: float  # of a place, by errors of the robot of which only single frames' scatter is known
     local_turn_u: float  # of the end face's direction over LOCAL_MM of edge, by how single frames scatter, rad
 
 
 class Robot(NamedTuple):
-    """What is declared of the errors of recorded positions."""
+    """What is declared of the errors of recorded positions; None: not known."""
 
-    noise_mm: float = 0.07
-    length_mm: float | None = None  # None: not known
+    noise_mm: float | None = None
+    length_mm: float | None = None
 
     @property
-    def process(self) -> Process | None:
-        """The errors along the edge; None: their length is not known."""
-        return None if self.length_mm is None else Process(self.noise_mm, self.length_mm)
+    def most_mm(self) -> float:
+        """Their standard deviation, as large as it may be."""
+        return STRENGTHS_MM[-1] if self.noise_mm is None else self.noise_mm
 
-    def unsmoothed_u_mm(self, scatter_mm: float, pitch_mm: float, rough: bool) -> float:
-        """What is left of errors of no known length over LOCAL_MM, as single frames scatter, alike over POSE_MM.
+    @property
+    def before(self) -> Shared:
+        """What frames share, before any of them is looked at."""
+        if self.noise_mm is None or self.length_mm is None:
+            return Shared(followed=True)
+        return Shared(None, Process(self.noise_mm, self.length_mm), may_step=True)
 
-        A rough face scatters by itself.
+    def shared(self, s: Float, stand_out: Float, pass_index: Int) -> Shared:
+        """What frames share: as declared, else by how the end faces (N,) of frames at s (N,) stand out, mm.
+
+        Errors that are declared explain what the edge need not; of others its own waves may as well be the cause.
         """
-        if self.length_mm is not None:
-            return 0.0
-        strength = min(scatter_mm, self.noise_mm) if rough else scatter_mm
-        return strength * math.sqrt(max(pitch_mm, POSE_MM) / LOCAL_MM)
+        strengths = STRENGTHS_MM if self.noise_mm is None else (self.noise_mm,)
+        lengths = LENGTHS_MM if self.length_mm is None else (self.length_mm,)
+        possible = Process(*(of.ravel() for of in np.meshgrid(strengths, lengths)))
+        process = process_told(s, stand_out, pass_index, possible)
+        return Shared(None, process, followed=self.before.followed, may_step=True)
 
 
 def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, robot: Robot) -> RawMeasured:
@@ -153,15 +159,19 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(middle[seen], along[seen], cloud.pass_index[seen])
     curve = fit_curve(middle[seen], s[seen], cloud.pass_index[seen])
+    shared = robot.before
     for whole in (False, True):
         s[seen] = curve.project(middle[seen], s[seen])
-        state = _state(cloud, found, curve, s, whole, condition, robot)
+        state = _state(cloud, found, curve, s, whole, condition, shared)
+        if not whole:
+            counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
+            shared = robot.shared(state.s_face, counted, cloud.pass_index)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
         at = state.lower.s[on]
         points = curve.position(at) + _offset(state, at)
         curve = fit_curve(points, at)
     s[seen] = curve.project(middle[seen], s[seen])
-    return _state(cloud, found, curve, s, True, condition, robot)
+    return _state(cloud, found, curve, s, True, condition, shared)
 
 
 def unevenness(measured: RawMeasured, at: Float) -> Float:
@@ -200,9 +210,12 @@ def _state(
     s: Float,
     whole: bool,
     condition: EdgeCondition,
-    robot: Robot,
+    shared: Shared,
 ) -> RawMeasured:
-    """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends."""
+    """The state in the section planes of `curve`; whole: False takes the middles of the column steps for ends.
+
+    shared: what the frames share by the robot's errors.
+    """
     sigma = _range_noise(cloud, found)
     face = _lines(cloud, found, found.faces[ROOT_FACE], curve, s, sigma)
     about = float(np.angle(np.nanmean(np.exp(1j * face.angle))))
@@ -229,8 +242,8 @@ def _state(
     stand_out = (face.place * n).sum(axis=1)
     bend_out, bend = (_bend(curve, tilt, along) for along in (0.5 * math.pi, 0.0))
     counted, group = stand_out + bend_out(mid), cloud.pass_index
-    shared = Shared(TOGETHER_MM if rough else None, robot.process, may_step=True)
-    alike = shared if rough or robot.process else shared._replace(over_mm=POSE_MM)
+    shared = shared._replace(over_mm=TOGETHER_MM) if rough else shared
+    alike = shared._replace(over_mm=POSE_MM) if shared.followed and not rough else shared
     course = fit_course(face.s, counted, None, group, (2, 3), shared=alike)
     stands = OutAlong(course, bend_out, local_mean(face.s, stand_out, cloud.pass_index) if rough else None)
     m = np.stack([n[:, 1], -n[:, 0]], axis=1)
@@ -240,20 +253,15 @@ def _state(
         _side(cloud, found, ends, outward, sections, sigma, vibration)
         for ends, outward in ((found.lower, -1.0), (found.upper, 1.0))
     ]
-    loose = _loose(both[0], both[1], bend, cloud.pass_index, whole)
-    lower, upper = (
-        _end_along(cloud, found, side, off, bend, shared, whole, condition)
-        for side, off in zip(both, loose, strict=True)
-    )
+    lower, upper = (_end_along(cloud, found, side, bend, shared, whole, condition) for side in both)
     if rough:
         tilt = _reaching(tilt, found, sigma, turn_mm, lower, upper)
     lean = _lean(cloud, found, curve, s, tilt, sigma)
     lever = abs(float(np.nanmedian((face.place * m).sum(axis=1))))
     pitch = float(np.ptp(face.s[np.isfinite(face.s)])) / max(int(np.isfinite(face.s).sum()), 1)
-    pose_u = robot.unsmoothed_u_mm(math.sqrt(course.frame_factor), pitch, rough)
     turn_u = math.sqrt(float(np.nanmedian(face.angle_variance)) * tilt.frame_factor * pitch / LOCAL_MM)
     shown = face.s, angle, face.run
-    return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, pose_u, turn_u)
+    return RawMeasured(curve, tilt, stand_out, stands, lower, upper, lean, *shown, lever, rough, turn_u)
 
 
 def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) -> tuple[SectionLines, Float]:
@@ -413,50 +421,6 @@ def _distance(s: Float, known: Bool) -> Float:
     return np.asarray(np.minimum(np.abs(s - there[after - 1]), np.abs(s - there[np.minimum(after, there.size - 1)])))
 
 
-def _loose(
-    lower: _Side, upper: _Side, bend: scipy.interpolate.CubicSpline, pass_index: Int, whole: bool
-) -> list[_Loose]:
-    """Where the width of the end face changes suddenly, one of its ends is not the plate's: of each, what of that.
-
-    Bends of the edge are in both of its ends. Burrs in the face's plane, lost returns and what covers a part of the
-    face are in one, the one that jumps against the reference curve; corners with a surface are none of these.
-    """
-    sides = [lower, upper]
-    if lower.by_corners and upper.by_corners:
-        return [_nothing_loose(side) for side in sides]
-    out = [_nothing_loose(side) for side in sides]
-    for smooth in (False, True):  # jumps in single frames first, which no smooth course follows; then what is left
-        left = [_sound(side, loose) for side, loose in zip(sides, out, strict=True)]
-        places = [np.sort(side.s[np.isfinite(side.low)]) for side in left]
-        start, stop = max(s[0] for s in places), min(s[-1] for s in places)
-        if stop - start < STATION_MM:  # nowhere are both seen
-            return out
-        at = np.linspace(start, stop, max(3, round((stop - start) / STATION_MM) + 1))
-        seen = _near(places, at)
-        if smooth:
-            courses = [_found_end(side, pass_index, (1, 2), ALONE, whole)[0] for side in left]
-            ends = [course.value(at) for course in courses]
-            found = changes(at, ends[0] + ends[1], np.hypot(courses[0].u(at), courses[1].u(at)), seen=seen)
-        else:
-            off = [running_median(side.s, side.middle - side.outward * bend(side.s), at, STATION_MM) for side in left]
-            ends = [one + side.outward * bend(at) for one, side in zip(off, left, strict=True)]
-            steps = math.hypot(*(float(np.nanmedian(side.step)) for side in left))
-            least = max(SUDDEN_MM, JUMP_STEPS * steps)
-            found = changes(at, ends[0] + ends[1], np.zeros(at.size), least, least / NEAR_JUMP_MM, reach_mm=NEAR_MM)
-        told = _told(sides, at, ends, found, bend, seen)
-        out = [_Loose(np.maximum(a.mm, b.mm), a.shift + b.shift) for a, b in zip(out, told, strict=True)]
-    return out
-
-
-def _near(places: list[Float], at: Float) -> Bool:
-    """Stations (m,) that frames show at both ends of the face; places: sorted arc lengths of both."""
-    seen = np.ones(at.size, bool)
-    for s in places:
-        after = np.searchsorted(s, at).clip(1, s.size - 1)
-        seen &= np.minimum(np.abs(at - s[after - 1]), np.abs(s[after] - at)) < NEAR_MM
-    return seen
-
-
 def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
     """Median of values (N,) at s (N,) within reach of stations (m,); between them where there are none."""
     on = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
@@ -468,55 +432,6 @@ def running_median(s: Float, value: Float, at: Float, reach_mm: float) -> Float:
         return np.interp(at, s[on], value[on])
     middle = [float(np.median(value[on[first[k] : last[k]]])) for k in some]
     return np.interp(at, at[some], middle)
-
-
-def _told(
-    sides: list[_Side],
-    at: Float,
-    ends: list[Float],
-    found: list[tuple[int, int, float]],
-    bend: scipy.interpolate.CubicSpline,
-    seen: Bool,
-) -> list[_Loose]:
-    """What sudden changes of the width say of both ends; found: first and last of the stations (m,), and how much.
-
-    ends: both (m,), counted outwards from the straight line; seen (m,): where frames show both.
-    """
-    off_curve = [end - side.outward * bend(at) for end, side in zip(ends, sides, strict=True)]
-    width = ends[0] + ends[1]
-    out = []
-    for k, side in enumerate(sides):
-        own, level = np.zeros(at.size), np.zeros(at.size)
-        for first, last, change in found:
-            jump, other = (float(np.ptp(off_curve[i][first : last + 1])) for i in (k, 1 - k))
-            if sides[1 - k].by_corners or jump > MORE * other:
-                own[first : last + 1] = np.maximum(own[first : last + 1], change)
-                level[(first + last) // 2 :] += width[last] - width[first]
-        over, off = off_levels(at, level, SUDDEN_MM, seen)
-        s = np.nan_to_num(side.s, nan=at[0])
-        loose = np.interp(s, at, np.maximum(own, off))
-        shift = np.where(np.interp(s, at, own) > 0.0, np.nan, over[np.searchsorted(at, s).clip(0, at.size - 1)])
-        out.append(_nothing_loose(side) if side.by_corners else _Loose(loose, shift))
-    return out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Loose:
-    """What of an end is not the plate's, in N frames."""
-
-    mm: Shaped[Float, " N"]  # by how much the end may be off
-    # how far it stands out where the face is wider than it mostly is, mm; NaN: it changes here
-    shift: Shaped[Float, " N"]
-
-
-def _sound(side: _Side, loose: _Loose) -> _Side:
-    """The end without the frames at which it changes suddenly, those beyond shifted back; as it is if none are left."""
-    low = side.low - loose.shift
-    return replace(side, low=low) if np.isfinite(low).sum() > LEAST_SOUND * np.isfinite(side.low).sum() else side
-
-
-def _nothing_loose(side: _Side) -> _Loose:
-    return _Loose(np.zeros(side.s.size), np.zeros(side.s.size))
 
 
 def _bend(curve: Curve, tilt: Course, turn: float) -> scipy.interpolate.CubicSpline:
@@ -586,14 +501,12 @@ def _end_along(
     cloud: Cloud,
     found: RawFaces,
     side: _Side,
-    loose: _Loose,
     bend: scipy.interpolate.CubicSpline,
     shared: Shared,
     whole: bool,
     condition: EdgeCondition,
 ) -> EndAlong:
-    """The course of one edge along m. Frames at which it changes suddenly are bridged, those beyond shifted back."""
-    side = _sound(side, loose)
+    """The course of one edge along m."""
     broken = whole_end(side.s.size)
     if whole and not side.by_corners:
         broken = _broken(cloud, found, side, condition)
@@ -606,7 +519,7 @@ def _end_along(
             sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.u_mm), 1e-6)),
         )
     course, off = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
-    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, np.maximum(loose.mm, off))
+    return EndAlong(_scaled(course, side.outward), bend, side.s, broken, off)
 
 
 def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition) -> BrokenEnd:

@@ -50,7 +50,7 @@ from workbench.edge.raw_measure import (
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, hidden_end_u_mm, u_along
 from workbench.errors import InputError
-from workbench.geometry.curves import covered, doubtful_slope
+from workbench.geometry.curves import covered
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Int
 
@@ -72,7 +72,7 @@ def segment_raw(
     *,
     upper_side: tuple[float, float, float],
     z_away: bool | None = None,
-    robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_mm: RobotNoise | None = None,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     robot_drift_u_mm: Annotated[float, Field(ge=0, le=5)] = 0.0,
@@ -93,6 +93,7 @@ def segment_raw(
             where nothing but the end face is in view.
         edge_condition: as in `edge.segment`, of both edges.
         sensor: as in `edge.segment`.
+        robot_noise_mm: as in `edge.segment`; null: estimated, as the length over which these errors hang together is.
         robot_drift_u_mm: declared standard uncertainty of a place of the edge in the base, along its normal and across
             it, by the robot's slow errors (drift, its path accuracy), which look like the edge's own course.
 
@@ -185,12 +186,8 @@ def _edge(
     form, below = forms(images, at, declared.sensor)
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
-    only_ends_mm = declared.robot.noise_mm if cloud.only_end_poses else 0.0
-    doubtful = 0.0
-    if declared.robot.length_mm is None:
-        noise_mm = declared.robot.noise_mm
-        doubtful = math.hypot(math.sqrt(2.0) * noise_mm / length, doubtful_slope(measured.curve, noise_mm))
-    tangent_u = np.hypot(turning, math.hypot(doubtful, sparse_turn))
+    only_ends_mm = declared.robot.most_mm if cloud.only_end_poses else 0.0
+    tangent_u = np.hypot(turning, sparse_turn)
     tangent_u = np.hypot(tangent_u, _between(measured.s_face, late.off_s * late.oblique_rate, at))
     axis = {
         DIRECTIONS: np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u),
@@ -267,7 +264,7 @@ def _by_robot(measured: RawMeasured, of: OutAlong | EndAlong, declared: RawDecla
     shared_mm = of.course.shared_u(at)
     rest = np.sqrt(np.maximum(of.course.u(at) ** 2 - shared_mm**2, 0.0))
     uneven = unevenness(measured, at)
-    robot_mm = root_sum_square(at, (shared_mm, measured.pose_u_mm, declared.robot_drift_u_mm))
+    robot_mm = root_sum_square(at, (shared_mm, declared.robot_drift_u_mm))
     return uneven * robot_mm, uneven * rest
 
 

@@ -10,15 +10,9 @@ from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDIN
 from workbench.edge.directions import LOCAL_MM
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
-from workbench.units import DEG, Bool, Float, Shaped
+from workbench.units import DEG, Float, Shaped
 
-SUDDEN_MM, REACH_MM = 0.03, 4.0  # a change of the root face by this is told, from so far before to so far after it
-MOST = 0.7  # of the edge at one level: what lies off it is an end lost or drawn out
-BESIDE = 3  # stations on each side of a change, whose mean is the level there
 NEAR_MM = 1.5  # of a section: frames that speak for it
-SUDDEN_SLOPE = 0.006  # a root face that is milled straight does not change so fast
-UNUSUAL_SLOPES = 3.0  # times what is usual on the edge: waves are steep everywhere, lost returns and burrs are not
-SUDDEN_SIGMAS = 4.0
 
 
 class EndTerms(NamedTuple):
@@ -75,79 +69,6 @@ def sizes(
         Quantity.of("root_mm", root, root_u),
         Quantity.of("bevel_deg", beta / DEG, {name: u / DEG for name, u in angle.items()}),
     )
-
-
-def off_levels(at: Float, level: Float, least: float, seen: Bool | bool = True) -> tuple[Float, Float]:
-    """As `off_commonest`; and no stretch between gaps lends its level to another: it may change under the gap."""
-    over, off = off_commonest(level, least)
-    there = np.flatnonzero(np.broadcast_to(seen, at.shape))
-    for stretch in np.split(there, np.flatnonzero(np.diff(at[there]) > 2.0 * REACH_MM) + 1):
-        if stretch.size:
-            off[stretch] = np.maximum(off[stretch], off_commonest(level[stretch], least)[1])
-    return over, off
-
-
-def off_commonest(level: Float, least: float = SUDDEN_MM) -> tuple[Float, Float]:
-    """How far each station (m,) lies over the commonest level, and what that makes uncertain."""
-    rising = np.sort(level)
-    near = np.searchsorted(rising, level + least) - np.searchsorted(rising, level - least, side="right")
-    share = near / level.size
-    over = level - level[np.argmax(share)]
-    off = np.abs(over)
-    if share.max() < MOST:  # the true one may be any that lasts
-        off = np.maximum(off, np.ptp(level[share >= min(float(share.max()), 0.5 * (1.0 - MOST))]))
-    return np.where(np.abs(over) < least, 0.0, over), np.where(off < least, 0.0, off)
-
-
-def changes(
-    at: Float,
-    value: Float,
-    u: Float,
-    least: float = SUDDEN_MM,
-    least_slope: float = SUDDEN_SLOPE,
-    seen: Bool | bool = True,
-    reach_mm: float = REACH_MM,
-) -> list[tuple[int, int, float]]:
-    """The sudden changes of `sudden`: first and last station, and by how much the size changes between them.
-
-    Beyond what it does on both sides: where a wave is steep it is so over some way, and beside it nearly as steep.
-    reach_mm: beside what is steep, that belongs to the change.
-    """
-    if at.size < 3:
-        return []
-    reach = max(1, round(reach_mm / float(np.median(np.diff(at)))))
-    if not np.all(seen):
-        if not np.any(seen):
-            return []
-        value = np.interp(at, at[seen], value[seen])
-    rate = np.gradient(value, at)
-    slope = np.abs(rate)
-    steep = np.flatnonzero(slope > max(least_slope, UNUSUAL_SLOPES * float(np.median(slope))))
-    out = _under_gaps(at, value, rate, np.broadcast_to(seen, at.shape), np.maximum(least, SUDDEN_SIGMAS * u))
-    if not steep.size:
-        return out
-    for run in np.split(steep, np.flatnonzero(np.diff(steep) > 2 * reach) + 1):
-        first, last = int(max(run[0] - reach, 0)), int(min(run[-1] + reach, at.size - 1))
-        beside = 0.5 * (rate[first] + rate[last]) * (at[first : last + 1] - at[first])
-        change = float(min(np.ptp(value[first : last + 1] - beside), np.ptp(value[first : last + 1])))
-        if change >= max(least, SUDDEN_SIGMAS * float(max(u[first], u[last]))):  # between them a course cannot follow
-            out.append((first, last, change))
-    return out
-
-
-def _under_gaps(at: Float, value: Float, rate: Float, seen: Bool, least: Float) -> list[tuple[int, int, float]]:
-    """The changes under gaps of what is `seen` (m,), by how far the slopes on both sides miss the other side."""
-    there = np.flatnonzero(seen)
-    out = []
-    for k in np.flatnonzero(np.diff(there) > 1):
-        first, last = int(there[k]), int(there[k + 1])
-        before, after = max(first - BESIDE, 0), min(last + BESIDE, at.size - 1)
-        way = at[last] - at[first]
-        missed = value[last] - value[first] - 0.5 * way * (rate[before] + rate[after])
-        change = float(min(abs(missed), abs(value[last] - value[first])))
-        if way > 2.0 * REACH_MM and change >= max(least[first], least[last]):
-            out.append((first, last, change))
-    return out
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

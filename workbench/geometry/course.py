@@ -19,7 +19,7 @@ import numpy as np
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median, medians
 from workbench.geometry.penalised import Penalised, penalised
-from workbench.geometry.processes import Correlated, Shared, correlated, shapes_told
+from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
@@ -36,6 +36,7 @@ AGREED = 2.0  # times the usual difference of neighbours: values that leave the 
 LEAST_VALUES = 5  # of a pass that is judged, or may lie beside the others, by itself
 SWING = 4  # pieces of the spline beside what it leaves out, over which it swings
 READMITTED = 3  # times that outliers are told again, by the course that was fitted without them
+LEAST_OWN = 0.01  # of what neighbours differ, that they do not share
 LEAST_FACTOR = 1e-12  # of noise: exact values have none
 STIFFNESSES = 9  # grid of each random walk's strength, from unseen to free, a factor of about 5 apart
 STIFFEST_MM = 150.0  # no course is taken for straighter than over this length
@@ -242,7 +243,7 @@ def _fit(
     bin_mm: float,
     shared: Shared,
 ) -> Course:
-    process = shared.process
+    process = None if shared.followed else shared.process
     bins, between = (bins, 0.0) if process else _aligned(bins, orders[0] > 1)
     together = process.covariance(bins.s, bins.spread, bins.group) if process else None
     noise_factor = _noise_factor(bins, stated, min(orders), together)
@@ -281,13 +282,20 @@ def _fit(
         misfit = _misfit(white, np.ones(weight.size), bins.group, _spent(problems, found))
     if unseen[0] == 0.0 and not process:  # steps between columns make regular waves of what frames know of an end
         between += _regular_wave(bins.s, left, weight)
-    by_shared = None if together is None else _variance_by(together, problems, found, stations)
-    raised, value = max(1.0, misfit), value + between / max(1.0, misfit)
+    raised = max(1.0, misfit)
+    value, slope, by_shared = raised * value + between, raised * slope, None
+    if together is not None:
+        by_shared = _variance_by(together, problems, found, stations)[0]
+    elif shared.process:
+        together = shared.process.covariance(bins.s, bins.spread, bins.group)
+        own = _problems(inside, bins.y, weight, knots, orders, np.diag(1.0 / weight))
+        by_shared, turning = _variance_by(together, own, found, stations)
+        value, slope = value + by_shared, slope + turning
     return Course(
         spline,
         stations,
-        value * raised,
-        slope * raised,
+        value,
+        slope,
         bins.kept,
         frame_factor,
         noise_factor,
@@ -324,26 +332,52 @@ def _step_u(values: Values, bins: Bins, noise_factor: float, orders: tuple[int, 
     An encoder that slips, returns that are lost, what prolongs a face: nothing tells which side of a step is right. By
     the posterior over a step before each bin, and none, which is held likelier by STEPLESS before; STEP: its size then.
     """
-    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
-    s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
-    y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
-    if shared.process:
-        covariance = np.diag(1.0 / weight) + shared.process.covariance(bins.s, bins.spread, bins.group)
-        hidden = shared.process.density(HIDDEN_MM)
-    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
-    priors = _grid(bins, weight, orders, (0.0, 1.0), hidden)
-    strengths = priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS]
+    problem, strengths, s, y, weight = _few_priors(values, bins, noise_factor, orders, shared.process)
     ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
     behind = ~ahead & (bins.group[:, None] == bins.group)
     told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
     if not told.any():
         return 0.0
-    size, u = shapes_told(problem, s, y[:, 0], weight, ahead[:, told].astype(float), strengths)
+    size, u = shapes_told(problem, s, y, weight, ahead[:, told].astype(float), strengths)
     most, score = STEP**2 + u**2, problem.evidence(strengths)[:, None]
     log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + score
     log -= math.log(STEPLESS * told.sum())
     share = np.exp(log - np.logaddexp(np.logaddexp.reduce(log, axis=None), np.logaddexp.reduce(score, axis=None)))
     return float(np.sqrt((share * size**2).sum() / 2.0))
+
+
+def _few_priors(
+    values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
+) -> tuple[Penalised | Correlated, Float, Float, Float, Float]:
+    """The equations of the bins' first component y (b,), some strengths (j, 2) of all, and the bins' s, y, weight."""
+    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
+    s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
+    y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
+    if process:
+        covariance = np.diag(1.0 / weight) + process.covariance(bins.s, bins.spread, bins.group)
+        hidden = process.density(HIDDEN_MM)
+    problem = _problems(s, y, weight, knots, orders, covariance)[orders[0]]
+    priors = _grid(bins, weight, orders, (0.0, 1.0), hidden)
+    return problem, priors[priors[:, 0] == orders[0], 1:][::STEP_PRIORS], s, y[:, 0], weight
+
+
+def process_told(s: Float, y: Float, group: Int, possible: Process, orders: tuple[int, int] = (2, 3)) -> Process:
+    """The errors that values y (n,) at s (n,) mm share, by their likelihood under each of the `possible` (k,) ones.
+
+    Alike likely before, about a course as `fit_course` has it. What values cannot tell from a course keeps its share;
+    the answer, one process, has the mean of the covariances.
+    """
+    if np.size(possible.strength) == 1:
+        return possible
+    values = _as_values(s, y, None, group, max(BIN_MM, float(np.nanmax(s) - np.nanmin(s)) / MOST_BINS))
+    bins, score = _means(values, _inliers(values)), []
+    for strength, length in zip(np.atleast_1d(possible.strength), np.atleast_1d(possible.length_mm), strict=True):
+        one = Process(float(strength), float(length))
+        together = one.covariance(bins.s, bins.spread, bins.group)
+        problem, strengths, *_ = _few_priors(values, bins, _noise_factor(bins, False, orders[0], together), orders, one)
+        score.append(np.logaddexp.reduce(problem.evidence(strengths)))
+    share = np.exp(np.array(score) - max(score))
+    return possible._replace(strength=possible.strength * np.sqrt(share / share.sum()))
 
 
 def _spent(problems: Problems, priors: Float) -> float:
@@ -352,7 +386,7 @@ def _spent(problems: Problems, priors: Float) -> float:
 
 
 def _variance_by(together: Float, problems: Problems, priors: Float, at: Float) -> Float:
-    """What of the variance of the value at `at` (k,) is by what the bins share (b, b), over priors by their shares."""
+    """What of the variances (2, k) of value and slope at `at` (k,) is by what bins (b, b) share, over all priors."""
     parts = [problem.variance_by(together, mine[:, 1:3], mine[:, 3], at) for problem, mine in _each(problems, priors)]
     return np.asarray(np.sum(parts, axis=0))
 
@@ -814,8 +848,10 @@ def _noise_factor(bins: Bins, stated: bool, order: int, together: Float | None) 
     if together is not None:
         row, column = np.concatenate([np.ones((k.size, 1)), -share], axis=1), k[:, None] + np.append(0, beside)
         alike = np.einsum("ki,kij,kj->k", row, together[column[:, :, None], column[:, None, :]], row) / expected
+        least = LEAST_OWN * found  # or no digits are left
         for _ in range(RESETTLED):  # what is left beside what they share
             found *= _bounded_mean(z2 / (found + alike))
+        found = max(found, least)
     free = k.size * off.shape[1] / 2.0  # neighbours share values
     prior = PRIOR_FREEDOM if stated else 0.0
     return float(max((free * found + prior * known) / (free + prior), LEAST_FACTOR))

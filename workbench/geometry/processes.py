@@ -16,25 +16,34 @@ from workbench.units import Float, Int, Shaped
 class Process(NamedTuple):
     """A stationary Gaussian process of the arc length, each pass its own: correlation exp(-(d / length)^2 / 2).
 
+    Or the sum of several, (k,) each: of what is held possible, by the roots of its shares.
+
     Example:
         >>> shared = Process(0.05, 10.0).covariance(np.array([0.0, 10.0]), np.zeros(2), np.zeros(2, int))
         >>> [round(1e4 * float(one), 1) for one in shared[0]]
         [25.0, 15.2]
     """
 
-    strength: float  # standard deviation of a value, in its unit
-    length_mm: float
+    strength: Float | float  # standard deviation of a value, in its unit
+    length_mm: Float | float
 
     def covariance(self, s: Float, spread: Float, group: Int) -> Float:
         """Covariance (b, b) of means over values that lie about s (b,) by `spread` (b,), mm, in passes (b,)."""
-        wide = self.length_mm**2 + spread[:, None] ** 2 + spread**2
-        alike = self.length_mm / np.sqrt(wide) * np.exp(-0.5 * (s[:, None] - s) ** 2 / wide)
-        return np.where(group[:, None] == group, self.strength**2 * alike, 0.0)
+        apart2, spread2 = (s[:, None] - s) ** 2, spread[:, None] ** 2 + spread**2
+        out = np.zeros((s.size, s.size))
+        for strength, length in self._each():
+            wide = length**2 + spread2
+            out += strength**2 * length / np.sqrt(wide) * np.exp(-0.5 * apart2 / wide)
+        return np.asarray(np.where(group[:, None] == group, out, 0.0))
 
     def density(self, wave_mm: float) -> float:
         """Of waves of this length: the variance that they have a wave number, times 2 pi; unit squared times mm."""
-        phase = 2.0 * math.pi * self.length_mm / wave_mm
-        return self.strength**2 * math.sqrt(2.0 * math.pi) * self.length_mm * math.exp(-0.5 * phase**2)
+        k = 2.0 * math.pi / wave_mm
+        root = math.sqrt(2.0 * math.pi)
+        return sum(one**2 * root * length * math.exp(-0.5 * (k * length) ** 2) for one, length in self._each())
+
+    def _each(self) -> list[tuple[float, float]]:
+        return list(zip(np.atleast_1d(self.strength).tolist(), np.atleast_1d(self.length_mm).tolist(), strict=True))
 
 
 class Shared(NamedTuple):
@@ -42,6 +51,7 @@ class Shared(NamedTuple):
 
     over_mm: float | None = None  # length over which they share their scatter: bins are as long, waves four times
     process: Process | None = None  # passes then need no offsets of their own
+    followed: bool = False  # what the process does is taken for the course's: only its u holds it
     may_step: bool = False  # a step within a pass is looked for
 
 
@@ -58,7 +68,7 @@ class Correlated:
     inverse: Shaped[Float, "n n"]  # M
 
     def evidence(self, strengths: Float) -> Float:
-        """As `Penalised.evidence`. Raises LinAlgError likewise."""
+        """As `Penalised.evidence`, of values whatever the covariance of their noise. Raises LinAlgError likewise."""
         size, components = self.right.shape
         scores = np.empty(len(strengths))
         for k, (one, other) in enumerate(strengths):
@@ -66,7 +76,7 @@ class Correlated:
             low = np.linalg.cholesky(self._beside(self.held(one, other)))
             logs = np.log(np.diag(low)[:size]).sum() - 0.5 * prior
             scores[k] = 0.5 * (low[size:, :size] ** 2).sum() - components * logs
-        return scores - 0.5 * self.squares
+        return np.asarray(scores - 0.5 * self.squares + 0.5 * components * np.linalg.slogdet(self.inverse)[1])
 
     def _beside(self, held: Float) -> Float:
         """A matrix whose Cholesky factor has that of A, and L^-1 B' M y as rows below it."""
@@ -89,13 +99,15 @@ class Correlated:
         return mean, variance[0], variance[1]
 
     def variance_by(self, noise: Float, strengths: Float, share: Float, at: Float) -> Float:
-        """What of the variance (m,) of the value at places (m,) is by noise of covariance (n, n)."""
+        """What of the variances (2, m) of value and slope at places (m,) is by noise of covariance (n, n)."""
         weighted = self.inverse @ self.basis
-        rows, noisy = self.plain.rows(at)[0], weighted.T @ noise @ weighted
-        out = np.zeros(at.size)
+        noisy, both = weighted.T @ noise @ weighted, self.plain.rows(at)
+        out = np.zeros((2, at.size))
         for (one, other), of in zip(strengths, share, strict=True):
-            turned = np.linalg.solve(self.held(one, other), rows.T)
-            out += of * (turned * (noisy @ turned)).sum(axis=0)
+            spread = np.linalg.inv(self.held(one, other))
+            spread = spread @ noisy @ spread
+            for k, rows in enumerate(both):
+                out[k] += of * ((rows @ spread) * rows).sum(axis=1)
         return out
 
     def spent(self, strengths: Float, share: Float) -> float:

@@ -6,6 +6,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
+USUAL_NOISE_MM = 0.07  # of an arm of this size, each axis: the paper, Table 1; where nothing is declared
+
 RobotNoise: TypeAlias = Annotated[
     float,
     Field(
@@ -44,3 +46,8 @@ Limits: TypeAlias = Annotated[
         "only by a wider limit."
     ),
 ]
+
+
+def usual_noise_mm(declared: float | None) -> float:
+    """What is declared of the robot's noise; null: that of an arm of this size."""
+    return USUAL_NOISE_MM if declared is None else declared

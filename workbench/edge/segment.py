@@ -22,7 +22,16 @@ from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
-from workbench.edge.parameters import BevelNominal, EndU, Limits, RobotNoise, RootNominal
+from workbench.edge.parameters import (
+    USUAL_NOISE_MM,
+    BevelNominal,
+    EndU,
+    Limits,
+    RobotNoise,
+    RobotNoiseLength,
+    RootNominal,
+    usual_noise_mm,
+)
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import (
     BrokenEnd,
@@ -40,7 +49,7 @@ from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
-from workbench.geometry.curves import covered, doubtful_slope
+from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
 from workbench.kernels import kernel
 from workbench.stage import InputFile, stage
@@ -68,7 +77,8 @@ def segment(
     *,
     root_nominal_mm: RootNominal = 1.5,
     bevel_nominal_deg: BevelNominal = 40.0,
-    robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
@@ -111,7 +121,7 @@ def segment(
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
-        declared = Declared(declared_linearity(sensor), robot_noise_mm, end_u_mm)
+        declared = Declared(declared_linearity(sensor), usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
@@ -166,6 +176,7 @@ class Declared(NamedTuple):
 
     sensor: Linearity
     robot_noise_mm: float
+    robot_noise_length_mm: float | None
     end_u_mm: float
 
 
@@ -189,10 +200,8 @@ def milled_edge(
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
     tangent, normal, across = section_axes(measured, at)
-    shared = math.hypot(
-        math.sqrt(2.0) * declared.robot_noise_mm / length, laser_plane_u(cloud), cloud.sparse_poses_u[1]
-    )
-    shared = math.hypot(shared, doubtful_slope(measured.curve, declared.robot_noise_mm))
+    by_robot = turn_by_robot(measured.curve, length, declared.robot_noise_mm, declared.robot_noise_length_mm)
+    shared = math.hypot(by_robot, laser_plane_u(cloud), cloud.sparse_poses_u[1])
     shared_u = np.hypot(shared, _late_u(cloud, measured, at))
     tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), shared_u)
     root_form, bevel_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 import scipy
-from pydantic import Field
 
 from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, Quantity, RawEdge, Unseen
 from workbench.checks import NOT_JUDGED
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
-from workbench.edge.parameters import BevelNominal, RootNominal
+from workbench.edge.parameters import (
+    USUAL_NOISE_MM,
+    BevelNominal,
+    RobotNoise,
+    RobotNoiseLength,
+    RootNominal,
+    usual_noise_mm,
+)
+from workbench.edge.rim import EdgeCondition
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised, recovered_grid
@@ -27,7 +33,7 @@ from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.splines import Spline
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Int
 
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
@@ -56,7 +62,10 @@ def segment_cloud(
     *,
     root_nominal_mm: RootNominal = 1.5,
     bevel_nominal_deg: BevelNominal = 40.0,
-    robot_noise_mm: Annotated[float, Field(ge=0, le=5)] = 0.07,
+    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_length_mm: RobotNoiseLength = None,
+    edge_condition: EdgeCondition = "unknown",
+    sensor: InputFile | None = None,
     upper_side: tuple[float, float, float] | None = None,
     use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
@@ -67,8 +76,9 @@ def segment_cloud(
 
     Args:
         points: the cloud of one edge, in mm.
-        robot_noise_mm: standard deviation of the positions that the cloud was fused with, each axis: nothing in the
-            cloud shows it, yet it turns the edge's tangent.
+        robot_noise_mm: as in `edge.segment`, of the positions that the cloud was fused with.
+        edge_condition: as in `edge.segment`.
+        sensor: as in `edge.segment`.
         upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in
             scan order. null: a milled edge.
         use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
@@ -89,11 +99,19 @@ def segment_cloud(
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         recovered = replace(recovered, checks=(NOT_JUDGED,))
-        return recovered, segment_raw(recovered, upper_side=upper_side, robot_noise_mm=robot_noise_mm)
+        return recovered, segment_raw(
+            recovered,
+            upper_side=upper_side,
+            robot_noise_mm=robot_noise_mm,
+            robot_noise_length_mm=robot_noise_length_mm,
+            edge_condition=edge_condition,
+            sensor=sensor,
+        )
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     cloud = replace(cloud, checks=(NOT_JUDGED,))
-    if passes == "several passes" and robot_noise_mm > MOST_PASS_NOISE_MM:
+    noise_mm = usual_noise_mm(robot_noise_mm)
+    if passes == "several passes" and noise_mm > MOST_PASS_NOISE_MM:
         raise InputError(
             points.source,
             "points stand on lines of several scanning passes, which may differ by the "
@@ -101,10 +119,16 @@ def segment_cloud(
             f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)",
         )
     edge = segment(
-        cloud, root_nominal_mm=root_nominal_mm, bevel_nominal_deg=bevel_nominal_deg, robot_noise_mm=robot_noise_mm
+        cloud,
+        root_nominal_mm=root_nominal_mm,
+        bevel_nominal_deg=bevel_nominal_deg,
+        robot_noise_mm=noise_mm,
+        robot_noise_length_mm=robot_noise_length_mm,
+        edge_condition=edge_condition,
+        sensor=sensor,
     )
     edge = replace(edge, unseen=(*edge.unseen, OTHER_SOFTWARE))
-    return cloud, edge if passes is None else _of_slices(edge, passes, robot_noise_mm)
+    return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
 
 
 def _check_extent(points: PointSet) -> None:

@@ -17,10 +17,10 @@ from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes, View, typical
-from workbench.edge.parameters import Limits, RobotNoise
+from workbench.edge.parameters import USUAL_NOISE_MM, Limits, RobotNoise, RobotNoiseLength, usual_noise_mm
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
-from workbench.geometry.curves import Curve, covered, doubtful_slope
+from workbench.geometry.curves import Curve, covered, turn_by_robot
 from workbench.stage import stage
 from workbench.units import Float, Int
 
@@ -35,7 +35,8 @@ def segment_groove(
     cloud: Cloud,
     *,
     groove: Given = "auto",
-    robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_length_mm: RobotNoiseLength = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
@@ -70,7 +71,7 @@ def segment_groove(
     view = View(
         _skew(cloud, curve, s, read.frame),
         _lean(cloud, read.frame, curve, s, turn),
-        _direction_u(cloud, curve, at + first, robot_noise_mm),
+        _direction_u(cloud, curve, at + first, usual_noise_mm(robot_noise_mm), robot_noise_length_mm),
         tilt.u(at + first),
         shows_order(
             np.array([[*one.corner, *other.corner] for one, other in zip(*read.sides, strict=True)]),
@@ -272,7 +273,6 @@ def _lean(cloud: Cloud, frame: Int, curve: Curve, s: Float, turn: Float) -> floa
     return float(np.median((ez * right).sum(axis=1) / (ez * up).sum(axis=1)))
 
 
-def _direction_u(cloud: Cloud, curve: Curve, at: Float, robot_noise_mm: float) -> Float:
-    length = max(float(np.ptp(at)), 1.0)
-    shared = math.hypot(math.sqrt(2.0) * robot_noise_mm / length, laser_plane_u(cloud))
-    return np.hypot(curve.tangent_u(at), math.hypot(shared, doubtful_slope(curve, robot_noise_mm)))
+def _direction_u(cloud: Cloud, curve: Curve, at: Float, noise_mm: float, noise_length_mm: float | None) -> Float:
+    by_robot = turn_by_robot(curve, max(float(np.ptp(at)), 1.0), noise_mm, noise_length_mm)
+    return np.hypot(curve.tangent_u(at), math.hypot(by_robot, laser_plane_u(cloud)))

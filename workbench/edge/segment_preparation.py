@@ -34,7 +34,7 @@ from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.frame_order import scatter, shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.parameters import EndU, Limits, RobotNoise
+from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoise, RobotNoiseLength, usual_noise_mm
 from workbench.edge.prepared_frames import (
     FILLET,
     FLANK,
@@ -76,7 +76,8 @@ def segment_preparation(
     preparation: Given = "auto",
     root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
     upper_side: tuple[float, float, float] | None = None,
-    robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
@@ -127,7 +128,7 @@ def segment_preparation(
     refuse_failed(checks, *_refused(cloud, frames))
     try:
         measured = measure_edge(cloud, frames.tracked, rounding)
-        declared = Declared(declared_linearity(sensor), robot_noise_mm, end_u_mm)
+        declared = Declared(declared_linearity(sensor), usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
         edge = milled_edge(cloud, frames.tracked, measured, rounding, declared, checks)
         chain = _Chain(cloud, frames, measured, edge, declared.sensor)
         if frames.kind == "J":  # the flank's line may have leant on its fillet, before that was known

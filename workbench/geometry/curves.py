@@ -11,7 +11,7 @@ import scipy
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
-from workbench.geometry.processes import Shared
+from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
@@ -243,6 +243,19 @@ def _reflect_on(t: Float, position: Float, a: Float) -> None:
             v2 = t[i + 1, d] - t[i, d] + 2.0 / c1 * e1 * v1
             if c2 > 0.0:
                 a[i + 1, d] -= 2.0 / c2 * d2 * v2
+
+
+def turn_by_robot(curve: Curve, length_mm: float, robot_noise_mm: float, robot_length_mm: float | None) -> float:
+    """Standard uncertainty (rad) of the direction of a curve by the robot's errors, white or as a process of its way.
+
+    length_mm: of the edge. Errors of a declared length turn what the course can follow of them (FOLLOWED_MM).
+    """
+    if robot_length_mm is not None:
+        return Process(robot_noise_mm, robot_length_mm).slope_u(FOLLOWED_MM)
+    return math.hypot(math.sqrt(2.0) * robot_noise_mm / length_mm, doubtful_slope(curve, robot_noise_mm))
+
+
+FOLLOWED_MM = 8.0  # two bins of an edge's course
 
 
 def doubtful_slope(curve: Curve, robot_noise_mm: float) -> float:

@@ -36,6 +36,17 @@ class Process(NamedTuple):
             out += strength**2 * length / np.sqrt(wide) * np.exp(-0.5 * apart2 / wide)
         return np.asarray(np.where(group[:, None] == group, out, 0.0))
 
+    def slope_u(self, over_mm: float) -> float:
+        """Standard deviation of its rise over a way, by that way; of a long process that of its slope.
+
+        >>> round(Process(0.05, 10.0).slope_u(1e-3), 6), round(Process(0.05, 1e-3).slope_u(20.0), 6)
+        (0.005, 0.003536)
+        """
+        square = sum(
+            2.0 * strength**2 * -math.expm1(-0.5 * (over_mm / length) ** 2) for strength, length in self._each()
+        )
+        return math.sqrt(square) / over_mm
+
     def density(self, wave_mm: float) -> float:
         """Of waves of this length: the variance that they have a wave number, times 2 pi; unit squared times mm."""
         k = 2.0 * math.pi / wave_mm

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench import pieces
 from workbench.artefacts import BEVEL_FACE, Chapter, Cloud, Document, Inspection, MilledEdge
-from workbench.edge.parameters import RobotNoise
+from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoise, usual_noise_mm
 from workbench.edge.rim import EdgeCondition
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
@@ -59,7 +59,7 @@ def next_scan(
     *,
     sensor: InputFile | None = None,
     edge_condition: EdgeCondition = "unknown",
-    robot_noise_mm: RobotNoise = 0.07,
+    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an inspection which ends undecided; nothing of one that is decided.
 
@@ -92,10 +92,9 @@ def next_scan(
     from workbench.scan_plan.plan import as_profiler
 
     profiler = _as_recorded(cloud) if sensor is None else as_profiler(SensorFile.read(sensor), sensor)
-    turn = cloud.hand_eye_covariance
-    known = Knowledge(
-        robot_noise_mm, 0.0 if turn is None else math.sqrt(float(np.trace(turn[3:, 3:])) / 3.0), edge_condition
-    )
+    covariance = cloud.hand_eye_covariance
+    turn = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
+    known = Knowledge(usual_noise_mm(robot_noise_mm), turn, edge_condition)
     left = open_sections(inspection)
     found = proposals(cloud, edge, profiler, known)
     below = any(one.name in SHOWN_FROM_BELOW for one in inspection.conditions)

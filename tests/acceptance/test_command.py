@@ -136,8 +136,10 @@ def test_every_input_of_the_contract_is_there(command: Run) -> None:
         "bevel_nominal_deg": 40,
         "bevel_tolerance_deg": [-1, 1],
         "sections": 9,
+        "accept_conditions": [],
         "edge_condition": "unknown",
         "robot_noise_mm": 0.07,
+        "robot_noise_length_mm": None,
         "sensor_name": None,
         **dict.fromkeys(PART_KEYS),
     }

@@ -334,7 +334,6 @@ BAD: dict[str, tuple[Edit, str]] = {
     "scaled hand-eye": (replace("/hand_eye/flange_from_profiler", np.diag([1.00001] * 3 + [1])), "rigid motion"),
     "transposed hand-eye": (change("/hand_eye/flange_from_profiler", (3, 0), 127.0), "rigid motion"),
     "NaN hand-eye": (change("/hand_eye/flange_from_profiler", (0, 3), np.nan), "rigid motion"),
-    "own clock without a sphere": (attribute("clock", "own", "/profiles"), "calibration recordings"),
     "unknown clock": (attribute("clock", "sensor", "/profiles"), "expected 'robot' or 'own'"),
     "clock as number": (attribute("clock", 1, "/profiles"), "/profiles@clock"),
     "sphere without diameter": (lambda f: f.create_group("sphere"), "/sphere@diameter_mm"),

@@ -15,7 +15,7 @@ from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.scan_next import next_scan
+from workbench.scan_next import next_
 from workbench.synthetic import parse_recipe, simulate_recording
 
 RECIPE = Path("data/synthetic/milled_edge.json")
@@ -34,7 +34,7 @@ def scanned(*elevations_deg: float) -> tuple[Cloud, MilledEdge]:
 def told(*elevations_deg: float, **asked: Any) -> tuple[Inspection, dict[str, Any]]:
     cloud, edge = scanned(*elevations_deg)
     found = sections(edge, **asked)
-    made = next_scan(cloud, edge, found)
+    made = next_(cloud, edge, found)
     return found, json.loads(made[0].content) if made else {}  # type: ignore[union-attr]
 
 
@@ -62,7 +62,7 @@ def test_a_part_that_passes_on_a_condition_is_to_be_seen_from_below() -> None:
     found = sections(edge, root_tolerance_mm=(-0.15, 0.15), root_nominal_mm=1.55)
     assert {one.verdict for one in found.sections} == {"pass"}
     assert {one.name for one in found.conditions} == {"lost_columns", "shadow"}
-    proposal = json.loads(next_scan(cloud, edge, found)[0].content)  # type: ignore[union-attr]
+    proposal = json.loads(next_(cloud, edge, found)[0].content)  # type: ignore[union-attr]
     assert proposal["elevation_deg"] < -20.0
     assert proposal["undecided_sections"] == []
     assert "lower surface is in view" in proposal["sentence"]
@@ -77,7 +77,7 @@ def test_the_file_is_an_edge_for_the_plan_of_a_scan(tmp_path: Path) -> None:
     cloud, edge = scanned(42.0)
     found = sections(edge, root_tolerance_mm=CLOSE)
     file = tmp_path / "next_scan.json"
-    file.write_bytes(next_scan(cloud, edge, found)[0].content)  # type: ignore[union-attr]
+    file.write_bytes(next_(cloud, edge, found)[0].content)  # type: ignore[union-attr]
     proposal = json.loads(file.read_text())
     made = plan(edge=file, sensor=Path("data/calibration/sensor.json"))[0]
     length = proposal["to_mm"] - proposal["from_mm"]

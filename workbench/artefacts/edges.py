@@ -5,6 +5,7 @@ Terms of joint preparations are those of ISO 9692-1 and ISO 17659.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar, Literal
@@ -199,7 +200,7 @@ class Characteristic:
 PLAIN_LETTERS = str.maketrans({"α": "alpha", "β": "beta", "₁": "1", "₂": "2"})
 
 
-class JointInspection:
+class JointInspection(ABC):
     """A joint's preparation in sections against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
 
     __slots__ = ()
@@ -218,9 +219,9 @@ class JointInspection:
     source: str
 
     @property
+    @abstractmethod
     def requirements_in_file(self) -> Mapping[str, Any]:
         """What is required, as result files tell it."""
-        raise NotImplementedError
 
     @property
     def required(self) -> Required:

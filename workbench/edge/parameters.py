@@ -17,6 +17,15 @@ RobotNoise: TypeAlias = Annotated[
         "direction, and a pass with only the poses of its two ends does not show it.",
     ),
 ]
+RobotNoiseOrUsual: TypeAlias = Annotated[
+    float | None,
+    Field(
+        ge=0,
+        le=5,
+        description="standard deviation of a recorded flange position, each axis: it turns the edge's direction; "
+        "null: 0.07, that of an arm of this size.",
+    ),
+]
 RobotNoiseLength: TypeAlias = Annotated[
     float | None,
     Field(

@@ -27,8 +27,8 @@ from workbench.edge.parameters import (
     BevelNominal,
     EndU,
     Limits,
-    RobotNoise,
     RobotNoiseLength,
+    RobotNoiseOrUsual,
     RootNominal,
     usual_noise_mm,
 )
@@ -77,7 +77,7 @@ def segment(
     *,
     root_nominal_mm: RootNominal = 1.5,
     bevel_nominal_deg: BevelNominal = 40.0,
-    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",

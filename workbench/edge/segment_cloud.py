@@ -16,8 +16,8 @@ from workbench.edge.measure import measure_edge
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
     BevelNominal,
-    RobotNoise,
     RobotNoiseLength,
+    RobotNoiseOrUsual,
     RootNominal,
     usual_noise_mm,
 )
@@ -62,7 +62,7 @@ def segment_cloud(
     *,
     root_nominal_mm: RootNominal = 1.5,
     bevel_nominal_deg: BevelNominal = 40.0,
-    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
@@ -76,7 +76,6 @@ def segment_cloud(
 
     Args:
         points: the cloud of one edge, in mm.
-        robot_noise_mm: as in `edge.segment`, of the positions that the cloud was fused with.
         edge_condition: as in `edge.segment`.
         sensor: as in `edge.segment`.
         upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in

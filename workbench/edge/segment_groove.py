@@ -17,7 +17,7 @@ from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
 from workbench.edge.groove_profile import Kind
 from workbench.edge.groove_sizes import GrooveSizes, View, typical
-from workbench.edge.parameters import USUAL_NOISE_MM, Limits, RobotNoise, RobotNoiseLength, usual_noise_mm
+from workbench.edge.parameters import USUAL_NOISE_MM, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, covered, turn_by_robot
@@ -35,7 +35,7 @@ def segment_groove(
     cloud: Cloud,
     *,
     groove: Given = "auto",
-    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Groove:

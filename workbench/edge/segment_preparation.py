@@ -34,7 +34,7 @@ from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.frame_order import scatter, shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
-from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoise, RobotNoiseLength, usual_noise_mm
+from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
 from workbench.edge.prepared_frames import (
     FILLET,
     FLANK,
@@ -76,7 +76,7 @@ def segment_preparation(
     preparation: Given = "auto",
     root_nominal_mm: Annotated[float, Field(gt=0, le=50)] = 1.5,
     upper_side: tuple[float, float, float] | None = None,
-    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",

@@ -97,8 +97,10 @@ def print_findings(results: Results) -> None:
     console = Console(highlight=False)
     told: list[Gate] = []
     gates = len({id(artefact) for artefact in results if isinstance(artefact, Gate)})
-    for stage, artefact in ((stage, one) for stage, made in results.artefacts.items() for one in made):
-        if isinstance(artefact, JointInspection) and artefact is not results.last(JointInspection):
+    every = [(stage, one) for stage, made in results.artefacts.items() for one in made]
+    last = next((one for _, one in reversed(every) if isinstance(one, JointInspection)), None)
+    for stage, artefact in every:
+        if isinstance(artefact, JointInspection) and artefact is not last:
             console.print(Text(one_line(f"{stage}: {inspection_summary(artefact)}")), soft_wrap=True)
         elif isinstance(artefact, JointInspection):
             console.print(_inspection_table(artefact))

@@ -21,6 +21,7 @@ from workbench.artefacts import (
     Inspection,
     JointInspection,
     RawEdge,
+    Unseen,
     Verdict,
     u_name,
 )
@@ -168,6 +169,7 @@ STATEMENTS: dict[Verdict, str] = {
     "fail": "Nonconformity with the specification is verified.",
     "undecided": "Neither conformity nor nonconformity with the specification is verified.",
 }
+MOST_UNSEEN = 3  # that are told on the page
 MOST_ROWS = 12  # sections on the page
 WORST_FIRST = ("fail", "undecided", "pass")
 
@@ -196,10 +198,16 @@ def certificate_html(inspection: JointInspection) -> str:
         budget=sources,
         totals=totals,
         correlations=known.correlations,
-        not_included=[one.told for one in known.not_included],
+        not_included=_dearest(known.not_included),
         decision_rule=decision_rule(inspection.guard_factor) if judged else "",
         terms=data_address(source("bevel_terms.svg").encode()) if isinstance(inspection, Inspection) else "",
     )
+
+
+def _dearest(unseen: Sequence[Unseen]) -> list[str]:
+    """What the page has room for of what U does not hold; the result file has all of it."""
+    rest = len(unseen) - MOST_UNSEEN
+    return [one.told for one in unseen[:MOST_UNSEEN]] + ([f"{rest} more: see the result file."] if rest > 0 else [])
 
 
 def least_favourable(inspection: JointInspection) -> set[int]:

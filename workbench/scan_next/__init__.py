@@ -1,5 +1,5 @@
 """What to scan next, of a part that is undecided: the stage `scan.next`, which imports the planning only then."""
 
-from workbench.scan_next.proposal import next_scan
+from workbench.scan_next.proposal import next_
 
-__all__ = ["next_scan"]
+__all__ = ["next_"]

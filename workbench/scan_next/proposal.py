@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench import pieces
 from workbench.artefacts import BEVEL_FACE, Chapter, Cloud, Document, Inspection, MilledEdge
-from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoise, usual_noise_mm
+from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoiseOrUsual, usual_noise_mm
 from workbench.edge.rim import EdgeCondition
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
@@ -52,14 +52,14 @@ class Proposal(NamedTuple):
 
 
 @stage("scan.next")
-def next_scan(
+def next_(
     cloud: Cloud,
     edge: MilledEdge,
     inspection: Inspection,
     *,
     sensor: InputFile | None = None,
     edge_condition: EdgeCondition = "unknown",
-    robot_noise_mm: RobotNoise | None = USUAL_NOISE_MM,
+    robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an inspection which ends undecided; nothing of one that is decided.
 
@@ -78,10 +78,10 @@ def next_scan(
         >>> from workbench import cloud, edge, inspect, scan, scan_next
         >>> points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
         >>> milled = edge.segment(points)
-        >>> scan_next.next_scan(points, milled, inspect.sections(milled))
+        >>> scan_next.next_(points, milled, inspect.sections(milled))
         ()
         >>> found = inspect.sections(milled, root_tolerance_mm=(-0.11, 0.11))
-        >>> document, chapter = scan_next.next_scan(points, milled, found)
+        >>> document, chapter = scan_next.next_(points, milled, found)
         >>> found.verdict, document.name
         ('undecided', 'next_scan.json')
     """

@@ -125,7 +125,7 @@ def test_nothing_public_shows_an_address(made):
         assert len(repr(one)) < 1000
     assert repr(pipeline).endswith(
         "inspect_bevel.json': 'Inspect a milled bevel'; stages scan.read, scan.fuse, cloud.denoise, edge.segment, "
-        "inspect.sections, inspect.gate, export.qif, report.inspection, report.html; "
+        "inspect.sections, inspect.gate, scan.next, export.qif, report.inspection, report.html; "
         f"inputs {', '.join(pipeline.document.inputs)})"
     )
 

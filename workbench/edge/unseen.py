@@ -35,6 +35,8 @@ BY_TABLE = Unseen(
 
 def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> tuple[Unseen, ...]:
     """What each may cost root face and bevel angle, of the size that its sentence says."""
+    if not (np.isfinite(edge.root.value) & np.isfinite(edge.bevel.value)).any():
+        return ()  # nothing was measured
     section = _Section.of(cloud, tracked, edge)
     bevel = float(np.nanmedian(edge.bevel.value))
     root = float(np.nanmedian(edge.root.value))

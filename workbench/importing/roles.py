@@ -95,9 +95,19 @@ ORIENTATIONS = (  # columns, convention, robot, what is uncertain
     (("qw", "qx", "qy", "qz"), "quaternion_wxyz", "", ""),
     (("q1", "q2", "q3", "q4"), "abb", "ABB", ""),
     (("w", "p", "r"), "fanuc_wpr", "FANUC", ""),
-    (("a", "b", "c"), "kuka_abc", "KUKA", "A, B, C are taken as KUKA's; Kawasaki's O, A, T and others differ"),
+    (
+        ("a", "b", "c"),
+        "kuka_abc",
+        "KUKA",
+        "poses.convention: A, B, C are taken as KUKA's; Kawasaki's O, A, T and others differ",
+    ),
     (("rx", "ry", "rz"), "", "", ""),  # UR's, Yaskawa's, Staubli's, ABB's: by the numbers
-    (("roll", "pitch", "yaw"), "euler_xyz_extrinsic", "", "roll, pitch, yaw are taken about the fixed x, y, z"),
+    (
+        ("roll", "pitch", "yaw"),
+        "euler_xyz_extrinsic",
+        "",
+        "poses.convention: roll, pitch, yaw are taken about the fixed x, y, z",
+    ),
 )
 AXES = re.compile(r"(?:j|q|a|axis|joint|jnt|achse|theta|th|rax|position|pos|angle)(\d\d?)(?:pos|position|angle|act)?")
 NAMED_AXES = (  # in the robot's order

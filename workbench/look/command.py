@@ -365,6 +365,7 @@ def page(found: Seen) -> str:
         .get_template("look.html.j2")
         .render(
             found=found,
+            name=Path(found.source).name,
             lines=summary(found)[1:],
             limit_text=limit_text,
             style=source("page.css"),
@@ -380,7 +381,8 @@ def page(found: Seen) -> str:
 
 def scene_of(found: Seen) -> Scene | None:
     """What is turned in the browser; None where there is nothing."""
-    strokes = tuple(one for one in found.strokes if one.lines_mm)
+    seen_alone = len(found.points_mm) > 0  # then the points fill the first view; robot and axes can be shown
+    strokes = tuple(replace(one, shown=one.shown and not seen_alone) for one in found.strokes if one.lines_mm)
     if not len(found.points_mm) and not strokes:
         return None
     shadings = tuple(_shading(shade) for shade in found.shades) if len(found.points_mm) else ()

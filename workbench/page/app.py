@@ -29,8 +29,9 @@ from starlette.routing import Mount, Route
 
 from workbench import samples
 from workbench.errors import InputError, OutputError, WorkbenchError
+from workbench.page.drafts import answered, questions
 from workbench.page.forms import fields_of, label
-from workbench.page.jobs import LOOK, Queue
+from workbench.page.jobs import DRAFT, IMPORT, LOOK, PREVIEW, Queue
 from workbench.page.store import Preset, Run, Store
 from workbench.pipeline.catalogue import unit_of
 from workbench.report.html import script_source, viewer_script
@@ -173,7 +174,8 @@ class Page:
             runs=runs,
             part=part,
             files=self.files(),
-            presets=self.store.presets(),
+            presets=[one for one in self.store.presets() if one.pipeline != IMPORT],
+            cells=[one.name for one in self.store.presets() if one.pipeline == IMPORT],
             pipelines=self.pipelines(),
             trends=trends(runs),
         )
@@ -181,7 +183,7 @@ class Page:
     def form(self, request: Request, body: Any) -> Response:
         """The inputs of a pipeline, as a preset, an earlier run or the pipeline itself has them."""
         name, values = request.query_params.get("pipeline", ""), {}
-        if preset := self._preset(request):
+        if preset := self._preset(request.query_params.get("preset")):
             name, values = preset.pipeline, dict(preset.inputs)
         if again := self.store.run(int(request.query_params.get("again") or 0)):
             name, values = again.kind, dict(again.inputs)
@@ -198,15 +200,25 @@ class Page:
         """One run: how it goes on, then its verdict, sizes and files."""
         run = self._found(request)
         folder = self.queue.results(run.id)
+        if run.kind == DRAFT and run.state == "done":
+            return self._draft(request, run)
         files = sorted(path.name for path in folder.iterdir() if path.is_file()) if folder.is_dir() else []
         earlier = [one for one in self.store.runs(run.part or "") if one.kind == run.kind and one.id < run.id]
         changed = differences(earlier[0].inputs, run.inputs) if earlier and run.part else []
-        return self._html("run.html.j2", request, run=run, files=files, changed=changed, look=LOOK)
+        return self._html("run.html.j2", request, run=run, files=files, changed=changed, looks=(LOOK, IMPORT))
+
+    def _draft(self, request: Request, run: Run) -> Response:
+        """What was understood of other people's files: a question for each doubt."""
+        mapping = json.loads((self.queue.results(run.id) / "mapping.json").read_text(encoding="utf-8"))
+        if preset := self._preset(run.inputs.get("preset")):
+            mapping = answered(mapping, preset.inputs)
+        asked, name = questions(mapping), Path(run.inputs["files"][0]).with_suffix(".h5").name
+        return self._html("draft.html.j2", request, run=run, mapping=mapping, questions=asked, made=name)
 
     def operator(self, request: Request, body: Any) -> Response:
         """One button, one answer."""
-        preset = self._preset(request)
-        if preset is None:
+        preset = self._preset(request.query_params.get("preset"))
+        if preset is None or preset.pipeline == IMPORT:
             raise InputError("preset", "expected the name of a preset: save one from a form first")
         _, fields = fields_of(self.pipeline(preset.pipeline))
         file = next((field.name for field in fields if field.kind == "file"), None)
@@ -217,6 +229,8 @@ class Page:
         """Begin a run of a pipeline, or a look at a file: {"pipeline", "inputs"} or {"look"}."""
         if file := body.get("look"):
             return JSONResponse({"id": self.queue.add(LOOK, {"file": str(self._file(file))})})
+        if "draft" in body:
+            return JSONResponse({"id": self._ask_import(body)})
         name, given = body["pipeline"], dict(body["inputs"])
         _, fields = fields_of(self.pipeline(name))
         known = {field.name: field for field in fields}
@@ -227,6 +241,25 @@ class Page:
                 given[key] = str(self._file(value))
         kept = {key: value for key, value in given.items() if value != known[key].default}
         return JSONResponse({"id": self.queue.add(str(self.pipeline(name)) if name.endswith(".json") else name, kept)})
+
+    def _ask_import(self, body: dict[str, Any]) -> int:
+        """{"draft": files, "preset"}: what they are; {"draft": its number, "mapping", "made"}: the recording of them.
+
+        Without "made" that is only looked at.
+        """
+        if isinstance(body["draft"], list):
+            files = [str(self._file(name)) for name in body["draft"]]
+            if not files:
+                raise InputError("draft", "expected at least one file: tick those of one scan")
+            return self.queue.add(DRAFT, {"files": files, "preset": body.get("preset")})
+        draft, made = self.store.run(body["draft"]), body.get("made")
+        if draft is None or draft.kind != DRAFT:
+            raise InputError("draft", f"there is no draft {body['draft']}")
+        if made is not None and (not NAME.fullmatch(made) or not made.endswith(".h5")):
+            raise InputError("made", "expected the name of a recording, ending in .h5")
+        target = unused(self.folder / made).name if made else ".workbench/preview.h5"
+        more = {"mapping": dict(body["mapping"]), "made": target, "draft": draft.id}
+        return self.queue.add(IMPORT if made else PREVIEW, {"files": draft.inputs["files"], **more})
 
     def state(self, request: Request, body: Any) -> Response:
         """A run as JSON."""
@@ -244,7 +277,8 @@ class Page:
             raise InputError(
                 "name", "expected a name of 1 to 200 characters without / \\ : and not beginning with a dot"
             )
-        self.pipeline(body["pipeline"])
+        if body["pipeline"] != IMPORT:
+            self.pipeline(body["pipeline"])
         self.store.keep(Preset(name, body["pipeline"], dict(body["inputs"])))
         return JSONResponse({"name": name})
 
@@ -281,8 +315,7 @@ class Page:
             partial.unlink(missing_ok=True)
         return JSONResponse({"file": target.name})
 
-    def _preset(self, request: Request) -> Preset | None:
-        name = request.query_params.get("preset")
+    def _preset(self, name: str | None) -> Preset | None:
         return next((one for one in self.store.presets() if one.name == name), None)
 
     def _found(self, request: Request) -> Run:

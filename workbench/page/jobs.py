@@ -17,7 +17,7 @@ from workbench.page.store import Run, Store
 NEXT_SCAN = "next_scan.json"  # of scan.next
 INSPECTIONS = ("inspection.json", "groove.json", "preparation.json")
 SIZE = re.compile(r"(?P<name>.+)_u(?P<unit>_mm|_deg)$")  # of a characteristic's uncertainty
-LOOK = "look"
+LOOK, DRAFT, PREVIEW, IMPORT = "look", "draft", "preview", "import"  # runs that are no pipeline's
 STEP = re.compile(r"\[\d+/\d+\] \S+")
 
 
@@ -77,11 +77,24 @@ class Queue:
             self._done(run, *self._ran(run))
 
     def _ran(self, run: Run) -> tuple[int, str, str]:
-        """Exit status, what was printed, and the last line on standard error."""
-        out = self.results(run.id)
-        out.mkdir(parents=True, exist_ok=True)
+        """Exit status, what was printed, and the last line on standard error; of its last command."""
+        out = self.results(run.inputs["draft"] if run.kind == PREVIEW else run.id)
+        told = 0, "", ""
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            for arguments in self._commands(run, out):
+                told = self._child_ran(run, arguments)
+                if told[0] not in (0, 1):
+                    break
+        except OSError as error:
+            return 2, "", f"{out}: cannot be written: {error.strerror}"
+        finally:
+            self._mapping(run).unlink(missing_ok=True)
+        return told
+
+    def _child_ran(self, run: Run, arguments: list[str]) -> tuple[int, str, str]:
         child = subprocess.Popen(
-            [sys.executable, "-m", "workbench", *self._arguments(run, out)],
+            [sys.executable, "-m", "workbench", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -109,12 +122,24 @@ class Queue:
             self._child = None
         return status, "".join(printed), last
 
-    def _arguments(self, run: Run, out: Path) -> list[str]:
+    def _mapping(self, run: Run) -> Path:
+        """Where a mapping lies while it is read: what it names lies beside it."""
+        return self.folder / f".mapping-{run.id}.json"
+
+    def _commands(self, run: Run, out: Path) -> list[list[str]]:
+        """What to run, one after another."""
+        page = ["--out", str(out / "look.html")]
         if run.kind == LOOK:
-            mapping = ["--mapping", run.inputs["mapping"]] if run.inputs.get("mapping") else []
-            return [LOOK, run.inputs["file"], "--out", str(out / "look.html"), *mapping]
+            return [[LOOK, run.inputs["file"], *page]]
+        if run.kind == DRAFT:
+            return [[IMPORT, "--draft", *run.inputs["files"], "--out", str(out / "mapping.json")]]
+        if run.kind in (PREVIEW, IMPORT):
+            self._mapping(run).write_text(json.dumps(run.inputs["mapping"]), encoding="utf-8")
+            made = self.folder / run.inputs["made"]  # of a preview one file, ever again
+            read = [IMPORT, *run.inputs["files"], "--mapping", str(self._mapping(run)), "--out", str(made)]
+            return [read, [LOOK, str(made), *page]]
         given = [text for name, value in run.inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
-        return ["run", run.kind, "--out", str(out), "--cache", str(self.folder / ".workbench" / "cache"), *given]
+        return [["run", run.kind, "--out", str(out), "--cache", str(self.folder / ".workbench" / "cache"), *given]]
 
     def _done(self, run: Run, status: int, printed: str, last: str) -> None:
         """Write down what came of it, unless it was cancelled, or is to be done again."""
@@ -128,8 +153,9 @@ class Queue:
         if status == 2:
             self.store.update(run.id, state="failed", status=2, reason=last.removeprefix("error: "))
             return
-        if run.kind == LOOK:
-            self.store.update(run.id, state="done", status=status, part=Path(run.inputs["file"]).name, reason=printed)
+        if run.kind in (LOOK, DRAFT, PREVIEW, IMPORT):
+            shown = run.inputs.get("made") or run.inputs.get("file") or run.inputs["files"][0]
+            self.store.update(run.id, state="done", status=status, part=Path(shown).name, reason=printed)
             return
         told = summary(self.results(run.id))
         lines = [line for line in printed.splitlines() if line.startswith("gate: ")]

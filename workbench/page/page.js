@@ -59,6 +59,60 @@ if (form) {
   });
 }
 
+// The ticked files of one scan: what they are is drafted, and asked.
+const draftButton = document.getElementById("draft");
+if (draftButton) {
+  draftButton.addEventListener("click", async () => {
+    const files = [...document.querySelectorAll("td input:checked")].map((box) => box.value);
+    const cell = document.getElementById("cell");
+    go(await post("/api/runs", { draft: files, preset: cell && cell.value ? cell.value : null }));
+  });
+}
+
+// A draft: each answer goes into the mapping, and the picture is drawn anew.
+const draft = document.querySelector("[data-draft]");
+if (draft) {
+  const [text, picture, drawing] = ["mapping", "picture", "drawing"].map((name) => document.getElementById(name));
+  const number = Number(draft.dataset.draft), doubts = [...draft.querySelectorAll("[data-doubt]")];
+  const open = () => doubts.filter((one) => !one.querySelector("[data-right]").checked).map((one) => one.dataset.doubt);
+  const mapping = () => ({ ...JSON.parse(text.value), uncertain: open() });
+  const asked = (path, body) => { try { return post(path, body()); } catch (error) { shown.textContent = error.message; return null; } };
+  let last = null;
+  const draw = async () => {
+    if (last) await post("/api/runs/" + last + "/cancel", {});
+    const made = await asked("/api/runs", () => ({ draft: number, mapping: mapping() }));
+    if (!made) return;
+    last = made.id; drawing.textContent = drawing.dataset.words;
+    follow(made.id, null, (run) => {
+      if (run.id !== last) return;
+      const done = run.state === "done";
+      drawing.textContent = ""; shown.textContent = done ? "" : run.reason;
+      picture.hidden = !done;
+      if (done) picture.src = root + "/results/" + number + "/look.html?" + run.id;
+    });
+  };
+  for (const input of draft.querySelectorAll("[data-place]")) {
+    input.addEventListener("change", () => {
+      const tree = JSON.parse(text.value), [part, name] = input.dataset.place.split(".");
+      let value = input.value;
+      if (input.tagName === "INPUT") try { value = JSON.parse(value); } catch { /* a text */ }
+      if (name) tree[part][name] = value; else tree[part] = value;
+      text.value = JSON.stringify(tree, null, 2); draw();
+    });
+  }
+  text.addEventListener("change", draw);
+  draft.querySelector("form").addEventListener("submit", async (event) => {
+    event.preventDefault();
+    if (open().length) { shown.textContent = draft.dataset.open; return; }
+    go(await asked("/api/runs", () => ({ draft: number, mapping: mapping(), made: document.getElementById("made").value })));
+  });
+  document.getElementById("save-cell").addEventListener("click", async () => {
+    const name = document.getElementById("preset").value;
+    if (await asked("/api/presets", () => ({ name, pipeline: "import", inputs: mapping() }))) location.href = root + "/";
+  });
+  draw();
+}
+
 // A run at work: its step, then the page anew.
 const atWork = document.querySelector("[data-run]");
 async function follow(number, step, done) {

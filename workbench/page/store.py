@@ -110,9 +110,9 @@ class Store:
 
     def runs(self, part: str = "", most: int = 200) -> list[Run]:
         """The last runs, newest first; of parts whose names contain `part`."""
-        if not part:
-            return self._runs("ORDER BY id DESC LIMIT ?", most)
-        return self._runs("WHERE instr(lower(part), lower(?)) ORDER BY id DESC LIMIT ?", part, most)
+        return self._runs(
+            "WHERE kind<>'preview' AND instr(lower(coalesce(part, '')), lower(?)) ORDER BY id DESC LIMIT ?", part, most
+        )
 
     def keep(self, preset: Preset) -> None:
         """Keep a preset, in the place of one of that name."""

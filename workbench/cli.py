@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn, TextIO
 
-from workbench.commands import COMMANDS, build_parser, parse
+from workbench.commands import COMMANDS, build_parser, default_out, parse
 
 
 def set_aside(argv: list[str]) -> None:
@@ -24,6 +24,9 @@ def set_aside(argv: list[str]) -> None:
 
     out = next((b for a, b in zip(argv, argv[1:], strict=False) if a == "--out"), None)  # noqa: RUF007
     out = out or next((text[6:] for text in argv if text.startswith("--out=")), None)
+    if out is None and argv[0] == "run":
+        with contextlib.suppress(WorkbenchError, SystemExit):
+            out = default_out(parse(argv, COMMANDS).pipeline)
     try:
         aside = OutputDirectory(out).supersede() if out and argv[0] == "run" else None
     except WorkbenchError:

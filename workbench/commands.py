@@ -47,6 +47,7 @@ OPTIONS = (
     "plugin",
     "draft",
     "no_report",
+    "store",
     "follow",
     "stall_s",
     "posture",
@@ -101,6 +102,7 @@ def build_parser() -> Parser:
             "--set", action="append", default=[], metavar="STAGE.KEY=VALUE", help="replace a stage's parameter"
         )
     for made in (run, batch):
+        made.add_argument("--store", metavar="FOLDER", help="note it in the history of `workbench open FOLDER` too")
         made.add_argument("--no-report", action="store_true", help="measure and decide, but make no report.html")
     batch.add_argument(
         "recordings", nargs="+", metavar="RECORDING", help="file, folder of .h5 files or URL, in order of production"
@@ -111,7 +113,7 @@ def build_parser() -> Parser:
     where.add_argument("--scheduler", metavar="URL", help="dask scheduler, tcp://HOST:PORT (workbench[cluster])")
     batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
-    run.add_argument("--out", required=True, metavar="DIR", help="directory for the results")
+    run.add_argument("--out", metavar="DIR", help="directory for the results (default: results/PIPELINE)")
     run.add_argument("--follow", metavar="FILE.h5", help="the recording, which may still be growing: wait for its end")
     run.add_argument(
         "--stall-s", type=_seconds, default=10.0, metavar="S", help="with --follow: longest pause (default: 10)"
@@ -253,14 +255,15 @@ def run(options: argparse.Namespace) -> int:
             except StreamError as error:
                 unprintable.append(error)
 
-    lines = Told(sys.stderr)
+    lines, out = Told(sys.stderr), options.out or default_out(options.pipeline)
+    check_store(options)
     inputs, settings = assignments(options.input, "--input"), assignments(options.set, "--set")
     try:
         pipeline = Pipeline.load(shipped_pipeline(options.pipeline))
         if options.follow:
             followed(options, pipeline, inputs, settings)
         results = pipeline.run(
-            options.out,
+            out,
             inputs=inputs,
             settings=settings,
             reporter=lines,
@@ -273,7 +276,34 @@ def run(options: argparse.Namespace) -> int:
     for error in unprintable:
         raise error
     printed(print_files, results)
-    return 0 if results.passed else 1
+    status = 0 if results.passed else 1
+    if options.store:
+        from pathlib import Path
+
+        from workbench.page.records import keep_run
+
+        keep_run(options.store, bare_name(options.pipeline), inputs, status, Path(out))
+    return status
+
+
+def bare_name(pipeline: str) -> str:
+    """A pipeline's name, for a file or a shipped one."""
+    return re.split(r"[/\\]", pipeline)[-1].removesuffix(".json")
+
+
+def default_out(pipeline: str) -> str:
+    """Where a run writes that is not told."""
+    return f"results/{bare_name(pipeline)}"
+
+
+def check_store(options: argparse.Namespace) -> None:
+    """Refuse a folder of `--store` that can take nothing, before anything is measured."""
+    if options.store:
+        from pathlib import Path
+
+        from workbench.page.store import Store
+
+        Store.of(Path(options.store)).close()
 
 
 def followed(options: argparse.Namespace, pipeline: Any, inputs: dict[str, Any], settings: dict[str, Any]) -> None:
@@ -299,6 +329,7 @@ def load_plugins(options: argparse.Namespace) -> None:
 
 def batch(options: argparse.Namespace) -> int:
     """Run a pipeline once for each recording."""
+    check_store(options)
     from workbench.batch import run_batch
     from workbench.batch.run import print_batch
     from workbench.errors import one_line
@@ -317,6 +348,12 @@ def batch(options: argparse.Namespace) -> int:
         report=not options.no_report,
         progress=sys.stderr,
     )
+    if options.store:
+        from workbench.page.records import keep_batch
+
+        keep_batch(
+            options.store, bare_name(options.pipeline), assignments(options.input, "--input"), made.records, options.out
+        )
     printed(print_batch, made)
     if made.exit_status == 2:
         print(one_line(f"error: {made.failure}"), file=sys.stderr)

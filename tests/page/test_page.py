@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import shutil
 import subprocess
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.page.conftest import Client, opened
 from workbench.errors import InputError
-from workbench.page.app import Page, differences, page_server, trends, unused
+from workbench.page.app import Page, differences, moved, trends, unused
 from workbench.page.forms import fields_of
 from workbench.page.store import Preset, Run, Store
 from workbench.samples import pipelines, shipped_pipeline
@@ -23,40 +21,6 @@ from workbench.samples import pipelines, shipped_pipeline
 ROOT = Path(__file__).parents[2]
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu")
 SAMPLE = ROOT / "data" / "synthetic" / "milled_edge.h5"
-
-
-class Client:
-    """What a browser would send."""
-
-    def __init__(self, page: Page) -> None:
-        self.server = page_server(page)
-        self.thread = threading.Thread(target=self.server.serve_forever)
-        self.thread.start()
-        self.root = f"/{self.server.token}"
-
-    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.server_port, timeout=600)
-        content = body if isinstance(body, bytes) else json.dumps(body).encode() if body is not None else None
-        connection.request(method, self.root + path, content, headers)
-        answer = connection.getresponse()
-        told = answer.status, answer.read().decode()
-        connection.close()
-        return told
-
-    def json(self, method: str, path: str, body: Any = None) -> Any:
-        status, text = self.ask(method, path, body)
-        assert status == 200, text
-        return json.loads(text)
-
-    def done(self, number: int) -> Any:
-        while (run := self.json("GET", f"/api/runs/{number}"))["state"] in ("queued", "running"):
-            time.sleep(0.1)
-        return run
-
-    def close(self) -> None:
-        self.server.shutdown()
-        self.thread.join()
-        self.server.socket.close()
 
 
 @pytest.fixture
@@ -69,11 +33,8 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def client(folder: Path) -> Iterator[Client]:
-    page = Page(folder)
-    made = Client(page)
-    yield made
-    made.close()
-    page.close()
+    with opened(folder) as made:
+        yield made
 
 
 def test_a_part_from_the_file_to_the_verdict_and_back(client: Client, folder: Path) -> None:
@@ -162,6 +123,8 @@ def test_what_a_kill_left_at_work_is_done_again(tmp_path: Path) -> None:
     number = store.add("look", {"file": "a.h5"})
     store.update(number, state="running", step="[1/2] scan.read")
     again = Store(tmp_path / "store.sqlite")
+    assert again.next() is None  # the command line stores beside a server at work
+    again.resume()
     found = again.next()
     assert found is not None
     assert (found.id, found.step) == (number, None)
@@ -198,9 +161,12 @@ def test_names_changes_and_trends(tmp_path: Path) -> None:
         path.touch()
     assert differences({"a": 1, "b": 2}, {"a": 1, "b": 3, "c": 4}) == [("b", 2, 3), ("c", None, 4)]
     runs = [
-        Run(k, "inspect_bevel", {}, 0.0, "done", 0, "P", "pass", "", {"root_mm": [k, 0.1]}, None) for k in (3, 2, 1)
+        Run(k, "inspect_bevel", {}, 0.0, "done", 0, "P", "pass", "", {"root_mm": [k, 0.1]}, None, {}) for k in (3, 2, 1)
     ]
-    assert [value for _, value, _ in trends(runs)["root_mm"]] == [1, 2, 3]
+    rows = trends(runs)["inspect_bevel"]["root_mm"]
+    assert [value for _, value, _ in rows] == [1, 2, 3]
+    assert moved(rows)
+    assert not moved([(run, value, 2.0) for run, value, _ in rows])
     assert trends(runs[:1]) == {}
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import json
+import math
 import os
 import re
 import threading
@@ -18,7 +19,7 @@ from dataclasses import asdict
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import jinja2
 from markupsafe import Markup
@@ -32,7 +33,8 @@ from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.page.drafts import answered, questions
 from workbench.page.forms import fields_of, label
 from workbench.page.jobs import DRAFT, IMPORT, LOOK, PREVIEW, Queue
-from workbench.page.store import Preset, Run, Store
+from workbench.page.records import alike, fleet
+from workbench.page.store import FILTERS, Preset, Run, Store
 from workbench.pipeline.catalogue import unit_of
 from workbench.report.html import script_source, viewer_script
 from workbench.server import LOOPBACK, LocalServer
@@ -40,6 +42,7 @@ from workbench.storage import beside
 from workbench.view import NotServedError, Results, has_screen, within
 
 HERE = Path(__file__).parent
+MOST_CHARTED = 2000  # parts
 MOST_BYTES = 8_000_000_000  # of an upload
 RECORDINGS = (".h5", ".hdf5")
 READ = (
@@ -73,16 +76,13 @@ class Page:
     """
 
     def __init__(self, folder: Path) -> None:
-        if not folder.is_dir():
-            raise InputError(str(folder), "expected a folder with recordings (workbench samples DIR makes one to try)")
         self.folder = folder.resolve()
+        self.store = Store.of(folder)
         try:
-            (self.folder / ".workbench").mkdir(exist_ok=True)
             (self.folder / "results").mkdir(exist_ok=True)
         except OSError as error:
             raise OutputError(str(folder), f"cannot be written: {error.strerror}") from None
         self._results = Results(self.folder / "results", may_be_empty=True)
-        self.store = Store(self.folder / ".workbench" / "store.sqlite")
         self.queue = Queue(self.store, self.folder)
         self.words = json.loads((HERE / "english.json").read_text(encoding="utf-8"))
         self.templates = jinja2.Environment(
@@ -97,6 +97,7 @@ class Page:
             "unit_of": unit_of,
             "quote": quote,
             "sketch": sketch,
+            "moved": moved,
         }
         routes = [
             Route("/", self._answer(self.shop)),
@@ -109,6 +110,9 @@ class Page:
             Route("/api/presets", self._answer(self.keep), methods=["POST"]),
             Route("/api/next", self._answer(self.newest)),
             Route("/api/files/{name}", self.upload, methods=["PUT"]),
+            Route("/runs/{number:int}/part.json", self._answer(self.run)),  # where the charts' rows lead
+            Route("/runs/charts", self._answer(self.charts)),
+            Route("/runs/parts.parquet", self._answer(self.table)),
             Mount("/results", self.results),
         ]
         self.app = Starlette(routes=routes)
@@ -166,19 +170,49 @@ class Page:
 
     def shop(self, request: Request, body: Any) -> Response:
         """The last runs, and what can be begun."""
-        part = request.query_params.get("part", "")
-        runs = self.store.runs(part)
+        of = self._filter(request)
+        runs = self.store.runs(of)
         return self._html(
             "shop.html.j2",
             request,
             runs=runs,
-            part=part,
+            of=of,
+            query=urlencode(of),
+            known={name: self.store.known(name) for name in FILTERS},
+            charted=len(alike(runs)),
             files=self.files(),
             presets=[one for one in self.store.presets() if one.pipeline != IMPORT],
             cells=[one.name for one in self.store.presets() if one.pipeline == IMPORT],
             pipelines=self.pipelines(),
             trends=trends(runs),
         )
+
+    def _filter(self, request: Request) -> dict[str, str]:
+        return {name: request.query_params.get(name, "") for name in ("part", *FILTERS)}
+
+    def _parts(self, request: Request) -> tuple[str, list[Any]]:
+        """The runs that share a chart, and what they are."""
+        of = self._filter(request)
+        runs = alike(self.store.runs(of, MOST_CHARTED))
+        if not runs:
+            raise InputError("parts", "there is no inspection yet that this filter lets through")
+        said = ", ".join(f"{name} {value}" for name, value in of.items() if value)
+        return f"{label(runs[-1].kind)}{': ' if said else ''}{said}", fleet(runs)
+
+    def charts(self, request: Request, body: Any) -> Response:
+        """Control charts and capability of each characteristic and section: the page of a fleet."""
+        from workbench.batch.fleet import page
+
+        title, records = self._parts(request)
+        return HTMLResponse(page(records, title))
+
+    def table(self, request: Request, body: Any) -> Response:
+        """The same parts, section by section, as Parquet."""
+        from workbench.batch.fleet import parquet
+
+        _, records = self._parts(request)
+        headers = {"Content-Disposition": "attachment; filename=parts.parquet"}
+        return Response(parquet(records), headers=headers, media_type="application/octet-stream")
 
     def form(self, request: Request, body: Any) -> Response:
         """The inputs of a pipeline, as a preset, an earlier run or the pipeline itself has them."""
@@ -203,7 +237,7 @@ class Page:
         if run.kind == DRAFT and run.state == "done":
             return self._draft(request, run)
         files = sorted(path.name for path in folder.iterdir() if path.is_file()) if folder.is_dir() else []
-        earlier = [one for one in self.store.runs(run.part or "") if one.kind == run.kind and one.id < run.id]
+        earlier = [one for one in self.store.runs({"part": run.part or ""}) if one.kind == run.kind and one.id < run.id]
         changed = differences(earlier[0].inputs, run.inputs) if earlier and run.part else []
         return self._html("run.html.j2", request, run=run, files=files, changed=changed, looks=(LOOK, IMPORT))
 
@@ -361,14 +395,20 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[tup
     return [(name, before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)]
 
 
-def trends(runs: list[Run]) -> dict[str, list[tuple[Run, float, float]]]:
-    """Sizes of the runs of the last pipeline that has any, by characteristic, oldest first: run, mean, U."""
-    found: dict[str, list[tuple[Run, float, float]]] = {}
-    kind = next((run.kind for run in runs if run.sizes), None)
-    for run in reversed([run for run in runs if run.kind == kind]):
+def trends(runs: list[Run]) -> dict[str, dict[str, list[tuple[Run, float, float]]]]:
+    """Sizes of the runs by pipeline and characteristic, oldest first: run, mean, U; of those that have several."""
+    found: dict[str, dict[str, list[tuple[Run, float, float]]]] = {}
+    for run in reversed(runs):
         for name, (value, u) in run.sizes.items():
-            found.setdefault(name, []).append((run, value, u))
-    return {name: rows for name, rows in found.items() if len(rows) > 1}
+            found.setdefault(run.kind, {}).setdefault(name, []).append((run, value, u))
+    several = {kind: {name: rows for name, rows in each.items() if len(rows) > 1} for kind, each in found.items()}
+    return {kind: each for kind, each in several.items() if each}
+
+
+def moved(rows: list[tuple[Run, float, float]]) -> bool:
+    """Whether the last value differs from the first by more than both their U allow."""
+    (_, first, u_first), (_, last, u_last) = rows[0], rows[-1]
+    return abs(last - first) > math.hypot(u_first, u_last) > 0
 
 
 def sketch(rows: list[tuple[Run, float, float]]) -> Markup:

@@ -7,16 +7,13 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from workbench.children import environment
+from workbench.page.records import summary
 from workbench.page.store import Run, Store
 
-NEXT_SCAN = "next_scan.json"  # of scan.next
-INSPECTIONS = ("inspection.json", "groove.json", "preparation.json")
-SIZE = re.compile(r"(?P<name>.+)_u(?P<unit>_mm|_deg)$")  # of a characteristic's uncertainty
 LOOK, DRAFT, PREVIEW, IMPORT = "look", "draft", "preview", "import"  # runs that are no pipeline's
 STEP = re.compile(r"\[\d+/\d+\] \S+")
 
@@ -31,6 +28,7 @@ class Queue:
 
     def __init__(self, store: Store, folder: Path) -> None:
         self.store, self.folder = store, folder
+        store.resume()
         self._wake, self._end = threading.Event(), False
         self._child: tuple[int, subprocess.Popen[str]] | None = None
         self._lock = threading.Lock()
@@ -162,33 +160,3 @@ class Queue:
         told.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
         told.setdefault("verdict", "pass" if status == 0 else "fail")
         self.store.update(run.id, state="done", status=status, **told)
-
-
-def summary(folder: Path) -> dict[str, Any]:
-    """Part, verdict, reason and sizes out of an inspection's file; nothing where the run made none."""
-    path = next((folder / name for name in INSPECTIONS if (folder / name).is_file()), None)
-    if path is None:
-        return {}
-    tree = json.loads(path.read_text(encoding="utf-8"))
-    following = folder / NEXT_SCAN
-    todo = json.loads(following.read_text(encoding="utf-8"))["sentence"] if following.is_file() else ""
-    return {
-        "part": (tree.get("part") or {}).get("part_id"),
-        "verdict": tree.get("verdict"),
-        "reason": f"{tree.get('reason')}. {todo}" if todo else tree.get("reason"),
-        "sizes": sizes(tree.get("sections", [])),
-    }
-
-
-def sizes(sections: list[Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Mean over the sections and largest U = 2u of every value that has an uncertainty, by its name with its unit."""
-    found: dict[str, list[float]] = {}
-    for key in dict.fromkeys(key for section in sections for key in section):
-        if not (match := SIZE.fullmatch(key)):
-            continue
-        name = f"{match['name']}{match['unit']}"
-        pairs = [(one[name], one[key]) for one in sections if one.get(name) is not None and one.get(key) is not None]
-        if pairs:
-            values, us = zip(*pairs, strict=True)
-            found[name] = [sum(values) / len(values), 2.0 * max(us)]
-    return found

@@ -6,6 +6,7 @@ import json
 import sqlite3
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,11 +14,12 @@ from typing import Any, Literal
 from workbench.errors import InputError, OutputError
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
-VERSION = 1  # of the tables
+VERSION = 2  # of the tables; 1 had no records
+FILTERS = ("cell", "sensor", "tool")  # of a record
 TABLES = """
 CREATE TABLE IF NOT EXISTS runs (
     id INTEGER PRIMARY KEY, kind TEXT NOT NULL, inputs TEXT NOT NULL, begun REAL NOT NULL, state TEXT NOT NULL,
-    status INTEGER, part TEXT, verdict TEXT, reason TEXT, sizes TEXT, step TEXT
+    status INTEGER, part TEXT, verdict TEXT, reason TEXT, sizes TEXT, step TEXT, record TEXT
 );
 CREATE TABLE IF NOT EXISTS presets (name TEXT PRIMARY KEY, pipeline TEXT NOT NULL, inputs TEXT NOT NULL);
 """
@@ -38,6 +40,9 @@ class Run:
     reason: str | None  # of the verdict, or what was wrong
     sizes: dict[str, list[float]]  # characteristic: mean over the sections, largest U
     step: str | None  # of a run at work: [k/n] stage
+    record: dict[
+        str, Any
+    ]  # of an inspection: identity, requirements, sections, cell, sensor, tool; where its files lie
 
     @property
     def when(self) -> str:
@@ -70,35 +75,60 @@ class Store:
             self._base.execute("PRAGMA journal_mode=WAL")
             self._base.execute("PRAGMA synchronous=FULL")
             (found,) = self._base.execute("PRAGMA user_version").fetchone()
-            if found not in (0, VERSION):
+            if not 0 <= found <= VERSION:
                 raise InputError(
                     str(path), f"expected a store of version {VERSION}, found {found}: a newer workbench's?"
                 )
             self._base.executescript(TABLES)
+            if found == 1:
+                self._base.execute("ALTER TABLE runs ADD COLUMN record TEXT")
             self._base.execute(f"PRAGMA user_version={VERSION}")
-            # what a killed server left at work is done again
-            self._base.execute("UPDATE runs SET state='queued', step=NULL WHERE state='running'")
         except sqlite3.OperationalError as error:
             raise OutputError(str(path), f"cannot be written: {error}") from None
         except sqlite3.DatabaseError:
             raise InputError(str(path), "expected the store of `workbench open`, which this is not") from None
 
-    def add(self, kind: str, inputs: dict[str, Any]) -> int:
-        """The number of a new run, which waits for its turn."""
+    @classmethod
+    def of(cls, folder: Path) -> Store:
+        """That of a folder of `workbench open`.
+
+        Raises:
+            InputError, OutputError: not a folder; as Store.
+        """
+        if not folder.is_dir():
+            raise InputError(str(folder), "expected a folder with recordings (workbench samples DIR makes one to try)")
+        try:
+            (folder / ".workbench").mkdir(exist_ok=True)
+        except OSError as error:
+            raise OutputError(str(folder), f"cannot be written: {error.strerror}") from None
+        return cls(folder / ".workbench" / "store.sqlite")
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def resume(self) -> None:
+        """What a killed server left at work waits again. For a server alone: others may be at work."""
+        self._do("UPDATE runs SET state='queued', step=NULL WHERE state='running'")
+
+    def add(self, kind: str, inputs: dict[str, Any], state: State = "queued", **values: Any) -> int:
+        """The number of a new run: one that waits for its turn, or that was made elsewhere, with its columns.
+
+        It is there as a whole or not at all.
+        """
+        told = {"kind": kind, "inputs": inputs, "begun": time.time(), "state": state, **values}
         row = self._do(
-            "INSERT INTO runs (kind, inputs, begun, state) VALUES (?, ?, ?, 'queued') RETURNING id",
-            kind,
-            json.dumps(inputs),
-            time.time(),
+            f"INSERT INTO runs ({', '.join(told)}) VALUES ({', '.join('?' * len(told))}) RETURNING id",
+            *map(_column, told.values()),
         )
         return int(row[0]["id"])
 
     def update(self, number: int, **values: Any) -> None:
         """Change columns of a run."""
-        if "sizes" in values:
-            values["sizes"] = json.dumps(values["sizes"])
         columns = ", ".join(f"{name}=?" for name in values)
-        self._do(f"UPDATE runs SET {columns} WHERE id=?", *values.values(), number)
+        self._do(f"UPDATE runs SET {columns} WHERE id=?", *map(_column, values.values()), number)
 
     def next(self) -> Run | None:
         """The oldest run that waits."""
@@ -108,11 +138,25 @@ class Store:
         """One run."""
         return next(iter(self._runs("WHERE id=?", number)), None)
 
-    def runs(self, part: str = "", most: int = 200) -> list[Run]:
-        """The last runs, newest first; of parts whose names contain `part`."""
+    def runs(self, of: Mapping[str, str] | None = None, most: int = 200) -> list[Run]:
+        """The last runs, newest first. `of`: a piece of the part's name, and the `cell`, `sensor`, `tool`; '': any."""
+        of = of or {}
+        also = "".join(f" AND json_extract(record, '$.{name}')=?" for name in FILTERS if of.get(name))
         return self._runs(
-            "WHERE kind<>'preview' AND instr(lower(coalesce(part, '')), lower(?)) ORDER BY id DESC LIMIT ?", part, most
+            f"WHERE kind<>'preview' AND instr(lower(coalesce(part, '')), lower(?)){also} ORDER BY id DESC LIMIT ?",
+            of.get("part", ""),
+            *(of[name] for name in FILTERS if of.get(name)),
+            most,
         )
+
+    def known(self, name: str) -> list[str]:
+        """What runs say of one of FILTERS."""
+        rows = self._do(f"SELECT DISTINCT json_extract(record, '$.{name}') AS one FROM runs")
+        return sorted(str(row["one"]) for row in rows if row["one"])
+
+    def has(self, record: dict[str, Any]) -> bool:
+        """Whether a run has that record."""
+        return bool(self._do("SELECT 1 FROM runs WHERE record=? LIMIT 1", json.dumps(record)))
 
     def keep(self, preset: Preset) -> None:
         """Keep a preset, in the place of one of that name."""
@@ -131,10 +175,14 @@ class Store:
     def _runs(self, rest: str, *values: Any) -> list[Run]:
         rows = self._do(f"SELECT * FROM runs {rest}", *values)
         return [
-            Run(**{**dict(row), "inputs": json.loads(row["inputs"]), "sizes": json.loads(row["sizes"] or "{}")})
+            Run(**{**dict(row), **{name: json.loads(row[name] or "{}") for name in ("inputs", "sizes", "record")}})
             for row in rows
         ]
 
     def _do(self, statement: str, *values: Any) -> list[sqlite3.Row]:
         with self._lock:
             return self._base.execute(statement, values).fetchall()
+
+
+def _column(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, dict) else value

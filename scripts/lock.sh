@@ -26,8 +26,8 @@ compile() {
     } >"$scratch/$file"
 }
 
-compile requirements-dev.lock --group install --group dev
+compile requirements-dev.lock --all-extras --group install --group dev
 sed -n 's/^\([a-z0-9.-]*==[^ ]*\).*/\1/p' "$scratch/requirements-dev.lock" >"$scratch/same"
 keep="--constraint $scratch/same"
-compile requirements.lock --group install
+compile requirements.lock --extra all --group install
 mv "$scratch/requirements.lock" "$scratch/requirements-dev.lock" .

@@ -60,7 +60,7 @@ def document(text: str) -> dict[str, Any]:
         "specVersion": "1.5",
         "serialNumber": f"urn:uuid:{uuid.UUID(bytes=digest[:16], version=4)}",
         "version": 1,
-        "metadata": {"component": {"type": "application", "name": "workbench", "version": __version__}},
+        "metadata": {"component": {"type": "application", "name": "bevel-workbench", "version": __version__}},
         "components": components,
     }
 

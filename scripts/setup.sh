@@ -87,6 +87,7 @@ install_wheels() {
     # Bytecode of all packages would take a third of the time; that of what is imported is kept when it is first.
     $pip install --quiet --no-compile --require-hashes --only-binary :all: --requirement $lock ||
         fail "the packages of $lock could not be installed, see above"
+    $pip uninstall --quiet --yes workbench # as which it was installed up to 0.2
     $pip install --quiet --no-deps --no-build-isolation --editable .
     .venv/bin/python scripts/try_wheels.py || fail "a package of .venv does not work here, see above"
     [ $part = user ] || : >.venv/complete-dev

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench.errors import InputError, one_line
+from workbench.extras import not_installed
 
 T = TypeVar("T")
 UNLOADABLE = 3  # exit status of a reader whose library cannot be loaded
@@ -46,6 +47,8 @@ def refuse_unloadable(status: int, said: str) -> None:
     if status != UNLOADABLE:
         return
     name, _, why = (said.strip().splitlines() or ["a library: "])[-1].partition(": ")
+    if missing := why.startswith("No module named") and not_installed(name):
+        raise missing
     lacking = MISSING.match(why)
     told = f"the shared library {lacking[1]} is missing" if lacking else why
     raise InputError(name, f"cannot be loaded: {told}; scripts/setup.sh installs it")

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from workbench.errors import ArgumentError, nearest
+from workbench.extras import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -110,7 +111,7 @@ def build_parser() -> Parser:
     batch.add_argument("--out", required=True, metavar="DIR", help="folder or URL: DIR/PART/ for each, DIR/fleet.html")
     where = batch.add_mutually_exclusive_group()
     where.add_argument("--workers", type=_count, metavar="N", help="processes (default: a core each); 0: in this one")
-    where.add_argument("--scheduler", metavar="URL", help="dask scheduler, tcp://HOST:PORT (workbench[cluster])")
+    where.add_argument("--scheduler", metavar="URL", help="dask scheduler, tcp://HOST:PORT (extra [cluster])")
     batch.add_argument("--time-limit-s", type=_seconds, default=600.0, metavar="S", help="for each part (default: 600)")
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
     run.add_argument("--out", metavar="DIR", help="directory for the results (default: results/PIPELINE)")
@@ -165,7 +166,7 @@ def build_parser() -> Parser:
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
     shown = command("view-cell", "draw a robot cell in a posture; tell its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE
-    shown.add_argument("cell", metavar="CELL", help="the cell file, JSON or YAML (data/robot/README.md)")
+    shown.add_argument("cell", metavar="CELL", help="the cell file (data/robot/README.md)")
     shown.add_argument(
         "--posture", default="0,0,0,0,0,0", metavar="Q1,...,Q6", help="joint angles, deg (default: all 0)"
     )
@@ -492,6 +493,7 @@ def view_cell(options: argparse.Namespace) -> int:
 
 def view(options: argparse.Namespace) -> int:
     """Serve the results in a directory to a browser on this machine, until Ctrl-C."""
+    require("starlette", "uvicorn")
     from workbench.view import serve
 
     return served(serve, options)
@@ -499,6 +501,7 @@ def view(options: argparse.Namespace) -> int:
 
 def open_page(options: argparse.Namespace) -> int:
     """Serve the workbench's page of a folder to a browser on this machine, until Ctrl-C."""
+    require("starlette", "uvicorn")
     from workbench.page import serve
 
     return served(serve, options)

@@ -1,13 +1,14 @@
 """Sphinx's settings: Markdown by MyST, the theme that Sphinx brings along, nothing from a network."""
 
 import re
-from importlib.metadata import version as installed
 
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 
+from workbench import __version__
+
 project = "workbench"
-version = release = installed("workbench")
+version = release = __version__
 copyright = "the workbench authors, MIT licence"
 
 extensions = ["myst_parser"]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import open3d
 import pytest
-import yaml
 from pydantic import BaseModel
 
 from workbench.errors import InputError, WorkbenchError
@@ -312,38 +311,6 @@ def test_cloud_in_metres_is_refused(cell_file: Any) -> None:
     points = np.random.default_rng(3).uniform(0, 300, (1000, 3))
     with pytest.raises(InputError, match=r"is 0\.3 large: is it in metres"):
         cloud_cell(cell_file, points / 1e3)
-
-
-def yaml_cell(path: Path) -> Path:
-    """The cell file as YAML, in block style as people write it."""
-    written = path.with_suffix(".yaml")
-    written.write_text(yaml.safe_dump(json.loads(path.read_text()), sort_keys=False))
-    return written
-
-
-def test_yaml_says_the_same(cell_file: Any) -> None:
-    path = cell_file(lambda tree: tree["turntable"].update(limits_deg=[-90, 90.5]))
-    one, other = read_cell(path), read_cell(yaml_cell(path))
-    assert one.turntable is not None
-    assert other.turntable is not None
-    assert (one.turntable.limits == other.turntable.limits).all()
-    assert [(s.body, s.kind, s.size_mm, s.pose.tolist()) for s in one.shapes] == [
-        (s.body, s.kind, s.size_mm, s.pose.tolist()) for s in other.shapes
-    ]
-    assert one.loading is not None
-    assert other.loading is not None
-    assert (one.loading.targets_mm == other.loading.targets_mm).all()
-
-
-@pytest.mark.parametrize("change", [change for change, _ in BAD[::8]])
-def test_bad_yaml_cells_are_refused_as_json_ones(cell_file: Any, change: Change) -> None:
-    path = cell_file(change)
-    errors = []
-    for one in (path, yaml_cell(path)):
-        with pytest.raises(InputError) as caught:
-            read_cell(one)
-        errors.append(str(caught.value).replace(".yaml: ", ".json: "))
-    assert errors[0] == errors[1]
 
 
 def test_json_of_the_data_folder_is_plain() -> None:

@@ -77,28 +77,6 @@ def test_json_as_a_pipeline(content, command, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-YAML = {
-    "aliases": "a: &a [x]\n" + "".join(f"k{i}: &b{i} [*{'a' if not i else f'b{i - 1}'}, *a]\n" for i in range(30)),
-    "a python object": "format: !!python/object/apply:os.system ['touch owned']\n",
-    "another tag": "format: !!binary aGFsbG8=\n",
-    "itself": "a: &a\n  b: *a\n",
-    "merge": "a: &a {b: 1}\nc:\n  <<: *a\n",
-    "deep": "[" * 20_000,
-    "deep by indentation": "".join(" " * i + "a:\n" for i in range(1000)),
-    "two documents": "format: robot-cell\n---\nformat: robot-cell\n",
-    "a key twice": "format: a\nformat: b\n",
-    "infinite": "version: .inf\n",
-}
-
-
-@pytest.mark.parametrize("content", YAML.values(), ids=YAML)
-def test_yaml(content, refused, tmp_path):
-    file = tmp_path / "cell.yaml"
-    file.write_text(content)
-    refused(READERS["cell"], file, "cell.yaml")
-    assert not list(tmp_path.glob("**/owned"))
-
-
 LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10 if i else "ha" * 100}">' for i in range(12))
 URDF = {
     "entities": f'<!DOCTYPE robot [{LAUGHS}]><robot name="&l11;"/>',

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from workbench import __version__
+from workbench.extras import DISTRIBUTION, EXTRA_OF
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -33,7 +34,6 @@ MODULE_OF = {
     "pillow": "PIL",
     "pin": "pinocchio",
     "python-fcl": "fcl",
-    "pyyaml": "yaml",
 }
 COMPANIONS = {"markupsafe", "mpl_toolkits", "pydantic_core", "vtkmodules"}  # of jinja2, matplotlib, pydantic, pyvista
 BY_FSSPEC = {"s3fs"}
@@ -63,6 +63,8 @@ def imported_packages():
                 found |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 found.add(node.module.split(".")[0])
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "Extra":
+                found.add(node.args[0].value.split(".")[0])
     return found - set(sys.stdlib_module_names) - {"workbench"}
 
 
@@ -80,11 +82,32 @@ def test_users_and_developers_have_the_same_versions():
     assert [line for line, digests in USER.items() if of_dev.get(line.split(" ;")[0]) != digests] == []
 
 
+EXTRAS = PROJECT["project"]["optional-dependencies"]
+IN_ALL = ("robot", "formats", "view", "page")
+
+
+def of_extras(*names):
+    """What the extras bring."""
+    return [one for name in names for one in EXTRAS[name]]
+
+
 def test_every_declared_dependency_is_locked():
-    extras = itertools.chain(*PROJECT["project"]["optional-dependencies"].values())
     declared, groups = PROJECT["project"]["dependencies"], PROJECT["dependency-groups"]
-    assert distributions([*declared, *groups["install"]]) - distributions(USER) == set()
-    assert distributions([*declared, *extras, *itertools.chain(*groups.values())]) - distributions(DEV) == set()
+    every = of_extras(*(set(EXTRAS) - {"all"}))
+    assert distributions([*declared, *of_extras(*IN_ALL), *groups["install"]]) - distributions(USER) == set()
+    assert distributions([*declared, *every, *itertools.chain(*groups.values())]) - distributions(DEV) == set()
+
+
+def test_all_is_what_the_set_up_installs():
+    assert EXTRAS["all"] == [f"{PROJECT['project']['name']}[{','.join(IN_ALL)}]"]
+    assert distributions(of_extras("cluster", "s3")) & distributions(USER) == set()
+
+
+def test_a_missing_package_is_told_with_the_extra_that_brings_it():
+    brought = {name: {MODULE_OF.get(one, one) for one in distributions(of_extras(name))} for name in EXTRAS}
+    assert PROJECT["project"]["name"] == DISTRIBUTION
+    for extra in set(EXTRAS) - {"all"}:
+        assert {module for module, name in EXTRA_OF.items() if name == extra} == brought[extra]
 
 
 def test_what_only_tests_need_is_not_installed_for_users():
@@ -101,8 +124,7 @@ def test_what_only_tests_need_is_not_installed_for_users():
 
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
-    extras = PROJECT["project"]["optional-dependencies"].values()
-    declared = distributions([*PROJECT["project"]["dependencies"], *itertools.chain(*extras)])
+    declared = distributions([*PROJECT["project"]["dependencies"], *of_extras(*(set(EXTRAS) - {"all"}))])
     modules = {MODULE_OF.get(name, name) for name in declared}
     imported = imported_packages()
     assert imported - modules - COMPANIONS == set()
@@ -165,7 +187,7 @@ def test_an_installed_wheel_runs_without_the_checkout(wheel, tmp_path):
 
 def test_a_wheel_built_later_has_the_same_bytes(wheel, tmp_path):
     """Seconds later: file times would tell."""
-    assert wheel.name == f"workbench-{__version__}-py3-none-any.whl"
+    assert wheel.name == f"bevel_workbench-{__version__}-py3-none-any.whl"
     assert built(tmp_path).read_bytes() == wheel.read_bytes()
 
 

@@ -23,6 +23,7 @@ from workbench.artefacts.edges import ALL_TERMS, BEVEL_TERMS, named, required_in
 from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capability, individuals
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
+from workbench.extras import Extra
 from workbench.pieces import styled, svg
 from workbench.report.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
 from workbench.units import Float, Int, Shaped
@@ -440,9 +441,7 @@ def least_margin(found: Sequence[Characteristic]) -> tuple[Float, Int]:
 
 def parquet(records: Sequence[Record]) -> bytes:
     """`fleet.parquet`: one row a part and section; one row without a section for a part that has none."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    pa, pq = Extra("pyarrow"), Extra("pyarrow.parquet")
     rows = [(order, record, one) for order, record in enumerate(records, 1) for one in (record.sections or ({},))]
     columns: dict[str, Any] = {"order": pa.array([order for order, _, _ in rows], pa.int32())}
     for name in PART_COLUMNS:

@@ -22,6 +22,7 @@ from workbench.batch.part import OUTCOMES, RECORDING, Job, Record
 from workbench.batch.store import is_remote, joined, listed, local_path, refuse_credentials, write_file
 from workbench.batch.workers import Workers, here
 from workbench.errors import InputError, OutputError, PipelineError, nearest, one_line
+from workbench.extras import require
 from workbench.geometry.blocks import cores
 from workbench.pipeline.document import PipelineDocument, read_document
 from workbench.pipeline.output import BusyError, locked
@@ -175,6 +176,7 @@ def run_batch(
     Raises:
         WorkbenchError: the arguments, the pipeline or `out` cannot be used, before anything runs.
     """
+    require("pyarrow")  # for the fleet, when all parts are done
     document = read_document(Path(pipeline))
     check(document, alike.get("inputs") or {}, alike.get("settings") or {})
     found = parts(recordings)

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import InputError, OutputError, WorkbenchError
+from workbench.extras import not_installed
 
 LOCAL = "file://"
 SCHEMES = ("abfs", "gs", "http", "https", "memory", "s3", "sftp")  # what fsspec opens beyond these is another matter
-EXTRAS = {"s3": "s3"}  # by protocol: the extra that brings its client
+CLIENTS = {"s3": "s3fs"}  # by protocol
 SECRETS = ("AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_ACCESS_KEY_ID")
 TOKENS = ("ETag", "etag", "md5Hash", "content_md5", "mtime", "LastModified", "created")  # what tells versions apart
 
@@ -120,8 +121,9 @@ def remote(url: str, error: type[WorkbenchError]) -> Iterator[tuple[Any, str]]:
     except WorkbenchError:
         raise
     except ImportError:
-        extra = f": install workbench[{EXTRAS[protocol]}]" if protocol in EXTRAS else ""
-        raise error(url, f"needs a client for {protocol}:// that is not installed{extra}") from None
+        missing = not_installed(CLIENTS.get(protocol, ""))
+        told = f" {missing.expected}" if missing else " that is not installed"
+        raise error(url, f"needs a client for {protocol}://{told}") from None
     except FileNotFoundError:
         raise error(url, "no such file") from None
     except Exception as cause:

@@ -1,6 +1,6 @@
 """Workers: processes of this machine, started once, kept warm, watched and replaced (POSIX); or dask's on others.
 
-A worker of dask.distributed (the extra `workbench[cluster]`) runs each part in a process of its own of the same kind,
+A worker of dask.distributed (the extra `[cluster]`) runs each part in a process of its own of the same kind,
 so that a time limit ends it and a crash does not end the worker. Paths must mean the same on all machines (a shared
 file system), or be URLs.
 """
@@ -25,6 +25,7 @@ from typing import Any
 
 from workbench.batch.part import Job, Record, fail, run_part
 from workbench.errors import InputError, OutputError, WorkbenchError
+from workbench.extras import require
 from workbench.geometry.blocks import cores
 
 RUNS = 2  # of a part whose worker dies: the first death may come from outside, such as want of memory
@@ -188,10 +189,9 @@ class Cluster:
     """A scheduler that is there already."""
 
     def __init__(self, address: str, *, time_limit_s: float) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError("--scheduler", "needs dask.distributed: install workbench[cluster]") from None
+        require("distributed")
+        from distributed import Client
+
         self.address, self.time_limit_s = address, time_limit_s
         try:
             connect: Any = Client

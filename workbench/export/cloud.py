@@ -17,6 +17,7 @@ import numpy as np
 from workbench.artefacts import FACE_NAMES, Cloud, Document, Edge
 from workbench.artefacts.scans import Labelled, tensor_cloud
 from workbench.errors import InputError
+from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.units import AnyArray, Float, Int, Shaped
 
@@ -109,8 +110,7 @@ def _open3d(ending: str, note_after: bytes, note: bytes, table: PointTable) -> b
 
 def _las(compressed: bool, table: PointTable) -> bytes:
     """LAS 1.4 with face, frame and column as extra bytes; the unit stands in the header's system identifier."""
-    import laspy
-
+    laspy = Extra("laspy")
     header = laspy.LasHeader(point_format=6, version="1.4")
     low, high = table.position_mm.min(axis=0), table.position_mm.max(axis=0)
     header.offsets = np.round((low + high) / 2.0)
@@ -131,8 +131,7 @@ def _las(compressed: bool, table: PointTable) -> bytes:
 
 def _e57(table: PointTable) -> bytes:
     """One scan a face, named after it, in metres about its own origin; frame and column are row and column."""
-    import pye57
-
+    pye57 = Extra("pye57")
     if max(int(table.frame.max()), int(table.column.max())) > MOST_E57_ROWS:
         raise InputError(
             "cloud.e57",

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from workbench.artefacts import Document, JointInspection, Provenance, u_name
 from workbench.artefacts.edges import named
+from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.storage import as_text
 
@@ -91,9 +92,7 @@ def _recording(provenance: Provenance) -> dict[str, str | None]:
 
 
 def _parquet(rows: list[dict[str, Any]], names: dict[str, str], form: str) -> bytes:
-    import pyarrow as pa
-    from pyarrow import parquet
-
+    pa, parquet = Extra("pyarrow"), Extra("pyarrow.parquet")
     fields = [pa.field(name, pa.type_for_alias(kind)) for name, kind in names.items()]
     table = pa.Table.from_pylist(rows, pa.schema(fields, metadata={"format": form, "version": str(VERSION)}))
     out = io.BytesIO()

@@ -22,6 +22,7 @@ from workbench.artefacts import (
     Section,
 )
 from workbench.export.cloud import PointTable, point_table
+from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.units import DEG, Float, Int, Shaped
 
@@ -119,8 +120,7 @@ DIMENSIONS = {
 
 def sections_dxf(shapes: list[SectionShape]) -> bytes:
     """The drawing (DXF R2010, ASCII). A section's x axis is its normal, y goes across, origin the lower edge."""
-    from ezdxf._options import options
-
+    options = Extra("ezdxf._options").options
     varying, out = options.write_fixed_meta_data_for_testing, io.StringIO()
     try:  # no time of writing, no random identity: the same sections give the same bytes
         options.write_fixed_meta_data_for_testing = True
@@ -131,8 +131,7 @@ def sections_dxf(shapes: list[SectionShape]) -> bytes:
 
 
 def _drawing(shapes: list[SectionShape]) -> Any:
-    from ezdxf import filemanagement, units
-
+    filemanagement, units = Extra("ezdxf.filemanagement"), Extra("ezdxf.units")
     drawing = filemanagement.new("R2010", setup=True, units=units.MM)
     for name, colour in LAYERS.items():
         drawing.layers.add(name, color=colour)

@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.extras import Extra
 from workbench.geometry.poses import interpolate_poses, inverse, pose_from, rotation_from_quaternion
 from workbench.scan.checks import normalised
 from workbench.units import Float, Shaped
@@ -102,8 +103,7 @@ def opened(path: Path) -> Iterator[Bag]:
     Raises:
         InputError: it cannot be opened, is damaged, or holds no message.
     """
-    from rosbags import rosbag1, rosbag2
-
+    rosbag1, rosbag2 = Extra("rosbags.rosbag1"), Extra("rosbags.rosbag2")
     is_ros1 = not path.is_dir() and path.suffix == ".bag"
     _check_sqlite(path)
     with ExitStack() as stack:
@@ -150,12 +150,11 @@ def listed(bag: Bag, topics: list[str]) -> str:
 @cache
 def _typestore(is_ros1: bool) -> Any:
     """The standard message types; those of this module are the same in every ROS 2 so far."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    typesys = Extra("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if is_ros1 else typesys.Stores.ROS2_HUMBLE)
     for name in (TF, TF_OF_ROS1):
         if name not in store.fielddefs:
-            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+            store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     return store
 
 

@@ -13,12 +13,15 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.extras import Extra
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, Robot
 from workbench.importing.neutral import Imported, JointStream, PoseStream
 from workbench.importing.text import header_names, read_table
 from workbench.units import DEG, Float
+
+pin = Extra("pinocchio")
 
 MM = 1e3  # mm per m
 SLACK = 0.02  # rad or m by which a joint may stand beyond its limits
@@ -41,8 +44,6 @@ class JointModel:
         Raises:
             InputError: no such file, not a URDF, an unknown frame, no joint between the frames.
         """
-        import pinocchio as pin
-
         from workbench.robot.urdf import kinematic_model
 
         model = kinematic_model(path)
@@ -100,8 +101,6 @@ class JointModel:
 
     def base_from_flange(self, joints: Float) -> Float:
         """Poses (K, 4, 4), mm, at joint positions (K, n)."""
-        import pinocchio as pin
-
         data, q = self.model.createData(), pin.neutral(self.model)
         poses = np.empty((len(joints), 4, 4))
         places = [self.model.joints[self.model.getJointId(name)] for name in self.names]

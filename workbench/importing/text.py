@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.extras import Extra
 from workbench.importing.mapping_parts import Column, TextPart
 from workbench.storage import regular_file
 from workbench.units import Bool, Float, Int, Shaped
@@ -472,9 +473,7 @@ def parsed(
     Raises:
         InputError: a row of another length, a cell that is no number, with the line.
     """
-    import pyarrow as pa
-    from pyarrow import csv as arrow_csv
-
+    pa, arrow_csv = Extra("pyarrow"), Extra("pyarrow.csv")
     names = [str(i) for i in range(count)]
     used = sorted(set(places.values()))
     try:

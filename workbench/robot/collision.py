@@ -6,14 +6,20 @@ fcl gets copies built here: objects of pin's own geometry crash it. Its quaterni
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import fcl
 import numpy as np
 
+from workbench.extras import Extra
 from workbench.geometry.poses import pose_from
 from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape
 from workbench.robot.kinematics import motions
 from workbench.units import Float, Shaped
+
+if TYPE_CHECKING:
+    import fcl
+else:
+    fcl = Extra("fcl")
 
 POINTS_FIT_MM = 0.1  # how exactly fcl's nearest points have to fit its distance
 

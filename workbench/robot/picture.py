@@ -19,6 +19,7 @@ import numpy as np
 
 from workbench.children import environment
 from workbench.errors import InputError, OutputError, PipelineError
+from workbench.extras import require
 from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape
 from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
@@ -220,6 +221,7 @@ def cell_picture(cell: Cell, joints: Float, turntable: float) -> bytes:
     Raises:
         OutputError: VTK cannot draw here; the line names the missing system libraries.
     """
+    require("pyvista")
     view = _view(cell, joints, turntable)
     with tempfile.TemporaryDirectory(prefix="workbench-cell-") as folder:
         np.savez(Path(folder) / "cell.npz", **{f.name: getattr(view, f.name) for f in fields(view)})
@@ -279,7 +281,7 @@ def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str) -> l
     """Draws the cell of a file to `out` (PNG); the lines to print.
 
     Args:
-        cell_file: JSON or YAML.
+        cell_file: JSON.
         posture: six joint angles in deg, the controller's, separated by commas.
         turntable_deg: angle of the turntable.
         out: the picture's name.

@@ -45,7 +45,7 @@ from workbench.robot.process import NO_PROCESS
 from workbench.robot.urdf import disabled_pairs, read_urdf
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
-from workbench.strict_yaml import read_document
+from workbench.strict_json import read_json
 from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
@@ -62,7 +62,7 @@ def cell(
     """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
 
     Args:
-        cell: a cell file (JSON or YAML), its own paths relative to it; null: none, and no program.
+        cell: a cell file (JSON), its own paths relative to it; null: none, and no program.
 
     Raises:
         InputError: the file or one that it names is missing or unusable, an unknown frame.
@@ -78,7 +78,7 @@ def cell(
 def read_cell(path: Path) -> Cell:
     """The cell that a file describes; raises InputError with the file and the place in it."""
     try:
-        values = check_parameters(CellPart, read_document(path), f"{path}: $")
+        values = check_parameters(CellPart, read_json(path), f"{path}: $")
     except PipelineError as error:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)

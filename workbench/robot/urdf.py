@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.errors import InputError, nearest
+from workbench.extras import Extra
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
 from workbench.robot.cell import Shape, read_mesh
 from workbench.robot.kinematics import CONVENTIONAL, Bodies, Chain
 from workbench.storage import regular_file
 from workbench.units import DEG, Float
 
-if TYPE_CHECKING:  # where a URDF is read, not wherever a program is written
+if TYPE_CHECKING:
     import pinocchio as pin
+else:
+    pin = Extra("pinocchio")
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
@@ -56,8 +59,6 @@ def read_urdf(
         InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh; a
             mimic joint, or a prismatic one that is not held, by its name.
     """
-    import pinocchio as pin
-
     document = _parsed(path)
     stand = _mimicking(document, held or {}, path)
     _check_kinds(document, stand, flange_frame, path)
@@ -172,8 +173,6 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
 
 def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, float], path: Path) -> pin.Model:
     """The model with some joints fixed where the cell says."""
-    import pinocchio as pin
-
     if not held:
         return model
     kinds = {joint.get("name"): joint.get("type") for joint in document.iterfind("joint")}
@@ -197,8 +196,6 @@ def kinematic_model(path: Path) -> pin.Model:
 
 
 def _built(document: ElementTree.Element, path: Path) -> pin.Model:
-    import pinocchio as pin
-
     with _quiet():
         try:
             return pin.buildModelFromXML(ElementTree.tostring(document, encoding="unicode"))

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import fcl
 import numpy as np
 
+from workbench.extras import Extra
 from workbench.geometry.poses import inverse, pose_from
 from workbench.result_files import SensorFile
 from workbench.robot import (
@@ -31,6 +31,8 @@ from workbench.robot.plate import scanned
 from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
 from workbench.units import Float, Shaped
+
+fcl = Extra("fcl")
 
 PLATE_MM = 150.0  # of the plate behind its edge that is a body to run into
 PIECE_MM = 50.0  # of a curved edge, that a box of the plate follows

@@ -124,6 +124,8 @@ class Stage:
         """Run on artefacts (positional, or by name) with parameters by name; files may stand behind the artefacts."""
         kinds = {source.name: source for source in self.sources}
         args, kwargs = self._files_by_name(args, kwargs)
+        args = tuple(_taken(source, one) for source, one in zip(self.sources, args, strict=False))
+        kwargs = {key: _taken(kinds[key], one) if key in kinds else one for key, one in kwargs.items()}
         passed = {key: value for key, value in kwargs.items() if key in kinds or self._is_progress(key)}
         parameters = self.validate({key: value for key, value in kwargs.items() if key not in passed})
         placed = dict(zip(kinds, args, strict=False))
@@ -195,10 +197,23 @@ def _expected(source: Source) -> str:
     return name + (f" (made by {shown})" if makers else "")
 
 
+def _of_open3d(value: Any) -> bool:
+    """Whether it is one of Open3D's two kinds of point clouds."""
+    return type(value).__name__ == "PointCloud" and type(value).__module__.startswith("open3d.")
+
+
+def _taken(source: Source, value: Any) -> Any:
+    """Open3D's point cloud as the artefact that has nothing but points; anything else as it is."""
+    make = getattr(source.type, "from_open3d", None)
+    return make(value) if make and _of_open3d(value) else value
+
+
 def _got(value: Any, source: Source) -> str:
     """What was given instead, with what to do where that is plain."""
     if isinstance(value, str | Path):
         return f"the path or text {str(value)!r}: read it first"
+    if _of_open3d(value):
+        return "a PointCloud of Open3D: it has no profiles, and is taken where a PointSet is"
     if isinstance(value, list | tuple):
         parts = [type(one).__name__ for one in value]
         fits = [i for i, one in enumerate(value) if isinstance(one, source.type)]

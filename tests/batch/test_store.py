@@ -35,7 +35,7 @@ def memory() -> Iterator[Any]:
 def server() -> Iterator[str]:
     """The address of an object store that speaks S3."""
     server_of = pytest.importorskip("moto.server", reason="needs moto[s3]")
-    pytest.importorskip("s3fs", reason="needs workbench[s3]")
+    pytest.importorskip("s3fs", reason="needs the extra [s3]")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -159,7 +159,7 @@ def test_a_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert fsspec.__version__
     monkeypatch.setitem(sys.modules, "s3fs", None)
     monkeypatch.delitem(sys.modules["fsspec.registry"]._registry, "s3", raising=False)
-    with pytest.raises(OutputError, match=r"that is not installed: install workbench\[s3\]"):
+    with pytest.raises(OutputError, match=r"is not installed: pip install .bevel-workbench\[s3\]."):
         store.write_file("s3://bucket/out", "a", b"")
 
 

@@ -14,7 +14,7 @@ from workbench.batch import run_batch
 from workbench.errors import InputError
 
 Write = Callable[..., str]
-pytest.importorskip("distributed", reason="needs workbench[cluster]")
+pytest.importorskip("distributed", reason="needs the extra [cluster]")
 pytestmark = pytest.mark.usefixtures("plain_page")
 
 

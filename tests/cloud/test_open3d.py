@@ -11,8 +11,9 @@ import pytest
 from workbench.artefacts import PointSet
 from workbench.cloud import denoise, register
 from workbench.cloud import read as read_cloud
+from workbench.compare import surface
 from workbench.edge import segment
-from workbench.errors import InputError
+from workbench.errors import InputError, PipelineError
 from workbench.export import cloud as export_cloud
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.scan import fuse, read
@@ -99,3 +100,14 @@ def test_an_organised_pcd_keeps_the_grid_for_pcl(cloud, tmp_path):
     np.testing.assert_allclose(back.points_mm, cloud.points_mm, atol=2e-4)
     with pytest.raises(InputError, match="expected format 'pcd'"):
         export_cloud(cloud, format="ply", organised=True)
+
+
+def test_a_stage_takes_open3ds_cloud_where_points_are_enough(cloud):
+    tensor = cloud.to_open3d()
+    for one in (tensor, tensor.to_legacy()):
+        made = surface(points=one, most_points=2000)
+        np.testing.assert_array_equal(
+            made.points_mm, surface(points=PointSet.from_open3d(one), most_points=2000).points_mm
+        )
+    with pytest.raises(PipelineError, match="a PointCloud of Open3D: it has no profiles"):
+        segment(tensor)

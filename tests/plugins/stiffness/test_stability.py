@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from bench.chatter_simulation import agreement
 from workbench.plugins.stiffness.stability import (
-    RATIO,
     Dynamics,
     Judge,
     Milling,
+    averaged,
     directions,
     limits,
     mean_direction,
@@ -41,13 +41,14 @@ def test_the_limit_is_where_the_radius_is_one() -> None:
 
 
 @cases
-@given(seed=st.integers(0, 10**6))
-@example(seed=83388)
-def test_mode_coupling_is_the_closed_form(seed: int) -> None:
-    """Two undamped modes: they meet where (k1 - k2 + s a)^2 + 4 s^2 b = 0, of w^2 and s = depth (Gasparetto 1998).
+@given(seed=st.integers(0, 10**6), damping=st.sampled_from([0.0, 1e-3, 1e-2, 0.1]))
+@example(seed=83388, damping=0.0)
+@example(seed=83388, damping=1e-3)
+def test_mode_coupling_is_the_closed_form(seed: int, damping: float) -> None:
+    """Two modes, q'' + c q' + (W - s P) q = 0, of w^2 and s = depth (Gasparetto 1998).
 
-    Growth below 3e-8 of a mode's frequency cannot be told from rounding: the depth is known as well as the curves of
-    the two eigenvalues, which meet as a root does, rise above that.
+    Undamped they meet where the discriminant D = (w1 - w2 - s (p11 - p22))^2 + 4 s^2 p12 p21 vanishes; as damped, an
+    eigenvalue mu of W - s P has (Im mu)^2 = c^2 Re mu, which is D + 2 c^2 (w1 + w2 - s (p11 + p22)) = 0.
     """
     rng = np.random.default_rng(seed)
     w = np.sort((2 * np.pi * rng.uniform(8, 30, 2)) ** 2)
@@ -56,24 +57,31 @@ def test_mode_coupling_is_the_closed_form(seed: int) -> None:
     ways = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     shape[:2] = ways / np.sqrt(rng.uniform(50, 400, 2))
     cut = milling((800.0, 250.0, 0.0), 4, 10.0, float(rng.uniform(0.5, 6)), 0.0, 6000.0)[rng.integers(2)]
-    p = shape.T @ mean_direction(cut) @ shape[:2] * 1e3
-    # eigenvalues of diag(w) - s p meet where the discriminant (w1 - w2 - s (p11 - p22))^2 + 4 s^2 p12 p21 vanishes
-    a, b = p[0, 0] - p[1, 1], p[0, 1] * p[1, 0]
-    meeting = np.poly1d([a**2 + 4 * b, -2 * a * (w[0] - w[1]), (w[0] - w[1]) ** 2])
-    used_up = np.poly1d([p[0, 0] * p[1, 1] - b, -(w[0] * p[1, 1] + w[1] * p[0, 0]), w[0] * w[1]])  # no stiffness left
-    meet = [
-        (s.real, each) for each in (meeting, used_up) for s in each.roots if s.real > 0 and abs(s.imag) < 1e-12 * s.real
-    ]
-    one = Dynamics(np.diag(w)[None], np.zeros((1, 2, 2)), shape[None])
-    largest = 1e2
-    found = screened(one, cut, largest, regeneration=False)[0]
-    least, curve = min(meet, key=lambda each: each[0], default=(np.inf, meeting))
-    between = max(curve.roots.real) < RATIO * least  # two depths that the search may step over
-    if least > 0.9 * largest or (between and not np.isfinite(found)):
-        assert found > 0.9 * largest
-    else:
-        told = (4e-7 * w.mean()) ** 2 / abs(curve.deriv()(least))
-        assert found == pytest.approx(least, rel=1e-9, abs=told)
+    p, c = shape.T @ mean_direction(cut) @ shape[:2] * 1e3, damping * np.sqrt(w[0])
+    a, b, both, trace = p[0, 0] - p[1, 1], p[0, 1] * p[1, 0], w.sum(), np.trace(p)
+    meeting = [a**2 + 4 * b, -2 * a * (w[0] - w[1]) - 2 * c**2 * trace, (w[0] - w[1]) ** 2 + 2 * c**2 * both]
+    used_up = [p[0, 0] * p[1, 1] - b, -(w[0] * p[1, 1] + w[1] * p[0, 0]), w[0] * w[1]]  # no stiffness left
+    roots = np.concatenate([np.roots(meeting), np.roots(used_up)])
+    least = roots.real[(roots.real > 0) & (abs(roots.imag) < 1e-12 * abs(roots.real))].min(initial=np.inf)
+    one = Dynamics(np.diag(w)[None], c * np.eye(2)[None], shape[None])
+    found = screened(one, cut, 1e6, regeneration=False)[0]
+    if damping:
+        assert found == pytest.approx(least, rel=1e-9)
+    else:  # growth below a millionth of a mode's frequency counts for none
+        assert found == pytest.approx(least, rel=1e-4)
+
+
+@cases
+@given(seed=st.integers(0, 10**6))
+def test_the_screen_steps_over_no_window(seed: int) -> None:
+    """No depth below the limit is unstable by all eigenvalues, and just above it some are."""
+    dynamics, cut = random_case(np.random.default_rng(seed))
+    limit = screened(dynamics, cut, 1e3)[0]
+    free, by, to = averaged(dynamics, cut)
+    depth = np.append(np.linspace(0, min(limit, 1e3), 4001)[1:-1], limit * 1.0001 if limit < 1e3 else 1e3)
+    growth = np.linalg.eigvals(free + depth[:, None, None] * (by @ to)).real.max(axis=1)
+    assert (growth[:-1] < 0).all()
+    assert (growth[-1] > 0) == (limit < 1e3)
 
 
 @cases

@@ -28,11 +28,11 @@ PER_SWING = 24  # steps of the fastest mode's period, at least
 SLICES = 16  # of the depth along the helix
 BEYOND = 24  # vectors of the Krylov space beyond twice the modes: what is delayed dies out fast
 RATIO = 1.2  # between neighbouring depths of the search
-DEPTHS = 50  # of the fast search, from a ten-thousandth of the largest
 FINER = 7  # depths between two neighbours, in each round of the search
 ROUNDS = 2
 INVARIANT = 1e-13  # of a unit vector, what is left of the next one
-ON_AXIS = 3e-8  # of a mode's frequency: growth below which rounding cannot be told from it
+ON_AXIS = 1e-6  # of a mode's frequency: growth that counts for none where nothing damps
+CROSSES = 1e-4  # of a depth, its imaginary part, that is rounding or as good as a crossing
 MM = 1e3
 
 
@@ -256,33 +256,44 @@ def _period(before: AnyArray, after: AnyArray, steps: AnyArray, seen: AnyArray, 
 def screened(dynamics: Dynamics, cut: Milling, largest_mm: float, *, regeneration: bool = True) -> Float:
     """Least depth (k,) at which the averaged cut is unstable, mm, infinite where none is up to `largest_mm`.
 
+    No window is stepped over: where stability ends, two eigenvalues of F + b B T sum to 0, so a symmetric X has
+    (F + b B T) X + X (F + b B T)' = 0. In Z = T X (2, 2n) that is an eigenvalue problem for 1/b.
+
     Args:
         dynamics: of k places.
         cut: the same at all.
         largest_mm: that is looked at.
         regeneration: the delay as a velocity; else mode coupling alone, each tooth on an even surface.
     """
-    pushed = np.swapaxes(dynamics.shape, 1, 2) @ mean_direction(cut) * MM @ dynamics.shape[:, :2]
+    free, by, to = averaged(dynamics, cut, regeneration=regeneration)
+    k, m = free.shape[:2]
+    roots, ways = np.linalg.eig(free)
+    slowest = roots.real.max(axis=1)
+    roots = roots - np.maximum(slowest + ON_AXIS, 0.0)[:, None]  # without damping all sums would be 0
+    enters, seen = np.linalg.solve(ways, by.astype(complex)), to @ ways
+    sums = 1.0 / (roots[:, :, None] + roots[:, None, :])
+    whole = -np.einsum("kcm,kja,kmj->kcjam", seen, enters, sums)
+    each = np.arange(m)
+    whole[:, :, each, :, each] -= np.einsum("kci,kia,kij->jkca", seen, enters, sums)
+    inverse = np.linalg.eigvals(whole.reshape(k, 2 * m, 2 * m))
+    crosses = (np.abs(inverse.imag) < CROSSES * np.abs(inverse)) & (inverse.real * largest_mm >= 1.0)
+    found = np.min(np.where(crosses, 1.0 / np.where(crosses, inverse.real, 1.0), np.inf), axis=1)
+    return np.where(slowest > ON_AXIS, 0.0, found)
+
+
+def averaged(dynamics: Dynamics, cut: Milling, *, regeneration: bool = True) -> tuple[Float, Float, Float]:
+    """The averaged cut's motion (k, 2n, 2n), of q and q', without a cut, and what 1 mm of depth adds.
+
+    That is (k, 2n, 2) by (k, 2, 2n): forces of where the tool is or, with regeneration, how fast it moves.
+    Time in units of the modes' own.
+    """
     k, n = dynamics.shape.shape[0], dynamics.shape.shape[2]
     scale = np.sqrt(np.abs(np.trace(dynamics.stiffness, axis1=1, axis2=2) / n))[:, None, None]
-
-    def unstable(depth: Float) -> AnyArray:
-        by = depth[:, None, None] * pushed
-        whole = np.zeros((k, 2 * n, 2 * n))  # time in units of the modes' own
-        whole[:, :n, n:] = np.eye(n)
-        whole[:, n:, :n] = -(dynamics.stiffness - (0.0 if regeneration else by)) / scale**2
-        whole[:, n:, n:] = -(dynamics.damping - (by * cut.period_s if regeneration else 0.0)) / scale
-        return np.asarray(np.linalg.eigvals(whole).real.max(axis=1) > ON_AXIS)
-
-    low, high = np.zeros(k), np.full(k, np.inf)
-    for depth in largest_mm * RATIO ** -np.arange(float(DEPTHS))[::-1]:
-        open_ = ~np.isfinite(high)
-        now = unstable(np.full(k, depth)) & open_
-        high[now] = depth
-        low[open_ & ~now] = depth
-    there = np.isfinite(high)
-    for _ in range(50 if not regeneration else 12):
-        middle = np.where(there, (low + high) / 2, largest_mm)
-        now = unstable(middle)
-        high, low = np.where(there & now, middle, high), np.where(there & ~now, middle, low)
-    return np.where(there, (low + np.where(there, high, 0.0)) / 2, np.inf)
+    pushed = np.swapaxes(dynamics.shape, 1, 2) @ mean_direction(cut) * MM
+    free, by, to = np.zeros((k, 2 * n, 2 * n)), np.zeros((k, 2 * n, 2)), np.zeros((k, 2, 2 * n))
+    free[:, :n, n:] = np.eye(n)
+    free[:, n:, :n], free[:, n:, n:] = -dynamics.stiffness / scale**2, -dynamics.damping / scale
+    by[:, n:] = pushed * cut.period_s / scale if regeneration else pushed / scale**2
+    to[:, :, n:] = dynamics.shape[:, :2] if regeneration else 0.0
+    to[:, :, :n] = 0.0 if regeneration else dynamics.shape[:, :2]
+    return free, by, to

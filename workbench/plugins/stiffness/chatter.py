@@ -2,37 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from workbench.api import (
-    AnyArray,
     Cell,
     Chapter,
     ChatterFile,
-    Cutter,
     Document,
     Float,
     InputError,
-    Int,
     Postures,
-    Shaped,
     Toolpath,
     pieces,
     stage,
 )
-from workbench.plugins.stiffness.dynamics import at_tool
+from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
+from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, fastest_hz, speeds
 from workbench.plugins.stiffness.predict import base_from_point
-from workbench.plugins.stiffness.stability import Dynamics, Milling, limits, milling, screened
+from workbench.plugins.stiffness.stability import Dynamics
 from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, PathStability, RobotModes
-
-COVERAGE = 2.0
-SAME_MM = 0.05  # radial depths that count as one
-STEP = 0.05  # of a logarithm, by which sensitivities are found
-SPEEDS, WIDTH = 15, 0.25  # of the lobes: how many, and how far from the speed stated, as a share
 
 
 @stage("stiffness.chatter")
@@ -47,11 +39,15 @@ def chatter(
     largest_depth_mm: Annotated[float, Field(gt=0, le=500)] = 100.0,
     least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
     force_relative_u: Annotated[float | None, Field(gt=0, le=5)] = None,
+    most_layers: Annotated[int, Field(ge=0, le=100)] = 12,
+    speed_change: Annotated[float, Field(gt=0, le=0.9)] = 0.25,
+    root_tolerance_mm: Annotated[float, Field(gt=0, le=10)] = 0.5,
 ) -> tuple[PathStability, Document, Chapter]:
     """Whether the cut chatters: the least unstable depth over the depth, along the path, with U (docs/stiffness.md).
 
     Mode coupling and regeneration in one model; the spectral radius over a tooth's period decides, for up-milling (as
-    the path runs) and down-milling. Writes `chatter.json`.
+    the path runs) and down-milling. Then number of layers, direction and speed of least time are chosen that keep the
+    margin, the spindle's torque and power and the root face's tolerance. Writes `chatter.json`.
 
     Args:
         cell: the robot.
@@ -64,6 +60,9 @@ def chatter(
         least_margin: ratio of depths, less U, that is asked for; the page says where it is missed.
         force_relative_u: ratio of standard uncertainty to value of the force coefficients; null: that of their file, or
             the scatter of published ones.
+        most_layers: that the depth may be shared by; 0: nothing is chosen.
+        speed_change: largest, either way, as a ratio to the speed stated; the feed goes with it.
+        root_tolerance_mm: of the root face, either way; half of it the cutter may give way by.
 
     Raises:
         InputError: postures or force are of another path; a force without coefficients; a mass matrix that is none.
@@ -85,9 +84,12 @@ def chatter(
     if postures.toolpath is not toolpath:
         raise InputError("postures", "expected those of this path, found another path's")
     whole = cuts_of(toolpath, force, postures.layer, base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2))
-    cuts = whole.only(np.unique(np.linspace(0, len(whole.at) - 1, stations).astype(int)))
+    cuts = whole.spread(stations)
     joints, u_force = postures.joints[cuts.at], cuts.process.coefficients.relative_u
-    up, down, coupling = _judged(cell, modes, cuts, joints, largest_depth_mm)
+    dynamics = cuts.dynamics(cell.chain, modes, joints)
+    up, down, coupling = _judged(cuts, dynamics, largest_depth_mm)
+    by_modes = np.array([u_of_modes(cell.chain, modes, cuts, joints, way) for way in (0, 1)])
+    u_log = np.hypot(by_modes, u_force if force_relative_u is None else force_relative_u)
     found = PathStability(
         at=cuts.at,
         layer=postures.layer[cuts.at],
@@ -95,123 +97,33 @@ def chatter(
         up_limit_mm=up,
         down_limit_mm=down,
         coupling_limit_mm=coupling,
-        u_log=np.hypot(
-            u_of_modes(cell, modes, cuts, joints), u_force if force_relative_u is None else force_relative_u
-        ),
+        u_log=u_log[0],
         spindle_rpm=cuts.rpm,
         warnings=modes.declared,
     )
     worst = int(np.argmin(found.margin))
-    lobes = _lobes(cell, modes, cuts.only(np.array([worst])), joints[[worst]], largest_depth_mm)
-    page = _Page(found, modes, cuts.process, toolpath, least_margin, largest_depth_mm, lobes, worst)
+    lobes = _lobes(cuts.only(np.array([worst])), dynamics.at(worst), speed_change, largest_depth_mm)
+    bounds = Bounds(least_margin, u_log, root_tolerance_mm, most_layers, speed_change)
+    choice = choose(cell, toolpath, cuts, found.layer, dynamics, bounds) if most_layers else None
+    page = _Page(found, modes, cuts.process, toolpath, least_margin, largest_depth_mm, lobes, worst, choice)
     return found, Document(ChatterFile.NAME, _document(page)), _chapter(page)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cuts:
-    """The loaded points of a path: how the cutter meets the material there."""
-
-    cutter: Cutter
-    process: CuttingProcess
-    rpm: float
-    at: Shaped[Int, " m"]  # of all postures
-    base_from_tool: Shaped[Float, "m 4 4"]  # a point's axes, where the force acts
-    force_n: Shaped[Float, "m 3"]  # mean, base axes
-    radial_mm: Shaped[Float, " m"]
-    axial_mm: Shaped[Float, " m"]
-
-    def only(self, index: AnyArray) -> Cuts:
-        """Some of the points."""
-        columns = ("at", "base_from_tool", "force_n", "radial_mm", "axial_mm")
-        return Cuts(self.cutter, self.process, self.rpm, *(getattr(self, name)[index] for name in columns))
-
-    def milling(self, radial_mm: float, rpm: float | None = None) -> tuple[Milling, Milling]:
-        """Up and down, at a radial depth."""
-        k = self.process.coefficients
-        chip = (k.ktc_n_mm2, k.krc_n_mm2, k.kac_n_mm2)
-        speed = self.rpm if rpm is None else rpm
-        return milling(chip, self.cutter.flutes, self.cutter.diameter_mm, radial_mm, self.process.helix, speed)
-
-    @property
-    def groups(self) -> list[tuple[float, AnyArray]]:
-        """Radial depths that occur and the points (bool, m) that have each."""
-        rounded = np.maximum(np.round(self.radial_mm / SAME_MM), 1) * SAME_MM
-        return [(float(depth), rounded == depth) for depth in np.unique(rounded)]
-
-
-def cuts_of(toolpath: Toolpath, force: MillingForce, layer: Int, base_from_point: Float) -> Cuts:
-    """The points that cut, of all points (n,) of a path by their layers, 0 in travels, at frames (n, 4, 4).
-
-    Raises:
-        InputError: the force is of another path, has no coefficients, or nothing is cut.
-    """
-    if force.process is None:
-        raise InputError("milling force", "expected its coefficients and depths, as stiffness.force makes it")
-    own = {one.index: one for one in force.layers}
-    at: list[AnyArray] = []
-    columns: dict[str, list[Float]] = {"mean_n": [], "radial_mm": [], "axial_mm": []}
-    for one in toolpath.layers:
-        here = np.flatnonzero(layer == one.index)
-        if one.index not in own or len(own[one.index].radial_mm) != len(here):
-            raise InputError("milling force", "expected that of this path, point by point")
-        cut = np.flatnonzero((own[one.index].radial_mm > 0) & (own[one.index].axial_mm > 0))
-        at.append(here[cut])
-        for name, rows in columns.items():
-            rows.append(getattr(own[one.index], name)[cut])
-    points = np.concatenate(at)
-    if not len(points):
-        raise InputError("milling force", "expected points where the cutter is loaded, found none")
-    frames, (mean, radial, axial) = base_from_point[points], (np.concatenate(rows) for rows in columns.values())
-    push = (frames[:, :3, :3] @ mean[..., None])[..., 0]
-    return Cuts(toolpath.cutter, force.process, force.spindle_rpm, points, frames, push, radial, axial)
-
-
-def _judged(cell: Cell, modes: RobotModes, cuts: Cuts, joints: Float, largest_mm: float) -> Float:
+def _judged(cuts: Cuts, dynamics: Dynamics, largest_mm: float) -> Float:
     """Limits (3, m), mm: milling up, down, and by mode coupling alone (up)."""
-    dynamics = at_tool(cell.chain, modes, joints, cuts.base_from_tool, cuts.force_n)
-    found = np.full((3, len(joints)), np.inf)
-    for radial, here in cuts.groups:
-        some = Dynamics(*(part[here] for part in dynamics))
-        for row, cut in enumerate(cuts.milling(radial)):
-            found[row, here] = _limit(some, cut, largest_mm)
-        found[2, here] = screened(some, cuts.milling(radial)[0], largest_mm, regeneration=False)
-    return found
+    up, down = (judged_limits(dynamics, cuts, way, largest_mm) for way in (0, 1))
+    coupling = screen_limits(dynamics, cuts, 0, regeneration=False)
+    return np.array([up, down, np.where(coupling > largest_mm, np.inf, coupling)])
 
 
-def u_of_modes(cell: Cell, modes: RobotModes, cuts: Cuts, joints: Float) -> Float:
-    """Standard uncertainty (m,) of the logarithm of the limit by masses, stiffness and damping, by the fast screen."""
-    values, vectors = np.linalg.eigh(modes.covariance)
-    large = values > 1e-12 * max(values.max(), 1e-300)
-
-    def fast(step: Float) -> Float:
-        dynamics = at_tool(cell.chain, modes.moved(step), joints, cuts.base_from_tool, cuts.force_n)
-        found = np.full(len(joints), np.inf)
-        for radial, here in cuts.groups:
-            some = Dynamics(*(part[here] for part in dynamics))
-            found[here] = np.minimum(*(screened(some, cut, 1e3) for cut in cuts.milling(radial)))
-        return np.asarray(np.log(found))
-
-    total = np.zeros(len(joints))
-    for value, way in zip(values[large], vectors.T[large], strict=True):
-        step = min(np.sqrt(value), STEP) * way
-        with np.errstate(invalid="ignore"):
-            slope = (fast(step) - fast(-step)) / (2 * np.linalg.norm(step))
-        total += value * np.nan_to_num(slope, posinf=0.0, neginf=0.0) ** 2
-    return np.sqrt(total)
-
-
-def _lobes(cell: Cell, modes: RobotModes, cut: Cuts, joints: Float, largest_mm: float) -> Float:
+def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> Float:
     """Speeds, and limits up and down (3, s), of one point."""
-    speeds = cut.rpm * np.linspace(1 - WIDTH, 1 + WIDTH, SPEEDS)
-    dynamics = at_tool(cell.chain, modes, joints, cut.base_from_tool, cut.force_n)
-    radial = cut.groups[0][0]
-    rows = [[rpm, *(_limit(dynamics, one, largest_mm)[0] for one in cut.milling(radial, rpm))] for rpm in speeds]
+    every = speeds(cut.rpm, change, cut.cutter.flutes, fastest_hz(dynamics))
+    rows = [
+        [rpm, *(judged_limits(dynamics, replace(cut, rpm=float(rpm)), way, largest_mm)[0] for way in (0, 1))]
+        for rpm in every
+    ]
     return np.array(rows).T
-
-
-def _limit(dynamics: Dynamics, cut: Milling, largest_mm: float) -> Float:
-    """The judge's limits (k,), its search begun well below what the screen says."""
-    return limits(dynamics, cut, largest_mm, np.minimum(screened(dynamics, cut, largest_mm) / 4, largest_mm / 30))
 
 
 NOT_INCLUDED = (
@@ -233,6 +145,7 @@ class _Page(NamedTuple):
     largest_mm: float
     lobes: Float
     worst: int
+    choice: Chosen | None
 
     @property
     def words(self) -> str:
@@ -281,10 +194,24 @@ def _document(page: _Page) -> bytes:
                 "up_limit_mm": [_finite(one) for one in page.lobes[1]],
                 "down_limit_mm": [_finite(one) for one in page.lobes[2]],
             },
+            "choice": None if page.choice is None else _chosen(page.choice, page.asked),
             "declared": list(page.modes.declared),
             "not_included": list(NOT_INCLUDED),
         }
     )
+
+
+def _chosen(choice: Chosen, asked: float) -> dict[str, object]:
+    """The fastest option, the best of each direction, and by what faster ones fail."""
+    shown = {way: None if one is None else asdict(one) for way, one in choice.best.items()}
+    fastest = choice.fastest
+    return {
+        "words": choice.words(asked),
+        "direction": None if fastest is None else fastest.direction,
+        "options": shown,
+        "faster_ones_that_fail": {way: dict(count) for way, count in choice.faster.items()},
+        "planned_time_s": choice.planned_s,
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -300,6 +227,7 @@ def _chapter(page: _Page) -> Chapter:
     )
     text = (
         pieces.paragraph(f"{page.words}. Spindle {found.spindle_rpm:g} rev/min, {page.process.coefficients.source}.")
+        + ("" if page.choice is None else pieces.paragraph(page.choice.words(page.asked) + "."))
         + pieces.figure_html(_picture(page), "Margin along the path, and limits over the spindle's speed", "")
         + pieces.list_html([f"Declared: {one}" for one in page.modes.declared])
         + pieces.list_html([f"Not included: {one}" for one in NOT_INCLUDED])

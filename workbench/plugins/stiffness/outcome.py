@@ -103,6 +103,7 @@ class Found:
     law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
     bound_at: Shaped[Int, " s"]  # which of the loaded points they are
     cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
+    asked: float | None = None  # margin from chatter, less U; None: no modes are known
 
     @property
     def gap(self) -> float | None:
@@ -353,13 +354,19 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         + _prices(found)
         + _causes(found)
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
-        + pieces.figure_html(map_picture(found), f"Map of the mean {found.measure.name}, with the chosen postures")
+        + pieces.figure_html(map_picture(found), _of_map(found))
         + pieces.heading("The robot at the middle of the path")
         + robots_html(cell, found, toolpath)
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Cost, margins and angles along the path")
     )
     return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
+
+
+def _of_map(found: Found) -> str:
+    """What the map's picture shows."""
+    beside = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
+    return f"Map of the mean {found.measure.name}, with the chosen postures{beside}"
 
 
 def mean_of(found: Found) -> str:
@@ -441,43 +448,65 @@ SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by 
 
 
 def map_picture(found: Found) -> bytes:
-    """Contours of the mean cost; what is infeasible in the colour of its cause; the choice on top (SVG)."""
-    from matplotlib.colors import ListedColormap
+    """Contours of the mean cost; what is infeasible in the colour of its cause; the choice on top (SVG).
+
+    Beside it, where asked for, those of the margin from chatter, with the line beyond which it is kept less U.
+    """
     from matplotlib.figure import Figure
+
+    over, columns = found.map, 1 if found.map.chatter is None else 2
+    with pieces.styled():
+        figure = Figure(figsize=(10, 5), layout="constrained")
+        left, *right = np.ravel(figure.subplots(1, columns))
+        _contours(figure, left, found, over.mean, _label(found.measure).lower())
+        _mark(left, found)
+        if right and over.chatter is not None:
+            margin, kept = over.chatter
+            finite = np.where(np.isposinf(margin), np.nanmax(margin, where=np.isfinite(margin), initial=1.0), margin)
+            _contours(figure, right[0], found, np.log10(finite), "margin from chatter (logarithm to 10)")
+            if len(over.tables) > 1:
+                at, table = np.nonzero(kept >= (found.asked or 0.0))
+                angles = over.rotations[at] / DEG, over.tables[table] / DEG
+                right[0].plot(*angles, ".", ms=3, color="white", mec="black", mew=0.3, label="kept less U")
+            made, loaded = found.postures, found.points.loaded
+            chosen = (made.cutter_rotation[loaded[0]] / DEG, made.turntable[loaded[0]] / DEG)
+            if len(over.tables) > 1:
+                right[0].plot(*chosen, "*", mfc="white", mec="black", ms=9, label="chosen")
+            else:
+                right[0].axvline(chosen[0], color=pieces.PURPLE, lw=0.9, label="chosen")
+            right[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+        for c, colour in SHADES.items():
+            if (over.cause == c).any():
+                left.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
+        left.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=8 // columns)
+        return pieces.svg(figure)
+
+
+def _contours(figure: Any, axes: Any, found: Found, values: Float, label: str) -> None:
+    """A map's values (t, a) over its angles, and the causes where it has none."""
+    from matplotlib.colors import ListedColormap
 
     over = found.map
     x, y = over.rotations / DEG, over.tables / DEG
-    with pieces.styled():
-        figure = Figure(figsize=(10, 5), layout="constrained")
-        axes = figure.subplots()
-        if len(y) > 1:
-            box = (x[0], x[-1], y[0], y[-1])
-            causes = np.ma.masked_equal(over.cause.T, 0)
-            colours = ListedColormap([SHADES[c] for c in range(1, 5)])
-            axes.imshow(
-                causes,
-                cmap=colours,
-                vmin=1,
-                vmax=4,
-                extent=box,
-                origin="lower",
-                aspect="auto",
-                alpha=0.55,
-                interpolation="nearest",
-            )
-            drawn = axes.contourf(x, y, over.mean.T, levels=16, cmap="viridis")
-            figure.colorbar(drawn, ax=axes, label=_label(found.measure).lower())
-            axes.set_ylabel("turntable, °")
-        else:
-            axes.plot(x, over.mean[:, 0])
-            axes.set_ylabel(_label(found.measure).lower())
-        for c, colour in SHADES.items():
-            if (over.cause == c).any():
-                axes.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
-        _mark(axes, found)
-        axes.set_xlabel("cutter rotation, °")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=8)
-        return pieces.svg(figure)
+    axes.set_xlabel("cutter rotation, °")
+    if len(y) == 1:
+        axes.plot(x, values[:, 0])
+        axes.set_ylabel(label)
+        return
+    axes.imshow(
+        np.ma.masked_equal(over.cause.T, 0),
+        cmap=ListedColormap([SHADES[c] for c in range(1, 5)]),
+        vmin=1,
+        vmax=4,
+        extent=(x[0], x[-1], y[0], y[-1]),
+        origin="lower",
+        aspect="auto",
+        alpha=0.55,
+        interpolation="nearest",
+    )
+    drawn = axes.contourf(x, y, values.T, levels=16, cmap="viridis")
+    figure.colorbar(drawn, ax=axes, label=label)
+    axes.set_ylabel("turntable, °")
 
 
 def _mark(axes: Any, found: Found) -> None:

@@ -40,6 +40,7 @@ from workbench.plugins.stiffness.law import (
     constant_law,
     improved_law,
 )
+from workbench.plugins.stiffness.margins import Steadiness, cuts_of
 from workbench.plugins.stiffness.outcome import (
     AWKWARDNESS,
     DISPLACEMENT,
@@ -69,7 +70,7 @@ from workbench.plugins.stiffness.traversal import (
     within,
     words_of,
 )
-from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+from workbench.plugins.stiffness.values import JointStiffness, MillingForce, RobotModes
 
 STEP_DEG, COARSE_DEG = 1.0, 5.0  # of the grid, with and without stiffness
 NO_STIFFNESS = (
@@ -87,6 +88,7 @@ def posture(
     toolpath: Toolpath,
     force: MillingForce,
     gate: PathGate | None = None,
+    modes: RobotModes | None = None,
     *,
     progress: Progress = None,
     configuration: list[Side] | None = None,
@@ -112,13 +114,16 @@ def posture(
     ] = None,
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
+    least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
+    stations: Annotated[int, Field(ge=2, le=2000)] = 24,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter deflects least: eq. (25), Fig. 17.
 
     `constant`: the pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid;
     without known stiffness the least awkwardness (nearness to singular postures and limits). `along_path`: a law of the
     cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. All keep
-    the cell's margins (docs/stiffness.md). Writes `posture.json`.
+    the cell's margins and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes
+    `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -126,12 +131,13 @@ def posture(
         toolpath: the path, as planned.
         force: on the cutter along it.
         gate: of this path's own checks, passed on; without them there is no decision and no program.
+        modes: of robot, spindle and cutter; None: nobody asks for a margin from chatter.
         configuration: in which the arm is to stay, one word of each pair at most; null: the cell file's.
         mode: one pair of angles for all points, or a law along the path.
         turntable_moves: along_path: the law turns the turntable too; else it stands at one angle, chosen for the law.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
-        step_deg: of the grid, both ways; null: 1, or 5 without stiffness.
+        step_deg: of the grid, both ways; null: 1, or 5 without stiffness or with modes.
         sampled_points: number of loaded points, evenly spread, that the traversal averages; the result holds for all.
         load: the force of a revolution that counts: its mean or its peak.
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
@@ -142,6 +148,9 @@ def posture(
         whole_map: false: cells worse than the optimum are not examined for collision, and no configuration has a price.
         map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
             whole path, which takes about 2 ms.
+        least_margin: with modes: ratio of the least unstable depth of cut, less U, to the depth, that is kept; where no
+            posture does, the one with the greatest is taken and the gate lets nothing through.
+        stations: number of places at which that is judged.
 
     Raises:
         InputError: out of reach or colliding at every angle; a robot that the fast kernels do not hold for; another
@@ -166,12 +175,16 @@ def posture(
     arm, k = _arm(kept, stiffness)
     words = words_of(arm, kept.chain)
     allowed = _allowed(words, cell.configuration if configuration is None else configuration)
-    step_deg = step_deg or (STEP_DEG if stiffness else COARSE_DEG)
+    step_deg = step_deg or (STEP_DEG if stiffness and modes is None else COARSE_DEG)
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
     rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
     at = sample(points, sampled_points)
-    examiner, some = Examiner(cell, arm, points), points.only(at)
+    keeps = None
+    if modes is not None and least_margin:
+        cuts = cuts_of(toolpath, force, points.layer, points.base_from_point)
+        keeps = Steadiness(cell, modes, cuts, least_margin, stations)
+    examiner, some = Examiner(cell, arm, points, keeps), points.only(at)
     _check_apart(examiner)
     traversed = traversal(arm, kept, k, some, rotations, tables)
     choice, over = search(examiner, traversed, allowed, within(progress, 0.0, 0.3))
@@ -185,8 +198,9 @@ def posture(
         band = _table_band(cell, points, step_deg, gate) if turntable_moves else 0
         step_cost = (STEP_COST_MM if stiffness else AWKWARD_STEP) if step_cost_mm is None else step_cost_mm
         over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost)
-        chosen, bound = improved_law(examiner, k, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
-    made = postures(examiner, stiffness, toolpath, chosen, cell.warnings)
+        law, bound = improved_law(examiner, k, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
+        chosen = law if choice.steady and examiner.steady(law.joints, law.table) else chosen
+    made = postures(examiner, stiffness, toolpath, chosen, cell.warnings + _unsteady(choice, least_margin))
     worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
         raise InputError(
@@ -207,6 +221,7 @@ def posture(
         bound=lowest(arm, kept, k, some, rotations, tables).min(axis=1) if stiffness else None,
         law_bound=None if bound is None else bound / len(points.loaded),
         law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
+        asked=None if keeps is None else keeps.asked,
     )
     return (
         made,
@@ -241,6 +256,16 @@ def grid(limits_deg: Range, step_deg: float) -> Float:
     count = int(np.floor((min(high - low, 360.0) + 1e-9) / step_deg)) + 1
     angles = low + step_deg * np.arange(count)
     return np.asarray(angles[angles < low + 360 - 1e-9] * DEG)
+
+
+def _unsteady(choice: Choice, asked: float) -> tuple[str, ...]:
+    """What to say where no posture is far enough from chatter."""
+    if choice.steady:
+        return ()
+    return (
+        f"chatter: no posture keeps a margin of {asked:g} less U (least_margin), the best has {choice.margin:.2g}; "
+        "stiffness.chatter tells which depth, direction and speed would do, tap tests (stiffness.modes) lower U",
+    )
 
 
 def _check_home(kept: Cell) -> None:
@@ -327,7 +352,10 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
     assumed = [f"NOT CHECKED: {force.assumed}"] if force.assumed and found.measure == DISPLACEMENT else []
     assumed += [f"NOT CHECKED: {NO_STIFFNESS}"] if found.measure == AWKWARDNESS else []
     loosened = (*gate.loosened, *assumed)
-    return dataclasses.replace(gate, reason=f"{gate.reason}; {reason}", reached=True, loosened=loosened)
+    short = _unsteady(found.choice, found.asked or 0.0)
+    whole = "; ".join([*short, gate.reason, reason])
+    passed = gate.passed and not short
+    return dataclasses.replace(gate, reason=whole, passed=passed, reached=True, loosened=loosened)
 
 
 # `posture.json`: postures of every point, and the map that the choice was made on. Degrees, mm.
@@ -350,6 +378,7 @@ def posture_document(found: Found) -> bytes:
                 "configuration": list(found.configuration),
                 **_measured(found, _mean(found.cases["best"])),
                 "cells_examined": found.choice.examined,
+                **_margin(found),
             },
             "configurations": [_priced(found, *one) for one in found.prices],
             "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
@@ -370,6 +399,18 @@ def _measured(found: Found, mean: Any) -> dict[str, Any]:
     if found.measure == DISPLACEMENT:
         return {"mean_displacement_mm": mean}
     return {"mean_displacement_mm": np.full(np.shape(mean), np.nan), "mean_awkwardness": mean}
+
+
+def _margin(found: Found) -> dict[str, Any]:
+    """From chatter, of the constant pair, by the screen, less U; infinite margins are null."""
+    if found.asked is None:
+        return {}
+    left = found.choice.margin
+    return {
+        "least_margin_asked": found.asked,
+        "least_margin": left if left is not None and np.isfinite(left) else None,
+        "margin_kept": found.choice.steady,
+    }
 
 
 def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | None) -> dict[str, Any]:
@@ -421,7 +462,18 @@ def _map(found: Found) -> dict[str, Any]:
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],
         "collision_pairs": [list(pair) for pair in over.pairs],
         "collision_pair": [[None if i < 0 else i for i in row] for row in over.pair.tolist()],
+        **_stability(found),
     }
+
+
+def _stability(found: Found) -> dict[str, Any]:
+    """The map of chatter's margin, by the screen; null where infeasible or beyond all depths."""
+    over = found.map
+    if over.chatter is None or found.asked is None:
+        return {}
+    margin, left = over.chatter
+    shown = [[value if np.isfinite(value) else None for value in row] for row in _rounded(margin, 4).tolist()]
+    return {"margin": shown, "margin_kept": [[bool(one) for one in row] for row in left >= found.asked]}
 
 
 def _rounded(values: Float, digits: int) -> Float:

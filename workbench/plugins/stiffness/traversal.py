@@ -34,6 +34,7 @@ from workbench.api import (
     within_margins,
 )
 from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, LoadedPath, joint_angles, lowest_displacements, traverse
+from workbench.plugins.stiffness.margins import Steadiness
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
@@ -172,8 +173,9 @@ class Verdicts:
 class Examiner:
     """Asks whether a path can be milled with a constant cutter rotation and turntable angle."""
 
-    def __init__(self, cell: Cell, arm: AnyArm, points: PathPoints) -> None:
-        """Build once, ask often; the cell is as its file says."""
+    def __init__(self, cell: Cell, arm: AnyArm, points: PathPoints, keeps: Steadiness | None = None) -> None:
+        """Build once, ask often; the cell is as its file says, and a margin from chatter may have to be kept."""
+        self.keeps = keeps
         self.whole, self.cell, self.arm, self.points = cell, within_margins(cell), arm, points
         self.screen = CollisionScreen(self.cell)
         beside = -1 if cell.turntable is None else 7  # values of `Shape.link`: what stands still with the part
@@ -329,6 +331,22 @@ class Examiner:
         cause = CAUSES.index(kind) if kind in CAUSES else LIMIT
         return joints, cause, self.screen.which(pair) if cause == COLLISION else -1
 
+    def margins(self, configuration: Int, rotation: Float, table: Float) -> Float:
+        """Least margin from chatter, and the same less U (2, c), by the screen, of cells (c,) that are free."""
+        assert self.keeps is not None
+        at, found = self.keeps.few.at, np.empty((2, len(table)))
+        for which in np.unique(configuration).tolist():
+            some = np.flatnonzero(configuration == which)
+            angles = (np.repeat(one[some], len(at)) for one in (rotation, table))
+            flange = flange_poses(self.cell, self.points, np.tile(at, len(some)), *angles)
+            joints = CONFIGURATIONS[which].joints(self.arm, flange).reshape(len(some), len(at), 6)
+            found[:, some] = self.keeps.margins(joints, self.points.turned(self.cell, table[some]))
+        return found
+
+    def steady(self, joints: Float, table: Float) -> bool:
+        """Whether joints (n, 6) at all points keep the margin from chatter, as its judge sees it."""
+        return self.keeps is None or self.keeps.holds(joints, self.points.turned(self.cell, table))
+
     def poor(self, joints: Float) -> Int:
         """What the margins have against each posture (..., 6): SINGULAR, LIMIT, or FREE; limits are looked at before.
 
@@ -385,6 +403,8 @@ class Choice:
     joints: Shaped[Float, "n 6"]  # at all points
     examined: int  # cells that were better or equal, itself included, each configuration by itself
     of: int  # cells of the grid
+    steady: bool = True  # the margin from chatter that was asked for is kept
+    margin: float | None = None  # from chatter less U, of the screen; None: not asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,6 +430,7 @@ class PostureMap:
     pairs: tuple[tuple[str, str], ...]
     how: Shaped[Int, "t a"]  # index into `traversal.JUDGED`
     without_collision: Shaped[Float, "t a"]
+    chatter: Shaped[Float, "2 t a"] | None = None  # margin, and the same less U where it is large enough; by the screen
     prices: tuple[Price, ...] = ()
 
 
@@ -418,8 +439,9 @@ def search(
 ) -> tuple[Choice, PostureMap]:
     """Cells in a configuration of `allowed` (8,) in the order of their means, each examined until one is free.
 
-    All better cells are proven infeasible, so the choice is the optimum of the grid. The map holds what was found on
-    the way: cells that are worse count as free.
+    All better cells are proven infeasible, or too near to chatter, so the choice is the optimum of the grid. The map
+    holds what was found on the way: cells that are worse count as free. Where none keeps the margin from chatter, the
+    cell with the greatest is taken.
 
     Raises:
         InputError: no cell is free; the line says what stands in the way.
@@ -429,15 +451,15 @@ def search(
         flat = ranked[start : start + size]
         flat = flat[state.cause[flat] == FREE]
         progress(start / len(ranked))
-        for one in flat[state.examine(flat) == FREE].tolist():
-            which, rotation, table = state.place(one)
-            n = len(examiner.points.layer)
-            driven = examiner.driven(CONFIGURATIONS[which], np.full(n, rotation), np.full(n, table))
-            if driven[1] == FREE:
-                best = Choice(rotation, table, CONFIGURATIONS[which], driven[0], state.examined, grid.said[0].size)
-                return best, state.map()
-            state.note(np.array([one]), Verdicts(*(np.array([x]) for x in (driven[1], driven[2], EVERY_POINT))))
+        free = flat[state.examine(flat) == FREE]
+        for one in free[state.steady(free)].tolist():
+            if state.choose(one, unsteady=False):
+                return state.choice(one), state.map()
         start, size = start + size, min(2 * size, LARGEST_CHUNK)
+    short = np.flatnonzero(np.isfinite(state.margin[1]) & (state.cause == FREE))
+    for one in short[np.argsort(-state.margin[1, short])].tolist():
+        if state.choose(one, unsteady=True):
+            return dataclasses.replace(state.choice(one), steady=False), state.map()
     raise InputError(examiner.points.source, _why_not(state.map(), allowed))
 
 
@@ -455,7 +477,7 @@ def mapped(examiner: Examiner, grid: Traversal, progress: Share = silent) -> Pos
         state.examine(open_[first])
         open_, size = np.delete(open_, first), min(2 * size, LARGEST_CHUNK)
     prices = [_price(state, which, progress) for which in range(len(CONFIGURATIONS))]
-    return dataclasses.replace(state.map(), prices=tuple(prices))
+    return dataclasses.replace(state.map(margins=True), prices=tuple(prices))
 
 
 def _price(state: _State, which: int, progress: Share) -> Price:
@@ -469,7 +491,8 @@ def _price(state: _State, which: int, progress: Share) -> Price:
             return Price(which, float(state.grid.mean.reshape(-1)[flat[0]]), None, None, False)
         state.examine(fresh)
         count += len(fresh)
-        for one in flat[state.cause[flat] == FREE].tolist():
+        free = flat[state.cause[flat] == FREE]
+        for one in free[state.steady(free)].tolist():
             _, rotation, table = state.place(one)
             return Price(which, float(state.grid.mean.reshape(-1)[one]), rotation, table, True)
     return Price(which, np.inf, None, None, True)
@@ -484,6 +507,8 @@ class _State:
         self.how = np.full(self.cause.shape, SOLVED)
         self.cells = grid.said[0].size
         self.settled = np.zeros(self.cells, bool)  # it is free in a configuration
+        self.margin = np.full((2, self.cause.size), np.nan)  # from chatter, and the same less U
+        self.driven: Float = np.empty((0, 6))  # joint angles of the cell that was driven last
         self.examined = 0
 
     def place(self, flat: int) -> tuple[int, float, float]:
@@ -501,6 +526,39 @@ class _State:
             self.examined += len(flat)
         return np.asarray(self.cause[flat])
 
+    def steady(self, flat: Int) -> Bool:
+        """Which free cells keep the margin from chatter."""
+        keeps = self.examiner.keeps
+        if keeps is None:
+            return np.ones(len(flat), bool)
+        new = flat[np.isnan(self.margin[0, flat])]
+        if len(new):
+            which, table, rotation = np.unravel_index(new, self.grid.said.shape)
+            self.margin[:, new] = self.examiner.margins(which, self.grid.rotations[rotation], self.grid.tables[table])
+        return np.asarray(self.margin[1, flat] >= keeps.asked)
+
+    def choose(self, one: int, *, unsteady: bool) -> bool:
+        """Whether a free cell is so as it is driven and, unless `unsteady`, as chatter's judge sees it."""
+        which, rotation, table = self.place(one)
+        n = len(self.examiner.points.layer)
+        tables = np.full(n, table)
+        self.driven, cause, hit = self.examiner.driven(CONFIGURATIONS[which], np.full(n, rotation), tables)
+        if cause != FREE:
+            self.note(np.array([one]), Verdicts(*(np.array([x]) for x in (cause, hit, EVERY_POINT))))
+        elif not (unsteady or self.examiner.steady(self.driven, tables)):
+            assert self.examiner.keeps is not None
+            self.margin[1, one] = np.nextafter(self.examiner.keeps.asked, 0.0)  # the judge overrules the screen
+        else:
+            return True
+        return False
+
+    def choice(self, one: int) -> Choice:
+        """The cell that was driven last."""
+        which, rotation, table = self.place(one)
+        margin = None if self.examiner.keeps is None else float(self.margin[1, one])
+        joints, of = self.driven, self.grid.said[0].size
+        return Choice(rotation, table, CONFIGURATIONS[which], joints, self.examined, of, margin=margin)
+
     def _spread(self, rotation: Int, found: Verdicts) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""
         hits = (
@@ -515,8 +573,11 @@ class _State:
         self.cause[flat], self.hit[flat], self.how[flat] = found.cause, found.hit, found.how
         self.settled[(flat % self.cells)[found.cause == FREE]] = True
 
-    def map(self) -> PostureMap:
-        """The best free configuration of each cell, or the cause of the one that came farthest."""
+    def map(self, *, margins: bool = False) -> PostureMap:
+        """The best free configuration of each cell, or the cause of the one that came farthest.
+
+        `margins`: from chatter, of all that are free; else of those only whose margin was asked.
+        """
         shape, screen = self.grid.said.shape, self.examiner.screen
         cause, hit, how = self.cause.reshape(shape), self.hit.reshape(shape), self.how.reshape(shape)
         mean = np.where(cause == FREE, self.grid.mean, np.inf)
@@ -525,6 +586,9 @@ class _State:
         best = [np.take_along_axis(part, which, axis=0)[0].T for part in (mean, cause, hit, how)]
         solved = np.where(self.grid.said == FREE, self.grid.mean, np.inf).min(axis=0).T
         used = [int(i) for i in np.unique(best[2]) if i >= 0]
+        flat = which[0] * self.cells + np.arange(self.cells).reshape(shape[1:])  # (a, t)
+        if margins:
+            self.steady(flat.T[best[1] == FREE])
         number = {hit: i for i, hit in enumerate(used)}
         return PostureMap(
             rotations=self.grid.rotations,
@@ -535,6 +599,7 @@ class _State:
             pairs=tuple(screen.pair(i) for i in used),
             how=best[3],
             without_collision=np.where(np.isfinite(solved), solved, np.nan),
+            chatter=None if self.examiner.keeps is None else np.where(best[1] == FREE, self.margin[:, flat.T], np.nan),
         )
 
 

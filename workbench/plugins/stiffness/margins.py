@@ -1,0 +1,182 @@
+"""How far a cut is from chatter at the places of a path, for postures that are chosen and for those that are judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.api import AnyArray, Cell, Chain, Cutter, Float, InputError, Int, Shaped, Toolpath
+from workbench.plugins.stiffness.dynamics import at_tool
+from workbench.plugins.stiffness.stability import Dynamics, Milling, limits, milling, screened
+from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, RobotModes
+
+COVERAGE = 2.0
+SAME_MM = 0.05  # radial depths that count as one
+STEP = 0.05  # of a logarithm, by which sensitivities are found
+FEWER = 3  # places at which a posture is screened, of the layer whose cut is widest
+LARGEST_MM = 500.0  # depth that is looked at
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cuts:
+    """The loaded points of a path: how the cutter meets the material there."""
+
+    cutter: Cutter
+    process: CuttingProcess
+    rpm: float
+    at: Shaped[Int, " m"]  # of all postures
+    base_from_tool: Shaped[Float, "m 4 4"]  # a point's axes, where the force acts
+    force_n: Shaped[Float, "m 3"]  # mean, base axes
+    radial_mm: Shaped[Float, " m"]
+    axial_mm: Shaped[Float, " m"]
+    chip_mm: Shaped[Float, " m"]  # feed per tooth
+
+    def only(self, index: AnyArray) -> Cuts:
+        """Some of the points."""
+        columns = ("at", "base_from_tool", "force_n", "radial_mm", "axial_mm", "chip_mm")
+        return replace(self, **{name: getattr(self, name)[index] for name in columns})
+
+    def spread(self, count: int) -> Cuts:
+        """So many at most, evenly."""
+        return self.only(np.unique(np.linspace(0, len(self.at) - 1, count).astype(int)))
+
+    def turned(self, motion: Float) -> Cuts:
+        """The points of each motion (c, 4, 4) of the part, one motion's after the other's."""
+        frames = (motion[:, None] @ self.base_from_tool).reshape(-1, 4, 4)
+        push = (motion[:, None, :3, :3] @ self.force_n[..., None]).reshape(-1, 3)
+        same = self.only(np.tile(np.arange(len(self.at)), len(motion)))
+        return replace(same, base_from_tool=frames, force_n=push)
+
+    def milling(self, radial_mm: float) -> tuple[Milling, Milling]:
+        """Up and down, at a radial depth."""
+        k = self.process.coefficients
+        chip = (k.ktc_n_mm2, k.krc_n_mm2, k.kac_n_mm2)
+        return milling(chip, self.cutter.flutes, self.cutter.diameter_mm, radial_mm, self.process.helix, self.rpm)
+
+    @property
+    def groups(self) -> list[tuple[float, AnyArray]]:
+        """Radial depths that occur and the points (bool, m) that have each."""
+        rounded = np.maximum(np.round(self.radial_mm / SAME_MM), 1) * SAME_MM
+        return [(float(depth), rounded == depth) for depth in np.unique(rounded)]
+
+    def dynamics(self, chain: Chain, modes: RobotModes, joints: Float) -> Dynamics:
+        """Of the robot at the points, with joints (m, 6)."""
+        return at_tool(chain, modes, joints, self.base_from_tool, self.force_n)
+
+
+def cuts_of(toolpath: Toolpath, force: MillingForce, layer: Int, base_from_point: Float) -> Cuts:
+    """The points that cut, of all points (n,) of a path by their layers, 0 in travels, at frames (n, 4, 4).
+
+    Raises:
+        InputError: the force is of another path, has no coefficients, or nothing is cut.
+    """
+    if force.process is None:
+        raise InputError("milling force", "expected its coefficients and depths, as stiffness.force makes it")
+    own = {one.index: one for one in force.layers}
+    at: list[AnyArray] = []
+    columns: dict[str, list[Float]] = {"mean_n": [], "radial_mm": [], "axial_mm": []}
+    chip: list[Float] = []
+    for one in toolpath.layers:
+        here = np.flatnonzero(layer == one.index)
+        if one.index not in own or len(own[one.index].radial_mm) != len(here):
+            raise InputError("milling force", "expected that of this path, point by point")
+        cut = np.flatnonzero((own[one.index].radial_mm > 0) & (own[one.index].axial_mm > 0))
+        at.append(here[cut])
+        chip.append(one.feed_mm_s[cut] * 60 / (force.spindle_rpm * toolpath.cutter.flutes))
+        for name, rows in columns.items():
+            rows.append(getattr(own[one.index], name)[cut])
+    points = np.concatenate(at)
+    if not len(points):
+        raise InputError("milling force", "expected points where the cutter is loaded, found none")
+    frames, (mean, radial, axial) = base_from_point[points], (np.concatenate(rows) for rows in columns.values())
+    push = (frames[:, :3, :3] @ mean[..., None])[..., 0]
+    chips, rpm = np.concatenate(chip), force.spindle_rpm
+    return Cuts(toolpath.cutter, force.process, rpm, points, frames, push, radial, axial, chips)
+
+
+def screen_limits(dynamics: Dynamics, cuts: Cuts, way: int, *, regeneration: bool = True) -> Float:
+    """Limits (m,), mm, of the averaged cut: `way` 0 as the path runs (up-milling), 1 backwards."""
+    found = np.full(len(cuts.at), np.inf)
+    for radial, here in cuts.groups:
+        some = Dynamics(*(part[here] for part in dynamics))
+        found[here] = screened(some, cuts.milling(radial)[way], LARGEST_MM, regeneration=regeneration)
+    return found
+
+
+def judged_limits(dynamics: Dynamics, cuts: Cuts, way: int, largest_mm: float) -> Float:
+    """The judge's limits (m,), mm; its search begins well below what the screen says."""
+    found = np.full(len(cuts.at), np.inf)
+    for radial, here in cuts.groups:
+        some, cut = Dynamics(*(part[here] for part in dynamics)), cuts.milling(radial)[way]
+        start = np.minimum(screened(some, cut, LARGEST_MM) / 4, largest_mm / 30)
+        found[here] = limits(some, cut, largest_mm, start)
+    return found
+
+
+def u_of_modes(chain: Chain, modes: RobotModes, cuts: Cuts, joints: Float, way: int = 0) -> Float:
+    """Standard uncertainty (m,) of the logarithm of the limit by masses, stiffness and damping, by the screen."""
+    values, vectors = np.linalg.eigh(modes.covariance)
+    large = values > 1e-12 * max(values.max(), 1e-300)
+
+    def fast(step: Float) -> Float:
+        return np.asarray(np.log(screen_limits(cuts.dynamics(chain, modes.moved(step), joints), cuts, way)))
+
+    total = np.zeros(len(joints))
+    for value, direction in zip(values[large], vectors.T[large], strict=True):
+        step = min(np.sqrt(value), STEP) * direction
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slope = (fast(step) - fast(-step)) / (2 * np.linalg.norm(step))
+        total += value * np.nan_to_num(slope, posinf=0.0, neginf=0.0) ** 2
+    return np.sqrt(total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steadiness:
+    """The margin from chatter that a posture must keep all along a path: limit over depth, less U."""
+
+    cell: Cell
+    modes: RobotModes
+    cuts: Cuts  # with the turntable where it was when the path was planned
+    asked: float
+    stations: int  # that are judged
+
+    @property
+    def few(self) -> Cuts:
+        """Where the screen looks: along the stretch whose cut is widest."""
+        wide = self.cuts.axial_mm * np.sqrt(self.cuts.radial_mm)
+        return self.cuts.only(np.flatnonzero(wide >= 0.98 * wide.max())).spread(FEWER)
+
+    def margins(self, joints: Float, motion: Float) -> tuple[Float, Float]:
+        """The least margin (c,) and the same less its U, by the screen, of postures (c, FEWER, 6), motions (c, 4, 4).
+
+        Where the margin itself is too small, U is not looked for: both are the same.
+        """
+        count = joints.shape[1]
+        cuts, flat = self.few.turned(motion), joints.reshape(-1, 6)
+        limit = screen_limits(cuts.dynamics(self.cell.chain, self.modes, flat), cuts, 0)
+        margin = (limit / cuts.axial_mm).reshape(-1, count)
+        worst, least = margin.argmin(axis=1) + count * np.arange(len(margin)), margin.min(axis=1)
+        left, good = least.copy(), np.flatnonzero((least >= self.asked) & np.isfinite(least))
+        if len(good):
+            left[good] *= np.exp(-COVERAGE * self._u(cuts.only(worst[good]), flat[worst[good]]))
+        return least, left
+
+    def holds(self, joints: Float, motion: Float) -> bool:
+        """Whether the judge finds the margin less U everywhere: postures (n, 6) at all points, motions (n, 4, 4)."""
+        some = self.cuts.spread(self.stations)
+        way, q = motion[some.at], joints[some.at]
+        push = (way[:, :3, :3] @ some.force_n[..., None])[..., 0]
+        there = replace(some, base_from_tool=way @ some.base_from_tool, force_n=push)
+        dynamics = there.dynamics(self.cell.chain, self.modes, q)
+        needed = self.asked * np.exp(COVERAGE * self._u(there, q)) * there.axial_mm
+        first = np.argsort(screen_limits(dynamics, there, 0) / needed)  # what fails, fails at once
+        return all(
+            not np.isfinite(judged_limits(dynamics.at(i), there.only(np.array([i])), 0, float(needed[i]))[0])
+            for i in first.tolist()
+        )
+
+    def _u(self, cuts: Cuts, joints: Float) -> Float:
+        return np.hypot(
+            u_of_modes(self.cell.chain, self.modes, cuts, joints), self.cuts.process.coefficients.relative_u
+        )

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.path import read
+from workbench.path import check_file, read
 from workbench.plugins.stiffness import chatter, force, modes, posture
+from workbench.plugins.stiffness.margins import cuts_of
+from workbench.plugins.stiffness.milling_choice import mean_load, speeds
 
 ROOT = Path(__file__).parents[3]
 MASSES = (400.0, 300.0, 200.0, 120.0, 30.0, 5.0)
@@ -34,7 +36,7 @@ def milled(cell, stiffness, plan):
 @pytest.fixture(scope="module")
 def found(cell, plan, milled):
     push, postures, robot = milled
-    return chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1)
+    return chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
 
 
 def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan, milled, found) -> None:
@@ -43,7 +45,7 @@ def test_margin_is_limit_over_depth_and_u_comes_from_what_is_declared(cell, plan
     assert np.allclose(found.margin * found.depth_mm, found.up_limit_mm)
     assert (found.u_log > 0.1).all()
     surer = dataclasses.replace(robot, covariance=robot.covariance / 100)
-    less, *_ = chatter(cell, surer, plan, push, postures, stations=2, force_relative_u=0.1)
+    less, *_ = chatter(cell, surer, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
     assert np.allclose(less.u_log**2 - 0.01, (found.u_log**2 - 0.01) / 100, rtol=0.05)
     document = json.loads(file.content)
     assert len(document["declared"]) == 3
@@ -56,8 +58,8 @@ def test_twice_the_force_is_half_the_limit(cell, plan, milled) -> None:
     _, postures, robot = milled
     strong, _ = force(plan, None, cell, coefficients=tuple(2 * k for k in OWN), helix_deg=0)
     plain, _ = force(plan, None, cell, coefficients=OWN, helix_deg=0)
-    one, _, _ = chatter(cell, robot, plan, plain, postures, stations=2, force_relative_u=0.1)
-    two, _, _ = chatter(cell, robot, plan, strong, postures, stations=2, force_relative_u=0.1)
+    one, _, _ = chatter(cell, robot, plan, plain, postures, stations=2, force_relative_u=0.1, most_layers=0)
+    two, _, _ = chatter(cell, robot, plan, strong, postures, stations=2, force_relative_u=0.1, most_layers=0)
     assert np.allclose(two.up_limit_mm * 2, one.up_limit_mm, rtol=0.01)
     assert np.allclose(two.down_limit_mm * 2, one.down_limit_mm, rtol=0.01)
 
@@ -65,7 +67,7 @@ def test_twice_the_force_is_half_the_limit(cell, plan, milled) -> None:
 def test_more_damping_allows_more(cell, plan, milled, found) -> None:
     push, postures, robot = milled
     calm = dataclasses.replace(robot, damping=2 * robot.damping)
-    two, *_ = chatter(cell, calm, plan, push, postures, stations=2)
+    two, *_ = chatter(cell, calm, plan, push, postures, stations=2, most_layers=0)
     assert (two.up_limit_mm > 1.2 * found[0].up_limit_mm).all()
 
 
@@ -77,3 +79,109 @@ def test_another_paths_force_and_one_without_coefficients_are_refused(cell, plan
         chatter(cell, robot, plan, dataclasses.replace(push, layers=push.layers[:1]), postures)
     with pytest.raises(InputError, match="another path"):
         chatter(cell, robot, dataclasses.replace(plan), push, postures)
+
+
+@pytest.mark.slow
+def test_the_posture_of_least_displacement_that_keeps_the_margin_is_chosen(cell, stiffness, plan, milled) -> None:
+    """Against every posture of a small grid, each judged by stiffness.chatter."""
+    push, _, robot = milled
+    asked, ways = 1.5, range(90, 111, 10)
+    told = {}
+    for angle in ways:
+        at = {"cutter_rotation_deg": (angle, angle), "turntable_deg": (-100, -100), "whole_map": False}
+        made, *_ = posture(cell, stiffness, plan, push, **at)
+        one, *_ = chatter(cell, robot, plan, push, made, stations=2, most_layers=0, largest_depth_mm=60)
+        told[angle] = float(np.linalg.norm(made.displacement_mm, axis=1).sum()), float(one.least_margin.min())
+    kept = {angle: moved for angle, (moved, margin) in told.items() if margin >= asked}
+    assert 0 < len(kept) < len(told)
+    over = {"cutter_rotation_deg": (90, 110), "turntable_deg": (-100, -100), "step_deg": 10.0, "map_step_deg": 10.0}
+    gate = check_file(plan)
+    found, passed, file, _ = posture(
+        cell, stiffness, plan, push, gate, robot, **over, least_margin=asked, stations=2, whole_map=True
+    )
+    document = json.loads(file.content)
+    assert document["constant"]["cutter_rotation_deg"] == min(kept, key=kept.get)
+    assert passed.passed
+    assert document["constant"]["margin_kept"]
+    assert {ways[i] for i in np.flatnonzero(document["map"]["margin_kept"])} == set(kept)
+    assert np.isfinite(found.displacement_mm).all()
+
+
+def test_where_no_posture_keeps_the_margin_the_gate_lets_nothing_through(cell, stiffness, plan, milled) -> None:
+    push, _, robot = milled
+    made, gate, file, _ = posture(cell, stiffness, plan, push, check_file(plan), robot, **FIXED, least_margin=50.0)
+    assert not gate.passed
+    assert "margin of 50 less U" in gate.reason
+    assert any("no posture keeps a margin" in one for one in made.warnings)
+    assert json.loads(file.content)["constant"]["margin_kept"] is False
+
+
+def test_the_fastest_option_keeps_the_margin_and_a_faster_one_does_not(cell, plan, milled, found) -> None:
+    """Judged as a force of its own, at its depth and speed."""
+    _, postures, robot = milled
+    asked = 1.3 * float(found[0].least_margin.min())  # so that it takes more layers, or another direction
+
+    def judged(layers: int, rpm: float) -> dict[str, float]:
+        depth = plan.depth_of_cut_mm * len(plan.layers) / layers
+        push, _ = force(plan, None, cell, coefficients=OWN, radial_depth_mm=depth, spindle_rpm=rpm)
+        one, *_ = chatter(cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, most_layers=0)
+        down = one.down_limit_mm / one.depth_mm * np.exp(-2 * one.u_log)
+        return {"up": float(one.least_margin.min()), "down": float(down.min())}
+
+    push, _, _ = milled
+    _, file, page = chatter(
+        cell, robot, plan, push, postures, stations=2, force_relative_u=0.1, least_margin=asked, root_tolerance_mm=5
+    )
+    choice = json.loads(file.content)["choice"]
+    best = choice["options"][choice["direction"]]
+    assert judged(best["layers"], best["spindle_rpm"])[best["direction"]] > 0.9 * asked
+    assert judged(best["layers"] - 1, best["spindle_rpm"])[best["direction"]] < 1.1 * asked
+    assert choice["faster_ones_that_fail"][choice["direction"]]["chatter"] > 0
+    assert "Least time" in page.html
+    curve = cell.spindle
+    assert best["power_kw"] <= np.interp(best["spindle_rpm"], curve.speed_rpm, curve.power_kw)
+    assert best["power_kw"] == pytest.approx(best["torque_nm"] * best["spindle_rpm"] * 2 * np.pi / 60e3)
+
+
+def test_a_weak_spindle_and_a_narrow_tolerance_stand_against_what_is_fast(cell, plan, milled) -> None:
+    push, postures, robot = milled
+    weak = dataclasses.replace(cell, spindle=cell.spindle.model_copy(update={"torque_nm": [0.01] * 3}))
+    for which, more, why in ((weak, {}, "the spindle's torque"), (cell, {"root_tolerance_mm": 1e-4}, "deflection")):
+        _, file, _ = chatter(which, robot, plan, push, postures, stations=2, least_margin=0.01, **more)
+        choice = json.loads(file.content)["choice"]
+        assert choice["direction"] is None
+        assert set(choice["faster_ones_that_fail"]["up"]) >= {why}
+        assert why in choice["words"]
+
+
+def test_mean_load_is_that_of_a_revolution_in_slices(plan, milled) -> None:
+    push, postures, _ = milled
+    frames = np.broadcast_to(np.eye(4), (len(postures.layer), 4, 4))
+    cuts = cuts_of(plan, push, postures.layer, frames)
+    up, torque = mean_load(cuts, cuts.milling(float(cuts.radial_mm[0]))[0], cuts.chip_mm, cuts.axial_mm)
+    assert np.allclose(up, cuts.force_n, rtol=0.01, atol=0.01 * np.abs(cuts.force_n).max())
+    told = np.concatenate([one.torque_nm[one.radial_mm > 0] for one in push.layers])
+    assert np.allclose(torque, told, rtol=0.01)
+    cut = cuts.milling(float(cuts.radial_mm[0]))[1]
+    down, same = mean_load(cuts, cut, cuts.chip_mm[:1], cuts.axial_mm[:1])
+    phi = cut.entry + (np.arange(1000) + 0.5) / 1000 * (cut.exit - cut.entry)
+    chip = -cuts.chip_mm[0] * np.sin(phi)  # the feed is against y
+    pushed = [OWN[i] * chip + OWN[i + 3] for i in range(3)]
+    ways = [
+        pushed[0] * np.sin(phi) - pushed[1] * np.cos(phi),
+        -pushed[0] * np.cos(phi) - pushed[1] * np.sin(phi),
+        pushed[2],
+    ]
+    share = cuts.axial_mm[0] * cut.flutes / (2 * np.pi) * (cut.exit - cut.entry)
+    assert np.allclose(down[0], np.mean(ways, axis=1) * share, rtol=1e-4)
+    assert np.allclose(same, torque[:1])
+
+
+@pytest.mark.parametrize(("rpm", "hz"), [(6000.0, 60.0), (6000.0, 1200.0), (18000.0, 900.0)])
+def test_no_lobe_lies_between_two_speeds(rpm: float, hz: float) -> None:
+    """A mode swings through an eighth of a turn at most more or less in a tooth's period from speed to speed."""
+    every = speeds(rpm, 0.25, 2, hz)
+    assert every[0] == pytest.approx(0.75 * rpm)
+    assert every[-1] == pytest.approx(1.25 * rpm)
+    assert rpm == pytest.approx(every[len(every) // 2])
+    assert np.abs(np.diff(hz * 60 / (2 * every))).max() < 1 / 8 + 1e-9

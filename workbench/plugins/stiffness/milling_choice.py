@@ -19,6 +19,7 @@ from workbench.plugins.stiffness.stability import MM, Dynamics, Milling, mean_di
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards
 A_LOBE = 8  # speeds across a lobe of the fastest mode
 FEWEST, MOST = 15, 61  # speeds that are looked at
+SURE = 0.5  # of the margin that is needed: below it the screen's word is taken, above the judge's
 BESIDE = (1.0, 0.97, 1.03)  # of a speed: a lobe that is narrower is not relied on
 DEFLECTION_SHARE = 0.5  # of the root face's tolerance, as where programs are written
 
@@ -79,7 +80,7 @@ class Chosen:
 def speeds(rpm: float, change: float, flutes: int, fastest_hz: float) -> Float:
     """Spindle speeds about one, so close that no lobe of a mode lies between two of them."""
     lobe = rpm * flutes / (60.0 * fastest_hz)  # its width, as a share of the speed
-    count = int(np.clip(2 * change * A_LOBE / lobe, FEWEST, MOST)) | 1
+    count = int(np.clip(np.ceil(2 * change * A_LOBE / (lobe * (1 - change) ** 2)) + 1, FEWEST, MOST)) | 1
     return np.asarray(rpm * np.linspace(1 - change, 1 + change, count))
 
 
@@ -166,10 +167,10 @@ def _beyond(cell: Cell, toolpath: Toolpath, option: Option, bounds: Bounds) -> s
 
 
 def _chatters(met: Cuts, way: int, dynamics: Dynamics, bounds: Bounds) -> str:
-    """Whether the margin is missed anywhere: by the screen or, where that lets it through, by the judge."""
+    """Whether the margin is missed anywhere: far by the screen, else as the judge says."""
     needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[way]) * met.axial_mm
     share = screen_limits(dynamics, met, way) / needed
-    if share.min() >= 1.0 and all(_calm(met, way, dynamics, needed, i) for i in np.argsort(share).tolist()):
+    if share.min() >= SURE and all(_calm(met, way, dynamics, needed, i) for i in np.argsort(share).tolist()):
         return ""
     return "chatter"
 

@@ -1,10 +1,11 @@
-"""`python -m bench.kills.inject`: SIGKILL before every operation on files, of each command that writes; the table.
+"""`python -m bench.kills.inject`: a fault drawn by seed in the file operations of each command that writes; the table.
 
-What is computed is computed once. A forked child then writes it, and is killed before its n-th open, write, close,
-rename, unlink, mkdir, rmdir, chmod or fsync, or in the middle of a write, for every n. Another child does it again, and
-half of the time is killed itself at a drawn place; a last one is not. What stands in between and in the end must be
-whole: the old results, the new ones, or none. HDF5 writes in C: its files are killed before each data set and before
-they are closed.
+What is computed is computed once. A forked child then writes it and meets one fault at its n-th open, write, read of a
+file, close, rename, unlink, mkdir, rmdir, chmod or fsync: it is killed, the disk is full from then on, the device
+fails once or from then on, or a write takes only half. Half of the time a second child meets another fault; a last one
+meets none. What stands in between and in the end must be whole: the old results, the new ones, or none; a fault that
+does not kill ends in one of the project's own errors, or does no harm. HDF5 writes in C: its files meet faults before
+each data set and before they are closed, and in the file under them. `--only NAME --seed N --cases 1` replays a case.
 """
 
 from __future__ import annotations
@@ -12,86 +13,103 @@ from __future__ import annotations
 import argparse
 import builtins
 import contextlib
+import errno
 import io
 import json
 import os
 import random
-import shutil
 import signal
 import sys
 import tempfile
-import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NoReturn
 
 from bench.kills.sets import digest_of, leftovers, whole_sets
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "bench" / "fuzz" / "corpus"
-CALLS = ("rename", "replace", "unlink", "remove", "mkdir", "rmdir", "chmod", "fsync", "utime", "link", "truncate")
+CALLS = ("rename", "replace", "unlink", "remove", "mkdir", "rmdir", "chmod", "fsync", "truncate", "posix_fallocate")
 WRITTEN = ("r", "rb", "rt")  # modes that write nothing
 
 
-class Killer:
-    """Counts operations on files; ends the process before the n-th, as SIGKILL does. 0: never."""
+ALIVE = 2  # exit status of a child that told an error
+Kind = Literal["none", "killed", "full disk", "device error", "device lost", "short write"]
+KINDS: tuple[Kind, ...] = ("killed", "full disk", "device error", "device lost", "short write")
+GROWS = ("open", "write", "mkdir", "posix_fallocate", "dataset")  # what needs room
 
-    def __init__(self, at: int) -> None:
-        self.at, self.done = at, 0
 
-    def step(self) -> None:
+class Fault:
+    """Counts operations on files; what it is happens at the n-th."""
+
+    def __init__(self, kind: Kind, at: int) -> None:
+        self.kind, self.at, self.done = kind, at, 0
+
+    def step(self, operation: str) -> None:
         """One more operation."""
         self.done += 1
-        if self.done == self.at:
+        if self.kind == "killed" and self.done == self.at:
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.kind == "full disk" and self.done >= self.at and operation in GROWS:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        once = self.kind == "device error" and self.done == self.at
+        if once or (self.kind == "device lost" and self.done >= self.at):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     def install(self) -> None:
         """For the rest of this process."""
         import h5py
 
         for name in CALLS:
-            setattr(os, name, self._counted(getattr(os, name)))
+            setattr(os, name, self._counted(name, getattr(os, name)))
         plain = io.open
 
         def opened(file: Any, mode: str = "r", *rest: Any, **more: Any) -> Any:
-            if mode in WRITTEN:
-                return plain(file, mode, *rest, **more)
-            self.step()
-            return Torn(plain(file, mode, *rest, **more), self)
+            reads = mode in WRITTEN
+            self.step("read" if reads else "open")
+            return plain(file, mode, *rest, **more) if reads else Torn(plain(file, mode, *rest, **more), self)
 
         io.open = builtins.open = opened  # type: ignore[assignment]
-        for owner, name in ((h5py.Group, "create_dataset"), (h5py.File, "close"), (h5py.Dataset, "__setitem__")):
-            setattr(owner, name, self._counted(getattr(owner, name)))
+        for owner, name in ((h5py.Group, "create_dataset"), (h5py.Dataset, "__setitem__")):
+            setattr(owner, name, self._counted("dataset", getattr(owner, name)))
 
-    def _counted(self, call: Callable[..., Any]) -> Callable[..., Any]:
+    def _counted(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def counted(*arguments: Any, **more: Any) -> Any:
-            self.step()
+            self.step(name)
             return call(*arguments, **more)
 
         return counted
 
 
 class Torn:
-    """A file whose writes come in two halves, with a moment to be killed before, between and after."""
+    """A file whose writes come in two halves, with a moment for a fault before, between and after."""
 
-    def __init__(self, file: Any, killer: Killer) -> None:
-        self._file, self._killer = file, killer
+    def __init__(self, file: Any, fault: Fault) -> None:
+        self._file, self._fault = file, fault
 
     def write(self, content: Any) -> int:
-        """Both halves."""
-        for half in (content[: len(content) // 2], content[len(content) // 2 :]):
-            self._killer.step()
-            self._file.write(half)
-            self._file.flush()
+        """Both halves; the first alone where the file has no buffer, which would ask again, and writes are short."""
+        half = len(content) // 2
+        self._fault.step("write")
+        if self._fault.kind == "short write" and isinstance(self._file, io.RawIOBase) and half:
+            return int(self._file.write(content[:half]))
+        self._file.write(content[:half])
+        self._file.flush()
+        self._fault.step("write")
+        self._file.write(content[half:])
+        self._file.flush()
         return len(content)
 
     def close(self) -> None:
         """A moment before it."""
-        if not self._file.closed:
-            self._killer.step()
-        self._file.close()
+        try:
+            if not self._file.closed:
+                self._fault.step("close")
+        finally:
+            self._file.close()
 
     def __enter__(self) -> Torn:
         return self
@@ -115,6 +133,7 @@ class Command:
     state: Callable[[Path], object]
     left: Callable[[Path], list[Path]]
     write_old: Callable[[Path], object] | None = None  # of other bytes than `write`, so that a mixture would show
+    suffix: str = ""
 
 
 def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
@@ -151,11 +170,14 @@ def once(make: Callable[..., Any]) -> Callable[..., Any]:
 def batch() -> Command:
     """`workbench batch` of one part in this process, measured and drawn once."""
     from workbench.batch import fleet, part, run_batch
+    from workbench.errors import OutputError
 
     recording, pipeline = CORPUS / "inspecting" / "small.h5", ROOT / "pipelines" / "inspect_bevel.json"
 
     def write(out: Path) -> None:
-        run_batch(pipeline, [str(recording)], str(out), workers=0, report=False)
+        done = run_batch(pipeline, [str(recording)], str(out), workers=0, report=False)
+        if done.exit_status == 2:
+            raise OutputError(str(out), "told as failed")
 
     part.run_plan, fleet.fleet_files = once(part.run_plan), once(fleet.fleet_files)
     with tempfile.TemporaryDirectory() as scratch:
@@ -196,7 +218,7 @@ def importing(scratch: Path) -> Command:
     heads = ("frame,time_s,x_mm,z_mm", "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz")
     for place, head, rows in zip(sources, heads, (points, poses), strict=True):
         np.savetxt(place, rows, "%.8f", ",", header=head, comments="")
-    return Command("import", lambda out: import_files(sources, out), recording_state, recording_left)
+    return Command("import", lambda out: import_files(sources, out), recording_state, recording_left, suffix=".h5")
 
 
 def simulating(scratch: Path) -> Command:
@@ -209,73 +231,90 @@ def simulating(scratch: Path) -> Command:
     recipe["passes"][0].update(from_mm=3, to_mm=9)
     place = scratch / "short.json"
     place.write_text(json.dumps(recipe))
-    return Command("simulate", lambda out: simulate_file(place, out), recording_state, recording_left)
+    return Command("simulate", lambda out: simulate_file(place, out), recording_state, recording_left, suffix=".h5")
 
 
-def in_child(command: Command, out: Path, at: int, old: bool = False) -> bool:
-    """Whether a child that is killed before operation `at` ended by itself."""
-    child = os.fork()
-    if not child:
-        status = 3
-        try:
-            devnull = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(devnull, 1)
-            os.dup2(devnull, 2)
-            killer = Killer(at)
-            killer.install()
-            (command.write_old if old and command.write_old else command.write)(out)
-            status = 0
-        finally:
-            os._exit(status)
-    done = os.waitpid(child, 0)[1]
-    if os.WIFEXITED(done) and os.WEXITSTATUS(done):
-        raise RuntimeError(f"{command.name}: the child failed by itself")
-    return os.WIFEXITED(done)
+def in_child(command: Command, out: Path, fault: Fault, old: bool = False) -> str:
+    """How a child ended that writes with a fault: "written", "killed", "told", or what it did wrong."""
+    with tempfile.TemporaryFile() as said:
+        child = os.fork()
+        if not child:
+            _write_and_exit(
+                command.write_old if old and command.write_old else command.write, out, fault, said.fileno()
+            )
+        _, ended = os.waitpid(child, 0)
+        said.seek(0)
+        text = said.read().decode(errors="replace").strip()
+    if os.WIFSIGNALED(ended):
+        return "killed" if fault.kind == "killed" else f"WRONG: signal {os.WTERMSIG(ended)}"
+    status = os.WEXITSTATUS(ended)
+    return {0: "written", ALIVE: "told"}.get(status, f"WRONG: {text[-400:]}")
 
 
-def cases(command: Command, scratch: Path, kills: int, rng: random.Random) -> Counter[str]:
-    """Kill at every operation, with nothing there before and over an older set, until there were so many kills."""
+def _write_and_exit(write: Callable[[Path], object], out: Path, fault: Fault, said: int) -> NoReturn:
+    from workbench.errors import WorkbenchError
+
+    status = 3
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(said, 2)
+        fault.install()
+        write(out)
+        status = 0
+    except WorkbenchError:
+        status = ALIVE
+    except BaseException:
+        os.write(2, traceback.format_exc().encode())
+    finally:
+        os._exit(status)
+
+
+def operations(command: Command, place: Path, old: bool) -> int:
+    """How many operations on files the command makes without a fault."""
+    reader, writer = os.pipe()
+
+    def counted(out: Path) -> None:
+        command.write(out)
+        os.write(writer, str(fault.done).encode())
+
+    fault = Fault("none", 0)
+    if old:
+        in_child(command, place, Fault("none", 0), old=True)
+    in_child(replace(command, write=counted), place, fault)
+    os.close(writer)
+    with os.fdopen(reader) as said:
+        return int(said.read())
+
+
+def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], rng: random.Random) -> Counter[str]:
+    """One drawn fault, half of the time over an older set; half of the time another after it; then none."""
     found: Counter[str] = Counter()
-    suffix = ".h5" if command.state is recording_state else ""
-    usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{suffix}"
-    in_child(command, usual, 0)
-    new = command.state(usual)
-    count = 0
-    while count < kills:
-        for old in (False, True):
-            at = 0
-            ended = False
-            while not ended and count < kills:
-                at += 1
-                place = Path(tempfile.mkdtemp(dir=scratch)) / f"out{suffix}"
-                if old:
-                    in_child(command, place, 0, old=True)
-                before = command.state(place)
-                ended = in_child(command, place, at)
-                if ended:
-                    shutil.rmtree(place.parent)
-                    break
-                count += 1
-                found[_judged(command, place, before, new)] += 1
-                if rng.random() < 0.5:
-                    between = command.state(place)
-                    again = in_child(command, place, rng.randint(1, max(2 * at, 20)))
-                    if not again:
-                        count += 1
-                        found[_judged(command, place, between, new)] += 1
-                in_child(command, place, 0)
-                whole = command.state(place)
-                works = whole == new and not command.left(place)
-                found["the next run works" if works else "BROKEN: the next run"] += 1
-                if not works:
-                    print(f"{command.name} {'over old' if old else 'fresh'}, operation {at}: {command.left(place)}")
-                shutil.rmtree(place.parent)
-    found["kills"] = count
+    old = rng.random() < 0.5
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        place = Path(folder) / f"out{command.suffix}"
+        if old:
+            in_child(command, place, Fault("none", 0), old=True)
+        for _ in range(rng.randint(1, 2)):
+            before, left = command.state(place), command.left(place)
+            fault = Fault(rng.choice(KINDS), rng.randint(1, counts[old]))
+            ended = in_child(command, place, fault)
+            found[fault.kind] += 1
+            found[_judged(command, place, before, new, ended, fault)] += 1
+            more = [path for path in command.left(place) if path not in left]
+            if ended == "told" and fault.kind == "full disk" and more:
+                found[f"BROKEN: {fault.kind} at {fault.at}: left {more}"] += 1
+        ended = in_child(command, place, Fault("none", 0))
+        whole = ended == "written" and command.state(place) == new and not command.left(place)
+        found["the next run works" if whole else f"BROKEN: the next run, {ended}, {command.left(place)}"] += 1
     return found
 
 
-def _judged(command: Command, place: Path, before: object, new: object) -> str:
+def _judged(command: Command, place: Path, before: object, new: object, ended: str, fault: Fault) -> str:
     after = command.state(place)
+    if ended.startswith("WRONG"):
+        return f"BROKEN: {fault.kind} at {fault.at}: {ended}"
+    if ended == "written" and after != new:
+        return f"BROKEN: {fault.kind} at {fault.at}: told as written and is not"
     if after is None and _changing(place):
         return "changing"
     if after == before and after is not None:
@@ -285,8 +324,7 @@ def _judged(command: Command, place: Path, before: object, new: object) -> str:
     if after in ("", {}):
         return "none"
     there = sorted(str(path.relative_to(place.parent)) for path in place.parent.rglob("*"))
-    print(f"{command.name}: BROKEN: {'a mixture' if after else 'not whole'}: {there}", flush=True)
-    return "BROKEN"
+    return f"BROKEN: {fault.kind} at {fault.at}: {'a mixture' if after else 'not whole'}: {there}"
 
 
 def _changing(place: Path) -> bool:
@@ -303,49 +341,53 @@ def _changing(place: Path) -> bool:
     return True
 
 
+def commands(scratch: Path) -> dict[str, Callable[[], Command]]:
+    """Each command that writes, made when it is asked for."""
+    small = {"recording": str(CORPUS / "inspecting/small.h5")}
+    return {
+        "run": lambda: publishing("run", "inspect_bevel.json", small),
+        "calibrate": lambda: publishing("calibrate", "calibrate_handeye.json", {}),
+        "posture": lambda: publishing("posture", "optimise_posture.json", {}),
+        "batch": batch,
+        "import": lambda: importing(scratch),
+        "simulate": lambda: simulating(scratch),
+    }
+
+
 def main() -> int:
     """Every command; the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.kills.inject", description=__doc__)
-    parser.add_argument("--kills", type=int, default=10_000, help="in all")
+    parser.add_argument("--cases", type=int, default=1_500, help="of each command")
     parser.add_argument("--only", nargs="*", help="commands")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of the first case; the next has the next")
     options = parser.parse_args()
-    rows, begun = [], time.process_time()
-    with tempfile.TemporaryDirectory() as scratch:
-        made: dict[str, Callable[[], Command]] = {
-            "run": lambda: publishing("run", "inspect_bevel.json", {"recording": str(CORPUS / "inspecting/small.h5")}),
-            "calibrate": lambda: publishing("calibrate", "calibrate_handeye.json", {}),
-            "posture": lambda: publishing("posture", "optimise_posture.json", {}),
-            "batch": batch,
-            "import": lambda: importing(Path(scratch)),
-            "simulate": lambda: simulating(Path(scratch)),
-        }
-        chosen = options.only or list(made)
-        for name in chosen:
-            rng = random.Random(f"{name} {options.seed}")
-            found = cases(made[name](), Path(scratch), options.kills // len(chosen), rng)
-            rows.append(_row(name, found))
+    rows, bad = [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        made = commands(Path(folder))
+        for name in options.only or made:
+            found = _all_cases(name, made[name](), Path(folder), range(options.seed, options.seed + options.cases))
+            broken = sum(count for what, count in found.items() if what.startswith("BROKEN"))
+            bad += broken
+            kinds = (*KINDS, "none", "the old results whole", "the new results whole", "changing", "the next run works")
+            rows.append([name, *(f"{found[kind]:,}" for kind in kinds), str(broken)])
             print(rows[-1], flush=True)
-    heads = (
-        "command",
-        "kills",
-        "none there",
-        "the old whole",
-        "the new whole",
-        "changing places",
-        "next runs that work",
-        "broken",
-    )
-    table = "\n".join([f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *rows])
-    print(f"{time.process_time() - begun:.0f} s of processor time, children excepted")
-    print(table)
-    return int(any(not row.endswith("| 0 |") for row in rows))
+    heads = ("command", *KINDS, "none", "old", "new", "under way", "next run works", "broken")
+    print("\n".join(f"| {' | '.join(row)} |" for row in [heads, ["---"] * len(heads), *rows]))
+    return int(bad > 0)
 
 
-def _row(name: str, found: Counter[str]) -> str:
-    kinds = ("none", "the old results whole", "the new results whole", "changing", "the next run works")
-    broken = sum(count for what, count in found.items() if what.startswith("BROKEN"))
-    return f"| {name} | {found['kills']:,} | " + " | ".join(f"{found[kind]:,}" for kind in kinds) + f" | {broken} |"
+def _all_cases(name: str, command: Command, scratch: Path, seeds: range) -> Counter[str]:
+    usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{command.suffix}"
+    counts = operations(command, usual, old=False), operations(command, usual.with_name(f"old{command.suffix}"), True)
+    new = command.state(usual)
+    found: Counter[str] = Counter()
+    for seed in seeds:
+        one = case(command, scratch, new, counts, random.Random(f"{name} {seed}"))
+        found += one
+        for what in one:
+            if what.startswith("BROKEN"):
+                print(f"{name}, seed {seed}: {what}", flush=True)
+    return found
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from typing import Any, Literal, Protocol
 from pydantic import ValidationError
 
 from workbench.artefacts import Gate, JointInspection, Recording
-from workbench.batch.store import copied, is_remote, local_path, remote, version_token, write_whole
+from workbench.batch.store import copied, is_remote, local_path, remote, version_token
 from workbench.errors import InputError, OutputError, WorkbenchError, one_line
 from workbench.pipeline.document import Copied, PipelineDocument
 from workbench.pipeline.output import OutputDirectory
@@ -180,7 +180,7 @@ class LocalFolder:
     def withdraw(self, marker: str, content: bytes) -> None:
         """As Folder: results move into `superseded/`."""
         self._results.supersede()
-        write_whole(self.path / marker, content)
+        self._results.publish({marker: content})
 
 
 class RemoteFolder:

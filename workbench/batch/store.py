@@ -16,6 +16,7 @@ from typing import Any
 
 from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.extras import not_installed
+from workbench.storage import beside
 
 LOCAL = "file://"
 SCHEMES = ("abfs", "gs", "http", "https", "memory", "s3", "sftp")  # what fsspec opens beyond these is another matter
@@ -86,14 +87,12 @@ def write_whole(path: Path, content: bytes) -> None:
     """A file that is never seen half-written. Raises OutputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(prefix=f".{path.name}.partial-", dir=path.parent)
+        partial = beside(path)
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            os.chmod(beside, 0o644)
-            os.replace(beside, path)
+            partial.write_bytes(content)
+            os.replace(partial, path)
         except BaseException:
-            Path(beside).unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise OutputError(str(path), f"cannot be written: {error.strerror}") from None

@@ -186,7 +186,10 @@ class OutputDirectory:
             staged = Path(tempfile.mkdtemp(prefix=staged_prefix(self.path), dir=place))
             try:
                 for name, content in files.items():
-                    (staged / name).write_bytes(content)
+                    with (staged / name).open("wb") as file:
+                        file.write(content)
+                        file.flush()
+                        os.fsync(file.fileno())  # a rename may reach the disk before what it names
                 staged.chmod(0o777 & ~_umask())
                 self._move_in(staged, sorted(files, key=lambda name: name == RUN_FILE))
             finally:

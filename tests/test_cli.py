@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from workbench.page.store import Store
 
 Doc = dict[str, Any]
 ROOT = Path(__file__).parents[1]
@@ -64,8 +67,8 @@ def test_command_line_and_python_give_the_same_bytes(command: Any, pipeline: Pat
     [
         ([], "expected a command: run, validate"),
         (["rnu"], "unknown command 'rnu'; did you mean 'run'?"),
-        (["run"], "the following arguments are required: PIPELINE.json, --out"),
-        (["run", "P", "--otu", "D"], "required: --out"),
+        (["run"], "the following arguments are required: PIPELINE.json"),
+        (["run", "P", "--otu", "D"], "did you mean '--out'?"),
         (["run", "P", "--out", "D", "--inptu", "a=1"], "unknown option '--inptu'; did you mean '--input'?"),
         (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'"),
         (["run", "P", "--out", "D", "--input", "recording"], "--input 'recording': expected NAME=VALUE"),
@@ -201,6 +204,7 @@ def test_stages_shows_parameters_with_units(command: Any, demo: object) -> None:
     assert "turn about z" in got.out
     assert "takes pose: HandEye" in got.out
     assert "demo.merge" in command("stages").out
+    assert max(map(len, command("stages").out.splitlines())) <= 80
 
 
 def test_schema_is_json(command: Any, demo: object) -> None:
@@ -290,3 +294,31 @@ def test_stopped_run_leaves_the_old_results_whole_and_nothing_else(tmp_path: Pat
     assert "Traceback" not in err
     assert os.listdir(out) == ["run.json"]
     assert (out / "run.json").read_text() == "{}"
+
+
+def test_a_shell_completes_commands_options_and_pipelines(command: Any) -> None:
+    """As bash itself runs the script that is printed."""
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash")
+    script = command("completion", "bash").out
+    asked = "".join(
+        f"COMP_WORDS=(workbench {words}); COMP_CWORD={len(words.split())}; _workbench; echo ${{COMPREPLY[@]}}\n"
+        for words in ("vie", "run inspect_bev", "batch --sto")
+    )
+    told = subprocess.run([bash, "-c", f"{script}\n{asked}"], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines() == ["view view-cell", "inspect_bevel", "--store"]
+
+
+def test_a_run_without_out_writes_beside_the_command_and_is_set_aside_where_it_fails(
+    command: Any, pipeline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert command("run", pipeline, "--store", "none").status == 2  # refused before anything is measured
+    assert not (tmp_path / "results").exists()
+    assert command("run", pipeline, "--store", tmp_path).status == 0
+    assert (tmp_path / "results" / "p" / "run.json").is_file()
+    with Store.of(tmp_path) as store:
+        assert [(run.kind, run.state, run.status) for run in store.runs()] == [("p", "done", 0)]
+    assert command("run", pipeline, "--input", "angle_deg=999").status == 2
+    assert not (tmp_path / "results" / "p" / "run.json").exists()

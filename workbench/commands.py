@@ -164,6 +164,8 @@ def build_parser() -> Parser:
     )
     opened.add_argument("--port", type=_port, default=0, metavar="N", help="port to listen on (default: a free one)")
     opened.add_argument("--no-browser", action="store_true", help="print the address only")
+    completed = command("completion", "print what makes a shell complete commands, options and pipelines")
+    completed.add_argument("shell", choices=("bash", "zsh"), help='such as: eval "$(workbench completion bash)"')
     shown = command("view-cell", "draw a robot cell in a posture; tell its limits, reach, warnings and clearance")
     shown._negative_number_matcher = NEGATIVE
     shown.add_argument("cell", metavar="CELL", help="the cell file (data/robot/README.md)")
@@ -256,7 +258,7 @@ def run(options: argparse.Namespace) -> int:
             except StreamError as error:
                 unprintable.append(error)
 
-    lines, out = Told(sys.stderr), options.out or default_out(options.pipeline)
+    lines, out = Told(sys.stderr), default_out(options.pipeline) if options.out is None else options.out
     check_store(options)
     inputs, settings = assignments(options.input, "--input"), assignments(options.set, "--set")
     try:
@@ -483,6 +485,30 @@ def look(options: argparse.Namespace) -> int:
     return 0
 
 
+def completion(options: argparse.Namespace) -> int:
+    """Print a script for the shell: words of each command, and files."""
+    from workbench.samples import pipelines
+
+    (commands,) = (one for one in build_parser()._actions if isinstance(one, argparse._SubParsersAction))
+    cases = []
+    for name, parser in commands.choices.items():
+        words = [text for action in parser._actions for text in action.option_strings if text.startswith("--")]
+        words += pipelines() if name in ("run", "validate", "batch") else []
+        cases.append(f'    {name}) words="{" ".join(words)}" ;;')
+    head = "autoload -U +X bashcompinit && bashcompinit\n" if options.shell == "zsh" else ""
+    lines = "\n".join(cases)
+    script = f"""{head}_workbench() {{
+  local words="{" ".join(commands.choices)}"
+  if [ "$COMP_CWORD" -gt 1 ]; then case "${{COMP_WORDS[1]}}" in
+{lines}
+  esac; fi
+  COMPREPLY=($(compgen -W "$words" -- "${{COMP_WORDS[COMP_CWORD]}}") $(compgen -f -- "${{COMP_WORDS[COMP_CWORD]}}"))
+}}
+complete -o filenames -F _workbench workbench"""
+    printed(print, script)
+    return 0
+
+
 def view_cell(options: argparse.Namespace) -> int:
     """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
     from workbench.robot.picture import view_cell
@@ -536,6 +562,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "open": open_page,
     "view-cell": view_cell,
+    "completion": completion,
 }
 
 

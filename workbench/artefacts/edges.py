@@ -5,6 +5,7 @@ Terms of joint preparations are those of ISO 9692-1 and ISO 17659.
 
 from __future__ import annotations
 
+import html
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -200,6 +201,11 @@ class Characteristic:
 PLAIN_LETTERS = str.maketrans({"α": "alpha", "β": "beta", "₁": "1", "₂": "2"})
 
 
+def _cell(values: Mapping[str, Any], name: str) -> str:
+    value, u = values.get(name), values.get(u_name(name))
+    return "<td>not measured</td>" if value is None or u is None else f"<td>{value:.3f} ± {2 * u:.3f}</td>"
+
+
 class JointInspection(ABC):
     """A joint's preparation in sections against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
 
@@ -222,6 +228,17 @@ class JointInspection(ABC):
     @abstractmethod
     def requirements_in_file(self) -> Mapping[str, Any]:
         """What is required, as result files tell it."""
+
+    def more_html(self) -> str:
+        """Verdict and reason, and a row a section: each size with U = 2 u."""
+        names = [one for one in self.sections[0].values if one in ALL_TERMS] if self.sections else []
+        heads = "".join(f"<th>{ALL_TERMS[name][0]}, {'°' if name.endswith('_deg') else 'mm'}</th>" for name in names)
+        rows = "".join(
+            f"<tr><td>{one.index}</td>{''.join(_cell(one.values, name) for name in names)}<td>{one.verdict}</td></tr>"
+            for one in self.sections
+        )
+        head = f"<tr><th>section</th>{heads}<th>verdict</th></tr>"
+        return f"<p><b>{self.verdict}</b>: {html.escape(self.reason)}</p><table>{head}{rows}</table>"
 
     @property
     def required(self) -> Required:

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.artefacts.decisions import Gate
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
-from workbench.artefacts.showing import columns_table, space_chart
+from workbench.artefacts.showing import columns_table, space_scene
 from workbench.geometry.moves import step_lengths_mm, travel_time_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.units import DEG, Bool, Float, Int, Shaped
@@ -154,8 +154,8 @@ class Toolpath:
         return columns_table(layer=layer, **columns, x_mm=place[:, 0], y_mm=place[:, 1], z_mm=place[:, 2])
 
     def plot(self) -> Any:
-        """A matplotlib Figure of the layers in the base."""
-        return space_chart(*((f"layer {each.index}", self.in_base(each.position_mm)) for each in self.layers))
+        """A PyVista plotter with the layers in the base."""
+        return space_scene(*((f"layer {each.index}", self.in_base(each.position_mm)) for each in self.layers))
 
     def in_base(self, position_mm: Float) -> Float:
         """Positions (k, 3) of the path, in the base."""

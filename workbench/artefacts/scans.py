@@ -9,6 +9,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part
+from workbench.artefacts.showing import picture_html, space_scene
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped, frozen
 
 
@@ -104,6 +105,14 @@ class Cloud:
         named = ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index", "brightness")
         return replace(self, **{name: one[frames] for name in named if (one := getattr(self, name)) is not None})
 
+    def plot(self) -> Any:
+        """A PyVista plotter with the kept points in the base."""
+        return space_scene(points_mm=self.points_mm)
+
+    def more_html(self) -> str:
+        """Its picture."""
+        return picture_html(self.plot())
+
     @property
     def points_mm(self) -> Float:
         """(n, 3) kept points in the base, frame by frame; computed anew each time."""
@@ -139,6 +148,10 @@ class PointSet:
     part: Part = UNKNOWN_PART
     row: Shaped[Int, " n"] | None = None  # of the file's grid, never falling
     column: Shaped[Int, " n"] | None = None  # rising along a row
+
+    def plot(self) -> Any:
+        """A PyVista plotter with the points in the base."""
+        return space_scene(points_mm=self.points_mm)
 
     def to_open3d(self) -> Any:
         """The points as `open3d.t.geometry.PointCloud`, in mm."""

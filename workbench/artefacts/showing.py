@@ -7,10 +7,14 @@ Below it stands what a report is made of: chapters, views in space, files.
 
 from __future__ import annotations
 
+import base64
 import html
 import importlib
 import importlib.util
 import io
+import itertools
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Literal, TypeVar
@@ -22,6 +26,7 @@ from workbench.errors import PipelineError
 from workbench.units import AnyArray, Float, Shaped
 
 LONGEST, MOST_KEYS = 60, 4  # characters of a value, keys of a mapping
+SCENE_PX, MOST_POINTS = [960, 600], 200_000
 CHART_INCHES = (8.0, 3.2)
 BLUE = "#0072b2"
 CELL = "style='text-align:left'"
@@ -78,8 +83,15 @@ def _line(self: Any) -> str:
 
 
 def _page(self: Any) -> str:
+    """Fields; of what has `more_html`, that first."""
     rows = (f"<tr><th {CELL}>{name}</th><td {CELL}>{html.escape(text)}</td></tr>" for name, text in _told(self))
-    return f"<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
+    more = getattr(self, "more_html", str)()
+    return f"{more}<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
+
+
+def picture_html(figure: Any) -> str:
+    """What has a picture of itself, as an image of a page."""
+    return f"<img alt='' src='data:image/png;base64,{base64.b64encode(figure._repr_png_()).decode()}'>"
 
 
 def rows_table(rows: list[dict[str, Any]]) -> Any:
@@ -107,16 +119,34 @@ def along_chart(arc_length_mm: Float, *series: tuple[str, Float, Float | None]) 
     return figure
 
 
-def space_chart(*lines: tuple[str, Float]) -> Any:
-    """A matplotlib Figure: curves (label, (n, 3)) in the base."""
-    figure = chart(2)
-    axes = figure.add_subplot(projection="3d")
-    for label, points in lines:
-        axes.plot(*points.T, label=label, linewidth=1.2)
-    axes.set(xlabel="x, mm", ylabel="y, mm", zlabel="z, mm")
-    axes.set_aspect("equal")
-    axes.legend()
-    return figure
+def space_scene(*lines: tuple[str, Float], points_mm: Float | None = None) -> Any:
+    """A PyVista plotter: curves (label, (n, 3)) and points (n, 3), coloured by height, in the base.
+
+    A notebook shows its picture; `.show()` turns it in a window; more can be added to it.
+    """
+    import pyvista as pv
+
+    class Shown(pv.Plotter):
+        def _repr_png_(self) -> bytes:
+            from PIL import Image
+
+            out = io.BytesIO()
+            Image.fromarray(np.asarray(self.screenshot(return_img=True))).save(out, format="png")
+            return out.getvalue()
+
+    screen = sys.platform in ("darwin", "win32") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
+    scene: Any = Shown(off_screen=not screen, window_size=SCENE_PX)
+    if points_mm is not None:
+        some = points_mm[:: max(1, len(points_mm) // MOST_POINTS)]
+        scene.add_points(some, scalars=some[:, 2], scalar_bar_args={"title": "z, mm"}, point_size=3.0)
+    for (label, way), colour in zip(lines, itertools.cycle((BLUE, "#d55e00", "#009e73")), strict=False):
+        known = way[np.isfinite(way).all(axis=1)]
+        if len(known) > 1:
+            scene.add_mesh(pv.lines_from_points(known), color=colour, line_width=3, label=label)
+    if lines:
+        scene.add_legend(bcolor=None, face="line")
+    scene.show_bounds(location="outer", xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", font_size=9, fmt="%.0f")
+    return scene
 
 
 def chart(rows: float = 1.0) -> Any:
@@ -144,10 +174,10 @@ class AlongTheEdge:
         return columns_table(arc_length_mm=one.arc_length_mm, seen=one.seen, **named)
 
     def plot(self) -> Any:
-        """A matplotlib Figure of the edges in the base."""
+        """A PyVista plotter with the edges in the base."""
         one: Any = self
         upper = getattr(one, "upper_position_mm", None)
-        return space_chart(("lower edge", one.position_mm), *([] if upper is None else [("upper edge", upper)]))
+        return space_scene(("lower edge", one.position_mm), *([] if upper is None else [("upper edge", upper)]))
 
 
 def _xyz(name: str, values: Float) -> dict[str, Float]:

@@ -357,14 +357,15 @@ def catalogue() -> Catalogue:
 
 
 def print_stages(found: Catalogue) -> None:
-    """All stages, one a row."""
+    """All stages, one a row, in 80 columns; what a stage takes and makes is told of each by its name."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("stage", "takes", "makes", "what it does")
-    for row in found.rows:
-        table.add_row(*map(Text, row))
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    for name, *_, what in found.rows:
+        table.add_row(Text(name), Text(what))
     Console(highlight=False).print(table)
 
 

@@ -50,7 +50,15 @@ def read_document(path: Path) -> PipelineDocument:
         raise PipelineError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
         raise PipelineError(str(path), f"is larger than {MAX_BYTES / 1e6:g} MB: expected a pipeline in JSON")
-    return check_document(parse_json(content, str(path)), str(path), path.parent)
+    try:
+        tree = parse_json(content, str(path))
+    except PipelineError as error:
+        if path.suffix.lower() == ".json":
+            raise
+        told = f"expected a pipeline in JSON: {error.expected}; a recording is the input of one, as in "
+        told += f"`workbench run inspect_bevel --input recording={path.name}`; other files: `workbench import --draft`"
+        raise PipelineError(error.where, told) from None
+    return check_document(tree, str(path), path.parent)
 
 
 def parse_json(content: bytes, name: str) -> Any:

@@ -259,14 +259,16 @@ class Pipeline:
         reporter: Reporter | None = None,
         report: bool = True,
         cache: str | Path | None = None,
+        **named: Any,
     ) -> Results:
         """Check, run, and write the results into the directory `out` (None: write nothing).
 
-        `inputs`: values by input name; `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name;
+        `inputs`: values by input name, or by its own name, as `recording="part.h5"`;
+        `settings`: values by `STAGE.KEY`, STAGE an id or a stage's name;
         without `report` no pages are made; `cache`: a folder that keeps what stages make for the next run. Raises a
         WorkbenchError for anything unusable outside the program.
         """
-        checked = self.plan(inputs, settings, report=report)
+        checked = self.plan({**(inputs or {}), **named}, settings, report=report)
         kept = None if cache is None else StageCache(Path(cache), versions())
         if out is None:
             return run_plan(checked, reporter or Reporter(), kept)

@@ -31,6 +31,9 @@ MAX_ENTRIES, MAX_ATTRIBUTE_BYTES = 16, 2**16
 MAX_HOPS = 16  # soft links followed one after another
 
 
+ENDINGS = (".h5", ".hdf5")
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
     """The HDF5 file at `path`, open for reading; every failure of HDF5 while it is open becomes an InputError."""
@@ -44,7 +47,13 @@ def opened(path: Path) -> Iterator[Any]:
     except _BROKEN as error:
         if isinstance(error, MemoryError):
             raise InputError(str(path), "does not fit into memory") from None
-        raise InputError(str(path), f"expected a complete HDF5 file: {str(error) or type(error).__name__}") from None
+        other = (
+            ""
+            if path.suffix.lower() in ENDINGS
+            else f"; `workbench import --draft {path.name}` begins a recording of it"
+        )
+        told = f"{str(error) or type(error).__name__}{other}"
+        raise InputError(str(path), f"expected a complete HDF5 file: {told}") from None
     if (after.st_size, after.st_mtime_ns, after.st_ino) != (before.st_size, before.st_mtime_ns, before.st_ino):
         raise InputError(str(path), "changed while it was read")
 

@@ -107,6 +107,16 @@ def test_what_is_granted_to_a_room_is_granted_to_what_loads_it(tmp_path, monkeyp
     assert ratchet.record()[0] == {"edge": {"nodes": 13}, "plain-verdict": {"nodes": 53}}
 
 
+def test_a_room_below_what_was_granted_gives_it_back(tmp_path, monkeypatch):
+    ratchet = check.ratchet
+    monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
+    ratchet.RECORD.write_text("edge nodes 10\nedge nodes +8: a groove\nedge nodes +5: a nose\n")
+    for nodes, left in ((10, ["edge nodes +8: a groove", "edge nodes +2: a nose"]), (3, ["edge nodes +3: a groove"])):
+        ratchet.write({"edge": {"nodes": nodes}})
+        assert ratchet.record() == ({"edge": {"nodes": nodes}}, left)
+        assert ratchet.findings({"edge": {"nodes": nodes}}) == []
+
+
 def test_a_file_may_be_split_without_a_reason():
     limits = {"plain-verdict": {"nodes": 10, "modules": 2}}
     assert check.ratchet.rises({"plain-verdict": {"nodes": 10, "modules": 3}}, limits) == []

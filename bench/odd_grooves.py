@@ -61,6 +61,10 @@ class Groove(Section):
     varied: tuple[Chain, ...] = ()
     told: dict[str, float] = field(default_factory=dict)  # what is true, where it is not what a plain groove has
 
+    @property
+    def is_prism(self) -> bool:
+        return not self.varied
+
     def segments(self, w: Float) -> Float:
         left = tuple((u - self.gap_mm / 2, v) for u, v in self.left.corners())
         right = tuple((self.gap_mm / 2 - u, self.raised_mm + v) for u, v in self.right.corners())

@@ -21,8 +21,9 @@ from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
 from workbench.errors import WorkbenchError
 from workbench.inspect import sections
+from workbench.kernels import kernel
 from workbench.scan import fuse
-from workbench.units import DEG, Bool, Float
+from workbench.units import DEG, Bool, Float, Int
 
 ARC = np.linspace(0.0, np.pi / 2.0, 9)  # a rounding's vertices
 FAR_MM = 60.0  # how far the plate reaches
@@ -45,23 +46,25 @@ class Section:
         """Whether the section is the same all along."""
         return self.drift == 0.0
 
+    @property
+    def is_prism(self) -> bool:
+        """Whether `segments` are the same at every w."""
+        return self.is_even
+
     def root_at(self, w: Float) -> Float:
         """Root face (n,) mm at w (n,) mm."""
         return self.root_mm + self.drift * w
 
     def segments(self, w: Float) -> Float:
         """Straight pieces (n, k, 4), u and v of both ends, of the section at w (n,)."""
-        root = self.root_at(w)
-        zero, top = np.zeros_like(w), np.full_like(w, self.thickness_mm)
-        corner = -np.tan(self.bevel) * (top - root)
-        points = [(corner - FAR_MM, top), (corner, top), (zero, root)]
-        if self.radius_mm > 0.0:
-            r = self.radius_mm
-            points += [(zero - r + r * np.cos(t), zero + r - r * np.sin(t)) for t in ARC]
-        else:
-            points.append((zero, zero))
-        points.append((zero - FAR_MM, zero))
-        line = np.stack([np.stack(p, axis=-1) for p in points], axis=1)
+        root, r = self.root_at(w), self.radius_mm
+        corner = -np.tan(self.bevel) * (self.thickness_mm - root)
+        below = [(0.0 - r + r * np.cos(t), 0.0 + r - r * np.sin(t)) for t in ARC] if r > 0.0 else [(0.0, 0.0)]
+        below.append((0.0 - FAR_MM, 0.0))
+        line = np.zeros((len(w), 3 + len(below), 2))
+        line[:, 0, 0], line[:, 1, 0] = corner - FAR_MM, corner
+        line[:, :2, 1], line[:, 2, 1] = self.thickness_mm, root
+        line[:, 3:] = below
         pieces = np.concatenate([line[:, :-1], line[:, 1:]], axis=-1)
         if self.table_mm is None:
             return pieces
@@ -248,9 +251,10 @@ def _profiles(
     lost, flyers = rng.choice([0.0, 0.02, 0.1]), rng.choice([0.0, 0.005, 0.02])
     graze = np.radians(rng.uniform(72, 84))
     x, z = np.full((frames, columns), np.nan), np.full((frames, columns), np.nan)
+    zero, one = np.zeros(columns), np.ones(columns)
+    emitted = np.stack([u / stand if fan else zero, zero, one])
     for i in range(frames):
-        zero, one = np.zeros(columns), np.ones(columns)
-        rays = (rotation[i] @ (np.stack([u / stand, zero, one]) if fan else np.stack([zero, zero, one]))).T
+        rays = np.ascontiguousarray((rotation[i] @ emitted).T)
         origin = place[i] + np.where(fan, 0.0, u)[:, None] * rotation[i][:, 0]
         way, incidence = _hit(section, origin, rays, 2.2 * stand)
         noise = rng.standard_t(4, columns) / np.sqrt(2.0) if heavy else rng.normal(0, 1, columns)
@@ -271,27 +275,31 @@ def _hit(section: Section, origin: Float, rays: Float, reach_mm: float) -> tuple
     """Way along rays (n, 3) from origins (n, 3) to the part, NaN beyond reach, and the incidence there, rad."""
     w = origin[:, 2].copy()
     for _ in range(1 if section.is_even else 3):  # the section is the one where the ray hits
-        pieces = section.segments(w)
-        way, which = _nearest(pieces, origin[:, :2], rays[:, :2])
+        pieces = np.array(section.segments(w[:1] if section.is_prism else w))
+        way, which = _nearest(pieces, origin, rays)
         hit: Bool = way < reach_mm
         w = origin[:, 2] + np.where(hit, way, 0.0) * rays[:, 2]
-    piece = pieces[np.arange(len(way)), which]
+    piece = pieces[0 if len(pieces) == 1 else np.arange(len(way)), which]
     along = piece[:, 2:] - piece[:, :2]
     across = np.abs(along[:, 1] * rays[:, 0] - along[:, 0] * rays[:, 1])
     cosine = across / np.linalg.norm(along, axis=1) / np.linalg.norm(rays, axis=1)
     return np.where(hit, way, np.nan), np.arccos(np.clip(cosine, 0.0, 1.0))
 
 
-def _nearest(pieces: Float, origin: Float, rays: Float) -> tuple[Float, np.ndarray]:
-    start, along = pieces[..., :2], pieces[..., 2:] - pieces[..., :2]
-    beside = rays[:, None, 0] * along[..., 1] - rays[:, None, 1] * along[..., 0]
-    beside = np.where(np.abs(beside) < 1e-12, 1e-12, beside)
-    gap = start - origin[:, None]
-    way = (gap[..., 0] * along[..., 1] - gap[..., 1] * along[..., 0]) / beside
-    share = (gap[..., 0] * rays[:, None, 1] - gap[..., 1] * rays[:, None, 0]) / beside
-    way = np.where((share >= 0.0) & (share <= 1.0) & (way > 1.0), way, np.inf)
-    which = way.argmin(axis=1)
-    return way[np.arange(len(way)), which], which
+@kernel
+def _nearest(pieces: Float, origin: Float, rays: Float) -> tuple[Float, Int]:
+    """Way along each ray (n, 3) to the nearest of the straight pieces (n or 1, k, 4), and which; infinite: none."""
+    way, which = np.full(len(rays), np.inf), np.zeros(len(rays), np.int64)
+    for i in range(len(rays)):
+        for j in range(pieces.shape[1]):
+            u, v, to_u, to_v = pieces[i if len(pieces) > 1 else 0, j]
+            beside = rays[i, 0] * (to_v - v) - rays[i, 1] * (to_u - u)
+            beside = 1e-12 if abs(beside) < 1e-12 else beside
+            far = ((u - origin[i, 0]) * (to_v - v) - (v - origin[i, 1]) * (to_u - u)) / beside
+            share = ((u - origin[i, 0]) * rays[i, 1] - (v - origin[i, 1]) * rays[i, 0]) / beside
+            if 0.0 <= share <= 1.0 and 1.0 < far < way[i]:
+                way[i], which[i] = far, j
+    return way, which
 
 
 def _pose(rng: np.random.Generator, distance_mm: float) -> Float:

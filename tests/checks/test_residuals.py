@@ -23,7 +23,7 @@ def test_every_second_frame() -> None:
     ("kind", "seed", "is_raw"),
     [
         ("slips", 102, True),
-        pytest.param("slips", 108, True, marks=pytest.mark.xfail(strict=True, reason="6.4 u along the normal")),
+        ("slips", 108, True),
         ("alternates", 104, True),
         ("ms late", 457, False),
         ("chatter", 106, False),

@@ -107,16 +107,7 @@ ONCE_WRONG = {
 }
 
 
-OPEN = {"a level lost for a third of the edge": "5.3 u: the reading by which the rest of the edge stands out wins"}
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.xfail(strict=True, reason=OPEN[name])] if name in OPEN else [])
-        for name in ONCE_WRONG
-    ],
-)
+@pytest.mark.parametrize("name", ONCE_WRONG)
 def test_what_was_wrong_once_is_in_its_uncertainty(name: str) -> None:
     condition, seed, quantity = ONCE_WRONG[name]
     result = named(condition, seed)

@@ -2,8 +2,9 @@
 
 A milled edge changes smoothly. Where the end of a face jumps, something may stand out of it on one side, or its returns
 may be lost on the other. Three readings of the ends are weighed by their evidence (docs/method.md, section 4): all of
-them are the face's; where not, it is prolonged; where not, it is shortened. In the two latter cells follow a hidden
-Markov chain (Rabiner, Proc. IEEE 77 (1989), 257): the face's own end, off it by ragged heights, off it by one height.
+them are the face's; where not, it is prolonged; where not, it is shortened. In the two latter every way counts to part
+the cells into the face's own and stretches off it, by ragged heights or by one (a hidden semi-Markov chain: Yu,
+Artificial Intelligence 174 (2010), 215).
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
 OFF_MM, RAGGED_MM = 0.2, 0.02  # usual height off the face; by which ragged heights change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.15  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
+JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
 NEAR, LOW = 10, 0.25  # cells on each side, of which so many are taken for the face's own at first
 LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 8, 0.01
+LONGEST = 200  # cells of a stretch
 LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
+FAR, FULL = 30.0, math.sqrt(2.0 * math.pi)  # standard deviations, from which on a share is told by its series
 NOISIER = 2.0  # variance of cells over the stated one, by which heights off the face are not told from noise
 LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
 
@@ -43,6 +47,7 @@ class _Reading(NamedTuple):
     evidence: float
     own: Shaped[Float, " c"]
     course: Course
+    height_u: Shaped[Float, " c"]  # of a cell that stands off by one height with others: by what these lie about it
     sense: float
 
 
@@ -56,12 +61,14 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
         return nothing
     plain = fit_course(s, value, u**2)
     sigma = u * math.sqrt(plain.noise_factor)
-    log = _clean(value - plain.value(s), sigma).sum() - _spent(plain, s, sigma)
+    log = _clean(value - plain.value(s), sigma).sum() - 0.5 * plain.spent * math.log(s.size)
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
     share /= share.sum()
     apart = np.stack([np.zeros(at.size), *(one.sense * one.course.value(at) - course.value(at) for one in found)])
-    own_u = np.stack([np.zeros(at.size), *(one.course.u(at) for one in found)])
+    own_u = np.stack(
+        [np.zeros(at.size), *(np.hypot(one.course.u(at), np.interp(at, s, one.height_u)) for one in found)]
+    )
     shift = share @ apart
     own = share @ np.stack([np.ones(s.size), *(one.own for one in found)])
     return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
@@ -71,35 +78,51 @@ def _off_the_face(s: Float, value: Float, u: Float, sense: float) -> _Reading | 
     """The best reading by which cells lie above the face's own end; None: none does."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
     around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)]
-    if (_own(value - around, u)[1] > 0.5).all():
+    if (_told(value - around, u).own > 0.5).all():
         return None
     whole = np.full(value.size, np.quantile(value, LOW))  # a stretch may be longer than what is near
-    found = [one for start in (around, whole) if (one := _settled(s, value, u, start, sense)) is not None]
+    step = np.diff(value, prepend=value[0])
+    jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
+    starts = around, whole, value - jumped + np.quantile(jumped, LOW)
+    found = [one for start in starts if (one := _settled(s, value, u, start, sense)) is not None]
     return max(found, key=lambda one: one.evidence, default=None)
 
 
 def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Reading | None:
-    """The reading to which the face's own end `face` (c,) leads (expectation maximisation)."""
-    _, own = _own(value - face, u)
+    """The reading to which the face's own end `face` (c,) leads (expectation maximisation).
+
+    Cells that stand off by one height tell the face's shape with its own.
+    """
+    told = _told(value - face, u)
     for _ in range(MOST_ROUNDS):
-        shown = own > LEAST_OWN
-        if shown.sum() < LEAST_CELLS // 2:
+        known = np.maximum(told.own, told.even)
+        if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
             return None
-        course = fit_course(s, np.where(shown, value, np.nan), u**2 / np.maximum(own, LEAST_OWN))
-        before, sigma = own, u * math.sqrt(min(course.noise_factor, NOISIER))
-        evidence, own = _own(value - course.value(s), u)
-        if np.abs(own - before).max() < SETTLED:
+        shown = np.where(told.even > told.own, value - told.height, value)
+        course = fit_course(s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN))
+        before, sigma = told.own, u * math.sqrt(min(course.noise_factor, NOISIER))
+        told = _told(value - course.value(s), u)
+        if np.abs(told.own - before).max() < SETTLED:
             break
-    evidence, own = _own(value - course.value(s), sigma)
-    if (own > 0.5).all() or (own > 0.5).mean() < LEAST_SHARE:
+    told = _told(value - course.value(s), sigma)
+    if (told.own > 0.5).all() or (told.own > 0.5).mean() < LEAST_SHARE:
         return None
-    return _Reading(evidence - _spent(course, s[shown], sigma[shown]), own, course, sense)
+    # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
+    evidence = told.evidence - 0.5 * course.spent * math.log((known > LEAST_OWN).sum())
+    return _Reading(evidence, told.own, course, _height_u(s, value, u, told), sense)
 
 
-def _spent(course: Course, s: Float, sigma: Float) -> float:
-    """What its freedom costs a course of cells at s (c,), by Schwarz's criterion with the cells' worth it takes."""
-    freedom = (course.u(s) ** 2 / (max(1.0, course.misfit) * sigma**2)).sum()
-    return 0.5 * float(freedom) * math.log(s.size)
+def _height_u(s: Float, value: Float, u: Float, told: _Told) -> Float:
+    """Standard uncertainty (c,) of the height of each cell's stretch, by the face's own cells beside it; else 0."""
+    even = told.even > 0.5
+    out = np.zeros(s.size)
+    if even.any():
+        alone = fit_course(s, np.where(told.own > 0.5, value, np.nan), u**2).u(s)
+        first = np.flatnonzero(even & ~np.append(False, even[:-1]))
+        last = np.flatnonzero(even & ~np.append(even[1:], False))
+        for b, e in zip(first, last, strict=True):
+            out[b : e + 1] = alone[b : e + 1].min()
+    return out
 
 
 def _clean(off: Float, u: Float) -> Float:
@@ -107,61 +130,104 @@ def _clean(off: Float, u: Float) -> Float:
     return np.log(np.exp(-0.5 * (off / u) ** 2) / (u * math.sqrt(2.0 * math.pi)) + STRAY)
 
 
-def _own(off: Float, u: Float) -> tuple[float, Float]:
-    """Log-likelihood of cells `off` (c,) the face, and the probability of each that it shows its own end."""
-    below = -0.25 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise: each way half
-    both = below + np.append(below[:1], below[:-1])
-    change, beside = np.diff(off, prepend=off[0]), np.sqrt(0.5 * (u**2 + np.append(u[:1], u[:-1]) ** 2))
-    apart, same = np.hypot(RAGGED_MM, math.sqrt(2.0) * beside), _clean(change, beside)
-    ragged = -np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
+class _Told(NamedTuple):
+    """What cells (c,) off a face say by all ways to part them."""
+
+    evidence: float  # log-likelihood
+    own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
+    even: Shaped[Float, " c"]  # that it stands off by one height with its neighbours
+    height: Shaped[Float, " c"]  # that height then, mm
+
+
+def _told(off: Float, u: Float) -> _Told:
+    """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
+    below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
+    change, beside = np.diff(off, prepend=off[0]), np.sqrt(u**2 + np.append(u[:1], u[:-1]) ** 2)
+    apart = np.hypot(RAGGED_MM, beside)
+    ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
-    height = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
-    own = np.empty(off.size)
-    stays = np.stack([ragged + both, same + both], axis=1)
-    return _chain(as_input(_clean(off, u)), as_input(height + below), as_input(stays), BEGIN, END, own), own
+    limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
+    longest = min(off.size, LONGEST)
+    kinds, height = np.empty((2, off.size, longest)), np.empty((off.size, longest))
+    _stretches(_Cells(*map(as_input, (off, u, limit, below, ragged))), BEGIN, END, kinds, height)
+    out = np.zeros((3, off.size + 1))
+    log = _parted(np.concatenate([[0.0], _clean(off, u), [0.0]]), kinds, height, out)
+    own, even, total = out[:, :-1]
+    return _Told(log, own, even, total / np.maximum(even, 1e-6))
+
+
+class _Cells(NamedTuple):
+    """Cells off a face, mm, and logarithmic densities of ragged ones (c,)."""
+
+    off: Shaped[Float, " c"]
+    u: Shaped[Float, " c"]
+    limit: Shaped[Float, " c"]  # half of that of a stretch's limit
+    first: Shaped[Float, " c"]  # of the first
+    further: Shaped[Float, " c"]  # of one after another
 
 
 @kernel
-def _chain(clean: Float, limit: Float, stays: Float, begin: Float, end: Float, own: Float) -> float:
-    """Fill in own (c,), the probability of the face's own end; the log-likelihood of a chain of cells.
+def _stretches(cells: _Cells, begin: Float, end: Float, out: Float, height: Float) -> None:
+    """Fill in out (2, c, n): log-likelihoods of stretches off the face, from each cell on over 1 to n, of either kind.
 
-    clean (c,), limit (c,), stays (c, 2): logarithmic densities of the face's own end, of half of a limit of a stretch
-    off it, of a cell that goes on with one. begin, end (2,): probabilities of its limits.
+    begin, end (2,): probabilities of a cell that it begins and ends; a limit of all cells is none of it. One height,
+    exponential before, is integrated out; height (c, n): its mean.
     """
-    size, states = clean.size, begin.size + 1
-    log, start = np.full((states, states), -np.inf), np.zeros(states)
-    log[0, 0] = math.log(1.0 - begin.sum())
-    for k in range(1, states):
-        log[0, k], log[k, 0], log[k, k] = math.log(begin[k - 1]), math.log(end[k - 1]), math.log(1.0 - end[k - 1])
-        start[k] = math.log(begin[k - 1] / end[k - 1])
-    start -= _sum_of(start)
-    ahead, behind, term = np.zeros((size, states)), np.zeros((size, states)), np.empty(states)
-    for j in range(states):
-        ahead[0, j] = start[j] + (limit[0] if j > 0 else clean[0])
-        behind[size - 1, j] = limit[size - 1] if j > 0 else 0.0
-    for c in range(1, size):
-        for j in range(states):
-            for i in range(states):
-                term[i] = log[i, j] + _step(clean, limit, stays, c, i, j) + ahead[c - 1, i]
-            ahead[c, j] = _sum_of(term)
-    for c in range(size - 2, -1, -1):
-        for i in range(states):
-            for j in range(states):
-                term[j] = log[i, j] + _step(clean, limit, stays, c + 1, i, j) + behind[c + 1, j]
-            behind[c, i] = _sum_of(term)
-    likelihood = _sum_of(ahead[size - 1] + behind[size - 1])
-    for c in range(size):
-        own[c] = math.exp(ahead[c, 0] + behind[c, 0] - likelihood)
-    return likelihood
+    size = cells.off.size
+    for b in range(size):
+        ragged, weight, total, square = cells.first[b] - cells.further[b], 0.0, 0.0, 0.0
+        for c in range(b, min(b + height.shape[1], size)):
+            w = 1.0 / cells.u[c] ** 2
+            weight += w
+            total += w * cells.off[c]
+            square += w * cells.off[c] ** 2 - math.log(w / (2.0 * math.pi))
+            ragged += cells.further[c]
+            mean, u = (total - 1.0 / OFF_MM) / weight, 1.0 / math.sqrt(weight)
+            even = 0.5 * (weight * mean**2 - square) - math.log(OFF_MM) + math.log(FULL * u)
+            z = mean / u  # heights lie above the face: the normal distribution's share there
+            even += math.log(0.5 * math.erfc(-z / math.sqrt(2.0))) if z > -FAR else -0.5 * z * z - math.log(-FULL * z)
+            limits = 1.0 - (1.0 if b == 0 else 0.0) - (1.0 if c == size - 1 else 0.0)
+            out[0, b, c - b] = ragged + cells.limit[b] + cells.limit[c]
+            out[1, b, c - b], height[b, c - b] = even, max(mean, 0.0)
+            for k in range(2):
+                out[k, b, c - b] += math.log(begin[k]) + limits * math.log(end[k]) + (c - b) * math.log(1.0 - end[k])
 
 
 @kernel
-def _step(clean: Float, limit: Float, stays: Float, c: int, i: int, j: int) -> float:
-    """Logarithmic density of cell c in state j after one in state i."""
-    if i == j and j > 0:
-        return float(stays[c, j - 1])
-    new = limit[c] if j > 0 else clean[c]
-    return float(new + limit[c - 1] if i > 0 else new)
+def _parted(clean: Float, kinds: Float, height: Float, out: Float) -> float:
+    """Fill in out (3, c + 1), probabilities of own and even cells, and the latter times the height; log-likelihood.
+
+    clean (c + 2,): logarithmic densities of the face's own ends, 0 beside the first and the last cell; kinds (2, c, n)
+    and height (c, n): of stretches from each cell on over 1 to n.
+    """
+    size, longest, stays = clean.size - 2, height.shape[1], math.log(1.0 - BEGIN.sum())
+    ahead, behind, term = np.zeros(size + 2), np.zeros(size + 2), np.empty(2 * size + 3)
+    for i in range(1, size + 2):
+        term[0] = ahead[i - 1] + (stays if 1 < i < size + 1 else 0.0)
+        cells = min(i - 1, longest)
+        for n in range(cells):
+            for k in range(2):
+                term[2 * n + k + 1] = ahead[i - 2 - n] + kinds[k, i - 2 - n, n]
+        ahead[i] = clean[i] + _sum_of(term[: 2 * cells + 1])
+    for i in range(size, 0, -1):
+        term[0] = behind[i + 1] + clean[i + 1] + (stays if i < size else 0.0)
+        cells = min(size - i, longest)
+        for n in range(cells):
+            for k in range(2):
+                term[2 * n + k + 1] = kinds[k, i, n] + clean[i + n + 2] + behind[i + n + 2]
+        behind[i] = _sum_of(term[: 2 * cells + 1])
+        out[0, i - 1] = math.exp(ahead[i] + behind[i] - ahead[size + 1])
+    for b in range(size):
+        for n in range(min(size - b, longest)):
+            e = b + n + 2
+            share = math.exp(ahead[b] + kinds[1, b, n] + clean[e] + behind[e] - ahead[size + 1])
+            for row, of in ((1, share), (2, share * height[b, n])):
+                out[row, b] += of
+                out[row, e - 1] -= of
+    for row in range(1, 3):
+        for c in range(1, size):
+            out[row, c] += out[row, c - 1]
+    return float(ahead[size + 1] - math.log(1.0 + (BEGIN / END).sum()))
 
 
 @kernel

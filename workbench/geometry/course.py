@@ -74,6 +74,7 @@ class Course:
     stiffness: Shaped[Float, "j 4"]
     step_u: float = 0.0  # standard uncertainty of its values by a step within a pass; 0 where no errors are shared
     shared_variance: Shaped[Float, " k"] | None = None  # what of `variance` is by errors that values share
+    spent: float = 0.0  # how many bins' worth it takes
 
     def value(self, s: Float) -> Float:
         """f(s): (m,) or (m, d). Beyond the ends of what was seen it goes straight on."""
@@ -276,10 +277,12 @@ def _fit(
     coefficients = coefficients + trend(knots[2:-2])  # of a straight line these are its values at the knots' averages
     spline = Spline(knots, coefficients if bins.vector else coefficients[:, 0])
     left = y - spline(inside).reshape(y.shape)
-    misfit = _misfit(left, weight, bins.group, float((weight * np.interp(bins.s, stations, value)).sum()))
-    if covariance is not None:
-        white = np.linalg.solve(np.linalg.cholesky(covariance), left)
-        misfit = _misfit(white, np.ones(weight.size), bins.group, _spent(problems, found))
+    if covariance is None:
+        spent = float((weight * np.interp(bins.s, stations, value)).sum())
+        misfit = _misfit(left, weight, bins.group, spent)
+    else:
+        white, spent = np.linalg.solve(np.linalg.cholesky(covariance), left), _spent(problems, found)
+        misfit = _misfit(white, np.ones(weight.size), bins.group, spent)
     if unseen[0] == 0.0 and not process:  # steps between columns make regular waves of what frames know of an end
         between += _regular_wave(bins.s, left, weight)
     raised = max(1.0, misfit)
@@ -303,6 +306,7 @@ def _fit(
         evidence,
         found,
         shared_variance=by_shared,
+        spent=spent,
     )
 
 
@@ -332,18 +336,28 @@ def _step_u(values: Values, bins: Bins, noise_factor: float, orders: tuple[int, 
     An encoder that slips, returns that are lost, what prolongs a face: nothing tells which side of a step is right. By
     the posterior over a step before each bin, and none, which is held likelier by STEPLESS before; STEP: its size then.
     """
-    problem, strengths, s, y, weight = _few_priors(values, bins, noise_factor, orders, shared.process)
+    size, stepped, plain = _steps(values, bins, noise_factor, orders, shared.process)
+    if not size.size:
+        return 0.0
+    both = np.logaddexp(np.logaddexp.reduce(stepped, axis=None), np.logaddexp.reduce(plain))
+    return float(np.sqrt((np.exp(stepped - both) * size**2).sum() / 2.0))
+
+
+def _steps(
+    values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
+) -> tuple[Float, Float, Float]:
+    """Sizes (j, k) of a step before each of k bins under j priors; log-evidences with them (j, k) and without (j,)."""
+    problem, strengths, s, y, weight = _few_priors(values, bins, noise_factor, orders, process)
     ahead = (bins.s[:, None] >= bins.s) & (bins.group[:, None] == bins.group)
     behind = ~ahead & (bins.group[:, None] == bins.group)
     told = np.minimum(ahead.sum(axis=0), behind.sum(axis=0)) >= LEAST_SHARED
+    plain = problem.evidence(strengths)
     if not told.any():
-        return 0.0
+        return np.zeros((plain.size, 0)), np.zeros((plain.size, 0)), plain
     size, u = shapes_told(problem, s, y, weight, ahead[:, told].astype(float), strengths)
-    most, score = STEP**2 + u**2, problem.evidence(strengths)[:, None]
-    log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + score
-    log -= math.log(STEPLESS * told.sum())
-    share = np.exp(log - np.logaddexp(np.logaddexp.reduce(log, axis=None), np.logaddexp.reduce(score, axis=None)))
-    return float(np.sqrt((share * size**2).sum() / 2.0))
+    most = STEP**2 + u**2
+    log = 0.5 * size**2 * (1.0 / u**2 - 1.0 / most) + 0.5 * np.log(u**2 / most) + plain[:, None]
+    return size, log - math.log(STEPLESS * told.sum()), plain
 
 
 def _few_priors(
@@ -374,8 +388,8 @@ def process_told(s: Float, y: Float, group: Int, possible: Process, orders: tupl
     for strength, length in zip(np.atleast_1d(possible.strength), np.atleast_1d(possible.length_mm), strict=True):
         one = Process(float(strength), float(length))
         together = one.covariance(bins.s, bins.spread, bins.group)
-        problem, strengths, *_ = _few_priors(values, bins, _noise_factor(bins, False, orders[0], together), orders, one)
-        score.append(np.logaddexp.reduce(problem.evidence(strengths)))
+        _, stepped, plain = _steps(values, bins, _noise_factor(bins, False, orders[0], together), orders, one)
+        score.append(np.logaddexp.reduce(np.append(plain, stepped)))  # a step is none of them
     share = np.exp(np.array(score) - max(score))
     return possible._replace(strength=possible.strength * np.sqrt(share / share.sum()))
 

@@ -60,7 +60,7 @@ def chatter(
         least_margin: ratio of depths, less U, that is asked for; the page says where it is missed.
         force_relative_u: ratio of standard uncertainty to value of the force coefficients; null: that of their file, or
             the scatter of published ones.
-        most_layers: that the depth may be shared by; 0: nothing is chosen.
+        most_layers: largest number of layers that may share the depth; 0: nothing is chosen.
         speed_change: largest, either way, as a ratio to the speed stated; the feed goes with it.
         root_tolerance_mm: of the root face, either way; half of it the cutter may give way by.
 

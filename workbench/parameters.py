@@ -68,5 +68,10 @@ def complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> P
     if first["type"] == "missing":
         return PipelineError(where, "is required, but missing")
     text = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    shown = repr(first.get("input", value))
+    found = first.get("input", value)
+    if isinstance(found, Mapping) and first["type"] == "value_error":
+        return PipelineError(where, text)  # says itself which of its values it is
+    if "tolerance" in where and isinstance(found, int | float):
+        text = f"expected the lower and the upper deviation, as [{-abs(found):g}, {abs(found):g}]"
+    shown = repr(found)
     return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")

@@ -6,12 +6,14 @@ BIN := .venv/bin
 SETUP := $(if $(YES),--yes)
 # Two workers on two cores: threads of their own would only wait for each other, a quarter of the time.
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+# Kept bytecode, also where the environment forbids it: without, each of hundreds of processes compiles what it imports.
+export PYTHONDONTWRITEBYTECODE :=
 
 help:
 	@echo "make demo       the measured loop: scan, plan, mill, scan, correct, mill, inspect, with a tool that errs; out/demo/report.html"
 	@echo "make test       run the tests"
 	@echo "make lint       style, types, import floors, repository"
-	@echo "make metrology  benchmark and score, then plans, loops, clouds, calibrations, stiffness (long; docs/*metrology.md)"
+	@echo "make metrology  benchmark and score, then plans, measured loops, calibrations, stiffness (long; docs/*metrology.md)"
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
 	@echo "make benchmark  every method over the open benchmark, one table, best first; docs/benchmark.md"
 	@echo "make benchmark-quick  the same over 14 recordings a track, five minutes; prints its table"

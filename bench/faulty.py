@@ -14,7 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.confidently_wrong.kinds import dense_stream
-from bench.outside import BEYOND, Errors, Part, Section, Usual, inspected, raw_edge, raw_errors, simulate
+from bench.outside import (
+    BEYOND,
+    Errors,
+    Part,
+    Section,
+    Usual,
+    drawn_section,
+    inspected,
+    raw_edge,
+    raw_errors,
+    simulate,
+)
 from workbench.errors import WorkbenchError
 from workbench.units import Float
 
@@ -106,7 +117,7 @@ def walking(seed: int, is_raw: bool, rng: Rng, cell: type[Usual] = Swaying) -> P
 
 def chattered(seed: int, is_raw: bool, rng: Rng) -> Part:
     """Chatter of the cutter, some millimetres long."""
-    of = simulate(seed, is_raw).section
+    of = drawn_section(seed, is_raw, Usual())[1]
     wave = {"wave_mm": rng.uniform(0.03, 0.12), "length_mm": rng.uniform(0.8, 3.0)}
     return simulate(seed, is_raw, Chattered(**dataclasses.asdict(of), **wave))
 

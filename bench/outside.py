@@ -1,4 +1,4 @@
-"""`python -m bench.outside --parts 100 --seed 0 --worst 10`: a third simulator, for judging only.
+"""A third simulator, for judging only: `python -m bench.score --simulators outside`.
 
 A polygon drawn along a straight line, hit by rays in the plane across it: nothing is shared with the two simulators
 that the package is developed on. Its own faults: heavy tails, a sensor error that walks over the columns, returns lost
@@ -8,8 +8,7 @@ way, values rounded, poses at every frame or every fourth.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from workbench.artefacts import RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
-from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.kernels import kernel
 from workbench.scan import fuse
@@ -171,8 +169,7 @@ class Part(NamedTuple):
 def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | None = None) -> Part:
     """Part `seed`: a milled edge, or a raw one whose end face is as high as the plate; or a section `of` one's own."""
     cell = cell or Usual()
-    rng = np.random.default_rng([778, seed, is_raw])
-    section = cell.section(rng, is_raw)
+    rng, section = drawn_section(seed, is_raw, cell)
     section = section if of is None else of
     thick = section.thickness_mm
     incline = np.radians(cell.incline_deg(rng, is_raw))
@@ -221,6 +218,12 @@ def simulate(seed: int, is_raw: bool, of: Section | None = None, cell: Usual | N
         base_from_section,
         about | {"incline": np.degrees(incline), "jitter": jitter, "digit": digit},
     )
+
+
+def drawn_section(seed: int, is_raw: bool, cell: Usual) -> tuple[np.random.Generator, Section]:
+    """The section of part `seed`, and the generator that draws the rest of it."""
+    rng = np.random.default_rng([778, seed, is_raw])
+    return rng, cell.section(rng, is_raw)
 
 
 def _orientations(rng: np.random.Generator, incline: float, along: Float, cell: Usual) -> Float:
@@ -355,64 +358,3 @@ def raw_errors(part: Part, edge: RawEdge) -> Errors:
         "along m, mm": (place[:, 1], u[:, 1]),
         "axis, deg": (np.arctan2(normal[:, 1], normal[:, 0]) / DEG, axis_u),
     }
-
-
-def _judged(
-    is_raw: bool, measure: Callable[[Part], Errors], seeds: range, cell: type[Usual]
-) -> tuple[list[str], list[tuple[float, str]]]:
-    """Rows of the table, and every part's worst error over u with what it was of."""
-    all_: dict[str, list[tuple[Float, Float]]] = {}
-    worst, refused = [], []
-    for seed in seeds:
-        part = simulate(seed, is_raw, cell=cell())
-        about = ", ".join(f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in part.about.items())
-        about += f", root {part.section.root_mm:.2f}, bevel {part.section.bevel / DEG:.0f}, "
-        about += f"radius {part.section.radius_mm:.3f}, grid {part.recording.x_mm.shape}"
-        try:
-            found = measure(part)
-        except WorkbenchError as error:
-            refused.append(f"{'raw' if is_raw else 'milled'} {seed} refused: {str(error)[:160]} ({about})")
-            continue
-        for name, (error, u) in found.items():
-            all_.setdefault(name, []).append((error, u))
-            z = np.abs(error) / u
-            if z.size:
-                k = int(z.argmax())
-                worst.append((float(z[k]), f"{name} {seed}: {z[k]:.1f} u, {error[k]:.4f} ({about})"))
-    rows = []
-    for name, pairs in all_.items():
-        error, u = np.abs(np.concatenate([e for e, _ in pairs])), np.concatenate([u for _, u in pairs])
-        greatest = [float(np.abs(e).max()) for e, _ in pairs if e.size]
-        rows.append(
-            f"| {name} | {len(pairs)} | {len(refused)} | {np.percentile(greatest, 95):.4f} | "
-            f"{100 * np.mean(error <= 2 * u):.1f} | {(error / u).max():.1f} | {np.mean(error > BEYOND * u):.4f} | "
-            f"{u.mean():.4f} |"
-        )
-    return rows, worst + [(np.inf, one) for one in refused]
-
-
-def main() -> None:
-    """Simulate, measure, and print a table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.outside", description=__doc__.split("\n")[0])
-    parser.add_argument("--parts", type=int, default=100, help="of each kind")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--wide", action="store_true", help="set up as no cell should be; most are refused")
-    parser.add_argument("--worst", type=int, default=10, help="parts told one by one")
-    chosen = parser.parse_args()
-    seeds = range(chosen.seed, chosen.seed + chosen.parts)
-    print(f"`python -m bench.outside{' --wide' * chosen.wide} --parts {chosen.parts} --seed {chosen.seed}`\n")
-    print("| value | parts | refused | p95 of the greatest | within 2u, % | worst error/u | share beyond 3u | mean u |")
-    print("|" + " --- |" * 8)
-    told: list[tuple[float, str]] = []
-    for is_raw, measure in ((False, inspected), (True, planned)):
-        rows, worst = _judged(is_raw, measure, seeds, Wide if chosen.wide else Usual)
-        print("\n".join(rows), flush=True)
-        told += worst
-    if chosen.wide:
-        told = [one for one in told if np.isfinite(one[0])]
-    for _, line in sorted(told, key=lambda one: -one[0])[: chosen.worst]:
-        print(f"- {line}")
-
-
-if __name__ == "__main__":
-    main()

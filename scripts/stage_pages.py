@@ -29,6 +29,7 @@ meaning; names end in their units. In a pipeline: `{"stage": NAME, PARAMETER: VA
 IMPLIED = {"number", "integer", "text", "true or false", "[number, number]", "[number, number, number]", "object"}
 EXAMPLE = re.compile(r"^Example:\n((?: +.*\n?|\n)+)", re.MULTILINE)
 RAISES = re.compile(r"^Raises:\n((?: +.*\n?)+)", re.MULTILINE)
+REPEATED = re.compile(r'\[("[^\]]*?)((?:, \1)+)\]')
 NUMBERS = re.compile(r"\[number(?:, number)+\]")
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PARSER = doctest.DocTestParser()
@@ -127,8 +128,9 @@ def _item(one: ParameterText) -> str:
 
 
 def _short(of_type: str) -> str:
-    """A choice as a list, many numbers by their count."""
-    listed = of_type.replace('" or "', '", "')
+    """A choice as a list, many of one kind by their count."""
+    counted = REPEATED.sub(lambda found: f"{found[0].count(found[1])} of {found[1]}", of_type)
+    listed = counted.replace('" or "', '", "')
     return NUMBERS.sub(lambda found: f"{found[0].count('number')} numbers", listed)
 
 

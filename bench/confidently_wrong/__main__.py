@@ -22,7 +22,7 @@ from workbench.synthetic import Truth
 from workbench.units import Float
 
 SEED = 2_000_000  # from here on; not used for developing
-INSPECTED = (  # of both simulators in turn
+INSPECTED = (  # of two simulators in turn
     "straight",
     "swept_twist",
     "arc",
@@ -205,7 +205,7 @@ def _false_refusals(count: int, seed: int) -> list[str]:
             recording, _ = simulated(condition, seed + 500 + k)
             recordings += 1
             failed += [f"{condition} {seed + 500 + k}: {c.name}" for c in judge_recording(recording) if not c.passed]
-    told = f"{len(failed)} of {recordings} good recordings of both simulators, under all their conditions, fail a check"
+    told = f"{len(failed)} of {recordings} good recordings of two simulators, under all their conditions, fail a check"
     return ["## False refusals", "", told + (f": {'; '.join(failed[:20])}." if failed else ".")]
 
 

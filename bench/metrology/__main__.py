@@ -1,4 +1,4 @@
-"""`python -m bench.metrology`: what the score does not tell: plans, closed loops, clouds, calibrations, stiffness."""
+"""`python -m bench.metrology`: what the score does not tell: plans, measured loops, calibrations, stiffness."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
         choices=STUDIES,
         default=list(STUDIES),
         metavar="STUDY",
-        help="of planning, loop, measured_loop, clouds, calibration, stiffness (all)",
+        help="of planning, measured_loop, calibration, stiffness (all)",
     )
     parser.add_argument(
         "--parts",
         type=int,
-        help="parts a condition (planning and both loops 100, clouds 20, calibration 500, stiffness 1000)",
+        help="parts a condition (planning and measured_loop 100, calibration 500, stiffness 1000)",
     )
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of each condition's first part (1000000)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known, metavar="NAME")

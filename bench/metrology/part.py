@@ -16,7 +16,6 @@ from workbench.synthetic import Truth
 from workbench.units import Float
 
 FIXED = ("paper", "limit")  # conditions drawn about the default requirements
-WINDOW_MM = 10.0  # half width of the stretch of edge whose frames count for a section
 Numbers = list[float | None]  # one a section; None: not measured
 
 

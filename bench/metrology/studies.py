@@ -16,10 +16,6 @@ from bench.metrology.calibration.summary import (
     summarise_calibrations,
     worst_calibrations,
 )
-from bench.metrology.clouds.part import CloudResult, measure_clouds
-from bench.metrology.clouds.summary import CLOUD_CONDITIONS, cloud_tables, summarise_clouds, worst_clouds
-from bench.metrology.loop.part import LoopResult, measure_loop
-from bench.metrology.loop.summary import LOOP_CONDITIONS, loop_tables, summarise_loops, worst_loops
 from bench.metrology.measured.part import MeasuredResult, measure_measured
 from bench.metrology.measured.summary import MEASURED_CONDITIONS, measured_tables, summarise_measured, worst_measured
 from bench.metrology.planning.part import PlanResult, measure_plan
@@ -65,29 +61,6 @@ STUDIES = {
         ROOT / "docs" / "planning_metrology.md",
         "planning",
     ),
-    "loop": Study(
-        Measurement(
-            measure_loop,
-            LoopResult,
-            (
-                *MEASURING,
-                "workbench/path",
-                "workbench/inspect",
-                "workbench/twin",
-                "bench/score",
-                "bench/metrology",
-                "bench/metrology/planning",
-                "bench/metrology/loop",
-            ),
-        ),
-        LOOP_CONDITIONS,
-        100,
-        summarise_loops,
-        loop_tables,
-        worst_loops,
-        ROOT / "docs" / "planning_metrology.md",
-        "loop",
-    ),
     "measured_loop": Study(
         Measurement(
             measure_measured,
@@ -110,20 +83,6 @@ STUDIES = {
         worst_measured,
         ROOT / "docs" / "planning_metrology.md",
         "measured_loop",
-    ),
-    "clouds": Study(
-        Measurement(
-            measure_clouds,
-            CloudResult,
-            (*MEASURING, "workbench/inspect", "workbench/export", "bench/metrology", "bench/metrology/clouds"),
-        ),
-        CLOUD_CONDITIONS,
-        20,
-        summarise_clouds,
-        cloud_tables,
-        worst_clouds,
-        ROOT / "docs" / "cloud_metrology.md",
-        "clouds",
     ),
     "calibration": Study(
         Measurement(

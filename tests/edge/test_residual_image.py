@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.outside import Part, Usual, simulate
+from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_rim import measured
 from workbench.artefacts import FORM
 from workbench.errors import WorkbenchError
@@ -27,7 +27,7 @@ class Walking(Usual):
 
 
 def walking(seed: int, flawed: float) -> Part:
-    return simulate(seed, False, replace(simulate(seed, False).section, radius_mm=0.0), Walking(flawed))
+    return simulate(seed, False, replace(drawn_section(seed, False, Usual())[1], radius_mm=0.0), Walking(flawed))
 
 
 def test_the_angle_of_a_sensor_that_walks_lies_within_its_uncertainty() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.outside import Part, Usual, simulate
+from bench.outside import Part, Usual, drawn_section, simulate
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import simulate as triangulated
 from workbench.artefacts import MilledEdge
@@ -28,7 +28,7 @@ class Seen(Usual):
 
 
 def rounded(seed: int, radius_mm: float, incline_deg: float) -> Part:
-    section = replace(simulate(seed, False).section, radius_mm=radius_mm, drift=0.0)
+    section = replace(drawn_section(seed, False, Usual())[1], radius_mm=radius_mm, drift=0.0)
     return simulate(seed, False, section, Seen(incline_deg))
 
 

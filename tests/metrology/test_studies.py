@@ -14,7 +14,7 @@ def test_everything_is_measured_unless_said_otherwise():
     options = parse([])
     assert options.studies == list(STUDIES)
     assert len(tasks("planning", options)) == 100 * len(RAW_CONDITIONS)
-    assert {seed for _, seed in tasks("loop", options)} == set(range(1_000_000, 1_000_100))
+    assert {seed for _, seed in tasks("measured_loop", options)} == set(range(1_000_000, 1_000_100))
 
 
 def test_the_command_can_be_typed_again():
@@ -37,8 +37,8 @@ def test_results_rest_on_the_source_that_they_name():
     keep = [Measurement(lambda *_: None, dict, folders) for folders in (("bench/peers",), ("bench/metrology",))]
     assert digest(keep[0]) != digest(keep[1])
     sources = {name: set(study.measurement.sources) for name, study in STUDIES.items()}
-    assert sources["planning"] < sources["loop"] | {"bench/metrology/planning"}
-    assert {"workbench/twin", "workbench/inspect", "workbench/path"} <= sources["loop"]
+    assert sources["planning"] < sources["measured_loop"]
+    assert {"workbench/twin", "workbench/inspect", "workbench/path"} <= sources["measured_loop"]
 
 
 def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):

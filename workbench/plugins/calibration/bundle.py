@@ -179,9 +179,9 @@ def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterat
         yield sorted(((truncated(answer, seen, noise), answer) for answer in answers), key=lambda pair: pair[0])
 
 
-def truncated(estimate: Estimate, seen: Observations, noise: Noise, slack: float = SLACK) -> float:
-    """Sum over the postures of the squared Mahalanobis distance over `slack`, each at most `GATE`."""
-    return float(np.minimum(distances(estimate, seen, noise) / slack, GATE).sum())
+def truncated(estimate: Estimate, seen: Observations, noise: Noise) -> float:
+    """Sum over the postures of the squared Mahalanobis distance over SLACK, each at most `GATE`."""
+    return float(np.minimum(distances(estimate, seen, noise) / SLACK, GATE).sum())
 
 
 def distances(estimate: Estimate, seen: Observations, noise: Noise) -> Float:

@@ -1,1 +1,0 @@
-"""The closed loop on simulated raw edges: scan, plan, mill, scan, inspect."""

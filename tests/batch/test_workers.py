@@ -75,5 +75,5 @@ def test_a_missing_extra_is_one_line(pipeline: Path, record: Write, tmp_path: Pa
     import sys
 
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"install workbench\[cluster\]"):
+    with pytest.raises(InputError, match=r"install 'bevel-workbench\[cluster\]"):
         run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")

@@ -84,7 +84,8 @@ def test_a_run_s_files_are_what_is_stored(tmp_path: Path) -> None:
         found = store.run(number)
     assert found is not None
     assert (found.state, found.status, found.part, found.verdict) == ("done", 1, "P", "undecided")
-    assert found.reason == "section 1 is open. Scan from below."
+    assert found.reason == "section 1 is open"
+    assert found.record["todo"] == "Scan from below."
     assert found.record["cell"] == "KR 7"
     assert found.record["out"] == str(tmp_path)
     assert "origin_mm" not in found.record["sections"][0]

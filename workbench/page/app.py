@@ -36,6 +36,7 @@ from workbench.page.jobs import DRAFT, IMPORT, LOOK, PREVIEW, Queue
 from workbench.page.records import alike, fleet
 from workbench.page.store import FILTERS, Preset, Run, Store
 from workbench.pipeline.catalogue import unit_of
+from workbench.pipeline.follow import state_of
 from workbench.report.html import script_source, viewer_script
 from workbench.server import LOOPBACK, LocalServer
 from workbench.storage import beside
@@ -297,7 +298,8 @@ class Page:
 
     def state(self, request: Request, body: Any) -> Response:
         """A run as JSON."""
-        return JSONResponse(asdict(self._found(request)))
+        run = self._found(request)
+        return JSONResponse({**asdict(run), "todo": run.record.get("todo")})
 
     def cancel(self, request: Request, body: Any) -> Response:
         """End a run."""
@@ -317,10 +319,13 @@ class Page:
         return JSONResponse({"name": name})
 
     def newest(self, request: Request, body: Any) -> Response:
-        """The newest recording of the folder, and when it was last written: what an operator's page waits for."""
+        """What an operator waits for: the newest recording, when it was last written, whether it grows."""
         found = [path for path in self.folder.iterdir() if path.suffix.lower() in RECORDINGS and path.is_file()]
         path = max(found, key=lambda one: one.stat().st_mtime, default=None)
-        return JSONResponse({"file": path and path.name, "written": path and path.stat().st_mtime})
+        if path is None:
+            return JSONResponse({"file": None})
+        grows = state_of(path) in ("growing", "locked")
+        return JSONResponse({"file": path.name, "written": path.stat().st_mtime, "grows": grows})
 
     async def upload(self, request: Request) -> Response:
         """Store the body as a file of the folder: whole or not at all, and never in the place of another."""

@@ -7,15 +7,18 @@ import re
 import subprocess
 import sys
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from workbench.children import environment
 from workbench.page.records import summary
 from workbench.page.store import Run, Store
+from workbench.pipeline.follow import RECORDING, state_of
 
 LOOK, DRAFT, PREVIEW, IMPORT = "look", "draft", "preview", "import"  # runs that are no pipeline's
-STEP = re.compile(r"\[\d+/\d+\] \S+")
+STEP = re.compile(r"\[\d+/\d+\] \S+|\d+ frames so far: .*")
+VERDICT = re.compile(r"part: (?P<verdict>pass|fail|undecided) \((?P<reason>.*)\)")
 
 
 class Queue:
@@ -106,7 +109,14 @@ class Queue:
         printed: list[str] = []
         assert child.stdout is not None
         assert child.stderr is not None
-        reader = threading.Thread(target=lambda stream: printed.append(stream.read()), args=(child.stdout,))
+
+        def read(stream: Iterable[str]) -> None:
+            for line in stream:
+                printed.append(line)
+                if known := VERDICT.fullmatch(line.strip()):  # before the pictures are drawn
+                    self.store.update(run.id, **known.groupdict())
+
+        reader = threading.Thread(target=read, args=(child.stdout,))
         reader.start()
         last = ""
         for line in child.stderr:
@@ -136,8 +146,12 @@ class Queue:
             made = self.folder / run.inputs["made"]  # of a preview one file, ever again
             read = [IMPORT, *run.inputs["files"], "--mapping", str(self._mapping(run)), "--out", str(made)]
             return [read, [LOOK, str(made), *page]]
-        given = [text for name, value in run.inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
-        return [["run", run.kind, "--out", str(out), "--cache", str(self.folder / ".workbench" / "cache"), *given]]
+        inputs, follow = dict(run.inputs), []
+        if inputs.get(RECORDING) and state_of(Path(inputs[RECORDING])) in ("growing", "locked"):
+            follow = ["--follow", inputs.pop(RECORDING)]
+        given = [text for name, value in inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
+        cache = str(self.folder / ".workbench" / "cache")
+        return [["run", run.kind, "--out", str(out), "--cache", cache, *follow, *given]]
 
     def _done(self, run: Run, status: int, printed: str, last: str) -> None:
         """Write down what came of it, unless it was cancelled, or is to be done again."""

@@ -115,13 +115,16 @@ if (draft) {
 
 // A run at work: its step, then the page anew.
 const atWork = document.querySelector("[data-run]");
-async function follow(number, step, done) {
+async function follow(number, step, done, known) {
   const run = await call("/api/runs/" + number);
   if (run && step) step.textContent = run.step || "";
-  if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done), 400);
+  if (run && known && run.verdict) known(run);
+  if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done, known), 400);
 }
+const tell = (element, word, states) => { element.textContent = states[word] || word; element.className = "verdict " + word; };
 if (atWork) {
-  follow(atWork.dataset.run, atWork.querySelector(".step"), () => location.reload());
+  const states = JSON.parse(atWork.dataset.states), word = atWork.querySelector(".verdict");
+  follow(atWork.dataset.run, atWork.querySelector(".step"), () => location.reload(), (run) => tell(word, run.verdict, states));
   atWork.querySelector("button").addEventListener("click", () => post("/api/runs/" + atWork.dataset.run + "/cancel", {}));
 }
 
@@ -135,16 +138,21 @@ if (operator) {
     busy = true; verdict.textContent = "…"; verdict.className = "verdict"; todo.textContent = file;
     const made = await post("/api/runs", { pipeline: preset.pipeline, inputs: { ...preset.inputs, [preset.file]: file } });
     if (!made) { busy = false; return; }
-    follow(made.id, step, (run) => {
-      const word = run.state === "done" ? run.verdict : "failed";
-      verdict.textContent = preset.states[word] || word; verdict.className = "verdict " + word;
-      todo.textContent = (run.part || "") + " " + (preset.todo[word] || run.reason || ""); step.textContent = ""; busy = false;
-    });
+    const known = (run, word) => {
+      tell(verdict, word, preset.states);
+      todo.textContent = [run.part, run.todo || preset.todo[word], word === "failed" ? run.reason : ""].filter(Boolean).join(" · ");
+    };
+    follow(made.id, step, async (run) => {
+      known(run, run.state === "done" ? run.verdict : "failed"); step.textContent = "";
+      const now = await call("/api/next"); // it has grown meanwhile
+      if (now && now.file === file) last = file + now.written;
+      busy = false;
+    }, (run) => known(run, run.verdict));
   };
   const watch = async () => {
     const found = await call("/api/next");
     const key = found && found.file ? found.file + found.written : null;
-    if (key && last !== null && key !== last && !busy && Date.now() / 1000 - found.written > 1) { last = key; measure(found.file); }
+    if (key && last !== null && key !== last && !busy && (found.grows || Date.now() / 1000 - found.written > 1)) { last = key; measure(found.file); }
     if (found && last === null) last = key || "";
     setTimeout(watch, 700);
   };

@@ -21,7 +21,7 @@ SIZE = re.compile(r"(?P<name>.+)_u(?P<unit>_mm|_deg)$")  # of a characteristic's
 def summary(folder: Path) -> dict[str, Any]:
     """Columns of the store out of a run's folder; nothing where the run made neither an inspection nor a calibration.
 
-    An inspection that ends in a scan to make has that in its reason.
+    An inspection that ends in a scan to make has that as `todo` in its record.
     """
     if (folder / CALIBRATION).is_file():
         return {"sizes": _calibrated(json.loads((folder / CALIBRATION).read_text(encoding="utf-8")))}
@@ -34,11 +34,9 @@ def summary(folder: Path) -> dict[str, Any]:
     asked = required_in_file(tree["requirements"])
     names = ("index", "arc_length_mm", "verdict", *asked, *(_u(name) for name in asked))
     sections = [{name: one.get(name) for name in names} for one in tree.get("sections", [])]
-    reason = f"{tree.get('reason')}. {todo}" if todo else tree.get("reason")
-    return measured(tree.get("part") or {}, tree["requirements"], sections) | {
-        "verdict": tree.get("verdict"),
-        "reason": reason,
-    }
+    told = measured(tree.get("part") or {}, tree["requirements"], sections)
+    told["record"]["todo"] = todo
+    return told | {"verdict": tree.get("verdict"), "reason": tree.get("reason")}
 
 
 def measured(identity: Mapping[str, Any], required: Any, sections: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

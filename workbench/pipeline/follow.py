@@ -20,7 +20,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from workbench.artefacts import Gate
+from workbench.artefacts import Gate, JointInspection
 from workbench.errors import ArgumentError, InputError, WorkbenchError, one_line
 from workbench.pipeline.run import Pipeline
 from workbench.storage import new_hdf5
@@ -176,10 +176,25 @@ class _Sight:
     def _measure(self) -> None:
         try:
             results = self.pipeline.run(inputs=self.inputs, settings=self.settings, report=False)
-            shown = "; ".join(one.reason for one in results if isinstance(one, Gate)) or "measured"
+            told = [one.reason for one in results if isinstance(one, Gate)]
+            told += [sizes for one in results if isinstance(one, JointInspection) and (sizes := _sizes(one))]
+            shown = "; ".join(told) or "measured"
         except WorkbenchError as error:
             shown = str(error).replace(str(self.copy), str(self.path))
         self.tell(f"{self.frames} frames so far: {one_line(shown)}")
+
+
+def _sizes(inspection: JointInspection) -> str:
+    """The mean over the sections of each size, with the largest U = 2 u."""
+    found = (
+        (one.term.lower(), [pair for pair in one.pairs if pair], one.is_angle) for one in inspection.characteristics
+    )
+    return ", ".join(
+        f"{name} {sum(value for value, _ in pairs) / len(pairs):.3f} ± {2 * max(u for _, u in pairs):.3f} "
+        + ("°" if is_angle else "mm")
+        for name, pairs, is_angle in found
+        if pairs
+    )
 
 
 def copy_complete_frames(path: Path, copy: Path, least: int) -> int:

@@ -1,1 +1,1 @@
-"""Predicted against achieved uncertainty of planned scans, on two simulators that share no code."""
+"""Planned scans: what was promised of them and what came of it, on two simulators that share no code."""

@@ -1,218 +1,193 @@
-"""One part scanned as a plan would have it, and what the engine makes of it."""
+"""What one planned scan promised, and what came of it."""
 
 from __future__ import annotations
 
-import json
+import dataclasses
 import math
+import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from bench.simulators.triangulated import Course, Sensor, Way, Workpiece
-from bench.simulators.triangulated import simulate as triangulate
-from workbench import cloud, edge, scan
-from workbench.artefacts import Recording
-from workbench.edge.residual_image import Linearity
-from workbench.scan_plan.information import Joint, Knowledge, Profiler, View, combined, hidden_why, information
-from workbench.scan_plan.way import drift_mm
-from workbench.synthetic import parse_recipe, simulate_recording
-from workbench.units import DEG, Float
+from bench.program_outsider import Outsider
+from bench.programs import CELL
+from bench.scan_plan.parts import ROBOT_MM, STANDOFF_MM, Drawn, analytic, draw, sensor_file, triangulated
+from workbench import cloud, edge, robot, scan
+from workbench.artefacts import Document, Gate, Recording
+from workbench.errors import InputError, WorkbenchError
+from workbench.geometry.poses import inverse, pose_from
+from workbench.result_files import SensorFile
+from workbench.robot import Cell, turntable_pose
+from workbench.robot.cell import ON_TURNTABLE, Shape
+from workbench.scan import read_hand_eye
+from workbench.scan_plan import ScanPlan, program
+from workbench.scan_plan.information import Joint, Knowledge, View, hidden_why
+from workbench.scan_plan.plan import Task, as_profiler, courses, planned
+from workbench.scan_plan.reach import scan_cell
+from workbench.scan_plan.way import EdgeLine, eyes_mm, view_poses
+from workbench.synthetic.workpiece import build_surface, edge_frames, pose
+from workbench.units import DEG, Bool, Float
 
-LENGTH_MM, RANGE_MM = 80.0, 150.0
-LINEARITY_MM, LINEARITY_LENGTH_MM = 0.001, 10.0
-
-
-class Drawn(NamedTuple):
-    """What a plan knows of a part: nominal joint, sensor, prior; and how it is scanned."""
-
-    joint: Joint
-    profiler: Profiler
-    known: Knowledge
-    views: tuple[View, ...]
-    wave_mm: float  # of root face, amplitude
-    table_mm: float | None
-
-
-class Compared(NamedTuple):
-    """Of one part: predicted standard uncertainties, and at stations the engine's and the errors (k,)."""
-
-    root_u_mm: float
-    bevel_u_deg: float
-    achieved_root_u_mm: Float
-    achieved_bevel_u_deg: Float
-    root_error_mm: Float
-    bevel_error_deg: Float
+HAND_EYE = CELL.parent.parent / "calibration" / "handeye.json"
+TAUGHT_MM = 0.3  # error of a taught point
+ENDS_MM = 4.0  # of the edge, where passes begin
+NEAR_MM = 6.0  # a station with the shadow's end so near may count as either
 
 
-def draw(seed: int, elevations_deg: tuple[float, float] = (-35.0, 50.0), most_passes: int = 2) -> Drawn:
-    """A part, a sensor, and one or two passes that it allows."""
-    rng = np.random.default_rng([71, seed])
-    while True:
-        root = rng.uniform(1.2, 3.0)
-        joint = Joint(root + rng.uniform(4.0, 9.0), root, rng.uniform(28.0, 48.0) * DEG)
-        columns, width = int(rng.choice([640, 800, 1024, 1280])), rng.uniform(22.0, 34.0)
-        radius = float(rng.choice([0.0, rng.uniform(0.01, 0.2)]))
-        profiler = Profiler(
-            columns,
-            (RANGE_MM - 30.0, RANGE_MM + 40.0),
-            (width, width),
-            rng.uniform(0.004, 0.014),
-            1.0,
-            Linearity(LINEARITY_MM, LINEARITY_LENGTH_MM),
-        )
-        pitch = float(rng.choice([0.2, 0.3, 0.5]))
-        views = tuple(
-            View(float(rng.uniform(*elevations_deg)) * DEG, RANGE_MM, pitch)
-            for _ in range(int(rng.integers(1, most_passes + 1)))
-        )
-        table = float(rng.uniform(60.0, 100.0)) if rng.random() < 0.3 else None
-        drift = max(drift_mm(profiler, view) for view in views)
-        if not any(hidden_why(joint, profiler, view, drift) for view in views):
-            known = Knowledge(0.01, 0.0, "unknown", radius)
-            return Drawn(joint, profiler, known, views, float(rng.choice([0.0, rng.uniform(0.0, 0.05)])), table)
-
-
-def analytic(drawn: Drawn, seed: int) -> tuple[Recording, Any]:
-    """By `workbench.synthetic`: a sharp edge, no speckle."""
-    joint, profiler = drawn.joint, drawn.profiler
-    rng = np.random.default_rng([72, seed])
-    middle = 0.5 * (joint.section_mm.min(axis=0) + joint.section_mm.max(axis=0))
-    passes = []
-    for view in drawn.views:
-        drift = drift_mm(profiler, view)
-        passes.append(
-            {
-                "from_mm": 2.0,
-                "to_mm": LENGTH_MM - 2.0,
-                "elevation_deg": view.elevation / DEG,
-                "lead_deg": view.lead / DEG,
-                "aim_mm": middle.tolist(),
-                "skew_mm": [-0.5 * drift, 0.5 * drift],
-                "motion": "stream",
-            }
-        )
-    document = {
-        "format": "bevel-recipe",
-        "version": 1,
-        "seed": seed,
-        "part": {
-            "kind": "milled",
-            "length_mm": LENGTH_MM,
-            "thickness_mm": joint.thickness_mm,
-            "root_mm": {
-                "start": joint.root_mm,
-                "end": joint.root_mm,
-                "amplitude": drawn.wave_mm,
-                "wavelength_mm": float(rng.uniform(40.0, 150.0)),
-            },
-            "bevel_deg": {"start": joint.bevel / DEG, "end": joint.bevel / DEG},
-            "base_from_part": {"position_mm": [1450.0, -320.0, 760.0], "rpy_deg": [35, 2.5, -1.5]},
-        },
-        "scanner": {
-            "columns": profiler.columns,
-            "pitch_mm": profiler.pitch_mm(RANGE_MM),
-            "standoff_mm": RANGE_MM,
-            "near_mm": profiler.range_mm[0],
-            "far_mm": profiler.range_mm[1],
-            "noise": {"sd_mm": profiler.noise_mm},
-        },
-        "robot": {
-            "frame_pitch_mm": drawn.views[0].frame_pitch_mm,
-            "pose_noise_mm": drawn.known.robot_noise_mm,
-            "pose_noise_deg": 0.001,
-        },
-        "disturbances": {"dropout_share": 0.003, "outlier_share": 0.002},
-        "passes": passes,
-    }
-    recording, truth = simulate_recording(parse_recipe(document, source=f"analytic {seed}"))
-    return recording, {name: getattr(truth, name) for name in ("position_mm", "seen", "root_mm", "bevel_deg")}
-
-
-def triangulated(drawn: Drawn, seed: int) -> tuple[Recording, Any]:
-    """By `bench.simulators.triangulated`: camera beside the laser, footprint, rounding, linearity."""
-    joint, profiler = drawn.joint, drawn.profiler
-    rng = np.random.default_rng([73, seed])
-    part = Workpiece(
-        "milled",
-        LENGTH_MM,
-        float(np.exp(rng.uniform(6.0, 9.0))),
-        joint.thickness_mm,
-        Course(joint.root_mm, 0.0, drawn.wave_mm, float(rng.uniform(60.0, 150.0))),
-        Course(joint.bevel),
-        lower_radius_mm=drawn.known.radius_mm or 0.0,
-        upper_radius_mm=(drawn.known.radius_mm or 0.0) / 3.0,
-        table_mm=drawn.table_mm,
-        seed=seed,
-    )
-    sensor = Sensor(
-        columns=profiler.columns,
-        width_mm=profiler.width_mm[0],
-        stand_off_mm=RANGE_MM,
-        noise_mm=profiler.noise_mm,
-        speckle_columns=1.0,
-        linearity_mm=LINEARITY_MM,
-        linearity_length_mm=LINEARITY_LENGTH_MM,
-        threshold=0.08,
-        bright=False,
-    )
-    middle = 0.5 * (joint.section_mm.min(axis=0) + joint.section_mm.max(axis=0))
-    ways = [
-        Way(
-            step_mm=view.frame_pitch_mm,
-            elevation=view.elevation,
-            aim_mm=(float(middle[0]), float(middle[1])),
-            drift_mm=drift_mm(profiler, view),
-            robot_mm=drawn.known.robot_noise_mm,
-            robot_deg=0.001,
-        )
-        for view in drawn.views
-    ]
-    return triangulate(part, sensor, ways, seed)
-
-
-SIMULATORS = {"analytic": analytic, "triangulated": triangulated}
-
-
-def compare(simulator: str, seed: int, drawn: Drawn | None = None) -> Compared:
-    """Predict, scan, measure.
-
-    Raises:
-        WorkbenchError: the engine refuses the recording.
-    """
-    drawn = draw(seed) if drawn is None else drawn
-    if simulator == "analytic":
-        drawn = drawn._replace(known=drawn.known._replace(radius_mm=0.0))
-    else:  # its noise is shared by what the footprint and speckle smear
-        drawn = drawn._replace(profiler=drawn.profiler)
-    length = LENGTH_MM - 4.0
-    passes = [information(drawn.joint, drawn.profiler, drawn.known, view, length) for view in drawn.views]
-    told = combined(drawn.joint, drawn.known, [one for one in passes if one is not None], length)
-    recording, truth = SIMULATORS[simulator](drawn, seed)
+def examine(seed: int) -> dict[str, Any]:
+    """One part: planned in the shipped cell, scanned, measured, its programs driven by the outsider."""
+    drawn = draw(seed)
+    row: dict[str, Any] = {"seed": seed, "clamped": drawn.clamp_mm is not None, "radius_mm": drawn.radius_mm}
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "sensor.json"
-        file.write_text(json.dumps({"linearity_mm": LINEARITY_MM, "linearity_length_mm": LINEARITY_LENGTH_MM}))
+        sensor = sensor_file(drawn, Path(folder))
+        begin = time.process_time()
+        try:
+            task, made = _planned(drawn, sensor, seed)
+        except InputError as refused:
+            return {**row, "refused": str(refused)}
+        row |= {"seconds": time.process_time() - begin, "passes": len(made.passes), "table": made.table}
+        row |= {"promised": float(made.reached.mean()), "elevations": [one.view.elevation / DEG for one in made.passes]}
+        row["missed"] = _missed(drawn, task, made)
+        row["collision"] = _driven(made) if made.reached.all() else None
+        way = courses(made)
+        found = {"analytic": _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
+        if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
+            found["triangulated"] = _achieved(drawn, made, sensor, *triangulated(drawn, made, seed))
+    return {**row, "simulators": found}
+
+
+def _planned(drawn: Drawn, sensor: Path, seed: int) -> tuple[Task, ScanPlan]:
+    """In the shipped cell with the clamp, by points that were taught."""
+    file, eye = SensorFile.read(sensor), read_hand_eye(HAND_EYE)
+    part = drawn.recipe.part
+    joint = Joint(drawn.thickness_mm, drawn.root_mm, drawn.bevel_deg * DEG)
+    surface = build_surface(part, seed)
+    frames = pose(part.base_from_part) @ edge_frames(surface, np.linspace(0.0, part.length_mm, 4))
+    points = frames[:, :3, 3] + np.random.default_rng([76, seed]).normal(0.0, TAUGHT_MM, (4, 3))
+    line = EdgeLine.through(points, frames[:, :3, 2], "taught")
+    known = Knowledge(ROBOT_MM, 0.0, "unknown")
+    task = Task(joint, as_profiler(file, sensor), known, line, drawn.wanted, 2, 200.0, 100.0)
+    cell = robot.cell(cell=CELL)
+    assert isinstance(cell, Cell)
+    for one in part.clamps:
+        cell = dataclasses.replace(cell, shapes=(*cell.shapes, _clamp(cell, drawn, one)))
+    place = scan_cell(cell, file, eye.flange_from_profiler, STANDOFF_MM, line, joint, tool_stays=False, z_away=True)
+    return task, planned(task, place)
+
+
+def _clamp(cell: Cell, drawn: Drawn, one: Any) -> Shape:
+    """The clamp as a body on the turntable."""
+    part = drawn.recipe.part
+    middle = edge_frames(build_surface(part, 0), np.array([0.5 * (one.from_mm + one.to_mm)]))[0]
+    top = part.thickness_mm.highest + one.height_mm
+    size = (one.reach_in_mm + one.reach_out_mm, one.to_mm - one.from_mm, top + 2.0)
+    offset = np.array([0.5 * (one.reach_out_mm - one.reach_in_mm), 0.0, 0.5 * (top - 2.0)])
+    at = pose(part.base_from_part) @ middle @ pose_from(np.eye(3), offset)
+    return Shape("clamp", ON_TURNTABLE, "box", size, inverse(turntable_pose(cell, 0.0)) @ at)
+
+
+def _missed(drawn: Drawn, task: Task, made: ScanPlan) -> dict[str, float]:
+    """Stations that no pass sees: share; and share of those to which light is free from somewhere, by another test."""
+    sees = np.any([one.sees for one in made.passes], axis=0)
+    if drawn.clamp_mm is None or sees.all():
+        return {"unseen": float((~sees).mean()), "free": 0.0}
+    return {"unseen": float((~sees).mean()), "free": float((~sees & _free(drawn, task)).mean())}
+
+
+def _free(drawn: Drawn, task: Task) -> Bool:
+    """Stations whose whole section laser and camera reach past the clamp, from any of many views."""
+    (one,) = drawn.recipe.part.clamps
+    part = drawn.recipe.part
+    middle = edge_frames(build_surface(part, 0), np.array([0.5 * (one.from_mm + one.to_mm)]))[0]
+    back = inverse(pose(part.base_from_part) @ middle)
+    half = 0.5 * (one.to_mm - one.from_mm)
+    low = np.array([-one.reach_in_mm, -half, -2.0])
+    high = np.array([one.reach_out_mm, half, part.thickness_mm.highest + one.height_mm])
+    at = task.edge.at(task.stations)
+    n, m = task.joint.section_mm.T
+    points = at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None]
+    free = np.zeros(len(points), bool)
+    for elevation in np.arange(-66.0, 67.0, 4.0):
+        for lead in (-15.0, 0.0, 15.0):
+            view = View(elevation * DEG, STANDOFF_MM, 0.5, lead * DEG)
+            if hidden_why(task.joint, task.profiler, view):
+                continue
+            for turned in (False, True):
+                eyes = eyes_mm(
+                    task.profiler, view, view_poses(at, task.joint, task.profiler, view, turned, task.edge.length_mm)
+                )
+                free |= ~_hit(points, eyes, back, low, high)
+    return free
+
+
+def _hit(points: Float, eyes: Float, back: Float, low: Float, high: Float) -> Bool:
+    """Whether a box is between any point (k, p, 3) of a station and any eye (k, e, 3): the slab test."""
+    a, b = (one @ back[:3, :3].T + back[:3, 3] for one in (points[:, :, None], eyes[:, None]))
+    way = b - a
+    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+    one, two = (low - a) / way, (high - a) / way
+    enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
+    return np.asarray(((enter <= leave) & (leave > 0.0) & (enter < 1.0)).any(axis=(1, 2)))
+
+
+def _driven(made: ScanPlan) -> str:
+    """What the outsider meets on the programs of a plan, as joint angles over time; '' nothing, 'none': not written."""
+    assert made.scan_cell is not None
+    cell = made.scan_cell.cell
+    out = program(made, cell, controller="trajectory", scanner_mass_kg=3.0)
+    gate = out[-1]
+    assert isinstance(gate, Gate)
+    if not gate.passed:
+        return f"none: {gate.reason}"
+    outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
+    for one in out:
+        if isinstance(one, Document) and one.name.endswith(".csv"):
+            lines = [line for line in one.content.decode().splitlines() if not line.startswith("#")]
+            rows = np.loadtxt(lines[1:], delimiter=",", usecols=range(8))  # time, six joints, turntable
+            joints, tables = outsider.sampled(rows[:, 0], rows[:, 1:])
+            if ((joints < outsider.low) | (joints > outsider.high)).any():
+                return "limit"
+            if wrong := outsider.unsafe(cell, joints, tables):
+                return wrong
+    return ""
+
+
+def _achieved(drawn: Drawn, made: ScanPlan, sensor: Path, recording: Recording, truth: Any) -> dict[str, Any]:
+    """Of stations that the plan speaks of: u by the engine, and errors."""
+    try:
         found = edge.segment(
             cloud.denoise(scan.fuse(recording)),
-            root_nominal_mm=drawn.joint.root_mm,
-            bevel_nominal_deg=drawn.joint.bevel / DEG,
-            robot_noise_mm=drawn.known.robot_noise_mm,
-            sensor=file,
+            root_nominal_mm=drawn.root_mm,
+            bevel_nominal_deg=drawn.bevel_deg,
+            robot_noise_mm=ROBOT_MM,
+            sensor=sensor,
         )
-    at = np.flatnonzero(found.seen)[3:-3]
-    place = found.position_mm[at]
+    except WorkbenchError as refused:
+        return {"refused": str(refused)}
+    known = found.seen & np.isfinite(found.root.u) & np.isfinite(found.bevel.u)
+    place = found.position_mm[known]
     near = np.argmin(np.linalg.norm(truth["position_mm"][None] - place[:, None], axis=2), axis=1)
-    return Compared(
-        float(told.root.u),
-        float(told.bevel.u),
-        found.root.u[at],
-        found.bevel.u[at],
-        found.root.value[at] - np.asarray(truth["root_mm"])[near],
-        found.bevel.value[at] - np.asarray(truth["bevel_deg"])[near],
-    )
-
-
-def ratio(achieved: Float, predicted: float) -> float:
-    """Of the root mean square of what was achieved along the part."""
-    return math.sqrt(float(np.mean(achieved**2))) / predicted
+    s = found.arc_length_mm[known]
+    inside = (s > s[0] + ENDS_MM) & (s < s[-1] - ENDS_MM)
+    station = np.clip(np.searchsorted(made.arc_length_mm, s), 0, len(made.arc_length_mm) - 1)
+    promised = made.reached[station] & made.reached[np.maximum(station - 1, 0)] & inside
+    root_u, bevel_u = 2.0 * found.root.u[known], 2.0 * found.bevel.u[known]
+    root_error = np.abs(found.root.value[known] - np.asarray(truth["root_mm"])[near])
+    bevel_error = np.abs(found.bevel.value[known] - np.asarray(truth["bevel_deg"])[near])
+    told_root, told_bevel = 2.0 * made.root.u[station], 2.0 * made.bevel.u[station]
+    held = (root_u <= drawn.wanted.root_mm) & (bevel_u <= drawn.wanted.bevel_deg)
+    out: dict[str, Any] = {"promised": int(promised.sum()), "held": int((held & promised).sum())}
+    for name, u, told, error, most in (
+        ("root", root_u, told_root, root_error, drawn.wanted.root_mm),
+        ("bevel", bevel_u, told_bevel, bevel_error, drawn.wanted.bevel_deg),
+    ):
+        which = promised & np.isfinite(told)
+        if which.any():
+            out[name] = {
+                "ratio": math.sqrt(float(np.mean(u[which] ** 2) / np.mean(told[which] ** 2))),
+                "held": float(np.mean(u[which] <= most)),
+                "covered": float(np.mean(error[which] <= u[which])),
+            }
+    return out

@@ -459,6 +459,7 @@ DRAWN = {
     "Surface": surface,
     "Cloud": cloud,
     "PointSet": point_set,
+    "TaughtEdge": point_set,
     "Recording": recording,
     "Workpiece": workpiece,
     "Document": document,

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from tests.scan_plan.test_information import JOINT, LENGTH_MM, SENSOR
-from workbench.scan_plan.information import Knowledge, View, information
+from workbench.scan_plan.information import MOST_INCIDENCE, Knowledge, View, incidences, information
+from workbench.scan_plan.plan import Task
 from workbench.scan_plan.search import Candidate, Search, Wanted
+from workbench.scan_plan.way import EdgeLine
 from workbench.units import DEG
 
 KNOWN = Knowledge(edge_condition="sharp")
@@ -39,3 +41,17 @@ def test_no_set_is_better(seed: int) -> None:
         assert reach.seconds <= 1.1 * best.seconds
     else:
         assert reach.excess <= 1.1 * best.excess
+
+
+@pytest.mark.parametrize("bevel_deg", [20.0, 40.0, 48.0, 60.0])
+def test_the_joint_gives_the_elevations(bevel_deg: float) -> None:
+    """Both faces are seen from all of them, and from one the lower surface too, where there is such a view."""
+    joint = JOINT._replace(bevel=bevel_deg * DEG)
+    line = EdgeLine.through(np.array([[0.0, 0.0, 0.0], [LENGTH_MM, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]), "line")
+    task = Task(joint, SENSOR, KNOWN, line, Wanted(0.02, 0.1), 2, 200.0, 100.0)
+    at = np.array(task.elevations)
+    seen = np.array([incidences(joint, View(one, 150.0, 0.2)) for one in at])
+    assert (np.diff(at) > 0.0).all()
+    assert np.diff(at).max() < 10.01 * DEG
+    assert seen[:, :2].max() < MOST_INCIDENCE
+    assert (seen[:, 2] < MOST_INCIDENCE).any() == (bevel_deg < 50.0)

@@ -79,7 +79,7 @@ from workbench.artefacts.quantities import (
     Term,
     kind_of,
 )
-from workbench.artefacts.scans import Cloud, HandEye, PointSet, Recording
+from workbench.artefacts.scans import Cloud, HandEye, PlannedScan, PointSet, Recording, ScanCourse, TaughtEdge
 from workbench.artefacts.showing import Chapter, Document, Mark, Scene, Shading, Strokes, shown_all
 from workbench.geometry.chains import FaceLines
 from workbench.units import frozen
@@ -139,6 +139,7 @@ __all__ = [
     "PathCorrection",
     "PathDeflection",
     "PathGate",
+    "PlannedScan",
     "PointSet",
     "Postures",
     "Preparation",
@@ -154,11 +155,13 @@ __all__ = [
     "Requirements",
     "Rework",
     "RobotCell",
+    "ScanCourse",
     "Scene",
     "Section",
     "Shading",
     "Stretch",
     "Strokes",
+    "TaughtEdge",
     "Term",
     "Toolpath",
     "Travel",

@@ -77,6 +77,37 @@ class HandEye:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TaughtEdge:
+    """Where a lower edge is, roughly: points that a robot was led to."""
+
+    points_mm: Shaped[Float, "p 3"]  # in the base, in order of t = m x n
+    upper_side: Shaped[Float, " 3"]  # roughly m, in the base
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanCourse:
+    """One pass as it is to be driven."""
+
+    base_from_profiler: Shaped[Float, "k 4 4"]  # straight between them
+    frame_pitch_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedScan:
+    """The passes of a planned scan, and the profiler that they were planned for."""
+
+    courses: tuple[ScanCourse, ...]
+    columns: int
+    pitch_mm: float  # between them, at the stand-off
+    standoff_mm: float
+    range_mm: tuple[float, float]
+    noise_mm: float
+    camera_mm: float | None  # beside the laser, along y; None: unknown
+    z_away: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
     """An organised point cloud: the scanner's grid (frame x column), a pose a frame and what is kept.
 

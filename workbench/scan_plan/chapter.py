@@ -106,11 +106,11 @@ def _section_picture(made: ScanPlan) -> bytes:
 
 def _outline(joint: Joint) -> np.ndarray:
     back = joint.section_mm[2, 0] - BEHIND_MM
-    return np.array([*joint.section_mm, [back, joint.thickness_mm], [back, 0.0]])
+    return np.array([*joint.section_mm[:3], [back, joint.thickness_mm], [back, 0.0]])
 
 
 def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, tuple[float, float]]]:
-    low, corner, top = joint.section_mm
+    low, corner, top = joint.section_mm[:3]
     back = top[0] - BEHIND_MM
     return [
         (low, corner, (1.0, 0.0)),

@@ -44,22 +44,25 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
     if suffix in RECORDINGS:
         return _recorded(path, upper_side, joint, hand_eye)
     if suffix in DRAWINGS:
-        return _through(_dxf_points(path), upper_side, path)
+        return through(_dxf_points(path), upper_side, path)
     if read_json(path).get("format") == "bevel-toolpath":
         from workbench.path import read
 
         return _planned(read(toolpath=path), path)
     file = EdgeLineFile.read(path)
-    return _through(
-        np.array(file.points_mm), upper_side if file.upper_side is None else np.array(file.upper_side), path
-    )
+    return through(np.array(file.points_mm), upper_side if file.upper_side is None else np.array(file.upper_side), path)
 
 
-def _through(points: Float, upper_side: Float, path: Path) -> EdgeLine:
+def through(points: Float, upper_side: Float, source: str | Path) -> EdgeLine:
+    """The edge through points (p, 3).
+
+    Raises:
+        InputError: it is none.
+    """
     try:
-        return EdgeLine.through(points, upper_side, str(path))
+        return EdgeLine.through(points, upper_side, str(source))
     except ValueError as error:
-        raise InputError(str(path), str(error)) from None
+        raise InputError(str(source), str(error)) from None
 
 
 def _planned(path: Toolpath, file: Path) -> EdgeLine:
@@ -73,7 +76,7 @@ def _planned(path: Toolpath, file: Path) -> EdgeLine:
     if on.sum() < 2:
         raise InputError(str(file), "expected a last layer that cuts at two points and more")
     pose = np.eye(4) if path.base_from_workobject is None else path.base_from_workobject
-    return _through(path.in_base(lower[on]), across[on] @ pose[:3, :3].T, file)
+    return through(path.in_base(lower[on]), across[on] @ pose[:3, :3].T, file)
 
 
 def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | None) -> EdgeLine:
@@ -92,7 +95,7 @@ def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
         except InputError:
             raise raw from None
     seen = np.isfinite(found.position_mm).all(axis=1)
-    line = _through(found.position_mm[seen], found.across[seen], path)
+    line = through(found.position_mm[seen], found.across[seen], path)
     return EdgeLine(
         line.arc_length_mm,
         line.position_mm,

@@ -57,6 +57,7 @@ class Joint(NamedTuple):
     thickness_mm: float
     root_mm: float
     bevel: float  # rad
+    raw: bool = False  # scanned before it is milled, too
 
     @property
     def bevel_width_mm(self) -> float:
@@ -65,9 +66,10 @@ class Joint(NamedTuple):
 
     @property
     def section_mm(self) -> Float:
-        """Corners (3, 2) in the section, along n and m from the lower edge: root face, bevel face."""
+        """Corners in the section, along n and m from the lower edge: root face, bevel face, (3, 2); raw: and above."""
         back = (self.thickness_mm - self.root_mm) * math.tan(self.bevel)
-        return np.array([[0.0, 0.0], [0.0, self.root_mm], [-back, self.thickness_mm]])
+        of_raw = [[0.0, self.thickness_mm]] if self.raw else []
+        return np.array([[0.0, 0.0], [0.0, self.root_mm], [-back, self.thickness_mm], *of_raw])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +151,9 @@ def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
 
 def hidden_why(joint: Joint, profiler: Profiler, view: View, drift_mm: float = 0.0) -> str | None:
     """Why a pass with this view cannot measure the joint; None: it can."""
-    root, bevel, _ = incidences(joint, view)
-    for face, incidence in (("root face", root), ("bevel face", bevel)):
+    root, bevel, lower = incidences(joint, view)
+    beside = [("plate's surfaces", min(lower, math.pi - lower))] if joint.raw else []  # a raw edge ends at them
+    for face, incidence in (("root face", root), ("bevel face", bevel), *beside):
         if incidence > MOST_INCIDENCE:
             return f"the {face} at {incidence / DEG:.0f} deg of incidence, at most {MOST_INCIDENCE / DEG:g}"
     across, away = seen_extent_mm(joint, view)

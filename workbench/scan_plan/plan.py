@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,17 +14,27 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from workbench.artefacts import Chapter, Document, Gate, HandEye, Quantity, RobotCell
+from workbench.artefacts import (
+    Chapter,
+    Document,
+    Gate,
+    HandEye,
+    PlannedScan,
+    Quantity,
+    RobotCell,
+    ScanCourse,
+    TaughtEdge,
+)
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.edge.parameters import RobotNoise
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.rim import EdgeCondition
 from workbench.errors import InputError
-from workbench.geometry.poses import quaternion_from_rotation
+from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.robot import Cell
 from workbench.scan import read_hand_eye
-from workbench.scan_plan.edges import read_edge
+from workbench.scan_plan.edges import read_edge, through
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,
     Joint,
@@ -42,9 +53,9 @@ from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Shaped
 
-ELEVATIONS_DEG = tuple(range(-60, 85, 10))
+ELEVATION_STEP = 10.0 * DEG  # at most, between candidates
 LEADS_DEG = (0.0, -15.0, 15.0)
-FRAME_PITCHES_MM = (0.2, 0.4, 0.8)
+PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest speed
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
@@ -103,14 +114,16 @@ class ScanPlan:
 @stage("scan.plan")
 def plan(
     cell: RobotCell | None = None,
+    taught: TaughtEdge | None = None,
     *,
-    edge: InputFile,
+    edge: InputFile | None = None,
     sensor: InputFile,
     hand_eye: InputFile | None = None,
     upper_side: tuple[float, float, float] = (0.0, 0.0, 1.0),
     thickness_mm: Positive = 8.0,
     root_mm: Positive = 1.5,
     bevel_deg: Annotated[float, Field(ge=5, le=75)] = 40.0,
+    raw: bool = False,
     root_tolerance_mm: Tolerance = (-0.5, 0.5),
     bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
     wanted_root_mm: Positive | None = None,
@@ -122,7 +135,7 @@ def plan(
     most_speed_mm_s: Positive = 100.0,
     tool_stays: bool = True,
     z_away: bool = True,
-) -> tuple[ScanPlan | Document | Chapter | Gate, ...]:
+) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
     """Plan from where, in how many passes, to scan so that root face and bevel angle are known well enough.
 
     For candidates of elevation, lead, frame pitch and turntable angle u is predicted by the engine's own terms, and
@@ -131,6 +144,7 @@ def plan(
 
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
+        taught: points along the edge; or:
         edge: where the edge is, roughly: a recording, a toolpath.json, an edge-line.json, or a DXF polyline in mm.
         sensor: a sensor.json; columns, measuring_range_mm, width_mm and noise_mm must be told.
         hand_eye: a handeye.json: where the scanner sits on the flange.
@@ -138,6 +152,8 @@ def plan(
         thickness_mm: of the plate.
         root_mm: of the nominal joint.
         bevel_deg: of the nominal joint.
+        raw: the edge is scanned before it is milled, or before and after: all of the end face and a surface of the
+            plate are in view.
         root_tolerance_mm: deviations from it, whose width a default U follows.
         bevel_tolerance_deg: likewise.
         wanted_root_mm: expanded uncertainty U (k = 2) of the root face; null: a tenth of the tolerance's width.
@@ -162,13 +178,13 @@ def plan(
     """
     from workbench.scan_plan.chapter import plan_chapter
 
-    joint = Joint(thickness_mm, root_mm, bevel_deg * DEG)
+    joint = Joint(thickness_mm, root_mm, bevel_deg * DEG, raw)
     if root_mm >= thickness_mm:
         raise InputError("scan.plan", f"expected root_mm below thickness_mm, {thickness_mm:g}, found {root_mm:g}")
     file = SensorFile.read(sensor)
     profiler = as_profiler(file, sensor)
     eye = None if hand_eye is None else read_hand_eye(hand_eye)
-    line = read_edge(edge, np.array(upper_side), joint, eye)
+    line = _roughly(taught, edge, np.array(upper_side), joint, eye)
     turn = 0.0 if eye is None or eye.covariance is None else math.sqrt(float(np.trace(eye.covariance[3:, 3:])) / 3.0)
     known = Knowledge(robot_noise_mm, turn, edge_condition)
     wanted = Wanted(
@@ -181,7 +197,19 @@ def plan(
     place, unchecked = _placed(cell, file, eye, task, tool_stays=tool_stays, z_away=z_away)
     made = planned(task, place, unchecked)
     gate = _gate(made)
-    return made, Document(ScanPlanFile.NAME, written(made, z_away=z_away)), plan_chapter(made, gate), gate
+    document = Document(ScanPlanFile.NAME, written(made, z_away=z_away))
+    return made, courses(made, z_away=z_away), document, plan_chapter(made, gate), gate
+
+
+def _roughly(
+    taught: TaughtEdge | None, edge: Path | None, upper_side: Float, joint: Joint, eye: HandEye | None
+) -> EdgeLine:
+    """Where the edge is."""
+    if edge is not None:
+        return read_edge(edge, upper_side, joint, eye)
+    if taught is None:
+        raise InputError("scan.plan", "expected where the edge is: edge=FILE, a recording, a toolpath or points")
+    return through(taught.points_mm, taught.upper_side, taught.source)
 
 
 class Task(NamedTuple):
@@ -195,6 +223,26 @@ class Task(NamedTuple):
     passes: int
     frame_rate_hz: float
     most_speed_mm_s: float
+
+    @property
+    def pitches_mm(self) -> tuple[float, ...]:
+        """Between frames, that are tried."""
+        return tuple(share * self.most_speed_mm_s / self.frame_rate_hz for share in PITCHES)
+
+    @property
+    def elevations(self) -> tuple[float, ...]:
+        """That are tried, rad: where the lower surface is in view too, square to a face, between the faces' normals.
+
+        From one end to the other of those that see both faces, at most `ELEVATION_STEP` apart.
+        """
+        beta = self.joint.bevel
+        low, high, corner = beta - MOST_INCIDENCE + 1.0 * DEG, MOST_INCIDENCE - 1.0 * DEG, MOST_INCIDENCE - math.pi / 2
+        below = [0.5 * (low + corner)] if low < corner else []
+        marks = [low, *below, *(one for one in (0.0, 0.5 * beta, beta) if low < one < high), high]
+        steps = [
+            np.linspace(a, b, math.ceil((b - a) / ELEVATION_STEP), endpoint=False) for a, b in itertools.pairwise(marks)
+        ]
+        return (*np.concatenate(steps).tolist(), high)
 
     @property
     def stations(self) -> Float:
@@ -255,9 +303,9 @@ def _placed(
 def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
     told: dict[View, PassInformation | None] = {}
-    views = [View(one * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0]) for one in ELEVATIONS_DEG]
+    views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
     if all(hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)) for view in views):
-        middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, FRAME_PITCHES_MM[0])
+        middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, task.pitches_mm[0])
         why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
     tables = [0.0]
@@ -313,8 +361,8 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
     found = _Looked([], [], {}, [], frozenset() if examiner is None else examiner.on_base)
     at = task.edge.at(task.stations)
     for lead in LEADS_DEG:
-        for elevation in ELEVATIONS_DEG:
-            view = View(elevation * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0], lead * DEG)
+        for elevation in task.elevations:
+            view = View(elevation, task.profiler.middle_mm, task.pitches_mm[0], lead * DEG)
             if hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)):
                 continue
             both = tuple(
@@ -334,7 +382,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
                 found.shadows.append((view, names))
             if not sees.any():
                 continue
-            for pitch in FRAME_PITCHES_MM:
+            for pitch in task.pitches_mm:
                 one = view._replace(frame_pitch_mm=pitch)
                 if (known := _told(task, one, told)) is not None:
                     found.candidates.append(Candidate(known, sees, _seconds(task, one)))
@@ -351,7 +399,7 @@ def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
 
 
 def _speed(task: Task, view: View) -> float:
-    return min(view.frame_pitch_mm * task.frame_rate_hz, task.most_speed_mm_s)
+    return view.frame_pitch_mm * task.frame_rate_hz
 
 
 def _seconds(task: Task, view: View) -> float:
@@ -481,7 +529,7 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
             after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen)
             if after is not None and after < 0.9 * now.excess:
                 yield _better(what, now.excess, after)
-    view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, FRAME_PITCHES_MM[0])
+    view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, task.pitches_mm[0])
     below = any(abs(one.elevation - view.elevation) < 10.0 * DEG for one in looked.refused)
     if below and incidences(task.joint, view)[1] <= MOST_INCIDENCE:
         yield (
@@ -557,17 +605,41 @@ def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
     )
 
 
-def _pass_row(made: ScanPlan, index: int, one: ScanPass, z_away: bool) -> dict[str, object]:
+def courses(made: ScanPlan, *, z_away: bool = True) -> PlannedScan:
+    """The plan as a scanner follows it."""
+    profiler, standoff = made.profiler, made.profiler.middle_mm
+    known = profiler.triangulation > 0.0 and profiler.camera_side.endswith("y")
+    side = -1.0 if profiler.camera_side.startswith("-") else 1.0
+    return PlannedScan(
+        tuple(ScanCourse(_profiler_poses(one, z_away), one.view.frame_pitch_mm) for one in made.passes),
+        profiler.columns,
+        profiler.pitch_mm(standoff),
+        standoff,
+        profiler.range_mm,
+        profiler.noise_mm,
+        side * standoff * math.tan(profiler.triangulation) if known else None,
+        z_away,
+    )
+
+
+def _profiler_poses(one: ScanPass, z_away: bool) -> Shaped[Float, "k 4 4"]:
+    """base_from_profiler: its origin where ranges count from."""
     sense = 1.0 if z_away else -1.0
-    look = one.base_from_view[:, :3, :3] * [1.0, sense, sense]
     origin = one.base_from_view[:, :3, 3] - one.view.standoff_mm * one.base_from_view[:, :3, 2]
+    return pose_from(one.base_from_view[:, :3, :3] * [1.0, sense, sense], origin)
+
+
+def _pass_row(made: ScanPlan, index: int, one: ScanPass, z_away: bool) -> dict[str, object]:
+    poses = _profiler_poses(one, z_away)
     points = [
         {
             "arc_length_mm": round(float(s), 6),
             "position_mm": np.round(p, 6).tolist(),
             "quaternion_wxyz": np.round(q, 9).tolist(),
         }
-        for s, p, q in zip(one.edge.arc_length_mm, origin, quaternion_from_rotation(look), strict=True)
+        for s, p, q in zip(
+            one.edge.arc_length_mm, poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3]), strict=True
+        )
     ]
     return {
         "index": index,

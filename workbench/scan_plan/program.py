@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -36,6 +38,7 @@ LOGGED = {  # where a recording's poses come from, by controller; each with its 
 }
 NO_LOAD = "the load of the scanner: neither mass nor centre of gravity (scan.program: scanner_mass_kg)"
 NO_PLAN = "nothing is written: the plan does not reach what is wanted"
+SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the planned speed, tried until the joints can follow
 Triple = tuple[float, float, float]
 
 
@@ -53,7 +56,8 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
 
-    Home, profiler on (`trigger_signal`), along the pass, off, home. Read back and driven through the cell as a milling
+    Home, profiler on (`trigger_signal`), along the pass, off, home; slower than planned where joints could not follow.
+    Read back and driven through the cell as a milling
     program (docs/programs.md), the scanner as tool and the plate as a body; what fails leaves no program. The head says
     how poses are to be logged.
 
@@ -101,18 +105,27 @@ def program(
     out: list[Document | Chapter] = []
     gates = []
     for number, one in enumerate(plan.passes, 1):
-        moves, gate = _moves(plan, place, one, number, LOGGED[dialect])
-        for made in write(
-            moves,
-            gate,
-            place,
-            controller=controller,
-            name=f"{name}{number}",
-            procedure=f"Scan{number}",
-            tool_name="tScan",
-            work_object_name="woScan",
-            root_tolerance_mm=10.0,
-        ):
+        for share in SLOWER:  # frames come closer together then
+            slow = dataclasses.replace(
+                one,
+                speed_mm_s=share * one.speed_mm_s,
+                view=one.view._replace(frame_pitch_mm=share * one.view.frame_pitch_mm),
+            )
+            moves, gate = _moves(plan, place, slow, number, LOGGED[dialect])
+            written = write(
+                moves,
+                gate,
+                place,
+                controller=controller,
+                name=f"{name}{number}",
+                procedure=f"Scan{number}",
+                tool_name="tScan",
+                work_object_name="woScan",
+                root_tolerance_mm=10.0,
+            )
+            if not _too_fast(written):
+                break
+        for made in written:
             if isinstance(made, Document):
                 check = made.name == "program_check.json"
                 out.append(dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made)
@@ -121,6 +134,13 @@ def program(
             elif isinstance(made, PathGate):
                 gates.append(made)
     return (*out, _joined(gates))
+
+
+def _too_fast(written: Sequence[object]) -> bool:
+    """Whether a program was refused for nothing but the speeds and accelerations that it asks of the joints."""
+    checks = [one.content for one in written if isinstance(one, Document) and one.name == "program_check.json"]
+    kinds = {one["kind"] for check in checks for one in json.loads(check)["violations"]}
+    return bool(kinds) and kinds <= {"speed", "acceleration"}
 
 
 def _joined(gates: list[PathGate]) -> Gate:
@@ -180,7 +200,7 @@ def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):
     about = (
         f"Scanning pass {number} of {len(plan.passes)}, elevation {one.view.elevation / DEG:.0f} deg, stand-off "
         f"{one.view.standoff_mm:.0f} mm",
-        f"{one.speed_mm_s:g} mm/s: a frame every {one.view.frame_pitch_mm:g} mm; U root {plan.wanted.root_mm:g} mm",
+        f"{one.speed_mm_s:.4g} mm/s: a frame every {one.view.frame_pitch_mm:.4g} mm; U root {plan.wanted.root_mm:g} mm",
         f"log the poses with their times: {logged}",
     )
     path = Toolpath(

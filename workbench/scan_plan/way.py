@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.scan_plan.information import Joint, Profiler, View
 from workbench.units import Float, Shaped
 
 DRIFT_COLUMNS = 8.0  # by which the columns move past the edge in a pass: one column alone never tells where a face ends
-STATION_MM = 2.0
+STATION_MM, SMOOTH_MM = 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +37,8 @@ class EdgeLine:
     def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str) -> EdgeLine:
         """Through points in order of t, straight between them; `upper_side` (3,) or (p, 3): roughly m there.
 
+        Directions are averaged along the edge: the scanner, a stand-off away, would swing at each point else.
+
         Raises:
             ValueError: fewer than two different points, or an upper side along the edge.
         """
@@ -47,7 +50,7 @@ class EdgeLine:
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
         position, up = (np.stack([np.interp(at, along, of) for of in a.T], axis=1) for a in (points, upper))
-        tangent = np.gradient(position, at, axis=0)
+        tangent = gaussian_filter1d(np.gradient(position, at, axis=0), SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)

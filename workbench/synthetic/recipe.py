@@ -193,6 +193,9 @@ class Disturbances(Strict):
     mixed_pixel_jump_mm: Positive = 0.5
 
 
+Motion: TypeAlias = Literal["two_poses", "stream", "stop_and_go"]
+
+
 class Pass(Strict):
     """One scanning pass: where from, where to, how the scanner looks at the edge and how the robot moves."""
 
@@ -205,7 +208,7 @@ class Pass(Strict):
     skew_mm: tuple[Number, Number] = (0.0, 0.0)
     turn_deg: Triple = (0.0, 0.0, 0.0)
     upside_down: bool = False
-    motion: Literal["two_poses", "stream", "stop_and_go"] = "two_poses"
+    motion: Motion = "two_poses"
     follow: Literal["line", "edge"] = "line"
 
     @model_validator(mode="after")

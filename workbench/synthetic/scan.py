@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
+from workbench.artefacts import ScanCourse
 from workbench.geometry.poses import inverse, pose_from
 from workbench.kernels import kernel
 from workbench.synthetic import raycast
-from workbench.synthetic.recipe import Disturbances, Noise, Pass, Recipe, Scanner, SphereRecipe
+from workbench.synthetic.recipe import Disturbances, Motion, Noise, Pass, Recipe, Scanner, SphereRecipe
 from workbench.synthetic.workpiece import Cut, build_surface, clamp_boxes, edge_frames, pose
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Shaped
 
@@ -30,21 +32,57 @@ class PassMotion:
 
 def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, repeat: int = 0) -> PassMotion:
     """The motion of pass `index`, which begins at `start_s`. Each `repeat` of a scan draws other errors."""
-    scan, robot = recipe.passes[index], recipe.robot
-    rng = generator(recipe, 1, index, repeat=repeat)
-    length = abs(scan.to_mm - scan.from_mm)
-    frames = math.floor(length / robot.frame_pitch_mm + 1e-9) + 1
-    time = start_s + np.arange(frames) / robot.frame_rate_hz
-    pose_time = _pose_times(scan, robot.pose_rate_hz, time)
-    speed = robot.frame_rate_hz * robot.frame_pitch_mm
-    travelled, pose_travelled = (time - start_s) * speed, (pose_time - start_s) * speed
-
+    scan = recipe.passes[index]
     poses_at = _line if scan.follow == "line" else _along_edge
-    flange_from_profiler = pose(robot.flange_from_profiler)
-    true = poses_at(recipe, surface, scan, travelled / length) @ flange_from_profiler
+    whole = _Whole(abs(scan.to_mm - scan.from_mm), recipe.robot.frame_pitch_mm, scan.motion, start_s)
+    rng = generator(recipe, 1, index, repeat=repeat)
+    return _driven(recipe, lambda share: poses_at(recipe, surface, scan, share), whole, rng)
+
+
+def follow(recipe: Recipe, course: ScanCourse, index: int, start_s: float, repeat: int = 0) -> PassMotion:
+    """The motion of a planned pass, likewise; its poses are logged as a stream."""
+    positions = course.base_from_profiler[:, :3, 3]
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+    turns = scipy.spatial.transform.Slerp(
+        along, scipy.spatial.transform.Rotation.from_matrix(course.base_from_profiler[:, :3, :3])
+    )
+    back = inverse(pose(recipe.robot.flange_from_profiler))
+
+    def poses_at(share: Float) -> Float:
+        at = share * along[-1]
+        inside = np.clip(at, 0.0, along[-1])
+        place = np.stack([np.interp(inside, along, positions[:, k]) for k in range(3)], axis=1)
+        ends = np.where(at < 0.0, 0, -1)
+        way = np.stack([positions[1] - positions[0], positions[-1] - positions[-2]])[ends]
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        beyond = (at - inside)[:, None] * way  # poses are logged before and after the pass too
+        return np.asarray(pose_from(turns(inside).as_matrix(), place + beyond) @ back)
+
+    whole = _Whole(float(along[-1]), course.frame_pitch_mm, "stream", start_s)
+    return _driven(recipe, poses_at, whole, generator(recipe, 1, index, repeat=repeat))
+
+
+class _Whole(NamedTuple):
+    """A pass as a whole."""
+
+    length_mm: float
+    frame_pitch_mm: float
+    motion: Motion
+    start_s: float
+
+
+def _driven(recipe: Recipe, poses_at: Callable[[Float], Float], whole: _Whole, rng: np.random.Generator) -> PassMotion:
+    """Along base_from_flange (n, 4, 4) where shares (n,) of the pass are done, with the robot's errors."""
+    robot, length = recipe.robot, whole.length_mm
+    frames = math.floor(length / whole.frame_pitch_mm + 1e-9) + 1
+    time = whole.start_s + np.arange(frames) / robot.frame_rate_hz
+    pose_time = _pose_times(whole.motion, robot.pose_rate_hz, time)
+    speed = robot.frame_rate_hz * whole.frame_pitch_mm
+    travelled, pose_travelled = (time - whole.start_s) * speed, (pose_time - whole.start_s) * speed
+    true = poses_at(travelled / length) @ pose(robot.flange_from_profiler)
     true[:, :3, 3] += _smooth_error(recipe, rng, travelled)
     true[:, :3, 3] += rng.normal(0.0, 1.0, (frames, 3)) * robot.vibration_mm
-    position, quaternion = _recorded(recipe, poses_at(recipe, surface, scan, pose_travelled / length), rng)
+    position, quaternion = _recorded(recipe, poses_at(pose_travelled / length), rng)
     return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), true, pose_time, position, quaternion)
 
 
@@ -114,11 +152,11 @@ def _line(recipe: Recipe, surface: raycast.Surface, scan: Pass, share: Float) ->
     return pose_from(rotation, flange[0, :3, 3] + share[:, None] * (flange[1, :3, 3] - flange[0, :3, 3]))
 
 
-def _pose_times(scan: Pass, rate_hz: float, time: Float) -> Float:
+def _pose_times(motion: Motion, rate_hz: float, time: Float) -> Float:
     """When poses are recorded: at both ends, on the robot's own raster around the pass, or with each frame."""
-    if scan.motion == "two_poses":
+    if motion == "two_poses":
         return np.array([time[0], time[-1]]) if len(time) > 1 else np.array([time[0], time[0] + 1.0 / rate_hz])
-    if scan.motion == "stop_and_go":
+    if motion == "stop_and_go":
         return time.copy()
     first = math.floor(time[0] * rate_hz - 0.3)
     return (np.arange(first, math.ceil(time[-1] * rate_hz) + 2) + 0.3) / rate_hz
@@ -250,11 +288,19 @@ class Block:
     seen_u: Float  # where those frames that see the edge cross it
 
 
-def plan_motion(recipe: Recipe, cut: Cut | None = None) -> list[PassMotion]:
-    """The motion of every pass, one after the other in time, past the part less what was cut."""
-    surface, motions, start = build_surface(recipe.part, recipe.seed), [], 1.0
-    for index in range(len(recipe.passes)):
-        motions.append(move(recipe, surface, index, start, _repeat(cut)))
+def plan_motion(
+    recipe: Recipe, cut: Cut | None = None, courses: Sequence[ScanCourse] | None = None
+) -> list[PassMotion]:
+    """The motion of every pass, one after the other in time, past the part less what was cut.
+
+    courses: passes that were planned; None: those of the recipe.
+    """
+    surface, motions, start = build_surface(recipe.part, recipe.seed), list[PassMotion](), 1.0
+    for index in range(len(recipe.passes if courses is None else courses)):
+        if courses is None:
+            motions.append(move(recipe, surface, index, start, _repeat(cut)))
+        else:
+            motions.append(follow(recipe, courses[index], index, start, _repeat(cut)))
         start = float(max(motions[-1].time_s[-1], motions[-1].pose_time_s[-1])) + _PAUSE_S
     return motions
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from workbench.artefacts import Part, Recording
+from workbench.artefacts import Part, Recording, ScanCourse
 from workbench.errors import OutputError
 from workbench.recording_file import Frames, fill
 from workbench.storage import beside, digest_of
@@ -41,14 +41,14 @@ def simulate_recording(recipe: Recipe) -> tuple[Recording, Truth]:
     return scan_workpiece(Workpiece(recipe))
 
 
-def scan_workpiece(workpiece: Workpiece) -> tuple[Recording, Truth]:
+def scan_workpiece(workpiece: Workpiece, courses: Sequence[ScanCourse] | None = None) -> tuple[Recording, Truth]:
     """The recording of a workpiece as it is now, cut or not, and its truth.
 
     A part that was milled is scanned by the same scanner on the same robot, with the same hand-eye error; all other
-    random numbers are new ones, after each milling.
+    random numbers are new ones, after each milling. courses: planned passes in place of the recipe's.
     """
     recipe, cut = workpiece.recipe, workpiece.cut
-    motions = plan_motion(recipe, cut)
+    motions = plan_motion(recipe, cut, courses)
     blocks = [[block for _, block in scan_pass(recipe, motion, k, cut)] for k, motion in enumerate(motions)]
     flat = [block for scan in blocks for block in scan]
     grids = Frames(

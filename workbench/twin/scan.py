@@ -7,8 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from workbench.artefacts import Recording
+from workbench.artefacts import PlannedScan, Recording
 from workbench.stage import stage
+from workbench.synthetic.recipe import Recipe, Scanner
 from workbench.synthetic.simulate import scan_workpiece
 from workbench.synthetic.workpiece import Workpiece
 
@@ -18,6 +19,7 @@ Length = Annotated[float, Field(ge=-1000, le=1000)]
 @stage("twin.scan")
 def scan(
     workpiece: Workpiece,
+    plan: PlannedScan | None = None,
     *,
     elevation_deg: Annotated[
         float | None,
@@ -27,11 +29,13 @@ def scan(
 ) -> Recording:
     """Scan the workpiece as it is now, with the scanner, passes and robot of its recipe (docs/simulation.md).
 
+    With a planned scan (`scan.plan`) its passes are driven, and the profiler is the one that they were planned for.
     Rays meet the raw surfaces and what milling has left of them, exactly. A raw part gives what `workbench simulate`
     gives for the recipe; after each milling all random numbers but those of the hand-eye calibration are new.
 
     Args:
         workpiece: the part as it is now.
+        plan: the scan that is followed; None: the recipe's passes.
         elevation_deg: of the sensor above the end face's normal in every pass; null: as the recipe says.
         aim_mm: aim point (h, z) in the section in every pass: outwards from the lower edge, and up; null: as the recipe
             says.
@@ -43,10 +47,33 @@ def scan(
         >>> recording.x_mm.shape
         (301, 600)
     """
+    recipe = workpiece.recipe
+    if plan is not None:
+        led = dataclasses.replace(workpiece, recipe=recipe.model_copy(update={"scanner": _planned_for(plan, recipe)}))
+        return scan_workpiece(led, plan.courses)[0]
     changed = {
         name: value for name, value in (("elevation_deg", elevation_deg), ("aim_mm", aim_mm)) if value is not None
     }
-    recipe = workpiece.recipe
     passes = tuple(one.model_copy(update=changed) for one in recipe.passes)
     aimed = dataclasses.replace(workpiece, recipe=recipe.model_copy(update={"passes": passes}))
     return scan_workpiece(aimed)[0]
+
+
+def _planned_for(plan: PlannedScan, recipe: Recipe) -> Scanner:
+    """The profiler of a plan; what its file does not tell is the recipe's."""
+    own = recipe.scanner
+    near, far = plan.range_mm
+    told = {
+        "columns": plan.columns,
+        "pitch_mm": plan.pitch_mm,
+        "standoff_mm": plan.standoff_mm,
+        "near_mm": near,
+        "far_mm": far,
+        "baseline_mm": own.baseline_mm if plan.camera_mm is None else plan.camera_mm,
+        "noise": own.noise.model_copy(update={"sd_mm": plan.noise_mm}),
+        "z_away": plan.z_away,
+        "x_rises": True,
+        "zero_range_mm": 0.0,
+        "x_offset_mm": 0.0,
+    }
+    return own.model_copy(update=told)

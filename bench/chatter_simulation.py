@@ -66,6 +66,8 @@ def _difference(run: Run, periods: int, small: float, decades: float) -> float:
     surface = np.zeros((2, SLICES, flutes * STEPS))
     q, v, before = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
     begun, peak, last = 0.0, 0.0, 0.0
+    # periods after which it repeats: even teeth that flip every other one chatter, and a turn would not show it
+    again = 1 if run.offset.max() == run.offset.min() else flutes
     calm = int(CALM_S / run.period)
     block = max(int(0.2 / run.period), 2 * flutes)  # periods over which the largest difference counts
     for p in range(periods):
@@ -73,7 +75,7 @@ def _difference(run: Run, periods: int, small: float, decades: float) -> float:
             for i in range(n):
                 v[1, i] += small * np.sqrt(run.stiffness[i]) * (1.0 if i % 2 == 0 else -1.0)
         _tooth(run, surface, q, v, p, max(1.0 - p / calm, 0.0) ** 2)
-        if p % flutes == 0:  # a turn ago it was where it is, unless it chatters already
+        if p % again == 0:  # then it was where it is, unless it chatters already
             if p > calm and _energy(run, q[0], before[0], v[0], before[1]) > SWINGS**2 * _energy(
                 run, q[0], 0.0 * q[0], v[0], 0.0 * v[0]
             ):

@@ -23,7 +23,7 @@ from bench.simulators.swept.sweep import GROOVES
 from workbench.artefacts import SIZES, Groove, GrooveInspection, Quantity, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
-from workbench.edge.groove_sizes import FACES, RETURNS
+from workbench.edge.joint_lines import CORNERS, RETURNS
 from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
@@ -31,7 +31,7 @@ from workbench.synthetic import GrooveTruth
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.units import DEG, Float
 
-BOUND = (FACES, RETURNS)  # sources that no evaluation can leave out
+BOUND = (CORNERS, RETURNS)  # sources that no evaluation can leave out
 
 
 def main() -> None:

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from workbench.edge.groove_form import repeated_mm
 from workbench.edge.groove_profile import TRIM_MM
 from workbench.units import DEG, Float, Shaped
 
@@ -33,6 +32,7 @@ NINE_TENTHS = 1.645  # standard deviations, within which nine tenths of what is 
 GOOD_COST = 4.0  # of a fit, times what noise costs: no other start is tried
 RUNS = 12  # of points along flank, fillet and land
 STEPS = 60
+FORM_U_MM = 3e-3  # of an arc without its flank: by the study its radius is off by so much times the lever
 
 
 class Fillet(NamedTuple):
@@ -104,8 +104,14 @@ class Fillets:
 
 
 def misfit_mm(fillets: Sequence[Fillet]) -> float:
-    """How far flanks and fillets stand off their lines and circles in the same way in all profiles, rms."""
-    return repeated_mm(np.array([one.left_mm for one in fillets]))
+    """How far flanks and fillets stand off their lines and circles in the same way in all profiles, rms.
+
+    Of what n profiles leave in the same places, beyond what chance makes of it.
+    """
+    left = np.array([one.left_mm for one in fillets])
+    middle = np.median(left, axis=0)
+    noise = 1.2533 * np.median(np.abs(left - middle), axis=0) / 0.6745 / math.sqrt(len(left))
+    return math.sqrt(max(float(np.mean(middle**2 - noise**2)), 0.0))
 
 
 def fit_circle(points: Float, ray: Float, sigma_mm: float) -> Fillet | None:

@@ -11,14 +11,26 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.artefacts.edges import PreparationType
-from workbench.edge.faces import MAX_LINES, TrackedFaces, face_lines
+from workbench.edge.faces import MAX_LINES, TrackedFaces
 from workbench.edge.fillet import SHARP_MM, fit_on_land
 from workbench.edge.identify import crossing, whole_faces
 from workbench.edge.prepared_profile import Reading, readings, width_mm
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
-from workbench.geometry.chains import FIRST, LAST, OFFSET, SLOPE, X0, X1, straight_faces
+from workbench.geometry.chains import (
+    FIRST,
+    LAST,
+    MIN_POINTS,
+    MIN_SIGMA_MM,
+    OFFSET,
+    SLOPE,
+    X0,
+    X1,
+    FaceLines,
+    labelled_lines,
+    straight_faces,
+)
 from workbench.units import Bool, Float, Int, Shaped
 
 FILLETED: tuple[PreparationType, ...] = ("nose", "J")
@@ -30,9 +42,7 @@ SURELY = math.log(1.5)  # by which one of two readings' root face lies nearer to
 TRIM_MM, TRIM_SHARE = 0.2, 0.15  # left out of a face beside a corner: its rounding; of a narrow one at most this share
 FILLET_MM = 1.0  # likewise of a flank beside its fillet, of which so much may pass for the flank under the noise
 WHOLE = 0.8  # of a flank's usual width, and of the returns on flank and fillet
-LEAST_POINTS = 4  # of a face in a profile
 SIDE_MM = 12.0  # of the upper surface only this much serves to measure it
-STRAY_SIGMAS, ROUNDS, LEAST_SIGMA_MM = 3.5, 4, 2e-3
 UPPER_BEVEL, FLANK, FILLET = 16, 17, 18  # labels of faces that a plain bevel has not
 # Labels of the straight faces, from the upper surface to the root face. BEVEL_FACE is the one whose corner with the
 # root face its size is counted from: where only a fillet meets it, the upper surface, which stands upright on it.
@@ -147,7 +157,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
         fall = abs(math.atan(flank[SLOPE]) - math.atan(upper[SLOPE]))
         above = np.arange(int(flank[FIRST]), int(flank[LAST]) + 1)
         noise = 1.4826 * float(np.median(np.abs(z[above] - flank[SLOPE] * x[above] - flank[OFFSET])))
-        fit = fit_on_land(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), LEAST_SIGMA_MM), None)
+        fit = fit_on_land(place, fall, max(noise * math.cos(math.atan(flank[SLOPE])), MIN_SIGMA_MM), None)
         found.append(0.0 if fit is None else fit.radius_mm)
     return float(np.median(found)) if found else 0.0
 
@@ -237,57 +247,37 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         InputError: hardly a profile shows enough of every face.
     """
     kind, side = plates.kind, plates.side
-    n, columns = cloud.keep.shape
     order = ORDERS[kind]
     ends_at = [one is not None and one.below is not None for one in plates.readings]
     has_below = sum(ends_at) > SHOWN * sum(one is not None for one in plates.readings)
     found = (*order, LOWER_SURFACE) if has_below else order
-    labels = np.zeros((n, columns), np.uint8)
-    sums = {label: np.full((n, 8), np.nan) for label in found}
-    end = np.full((n, 5), np.nan)
-    seen = np.zeros(n, bool)
+    labels = np.zeros(cloud.keep.shape, np.uint8)
     for i, one in enumerate(plates.readings):
         if one is None or (has_below and one.below is None):
             continue
         if has_below and one.below is not None:
             one = one._replace(faces=[*one.faces, one.below])
-        x, z, column = _profile(cloud, i)
-        lines = [_face(x, z, one, k, 0.0 if has_below else rim_mm, flank_mm) for k in range(len(one.faces))]
-        if any(line is None for line in lines):
-            continue
-        seen[i] = True
-        for label, line in zip(found, lines, strict=True):
-            if line is None:
-                raise AssertionError("checked above")
-            on, sums[label][i] = line
-            labels[i, column[on]] = label
-            sums[label][i, tracking.FIRST :] = sorted((column[on[0]], column[on[-1]]))
+        x, _, column = _profile(cloud, i)
+        for k, label in enumerate(found):
+            labels[i, column[_on_face(x, one, k, 0.0 if has_below else rim_mm, flank_mm)]] = label
         if one.arc:
             fillet = column[_fillet(x, one)]
             labels[i, fillet[labels[i, fillet] == 0]] = FILLET
+    faces = {label: labelled_lines(cloud.x_mm, cloud.z_mm, labels, label) for label in found}
+    seen = np.all([face.count > 0 for face in faces.values()], axis=0)
     if kind == "J":
-        seen &= _whole(sums[FLANK], seen)
-        labels[~seen] = 0
+        seen &= _whole(faces[FLANK], seen)
+    labels[~seen] = 0
+    faces = {label: labelled_lines(cloud.x_mm, cloud.z_mm, labels, label) for label in found}
     if seen.sum() < 2:
         raise InputError(
             cloud.source,
-            f"what looks like a {kind} preparation shows all its faces, each with {LEAST_POINTS} returns clear of its "
+            f"what looks like a {kind} preparation shows all its faces, each with {MIN_POINTS} returns clear of its "
             f"corners, in {seen.sum()} profiles only: columns too coarse for it, or another preparation?",
         )
-    sigma = {label: _noise(sums[label][seen]) for label in found}
-    rising = np.ones(n)
-    for i in np.flatnonzero(seen).tolist():
-        x, z, keep = cloud.x_mm[i], cloud.z_mm[i], cloud.keep[i]
-        of_root, of_bevel = sums[ROOT_FACE][i], sums[BEVEL_FACE][i]
-        state, row = np.zeros((4, 4)), np.zeros((4, 8))
-        for f, one_sums in ((tracking.ROOT, of_root), (tracking.BEVEL, of_bevel)):
-            state[f, :2] = _line(one_sums)
-            row[f] = one_sums
-        gate = tracking.FINAL_SIGMAS * sigma[ROOT_FACE] + 0.004
-        end[i] = tracking.root_end(x, z, keep, float(side[i]), state, row, gate)
-        rising[i] = np.sign(side[i] * float(x[int(of_root[tracking.LAST])] - x[int(of_root[tracking.FIRST])]))
-    faces = {label: face_lines(sums[label], seen) for label in found}
-    nothing = face_lines(np.full((n, 8), np.nan), np.zeros(n, bool))
+    sigma = {label: face.noise_mm for label, face in faces.items()}
+    end, rising = _root_ends(cloud, side, faces[ROOT_FACE], faces[BEVEL_FACE], sigma[ROOT_FACE])
+    nothing = labelled_lines(cloud.x_mm, cloud.z_mm, np.zeros_like(labels), 1)
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     noise = [sigma[order[0]], sigma[BEVEL_FACE], sigma[ROOT_FACE], sigma[found[-1]]]
     tracked = TrackedFaces(
@@ -300,15 +290,40 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
         (end[:, 4] == tracking.CUT) & (not has_below),
         (end[:, 4] == tracking.BURR) & (not has_below),
         seen & has_below,
-        np.zeros(n, bool),
+        np.zeros(len(labels), bool),
         labels,
-        np.tile(noise, (n, 1)),
+        np.tile(noise, (len(labels), 1)),
     )
     return PreparedFrames(kind, plates.share, plates.agreement, tracked, order, sigma)
 
 
-def _face(x: Float, z: Float, one: Reading, k: int, rim_mm: float, flank_mm: float) -> tuple[Int, Float] | None:
-    """Indices of the points of face k of a reading, its sums (8,) as `geometry.tracking` has them; None: too few."""
+def _root_ends(cloud: Cloud, side: Int, root: FaceLines, bevel: FaceLines, sigma_mm: float) -> tuple[Float, Float]:
+    """What `tracking.root_end` finds (N, 5); 1 where the way out goes with rising columns, -1: with falling ones."""
+    end, rising = np.full((len(side), 5), np.nan), np.ones(len(side))
+    for i in np.flatnonzero(root.count > 0):
+        state, row = np.zeros((4, 4)), np.zeros((4, 8))
+        for f, face in ((tracking.ROOT, root), (tracking.BEVEL, bevel)):
+            slope = face.slope[i]
+            state[f, :2] = slope, face.z_mean[i] - slope * face.x_mean[i]
+            row[f] = (
+                face.count[i],
+                face.x_mean[i],
+                face.z_mean[i],
+                face.sxx[i],
+                face.sxz[i],
+                face.szz[i],
+                *face.columns[i],
+            )
+        x, z, keep = cloud.x_mm[i], cloud.z_mm[i], cloud.keep[i]
+        gate = tracking.FINAL_SIGMAS * sigma_mm + 0.004
+        end[i] = tracking.root_end(x, z, keep, float(side[i]), state, row, gate)
+        first, last = root.columns[i]
+        rising[i] = np.sign(side[i] * float(x[last] - x[first]))
+    return end, rising
+
+
+def _on_face(x: Float, one: Reading, k: int, rim_mm: float, flank_mm: float) -> Int:
+    """Indices of the points of face k of a reading, clear of its corners."""
     row, last = one.faces[k], len(one.faces) - 1
     lean = math.hypot(1.0, row[SLOPE])
     trim = min(TRIM_MM, TRIM_SHARE * width_mm(row)) / lean
@@ -323,25 +338,7 @@ def _face(x: Float, z: Float, one: Reading, k: int, rim_mm: float, flank_mm: flo
         stop -= min(FILLET_MM, 0.5 * width_mm(row)) / lean
         stop = min(stop, start + (flank_mm - TRIM_MM) / lean)
     on = np.arange(int(row[FIRST]), int(row[LAST]) + 1)
-    on = on[(one.side * x[on] >= start) & (one.side * x[on] <= stop)]
-    slope, offset = float(row[SLOPE]), float(row[OFFSET])
-    for _ in range(ROUNDS):
-        if on.size < LEAST_POINTS:
-            return None
-        off = z[on] - slope * x[on] - offset
-        scale = 1.4826 * float(np.median(np.abs(off - np.median(off)))) + LEAST_SIGMA_MM
-        good = np.abs(off - np.median(off)) < STRAY_SIGMAS * scale
-        if good.sum() < LEAST_POINTS:
-            return None
-        on = on[good]
-        mean_x, mean_z = float(x[on].mean()), float(z[on].mean())
-        u, v = x[on] - mean_x, z[on] - mean_z
-        sxx, sxz, szz = float(u @ u), float(u @ v), float(v @ v)
-        slope = sxz / max(sxx, 1e-12)
-        offset = mean_z - slope * mean_x
-        if good.all():
-            break
-    return on, np.array([on.size, mean_x, mean_z, sxx, sxz, szz, 0.0, 0.0])
+    return on[(one.side * x[on] >= start) & (one.side * x[on] <= stop)]
 
 
 def _fillet(x: Float, one: Reading) -> Int:
@@ -366,19 +363,7 @@ def _ends(one: Reading, k: int) -> tuple[float, float]:
     return start, stop
 
 
-def _line(sums: Float) -> tuple[float, float]:
-    slope = float(sums[tracking.SXZ] / sums[tracking.SXX])
-    return slope, float(sums[tracking.Z_MEAN] - slope * sums[tracking.X_MEAN])
-
-
-def _noise(sums: Float) -> float:
-    """Range noise of a face: the median of its frames' residuals, sums (n, 8)."""
-    left = sums[:, tracking.SZZ] - sums[:, tracking.SXZ] ** 2 / np.maximum(sums[:, tracking.SXX], 1e-12)
-    rms = np.sqrt(np.maximum(left, 0.0) / np.maximum(sums[:, tracking.COUNT] - 2.0, 1.0))
-    return max(float(np.median(rms)), LEAST_SIGMA_MM) if rms.size else LEAST_SIGMA_MM
-
-
-def _whole(sums: Float, seen: Bool) -> Bool:
+def _whole(flank: FaceLines, seen: Bool) -> Bool:
     """Frames (N,) that show as much of a flank as most do: where returns are lost, its line leans on the fillet."""
-    width = np.sqrt(12.0 * sums[:, tracking.SXX] / sums[:, tracking.COUNT])
+    width = np.sqrt(12.0 * flank.sxx / flank.count)
     return np.asarray(width > WHOLE * np.median(width[seen])) if seen.any() else seen

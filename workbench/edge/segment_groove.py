@@ -14,15 +14,18 @@ from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.frame_order import shows_order
-from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, plate_turn, read_frames, side_lines
+from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
+from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
-from workbench.edge.groove_sizes import GrooveSizes, View, typical
+from workbench.edge.groove_sizes import GrooveSizes
+from workbench.edge.joint_lines import Along, typical
 from workbench.edge.parameters import USUAL_NOISE_MM, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
+from workbench.edge.residual_image import declared_linearity
 from workbench.edge.segment import laser_plane_u
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, covered, turn_by_robot
-from workbench.stage import stage
-from workbench.units import Float, Int
+from workbench.stage import InputFile, stage
+from workbench.units import AnyArray, Float, Int
 
 STATION_MM = 1.0
 SHADOW = "one root lies in the shadow of the other plate's: gap and depth are not told; lean the scan the other way"
@@ -37,6 +40,7 @@ def segment_groove(
     groove: Given = "auto",
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
+    sensor: InputFile | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
@@ -48,6 +52,7 @@ def segment_groove(
         cloud: the organised cloud of one groove, in one or more passes from above it.
         groove: type by ISO 9692-1, or `auto`: by the evidence. From one side some types look alike; those that are not
             excluded are named.
+        sensor: as in `edge.segment`.
 
     Raises:
         InputError: no two plates with a groove between them are in view, or the type given is excluded by what is.
@@ -62,26 +67,26 @@ def segment_groove(
     kinds, given = read.kinds, checked_limits(limits, "edge.segment_groove.limits")
     checks = _read_checks(read, given)
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
-    curve, s = groove_curve(cloud, read)
-    turn, tilt, about = plate_turn(cloud, read, curve, s)
-    lines = [side_lines(cloud, read, curve, s, turn, which) for which in (0, 1)]
-    length = float(np.nanmax(s) - np.nanmin(s))
+    curve, read, s = groove_curve(cloud, read)
+    both, labels, tilt, about = plates(cloud, read, curve, s)
+    first, length = float(s.min()), float(np.ptp(s))
     at = np.linspace(0.0, length, max(3, round(length / STATION_MM) + 1))
-    first = float(np.nanmin(s))
-    view = View(
-        _skew(cloud, curve, s, read.frame),
-        _lean(cloud, read.frame, curve, s, turn),
-        _direction_u(cloud, curve, at + first, usual_noise_mm(robot_noise_mm), robot_noise_length_mm),
-        tilt.u(at + first),
+    by_robot = turn_by_robot(curve, max(length, 1.0), usual_noise_mm(robot_noise_mm), robot_noise_length_mm)
+    along = Along(
+        s,
+        cloud.pass_index[read.frame],
+        at + first,
+        np.hypot(curve.tangent_u(at + first), math.hypot(by_robot, laser_plane_u(cloud))),
         shows_order(
             np.array([[*one.corner, *other.corner] for one, other in zip(*read.sides, strict=True)]),
             s,
             cloud.pass_index[read.frame],
         ),
     )
-    measured = GrooveSizes(cloud.source, lines, s, cloud.pass_index[read.frame], at + first, view)
+    lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
+    measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor))
     measured.measure(groove == "auto")
-    checks.extend(_checks(cloud, read, measured, given))
+    checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, given))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")
     type_, alternatives, declared = _type(cloud, kinds, measured, groove)
     seen_s = np.full(len(cloud.keep), np.nan)
@@ -110,7 +115,7 @@ def segment_groove(
             *_alike(type_, alternatives, declared),
             *_hidden(measured, declared),
             *((SHADOW,) if measured.shadowed else ()),
-            *((COVERED,) if any(one.is_covered for one in measured.lines) else ()),
+            *((COVERED,) if any(one.is_covered for one in measured.plates) else ()),
         ),
     )
 
@@ -131,22 +136,24 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     ]
 
 
-def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mapping[str, Bound]) -> list[Check]:
+def _checks(
+    cloud: Cloud, read: ReadFrames, labels: AnyArray, measured: GrooveSizes, given: Mapping[str, Bound]
+) -> list[Check]:
     """That what was measured is a groove, that its faces are straight and that their ends were seen."""
     level = measured.level_share()
     gap, radius = measured.sizes["gap_mm"], measured.sizes.get("root_radius_mm")
     overlap, wide = typical(-gap.value - 3.0 * gap.u), typical(gap.value)
-    grazing = max((typical(one.grazing) for one in measured.lines if one.kind == "bevel"), default=math.nan)
+    grazing = max((typical(one.grazing) for one in measured.plates if one.kind == "bevel"), default=math.nan)
     small = math.nan if radius is None else typical(radius.value)
     by = f"{100 * level:.0f} % of the groove's depth" if level < 10.0 else "many times the groove's depth"
     stands = f"one plate stands {by} above the other: a plate's edge or a lap joint?"
     far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
     steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
     steep += "that nothing tells where it ends; scan it more squarely"
-    lean = max((one.lean_deg for one in measured.lines), default=math.nan)
+    lean = max((one.lean_deg for one in measured.plates), default=math.nan)
     leans = f"what would be a root face leans by {lean:.0f} deg from the square to its plate: the lower face of a "
     leans += "compound bevel, or the bevel below a dressed upper edge; or what lies under the root, a backing strip?"
-    misfit = max((off for one in measured.lines if math.isfinite(off := one.fillets.misfit())), default=math.nan)
+    misfit = max((off for one in measured.plates if math.isfinite(off := one.fillets.misfit())), default=math.nan)
     bent = f"what would be a fillet lies {misfit:.0f} times its noise off any circle: two faces that meet, a weld or a "
     bent += "backing strip at the root?"
     uneven = f"one root begins {100 * measured.uneven:.0f} % of the preparation's depth above the other: a bevel of "
@@ -169,16 +176,12 @@ def _checks(cloud: Cloud, read: ReadFrames, measured: GrooveSizes, given: Mappin
         check("fillet_misfit", _known(misfit), bent, given=given),
         check("root_levels", _known(measured.uneven), uneven, given=given),
         check("fillet_radius_mm", _known(small), short, given=given),
-        *_straight(cloud, read, given),
+        *_straight(cloud, read, labels, given),
     ]
 
 
-def _straight(cloud: Cloud, read: ReadFrames, given: Mapping[str, Bound]) -> tuple[Check, ...]:
-    """The checks that the bevels are straight, and no rounded edges of the plates."""
-    labels = np.zeros(cloud.keep.shape, np.uint8)
-    for plate, sides in ((1, read.sides[0]), (3, read.sides[1])):
-        for i, columns, side in zip(read.frame, read.columns, sides, strict=True):
-            labels[i, columns[side.upper]], labels[i, columns[side.face]] = plate, plate + 1
+def _straight(cloud: Cloud, read: ReadFrames, labels: AnyArray, given: Mapping[str, Bound]) -> tuple[Check, ...]:
+    """The checks that the bevels, by their labels (n, M), are straight, and no rounded edges of the plates."""
     shown = [(plate, kind) for plate, kind in zip((1, 3), read.kinds, strict=True) if kind in ("bevel", "round")]
     if not shown:
         return ()
@@ -257,22 +260,9 @@ def _type(
     return found, tuple(one for one in possible if one != groove), True
 
 
-def _skew(cloud: Cloud, curve: Curve, s: Float, frame: Int) -> float:
-    """Tangent of the angle between the laser plane's normal and the groove: the median of the profiles."""
-    good = np.isfinite(s)
-    normal = cloud.base_from_profiler[frame[good], :3, 1]
-    cosine = np.abs((normal * curve.tangent(s[good])).sum(axis=1))
-    return float(np.median(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, 0.1)))
-
-
 def _lean(cloud: Cloud, frame: Int, curve: Curve, s: Float, turn: Float) -> float:
     """How far the range axis goes right a mm upwards: the median of the profiles."""
     good = np.isfinite(s)
     right, up = axes(curve, s[good], turn[good])
     ez = cloud.base_from_profiler[frame[good], :3, 2]
     return float(np.median((ez * right).sum(axis=1) / (ez * up).sum(axis=1)))
-
-
-def _direction_u(cloud: Cloud, curve: Curve, at: Float, noise_mm: float, noise_length_mm: float | None) -> Float:
-    by_robot = turn_by_robot(curve, max(float(np.ptp(at)), 1.0), noise_mm, noise_length_mm)
-    return np.hypot(curve.tangent_u(at), math.hypot(by_robot, laser_plane_u(cloud)))

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
-    DIRECTIONS,
-    FORM,
     ROOT_FACE,
-    TANGENT,
     Check,
     Cloud,
     Corner,
@@ -31,8 +27,9 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.edge.directions import near_slope, wrapped
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
-from workbench.edge.frame_order import scatter, shows_order
+from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import two_plates_share
+from workbench.edge.joint_lines import Along, JointLines, Values, joined, meeting, typical
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
 from workbench.edge.prepared_frames import (
@@ -49,18 +46,13 @@ from workbench.edge.residual_image import FaceForm, Linearity, declared_linearit
 from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
 from workbench.edge.segment import Declared, either_piece_u, milled_edge, root_width_mm
 from workbench.errors import InputError
-from workbench.geometry.course import Course, fit_course
-from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
+from workbench.geometry.sections import crossing, in_section, section_lines
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, Float
 
 Given = Literal["auto", "bevel", "compound", "nose", "J"]
-CORNERS = "corners of the faces: range noise and robot position noise"
-LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
-SURELY = 2.7  # times a variance that six values or so tell: three of its roots hold what three of a known one do
 FILLETS, FEW = 400, 12  # frames, evenly, whose fillets are fitted; from which it is told what moves them
 FILLET_U_MM = 3e-3  # of a radius: by the study fillets that nothing moves are off by so much
-STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
 WORDS = {
     "bevel": "one bevel",
     "compound": "two bevels",
@@ -192,30 +184,9 @@ def _checks(
 
 def _extent_check(root: Quantity, frames: PreparedFrames, given: Mapping[str, Bound]) -> Check:
     """The check that the root face by its corners is as wide as its returns lie."""
-    width, seen = _typical(root.value), root_width_mm(frames.tracked.faces[ROOT_FACE])
+    width, seen = typical(root.value), root_width_mm(frames.tracked.faces[ROOT_FACE])
     told = f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
     return check("root_extent_mm", width - seen, f"{told}than those that were measured meets it?", given=given)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
-    """A face in every frame: its line in the section planes, its direction as a course, obliquity taken back."""
-
-    section: SectionLines
-    course: Course  # of the direction as frames show it, rad
-    turn: Shaped[Float, " N"]  # what obliquity adds to it, rad
-    place: Shaped[Float, "N 2"]
-    angle: Shaped[Float, " N"]  # direction in each frame's section, rad
-
-    def direction_u(self, at: Float, ordered: bool) -> Float:
-        """Standard uncertainty (m,) of its direction at arc lengths, rad; ordered: the frames show their order."""
-        of = self.section
-        about = self.course.value(np.where(np.isfinite(of.s), of.s, 0.0))
-        unordered = 0.0 if ordered else scatter(wrapped(of.angle - about), of.angle_variance)
-        return np.hypot(self.course.u(at), unordered)
-
-
-Values = dict[str, Float]  # by name: (N,)
 
 
 class _Chain:
@@ -229,19 +200,34 @@ class _Chain:
         self.s = measured.upper_s
         self.at = edge.arc_length_mm + measured.shift
         self.group = cloud.pass_index
-        self.lines = self._lines()
-        self.forms = self._forms(sensor)
-        self.corners: dict[str, Corner] = {}
         faces = [frames.tracked.faces[label] for label in frames.order]
-        view = [faces[-1].x_mean, faces[-1].z_mean, *(one.sxz / one.sxx for one in faces)]
-        self.ordered = shows_order(np.stack(view, axis=1), self.s, self.group)
+        view = [faces[-1].x_mean, faces[-1].z_mean, *(one.slope for one in faces)]
+        ordered = shows_order(np.stack(view, axis=1), self.s, self.group)
+        along = Along(self.s, self.group, self.at, edge.tangent_u, ordered)
+        sections = [
+            section_lines(
+                face,
+                near_slope(face, self.s, self.group),
+                cloud.base_from_profiler,
+                frames.tracked.side,
+                np.full(self.s.size, frames.sigma_mm[label]),
+                measured.curve,
+                self.s,
+            )
+            for face, label in zip(faces, frames.order, strict=True)
+        ]
+        # the root face hangs on the lower edge, which the curve follows
+        lines = joined(sections, self.s, self.group, np.zeros((self.s.size, 2)))
+        self.joint = JointLines(lines, self._forms(sensor), along)
+        self.lines = self.joint.lines
+        self.corners: dict[str, Corner] = {}
 
     def sizes(self) -> dict[str, Quantity]:
         """Every size along the edge; fills `corners`."""
         places, angles = self._places(), self._angles()
         value = self._values(places, angles, self.fillets if self.kind == "J" else None)
-        slopes = self._derivatives(value)
-        form = self._fillet_form_mm(_typical(value["width_mm"]))
+        slopes = self.joint.slopes(self._few_values)
+        form = self._fillet_form_mm(typical(value["width_mm"]))
         found = {name: self._length(name, one, slopes[name], form.get(name, 0.0)) for name, one in value.items()}
         self.corners = {
             name: Corner(
@@ -266,7 +252,7 @@ class _Chain:
         seen = [one for one in self.fillets if one is not None]
         if not seen:
             raise InputError(self.cloud.source, "no profile shows a whole fillet between flank and root face: no J?")
-        off, tilt = misfit_mm(seen), abs(_typical(np.array([one.tilt for one in seen]))) / DEG
+        off, tilt = misfit_mm(seen), abs(typical(np.array([one.tilt for one in seen]))) / DEG
         told = f"between flank and root face the returns stand off a fillet by {off:.3f} mm, rms: straight faces, "
         falls = f"below the fillet the land falls by {tilt:.0f} deg: a bevel below a rounded corner?"
         return (
@@ -284,7 +270,7 @@ class _Chain:
         seen = [one for one in self.fillets if one is not None]
         middle = seen[len(seen) // 2]
         radius, level, tilt = (misfit_mm(seen) * u for u in middle.form_u(width_mm))
-        unseen = _typical(np.array([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
+        unseen = typical(np.array([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
         return {
             "depth_mm": level,
             "root:m": level,
@@ -308,58 +294,9 @@ class _Chain:
         )
         return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, self.at, sensor)]
 
-    def _lines(self) -> list[_Lines]:
-        """Directions, then corners by them, then what their drift along the edge adds (docs/method.md, eq. (7))."""
-        tracked, curve = self.frames.tracked, self.measured.curve
-        sections, courses, angles = [], [], []
-        for label in self.frames.order:
-            face = tracked.faces[label]
-            one = section_lines(
-                face,
-                near_slope(face, self.s, self.group),
-                self.cloud.base_from_profiler,
-                tracked.side,
-                np.full(self.s.size, self.frames.sigma_mm[label]),
-                curve,
-                self.s,
-            )
-            about = float(np.angle(np.nanmean(np.exp(1j * one.angle))))
-            angle = about + wrapped(one.angle - about)
-            sections.append(one)
-            courses.append(fit_course(one.s, angle, one.angle_variance, self.group))
-            angles.append(courses[-1].value(self._safe()))
-        none = [np.zeros(self.s.size)] * len(sections)
-        lines = list(map(_Lines, sections, courses, none, [one.place for one in sections], angles))
-        meets = [_meet(a, b) for a, b in pairwise(lines)]
-        meets.append(np.zeros((self.s.size, 2)))  # the root face hangs on the lower edge, which the curve follows
-        return [self._square(one, meet) for one, meet in zip(lines, meets, strict=True)]
-
-    def _square(self, line: _Lines, meet: Float) -> _Lines:
-        """A face that an oblique profile sees, in the section of the root face's corner; meet (N, 2): a place on it."""
-        across = np.stack([-np.sin(line.angle), np.cos(line.angle)], axis=1)
-        along = np.stack([np.cos(line.angle), np.sin(line.angle)], axis=1)
-        drift = np.stack([self._slope(meet[:, k]) for k in (0, 1)], axis=1)
-        change = line.course.slope(self._safe())
-        lever = ((line.place - meet) * along).sum(axis=1)
-        turn = self._smooth(line.section.run * ((drift * across).sum(axis=1) + lever * change))
-        moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
-        place = line.place - (change * line.section.run * line.section.spread)[:, None] * across
-        place = place - (line.section.s - self.s)[:, None] * moved
-        return _Lines(line.section, line.course, turn, place, line.angle - turn)
-
-    def _safe(self) -> Float:
-        return np.where(np.isfinite(self.s), self.s, 0.0)
-
-    def _slope(self, value: Float) -> Float:
-        good = np.isfinite(value) & np.isfinite(self.s)
-        if good.sum() < 3 or np.ptp(value[good]) == 0.0:
-            return np.zeros(self.s.size)
-        return fit_course(self.s, value, None, self.group).slope(self._safe())
-
-    def _smooth(self, value: Float) -> Float:
-        """A correction (N,) that runs smoothly along the edge."""
-        at, known = self._sorted(value)
-        return np.interp(self._safe(), at, known) if at.size else np.zeros(self.s.size)
+    def _few_values(self, places: list[Float], angles: list[Float]) -> Values:
+        """With the fillets of few frames: they take long."""
+        return self._values(places, angles, self._fillets(places, angles, FEW) if self.kind == "J" else None)
 
     def _places(self) -> list[Float]:
         return [one.place for one in self.lines]
@@ -373,10 +310,7 @@ class _Chain:
         out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
         root = np.stack([np.cos(angles[-1]), np.sin(angles[-1])], axis=1)
         out *= np.sign((out * root).sum(axis=1))[:, None]  # out of the plate
-        meets = [
-            on_line(places[k], angles[k], crossing(places[k], angles[k], places[k + 1], angles[k + 1]))
-            for k in range(len(places) - 1)
-        ]
+        meets = [meeting(places[k], angles[k], places[k + 1], angles[k + 1]) for k in range(len(places) - 1)]
         corners = {"upper": meets[0]}
         found: Values = {}
         if fillets is not None:
@@ -423,7 +357,7 @@ class _Chain:
         shown = shown[number[shown] > WHOLE * np.median(number[shown])]  # a part that is lost moves the rest of the fit
         chosen = shown[np.unique(np.linspace(0, shown.size - 1, count).round().astype(int))]
         falls = _fall(angles[0], angles[1], angles[-1])
-        top = on_line(places[0], angles[0], crossing(places[0], angles[0], places[1], angles[1]))
+        top = meeting(places[0], angles[0], places[1], angles[1])
         out: list[Fillet | None] = [None] * len(tracked.seen)
         start = None
         for i in chosen:
@@ -436,54 +370,11 @@ class _Chain:
             start = start if found is None else found
         return out
 
-    def _derivatives(self, value: Values) -> dict[str, list[tuple[float, float]]]:
-        """Of every length by each face's direction (mm/rad) and place across it (mm/mm); the frames' medians."""
-        out: dict[str, list[tuple[float, float]]] = {name: [] for name in value}
-        is_j = self.kind == "J"
-        few = self._fillets(self._places(), self._angles(), FEW) if is_j else None
-        before = self._values(self._places(), self._angles(), few)
-        for k, one in enumerate(self.lines):
-            turned, moved = self._angles(), self._places()
-            turned[k] = one.angle + STEP_RAD
-            moved[k] = one.place + STEP_MM * np.stack([-np.sin(one.angle), np.cos(one.angle)], axis=1)
-            by_turn, by_move = (
-                self._values(places, angles, self._fillets(places, angles, FEW) if is_j else None)
-                for places, angles in ((self._places(), turned), (moved, self._angles()))
-            )
-            for name in value:
-                pair = (by_turn[name] - before[name]) / STEP_RAD, (by_move[name] - before[name]) / STEP_MM
-                out[name].append((_typical(pair[0]), _typical(pair[1])))
-        return out
-
     def _length(self, name: str, value: Float, slopes: list[tuple[float, float]], fillet_form_mm: float) -> Quantity:
         """A length along the edge."""
-        variance = sum(
-            by_move**2 * one.section.offset_variance for one, (_, by_move) in zip(self.lines, slopes, strict=True)
-        )
-        variance = np.asarray(variance) + 1e-10
-        if self.kind == "J":
-            variance = variance + self._fillet_variance(name)
-        course = fit_course(self.s, value, variance, self.group)
-        along = course.value(self.at)
-        unordered = 0.0 if self.ordered else scatter(value - course.value(self._safe()), variance)
-        turned = [by_turn * one.course.u(self.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
-        whole = sum(one.width_mm for one in self.forms)  # what the sensor errs by walks on between the faces
-        bent = [
-            by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm)
-            for one, (_, by_move) in zip(self.forms, slopes, strict=True)
-        ]
-        run = max(abs(_typical(one.section.run)) for one in self.lines)
+        found = self.joint.course(value, slopes, self._fillet_variance(name) if self.kind == "J" else 0.0)
         hidden = np.where(self.edge.seen, 0.0, np.nan)
-        return Quantity.of(
-            name,
-            along + hidden,
-            {
-                CORNERS: np.hypot(course.u(self.at), math.hypot(LEAST_U_MM, unordered)),
-                DIRECTIONS: np.hypot.reduce(turned),
-                TANGENT: self.edge.tangent_u * run * np.abs(along),
-                FORM: np.hypot(np.hypot.reduce(bent), fillet_form_mm),
-            },
-        )
+        return Quantity.of(name, found.value + hidden, self.joint.terms(found.value, found.u, slopes, fillet_form_mm))
 
     def _fillet_variance(self, name: str) -> Float:
         """What the fit of the fillet leaves open of a length, mm^2."""
@@ -495,31 +386,16 @@ class _Chain:
     def _bevels(self) -> dict[str, Quantity]:
         """Bevel angles, from the normal of the upper surface."""
         names = {"compound": {1: "upper_bevel_deg", 2: "bevel_deg"}}.get(self.kind, {1: "bevel_deg"})
-        out = {}
-        upper, root = self.lines[0], self.lines[-1]
-        for k, name in names.items():
-            one = self.lines[k]
-            directions = [
-                face.course.value(self.at) - np.interp(self.at, *self._sorted(face.turn)) for face in (upper, one, root)
-            ]
-            value = math.pi / 2 - _fall(*directions)
-            run_a, run_b = _typical(upper.section.run), _typical(one.section.run)
-            lever = math.sqrt(max(run_a**2 + run_b**2 - 2 * run_a * run_b * math.sin(_typical(value)), 0.0))
-            sources = {
-                DIRECTIONS: np.hypot(upper.direction_u(self.at, self.ordered), one.direction_u(self.at, self.ordered)),
-                TANGENT: self.edge.tangent_u * lever,
-                FORM: np.hypot(self.forms[0].turn_u, self.forms[k].turn_u),
-            }
-            hidden = np.where(self.edge.seen, 0.0, np.nan)
-            told = {source: u / DEG for source, u in sources.items()}
-            told[DIRECTIONS] = np.hypot(told[DIRECTIONS], LEAST_U_DEG)
-            out[name] = Quantity.of(name, value / DEG + hidden, told)
-        return out
-
-    def _sorted(self, value: Float) -> tuple[Float, Float]:
-        good = np.flatnonzero(np.isfinite(self.s) & np.isfinite(value))
-        good = good[np.argsort(self.s[good], kind="stable")]
-        return self.s[good], value[good]
+        upper, root = (self.lines[k].direction(self.joint.along) for k in (0, -1))
+        hidden = np.where(self.edge.seen, 0.0, np.nan)
+        return {
+            name: Quantity.of(
+                name,
+                (math.pi / 2 - _fall(upper, self.lines[k].direction(self.joint.along), root)) / DEG + hidden,
+                self.joint.turns(0, k),
+            )
+            for k, name in names.items()
+        }
 
     def _root_face(self, depth: Quantity) -> Quantity:
         """As that of a milled edge; above a fillet it is the thickness at the edge less the depth."""
@@ -528,11 +404,6 @@ class _Chain:
         if self.kind != "J":
             return replace(root, name="root_face_mm", value=root.value + hidden)
         return Quantity("root_face_mm", root.value - depth.value + hidden, (*root.terms, *depth.terms))
-
-
-def _meet(one: _Lines, other: _Lines) -> Float:
-    """Where the lines of two faces meet (N, 2)."""
-    return on_line(one.place, one.angle, crossing(one.place, one.angle, other.place, other.angle))
 
 
 def _upper_axes(upper: float, root: float) -> Float:
@@ -545,8 +416,3 @@ def _upper_axes(upper: float, root: float) -> Float:
 def _fall(upper: Float, face: Float, root: Float) -> Float:
     """Angle of a face below the upper surface, rad: towards the root face, which stands upright on it."""
     return np.asarray(np.sign(np.sin(root - upper)) * wrapped(face - upper))
-
-
-def _typical(value: Float) -> float:
-    finite = value[np.isfinite(value)]
-    return float(np.median(finite)) if finite.size else 0.0

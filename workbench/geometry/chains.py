@@ -12,16 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.geometry.blocks import as_input
+from workbench.geometry.blocks import as_input, as_rows
 from workbench.geometry.medians import median_of
 from workbench.kernels import kernel
-from workbench.units import Float, Int, Shaped
+from workbench.units import AnyArray, Float, Float32, Int, Shaped
 
 LINE_PRICE = 40.0  # squared sigmas that a further line must save
 POINT_PRICE = 14.0  # squared sigmas above which a point is better left out
 MIN_POINTS = 4
 MIN_SIGMA_MM = 0.002
 MAX_BREAKS = 700  # candidate breakpoints a profile; more points share one
+STRAY_SIGMAS, ROUNDS = 3.5, 4  # returns further off a face's line are none of it; times that they are looked for
 
 # Columns of a chain, the array of lines that `straight_faces` returns.
 X0, X1, SLOPE, OFFSET, COUNT, FIRST, LAST = range(7)
@@ -41,6 +42,88 @@ class FaceLines:
     sxz: Shaped[Float, " N"]  # sum (x - x_mean)(z - z_mean), mm^2
     szz: Shaped[Float, " N"]  # sum (z - z_mean)^2, mm^2
     columns: Shaped[Int, "N 2"]  # first and last column of the face; -1 where not seen
+
+    @property
+    def slope(self) -> Float:
+        """dz/dx (N,)."""
+        return self.sxz / self.sxx
+
+    @property
+    def noise_mm(self) -> float:
+        """Range noise of the face: the median of what the lines leave, rms."""
+        on = self.count > 2
+        left = np.maximum(self.szz[on] - self.sxz[on] ** 2 / np.maximum(self.sxx[on], 1e-12), 0.0)
+        rms = np.sqrt(left / np.maximum(self.count[on] - 2.0, 1.0))
+        return max(float(np.median(rms)), MIN_SIGMA_MM) if rms.size else MIN_SIGMA_MM
+
+
+def labelled_lines(x: Float32, z: Float32, labels: AnyArray, label: int) -> FaceLines:
+    """The lines of the returns with this label in `labels` (N, M), least squares without strays, which lose the label.
+
+    x, z: (N, M) mm. Fewer than MIN_POINTS are no line, and lose it too.
+    """
+    sums, columns = np.full((6, len(labels)), np.nan), np.full((len(labels), 2), -1)
+    _labelled_lines(as_rows(x), as_rows(z), labels, label, sums, columns)
+    count = np.nan_to_num(sums[0]).astype(np.int64)
+    return FaceLines(count, sums[1], sums[2], sums[3], sums[4], sums[5], columns)
+
+
+@kernel
+def _labelled_lines(x: Float32, z: Float32, labels: AnyArray, label: int, out: Float, columns: Int) -> None:
+    """Fill out (6, n): count, means of x and z, centred sums xx, xz, zz; columns (n, 2): first and last."""
+    on, off = np.empty(labels.shape[1], np.int64), np.empty(labels.shape[1])
+    for i in range(labels.shape[0]):
+        row, count = x[min(i, len(x) - 1)], 0
+        for j in range(labels.shape[1]):
+            on[count] = j
+            count += labels[i, j] == label
+        for _ in range(ROUNDS):
+            kept = _near_line(row, z[i], on, off, count)
+            for k in range(kept, count):
+                labels[i, on[k]] = 0
+            if kept == count:
+                break
+            count = kept
+        if count < MIN_POINTS:
+            for k in range(count):
+                labels[i, on[k]] = 0
+            continue
+        out[0, i], columns[i, 0], columns[i, 1] = count, on[0], on[count - 1]
+        out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = _sums(row, z[i], on, count)
+
+
+@kernel
+def _sums(x: Float32, z: Float32, on: Int, count: int) -> tuple[float, float, float, float, float]:
+    """Means of x and z and centred sums xx, xz, zz of the first `count` columns in `on`."""
+    mx = mz = sxx = sxz = szz = 0.0
+    for k in range(count):
+        mx += np.float64(x[on[k]]) / count
+        mz += np.float64(z[on[k]]) / count
+    for k in range(count):
+        u, w = np.float64(x[on[k]]) - mx, np.float64(z[on[k]]) - mz
+        sxx, sxz, szz = sxx + u * u, sxz + u * w, szz + w * w
+    return mx, mz, sxx, sxz, szz
+
+
+@kernel
+def _near_line(x: Float32, z: Float32, on: Int, off: Float, count: int) -> int:
+    """How many of the first `count` columns in `on` are no strays off their line: put first there, in their order."""
+    if count < MIN_POINTS:
+        return count
+    mx, mz, sxx, sxz, _ = _sums(x, z, on, count)
+    slope, stray = sxz / max(sxx, 1e-12), np.empty(count, np.int64)
+    for k in range(count):
+        off[k] = abs(np.float64(z[on[k]]) - mz - slope * (np.float64(x[on[k]]) - mx))
+    limit = STRAY_SIGMAS * (1.4826 * median_of(off[:count].copy(), count) + MIN_SIGMA_MM)
+    kept = 0
+    for k in range(count):
+        if off[k] > limit:
+            stray[k - kept] = on[k]
+        else:
+            on[kept] = on[k]
+            kept += 1
+    on[kept:count] = stray[: count - kept]
+    return kept
 
 
 def noise_sigma(z: Float) -> float:

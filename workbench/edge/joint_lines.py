@@ -1,0 +1,204 @@
+"""The faces of a joint as lines in the section planes of its course, and what lengths and angles between them rest on.
+
+A template says which faces follow each other and gives every length as a function of their lines; how a length moves
+with each line's direction and place, and so what it owes to them, is found from that function alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from workbench.artefacts import DIRECTIONS, FORM, TANGENT
+from workbench.edge.directions import wrapped
+from workbench.edge.frame_order import scatter
+from workbench.edge.residual_image import FaceForm
+from workbench.geometry.course import Course, fit_course
+from workbench.geometry.sections import SectionLines, crossing, on_line
+from workbench.units import DEG, Bool, Float, Int, Shaped
+
+CORNERS = "corners of the faces: range noise and robot position noise"
+RETURNS = "where the returns end: step and footprint of the columns"
+LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
+STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
+
+Values: TypeAlias = dict[str, Float]  # by name: (N,)
+Slopes: TypeAlias = dict[str, list[tuple[float, float]]]  # of a length by each line's direction (mm/rad) and place
+
+
+class Along(NamedTuple):
+    """Where N frames and m stations lie on the course of a joint."""
+
+    s: Shaped[Float, " N"]  # mm; NaN: not seen
+    group: Shaped[Int, " N"]  # pass of each frame
+    at: Shaped[Float, " m"]
+    tangent_u: Shaped[Float, " m"]  # rad, of the course's direction
+    ordered: bool  # whether the frames show the order in which they were taken
+
+    @property
+    def safe(self) -> Float:
+        """The frames' arc lengths (N,), 0 where they are not known."""
+        return np.where(np.isfinite(self.s), self.s, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceLine:
+    """A face in every frame: its line in the section planes, its direction as a course, obliquity taken back."""
+
+    section: SectionLines
+    course: Course  # of the direction as frames show it, rad
+    turn: Shaped[Float, " N"]  # what obliquity adds to it, rad
+    place: Shaped[Float, "N 2"]
+    angle: Shaped[Float, " N"]  # direction in each frame's section, rad
+
+    def direction(self, along: Along) -> Float:
+        """At the stations (m,), rad."""
+        at, known = _sorted(along.s, self.turn)
+        return np.asarray(self.course.value(along.at) - np.interp(along.at, at, known))
+
+    def direction_u(self, along: Along) -> Float:
+        """Its standard uncertainty (m,), rad."""
+        of = self.section
+        about = self.course.value(np.where(np.isfinite(of.s), of.s, 0.0))
+        unordered = 0.0 if along.ordered else scatter(wrapped(of.angle - about), of.angle_variance)
+        return np.hypot(self.course.u(along.at), unordered)
+
+
+def joined(sections: Sequence[SectionLines], s: Float, group: Int, hangs: Float | None = None) -> list[FaceLine]:
+    """Faces that meet one another in this order: directions, corners by them, what their drift adds (method, eq. (7)).
+
+    s, group (N,): as `Along` has them. hangs (N, 2): a place on the last face; None: its corner with the one before.
+    """
+    safe, courses, angles = np.where(np.isfinite(s), s, 0.0), [], []
+    for one in sections:
+        about = float(np.angle(np.nanmean(np.exp(1j * one.angle))))
+        courses.append(fit_course(one.s, about + wrapped(one.angle - about), one.angle_variance, group))
+        angles.append(courses[-1].value(safe))
+    none = np.zeros(s.size)
+    lines = [FaceLine(*of[:2], none, of[0].place, of[2]) for of in zip(sections, courses, angles, strict=True)]
+    meets = [meeting(a.place, a.angle, b.place, b.angle) for a, b in pairwise(lines)]
+    meets.append(meets[-1] if hangs is None else hangs)
+    return [_square(line, place, s, group) for line, place in zip(lines, meets, strict=True)]
+
+
+def _square(line: FaceLine, meet: Float, s: Float, group: Int) -> FaceLine:
+    """A face that an oblique profile sees, in the section of the frame's own s; meet (N, 2): a place on it."""
+    safe, section = np.where(np.isfinite(s), s, 0.0), line.section
+    across = np.stack([-np.sin(line.angle), np.cos(line.angle)], axis=1)
+    along = np.stack([np.cos(line.angle), np.sin(line.angle)], axis=1)
+    drift = np.stack([_slope(s, meet[:, k], group) for k in (0, 1)], axis=1)
+    change = line.course.slope(safe)
+    lever = ((line.place - meet) * along).sum(axis=1)
+    at, known = _sorted(s, section.run * ((drift * across).sum(axis=1) + lever * change))
+    turn = np.interp(safe, at, known) if at.size else np.zeros(s.size)
+    moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
+    place = line.place - (change * section.run * section.spread)[:, None] * across
+    place = place - (section.s - s)[:, None] * moved
+    return FaceLine(section, line.course, turn, place, line.angle - turn)
+
+
+def _slope(s: Float, value: Float, group: Int) -> Float:
+    good = np.isfinite(value) & np.isfinite(s)
+    if good.sum() < 3 or np.ptp(value[good]) == 0.0:
+        return np.zeros(s.size)
+    return fit_course(s, value, None, group).slope(np.where(np.isfinite(s), s, 0.0))
+
+
+def _sorted(s: Float, value: Float) -> tuple[Float, Float]:
+    good = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
+    good = good[np.argsort(s[good], kind="stable")]
+    return s[good], value[good]
+
+
+def meeting(place: Float, angle: Float, other_place: Float, other_angle: Float) -> Float:
+    """Where two lines meet (N, 2)."""
+    return on_line(place, angle, crossing(place, angle, other_place, other_angle))
+
+
+class JointLines:
+    """All faces of a joint, with their forms."""
+
+    def __init__(
+        self, lines: Sequence[FaceLine], forms: Sequence[FaceForm], along: Along, between_mm: float = 0.0
+    ) -> None:
+        """Between: how far the faces stand apart, where they do not all meet."""
+        self.lines, self.forms, self.along, self.between_mm = tuple(lines), tuple(forms), along, between_mm
+
+    def slopes(self, values: Callable[[list[Float], list[Float]], Values]) -> Slopes:
+        """How lengths, a function of the lines' places (N, 2) and directions (N,), move with each line: medians."""
+        places, angles = [one.place for one in self.lines], [one.angle for one in self.lines]
+        before = values(places, angles)
+        out: Slopes = {name: [] for name in before}
+        for k, one in enumerate(self.lines):
+            turned, moved = list(angles), list(places)
+            turned[k] = one.angle + STEP_RAD
+            moved[k] = one.place + STEP_MM * np.stack([-np.sin(one.angle), np.cos(one.angle)], axis=1)
+            by_turn, by_move = values(places, turned), values(moved, angles)
+            for name, value in before.items():
+                pair = (by_turn[name] - value) / STEP_RAD, (by_move[name] - value) / STEP_MM
+                out[name].append((typical(pair[0], 0.0), typical(pair[1], 0.0)))
+        return out
+
+    def course(self, value: Float, slopes: list[tuple[float, float]], variance: Float | float = 0.0) -> Smooth:
+        """A length's values (N,) along the joint; variance (N,): what they have beside that of the faces' places."""
+        own = sum(
+            by_move**2 * one.section.offset_variance for one, (_, by_move) in zip(self.lines, slopes, strict=True)
+        )
+        total = np.asarray(own) + variance + 1e-10
+        course = fit_course(self.along.s, value, total, self.along.group)
+        left = value - course.value(self.along.safe)
+        unordered = 0.0 if self.along.ordered else scatter(left, total)
+        return Smooth(course.value(self.along.at), np.hypot(course.u(self.along.at), unordered), course.kept, course)
+
+    def terms(self, value: Float, u: Float, slopes: list[tuple[float, float]], form_mm: float = 0) -> dict[str, Float]:
+        """Standard uncertainties (m,) by source of a length (m,) whose course leaves u; form_mm: by other forms."""
+        turned = [by_turn * one.course.u(self.along.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
+        whole = (
+            sum(one.width_mm for one in self.forms) + self.between_mm
+        )  # what the sensor errs by walks on between the faces
+        bent = []
+        for one, (by_turn, by_move) in zip(self.forms, slopes, strict=True):
+            bent.append(by_move * one.offset_u_mm * math.sqrt(whole / one.width_mm))
+            bent.append(max(abs(by_turn) - 0.5 * one.width_mm * abs(by_move), 0.0) * one.turn_u)
+        run = max(abs(typical(one.section.run, 0.0)) for one in self.lines)
+        return {
+            CORNERS: np.hypot(u, LEAST_U_MM),
+            DIRECTIONS: np.hypot.reduce(turned),
+            TANGENT: self.along.tangent_u * run * np.abs(value),
+            FORM: np.hypot(np.hypot.reduce(bent), form_mm),
+        }
+
+    def turns(self, first: int, second: int) -> dict[str, Float]:
+        """Standard uncertainties (m,) by source of the angle between two of the lines, deg."""
+        one, other = self.lines[first], self.lines[second]
+        run_a, run_b = typical(one.section.run, 0.0), typical(other.section.run, 0.0)
+        cosine = math.cos(typical(one.angle - other.angle, 0.0))
+        lever = math.sqrt(max(run_a**2 + run_b**2 - 2 * run_a * run_b * cosine, 0.0))
+        sources = {
+            DIRECTIONS: np.hypot(one.direction_u(self.along), other.direction_u(self.along)),
+            TANGENT: self.along.tangent_u * lever,
+            FORM: np.hypot(self.forms[first].turn_u, self.forms[second].turn_u),
+        }
+        told = {source: u / DEG for source, u in sources.items()}
+        told[DIRECTIONS] = np.hypot(told[DIRECTIONS], LEAST_U_DEG)
+        return told
+
+
+class Smooth(NamedTuple):
+    """Values along a joint and their u at its stations (m,)."""
+
+    value: Float
+    u: Float
+    kept: Bool  # (N,) frames that agree
+    course: Course
+
+
+def typical(value: Float, nothing: float = math.nan) -> float:
+    """Median of the finite values; `nothing` where there is none."""
+    finite = value[np.isfinite(value)]
+    return float(np.median(finite)) if finite.size else nothing

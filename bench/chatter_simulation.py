@@ -175,6 +175,8 @@ def agreement(cases: int, seed: int, runout_mm: float = 0.0) -> tuple[int, int]:
 
 
 if __name__ == "__main__":
+    from bench.chatter_simulation import agreement  # kept kernels know their types by this name, not by __main__
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)

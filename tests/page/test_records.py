@@ -12,6 +12,7 @@ import pytest
 
 from tests.page.conftest import opened
 from workbench.batch.part import Record
+from workbench.page.jobs import GATE_PASSED, let_through
 from workbench.page.records import alike, keep_batch, keep_run, summary
 from workbench.page.store import Store
 
@@ -66,6 +67,14 @@ def test_only_what_is_alike_shares_a_chart(shop: Path) -> None:
         assert [run.part for run in alike(store.runs())] == ["P-0", "P-1", "P-3", "P-4", "P-5", "P-2"]
         store.add("inspect_groove", {}, state="done", record={"requirements": {}, "sections": [{"index": 1}]})
         assert len(alike(store.runs())) == 1
+
+
+def test_what_the_gate_holds_back_is_no_pass() -> None:
+    assert let_through({"verdict": "pass"}, False) == {"verdict": "undecided"}
+    assert let_through({"verdict": "pass"}, True) == {"verdict": "pass"}
+    assert let_through({"verdict": "fail"}, False) == {"verdict": "fail"}
+    assert GATE_PASSED.match("gate: passed (all 9 sections within tolerance)")
+    assert not GATE_PASSED.match("gate: loosened, a check was loosened (passed otherwise)")
 
 
 def test_a_run_s_files_are_what_is_stored(tmp_path: Path) -> None:

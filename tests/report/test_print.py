@@ -176,7 +176,7 @@ def test_every_text_is_dark_enough(page):
     ("name", "inputs", "most"),
     [
         ("inspect_bevel", {}, 4),
-        ("measured_loop", {"tool_error_mm": [0.25, -0.2, 0.25]}, 8),  # as `make demo`
+        ("measured_loop", {"tool_error_mm": [0.25, -0.2, 0.25]}, 9),  # as `make demo`, the planned scan's page too
     ],
 )
 def test_a_report_prints_on_few_pages(name, inputs, most, browser, tmp_path):

@@ -173,7 +173,8 @@ def key_readings(
     """Numbers (within the pass) of its key frames, `most` at the most, and every plausible reading of each."""
     x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     count = max(2, min(most, x.shape[0] // KEY_SPACING))
-    keys = np.unique(np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64))
+    about = np.linspace(0, x.shape[0] - 1, count).round().astype(np.int64)
+    keys = np.union1d(about, x.shape[0] - 1 - about)  # the same from either end
     rises = rises_with_column(x, keep, keys)
     chains = in_order(lambda k, _: _chain(x[keys[k]], z[keys[k]], keep[keys[k]], rises), keys.size, 1)
     return keys, [list(candidates(chain, cut, root_nominal_mm, bevel_nominal)) for chain, cut in chains]

@@ -88,7 +88,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
     s = np.full(seen.size, np.nan)
     s[seen] = along_motion(corners[seen], along[seen], cloud.pass_index[seen])
     few = _few(s, cloud.pass_index)
-    start = np.flatnonzero(seen[few]) * few.step
+    start = few.start + np.flatnonzero(seen[few]) * few.step
     curve = fit_curve(corners[start], s[start], cloud.pass_index[start])
     s[seen] = curve.project(corners[seen], s[seen])
     _, lower_edge, s_low = _state(cloud, tracked, broken, curve, s, few)
@@ -120,11 +120,15 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
 
 
 def _few(s: Float, pass_index: Int) -> slice:
-    """The frames that a first look takes, of all at s (N,) mm: START_FRAMES in each stretch that is averaged."""
+    """The frames that a first look takes, of all at s (N,) mm: START_FRAMES in each stretch that is averaged.
+
+    The same from either end: an odd number apart, the first as far from its end as the last.
+    """
     steps = np.abs(np.diff(s))[np.diff(pass_index) == 0]
     usual = float(np.median(steps[steps > 0.0])) if np.isfinite(steps).any() else BIN_MM
     width = min(BIN_MM, float(np.nanmax(s) - np.nanmin(s)) / LEAST_BINS)
-    return slice(None, None, max(1, int(width / START_FRAMES / max(usual, 1e-6)) - 1) // 2 * 2 + 1)
+    step = max(1, int(width / START_FRAMES / max(usual, 1e-6)) - 1) // 2 * 2 + 1
+    return slice((s.size - 1) * (step + 1) // 2 % step, None, step)
 
 
 def _corners(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:

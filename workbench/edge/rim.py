@@ -19,6 +19,7 @@ from workbench.checks.sensor import column_pitch_mm
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
+from workbench.geometry.course import stretches
 from workbench.geometry.end_face import BROKEN_MM
 from workbench.kernels import kernel
 from workbench.units import Bool, Float, Float32, Int, Shaped
@@ -135,11 +136,13 @@ def weights(s: Float, u_mm: Float) -> Float:
 
     1 for those that see most of it: a pass that sees the corner fixes the edge where it covers it.
     """
-    cell = np.floor(np.nan_to_num(s) / CELL_MM).astype(np.int64)
-    cell -= cell.min()
-    least = np.full(int(cell.max()) + 1, np.inf)
-    np.minimum.at(least, cell[np.isfinite(s)], u_mm[np.isfinite(s)])
-    return np.where(np.isfinite(s), (np.minimum(least[cell], u_mm) ** 2 + ALIKE_MM**2) / (u_mm**2 + ALIKE_MM**2), 0.0)
+    on, out = np.isfinite(s), np.zeros(s.size)
+    if on.any():
+        cell = stretches(s[on], CELL_MM)
+        least = np.full(int(cell.max()) + 1, np.inf)
+        np.minimum.at(least, cell, u_mm[on])
+        out[on] = (least[cell] ** 2 + ALIKE_MM**2) / (u_mm[on] ** 2 + ALIKE_MM**2)
+    return out
 
 
 def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:

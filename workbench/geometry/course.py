@@ -177,8 +177,9 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
         _lasting(as_input(off[mine]), size, step)
         limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
         if (size > limit).any():
-            station = np.searchsorted(course.at_mm, values.s[mine]).clip(0, course.at_mm.size - 1)
-            np.maximum.at(departure, station, np.where(size > limit, size, 0.0))
+            station = np.interp(values.s[mine], course.at_mm, np.arange(course.at_mm.size))
+            for beside in (np.floor(station), np.ceil(station)):
+                np.maximum.at(departure, beside.astype(np.int64), np.where(size > limit, size, 0.0))
     if not departure.any():
         return course
     course = _misfit_elsewhere(course, bins, _neighbours(departure, 8 * SWING + 1).max(axis=-1) > 0.0)
@@ -431,18 +432,20 @@ def _average(problems: Problems, priors: Float, at: Float, knots: Float) -> tupl
 
 
 def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
-    """Mean square of the bins' residuals, pooled over several lengths, over their variance: the largest (eq. (4)).
+    """Mean square of the bins' residuals over their variance, pooled from each on over several lengths: the largest.
 
     A few pooled values know no variance: PRIOR_FREEDOM more are taken that are as they should be.
     """
-    out = []
-    parted = np.diff(group, prepend=group[0] - 1) != 0
-    place = np.arange(group.size) - np.flatnonzero(parted)[np.cumsum(parted) - 1]
+    out, passes = [], 1 + int((np.diff(group) != 0).sum())
+    total = np.concatenate([[0.0], np.cumsum(weight)])
+    mean = np.concatenate([np.zeros((1, left.shape[1])), np.cumsum(weight[:, None] * left, axis=0)])
     for bins in POOLED:
-        number = np.cumsum(parted | (place % bins == 0)) - 1
-        total = np.bincount(number, weight)
-        mean = np.stack([np.bincount(number, weight * left[:, k]) for k in range(left.shape[1])], axis=1)
-        square, free = float((mean**2 / total[:, None]).sum()) / left.shape[1], total.size - spent
+        first = np.flatnonzero(group[: max(group.size - bins + 1, 0)] == group[bins - 1 :])
+        if not first.size:
+            break
+        pooled = (mean[first + bins] - mean[first]) ** 2 / (total[first + bins] - total[first])[:, None]
+        count = (first.size + (bins - 1) * passes) / bins  # of them that share no bin
+        square, free = count * float(pooled.mean()), count - spent
         if bins == 1:
             out.append(square / max(free, 1.0))
         elif free > PRIOR_FREEDOM:

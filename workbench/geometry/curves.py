@@ -10,7 +10,7 @@ import scipy
 
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
@@ -177,8 +177,7 @@ def along_motion(points_mm: Float, tangent: Float, group: Int) -> Float:
 
 def _course(s: Float, points: Float) -> tuple[Float, Float]:
     """Mean arc length and place of the points of each block of motion."""
-    block = np.floor((s - s.min()) / BLOCK_MM).astype(np.int64)
-    _, number = np.unique(block, return_inverse=True)
+    _, number = np.unique(stretches(s, BLOCK_MM), return_inverse=True)
     count = np.bincount(number)
     return np.bincount(number, s) / count, np.stack([np.bincount(number, p) / count for p in points.T], axis=1)
 

@@ -99,7 +99,7 @@ def settled(s: Float, low: Float, step: Float, sigma: Float, column: Int, group:
 
 def _passed(column: Int) -> int:
     """How many columns the end passes along a pass; single lost returns are none."""
-    block = np.arange(column.size) * BLOCKS // column.size
+    block = ((np.arange(column.size) + 0.5) * BLOCKS / column.size).astype(np.int64)
     middle = [np.median(column[block == b]).round() for b in np.unique(block)]
     return np.unique(middle).size - 1
 
@@ -252,7 +252,7 @@ def _overstated(logs: Float, grid: Float, variance: Float, together: Float) -> F
     number, free = np.arange(len(logs)), np.full(len(logs), np.inf)
     for cells in LEAST_TOGETHER * 2 ** np.arange(len(logs).bit_length()):
         here = number[(cells == LEAST_TOGETHER) | (together > cells // 4)]
-        first, last = np.maximum(here - cells // 2, 0), np.minimum(here + cells // 2, len(logs))
+        first, last = np.maximum(here - cells // 2, 0), np.minimum(here + cells // 2 + 1, len(logs))
         known = _moments(total, first, last, free[here], grid)[1]
         out[here] = np.maximum(out[here], known * (claimed[last] - claimed[first]))
     return out

@@ -132,7 +132,8 @@ def program(
             elif isinstance(made, Chapter):
                 out.append(dataclasses.replace(made, title=f"Program of pass {number}"))
             elif isinstance(made, PathGate):
-                gates.append(made)
+                slower = "" if share == 1.0 else f", at {share:g} of the planned speed: the joints cannot follow it"
+                gates.append(dataclasses.replace(made, reason=f"{made.reason}{slower}"))
     return (*out, _joined(gates))
 
 

@@ -11,8 +11,8 @@ from bench.score.laws import ALIKE, GROWS, POORER, ROUNDING, applies, change_of,
 
 FAILS = {  # greatest growth of u, or greatest change of a value, as measured (docs/score.md)
     ("the last pass alone", "root_mm"): "u of both passes 1.12 times that of the better one",
-    ("in a mirror", "root_mm"): "0.0002 mm, 1 of 9 recordings",
-    ("in a mirror", "bevel_deg"): "0.0027 deg, 1 of 9",
+    ("in a mirror", "root_mm"): "0.0002 mm, 3 of 9 recordings",
+    ("in a mirror", "bevel_deg"): "0.0034 deg, 2 of 9",
     ("run backwards", "root_mm"): "0.0013 mm, 5 of 9: frames between key frames are followed one way",
     ("run backwards", "bevel_deg"): "0.017 deg, 8 of 9: likewise",
 }

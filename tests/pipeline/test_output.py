@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -70,13 +71,13 @@ def test_failure_while_writing_leaves_the_old_set(tmp_path: Path, monkeypatch: p
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)
 
-    def full(self: Path, content: bytes) -> int:
-        if self.name == "run.json":
+    def full(self: Path, *arguments: Any, **more: Any) -> Any:
+        if self.name == "run.json" and arguments == ("wb",):
             raise OSError(28, "No space left on device")
-        return original(self, content)
+        return original(self, *arguments, **more)
 
-    original = Path.write_bytes
-    monkeypatch.setattr(Path, "write_bytes", full)
+    original = Path.open
+    monkeypatch.setattr(Path, "open", full)
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         out.publish(NEW)
     assert tree(tmp_path / "out") == OLD

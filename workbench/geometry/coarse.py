@@ -28,7 +28,7 @@ class Found(NamedTuple):
     rms_mm: float  # of those
 
 
-def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float) -> list[Found]:
+def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float, seed: int = 0) -> list[Found]:
     """Poses of `source_mm` (n, 3) on `target_mm` (m, 3), both thinned to a point a voxel; the best first.
 
     Planes and straight edges look alike from many sides: these are candidates, none of them proven.
@@ -44,7 +44,7 @@ def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float) -> 
         for cloud in clouds
     ]
     near = NEAR_VOXELS * voxel_mm
-    o3d.utility.random.seed(0)
+    o3d.utility.random.seed(seed)
     shifts = [pose_from(np.eye(3), at) for at in middles]
     found = []
     for _ in range(TRIES):

@@ -32,7 +32,7 @@ def teach(
         >>> from workbench import twin
         >>> taught = twin.teach(twin.part(recipe="data/synthetic/raw_edge.json"))
         >>> taught.points_mm.shape
-        (4, 3)
+        (3, 3)
     """
     part = workpiece.recipe.part
     surface = build_surface(part, workpiece.recipe.seed)

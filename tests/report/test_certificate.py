@@ -7,31 +7,44 @@ import math
 
 import pytest
 
-from workbench.artefacts import Part
+from workbench.artefacts import Chapter, Part
 from workbench.report import html
-from workbench.report.html import dated, identity_html, identity_rows, page
+from workbench.report.html import Sheet, calibration_rows, dated, identity_html, identity_rows, page
 from workbench.report.tables import MOST_ROWS, budget, certificate_html, least_favourable, small
 
 
-def test_what_is_unknown_is_said_and_how_to_set_it(elements):
+def test_what_is_unknown_is_said(elements):
     text = elements(identity_html(Part(part_id="A-7", sensor="LPS 36", sensor_serial="12"))).text
     assert "LPS 36, serial number 12" in text
-    assert "--input drawing=" in text
-    assert "--input sensor_serial=" not in text
+    assert "--input" not in text  # a sheet to sign under is no manual
     assert dict((name, value) for name, value, _ in identity_rows(Part()))["Operator"] == "unknown"
     known = Part(sensor_calibrated_at="2026-03-01", recorded_at="2026-03-31T10:00")
-    told = dict((name, value) for name, value, _ in identity_rows(known))
+    told = dict((name, value) for name, value, _ in calibration_rows(known))
     assert told["Sensor calibrated"] == "2026-03-01, 30 days before; interval unknown"
 
 
-def test_of_a_calibration_only_the_instruments_are_told(elements, provenance):
-    asked = dataclasses.replace(provenance, pipeline={"inputs": {"robot": None, "operator": None}})
-    text = elements(identity_html(Part(robot_serial="77"), "instruments", asked)).text
+def test_of_a_calibration_only_the_instruments_are_told(elements):
+    text = elements(identity_html(Part(robot_serial="77"), "instruments")).text
     assert "serial number 77" in text
     assert "Drawing" not in text
-    assert "--input operator=" in text
-    assert "--input recorded_at=" not in text  # no input of this pipeline
-    assert "recording" not in text
+
+
+def test_what_an_office_gives_is_shown_and_nothing_else(part, elements):
+    """Escaped on the page and in the foot of each printed one, which counts its pages."""
+    made = part(frames=60, columns=80).inspection
+    chapter = Chapter("Inspection", "", "pass", part=made.part, certificate=certificate_html(made))
+    sheet = Sheet(report_number='7</style>"', customer="<b>ACME & Sons", sensor_certificate="K-19", temperature_c=20.5)
+    whole = html((chapter,), sheet=sheet).content.decode()
+    text = elements(whole).text
+    for told in ('7</style>"', "<b>ACME & Sons", "certificate K-19; date unknown", "20.5 °C"):
+        assert told in text
+    assert whole.count("</style>") == 1
+    assert "@bottom-left" in whole
+    for name in ("Order", "Issued"):
+        assert name not in text
+    assert "Report number" not in elements(html((chapter,)).content.decode()).text
+    with pytest.raises(ValueError, match="issued_at: expected a date"):
+        Sheet(issued_at="tomorrow")
 
 
 @pytest.mark.parametrize(
@@ -76,8 +89,6 @@ def test_many_sections_are_cut_to_the_least_favourable(part, elements):
 
 
 def test_a_simulated_part_says_so_across_the_page(part, elements):
-    from workbench.artefacts import Chapter
-
     made = part(frames=60, columns=80).inspection
     chapter = Chapter("Inspection", "", "pass", part=Part(simulated=True), certificate=certificate_html(made))
     assert "SIMULATED" in elements(page((chapter,), None)).text

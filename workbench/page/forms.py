@@ -35,19 +35,18 @@ def fields_of(pipeline: Path) -> tuple[str, list[Field]]:
         PipelineError: no pipeline, or a stage that is not known.
     """
     document = read_document(pipeline)
-    used: dict[str, tuple[dict[str, Any], str, str, bool]] = {}
+    used: dict[str, tuple[Mapping[str, Any], str, str, bool]] = {}
     for i, entry in enumerate(document.stages):
         stage = find(entry["stage"], f"{pipeline}: stages[{i}]")
         texts = {one.name: one for one in parameter_texts(stage)}
-        properties = stage.model.model_json_schema().get("properties", {})
+        schema: Mapping[str, Any] = stage.model.model_json_schema()
         for key, value in entry.items():
             if key in RESERVED or key not in texts:
                 continue
             for name in references([{key: value}]):
-                whole = value == f"${{{name}}}"
-                is_file = whole and stage.parameters[key] is Role.INPUT_FILE
-                told = (properties.get(key, {}) if whole else {}, texts[key].range, texts[key].description, is_file)
-                used.setdefault(name, told)
+                is_file = value == f"${{{name}}}" and stage.parameters[key] is Role.INPUT_FILE
+                own = _schema_of(name, value, schema["properties"][key], schema.get("$defs", {}))
+                used.setdefault(name, (own, texts[key].range, texts[key].description, is_file))
     made = []
     for number, (name, default) in enumerate(document.inputs.items()):
         schema, bounds, description, is_file = used.get(name, ({}, "", "", False))
@@ -56,6 +55,19 @@ def fields_of(pipeline: Path) -> tuple[str, list[Field]]:
         first = name == "part_id" or (default is not None and (is_file or number < FIRST))
         made.append(Field(name, kind, default, unit_of(name), bounds, description.replace("`", ""), choices, first))
     return document.title, made
+
+
+def _schema_of(
+    name: str, value: Any, schema: Mapping[str, Any], definitions: Mapping[str, Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """What may stand where an input is referred to: in the place of a parameter, or of one of an object's values."""
+    if value == f"${{{name}}}":
+        return schema
+    whole = definitions.get(str(schema.get("$ref", "")).rpartition("/")[2], {})
+    items = value.items() if isinstance(value, dict) else ()
+    key = next((key for key, one in items if one == f"${{{name}}}"), None)
+    found: Mapping[str, Any] = whole.get("properties", {}).get(key, {})
+    return found
 
 
 def _kind(default: Any, schema: Mapping[str, Any]) -> Literal["number", "text", "json"]:

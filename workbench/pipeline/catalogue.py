@@ -125,6 +125,7 @@ def every_stage() -> tuple[dict[str, Stage], dict[str, str]]:
 # Suffix of a name -> unit, longest first: `v_slow_mm_s` is in mm/s, not in s.
 UNITS = {
     "_k": "K",
+    "_c": "°C",
     "_nm_per_rad": "Nm/rad",
     "_mm_per_s": "mm/s",
     "_mm_s2": "mm/s²",
@@ -265,7 +266,7 @@ REFERENCE = {"type": "string", "pattern": r"\$\{[A-Za-z_][A-Za-z0-9_]*\}"}
 
 
 def pipeline_schema(stages: Mapping[str, Stage]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a pipeline of the given stages; any parameter may be a `${reference}`."""
+    """JSON Schema (draft 2020-12) of a pipeline of these stages; parameters and values in them may be references."""
     definitions: dict[str, Any] = {}
     entries = [_stage_schema(stage, definitions) for stage in stages.values()]
     return {
@@ -305,7 +306,9 @@ def _stage_schema(stage: Stage, definitions: dict[str, Any]) -> dict[str, Any]:
     """What may stand in the object of one stage; named sub-schemas go into `definitions`."""
     template = f"#/$defs/{stage.name}.{{model}}"
     schema = stage.model.model_json_schema(ref_template=template)
-    definitions |= {f"{stage.name}.{name}": found for name, found in schema.pop("$defs", {}).items()}
+    for name, found in schema.pop("$defs", {}).items():
+        inner = {key: {"anyOf": [one, REFERENCE]} for key, one in found.get("properties", {}).items()}
+        definitions[f"{stage.name}.{name}"] = found | ({"properties": inner} if inner else {})
     texts = {one.name: one for one in parameter_texts(stage)}
     properties = {
         name: {

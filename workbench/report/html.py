@@ -7,15 +7,15 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass
 from html.parser import HTMLParser
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from markupsafe import Markup
 
-from workbench.artefacts import Chapter, Document, Mark, Part, PartNames, Provenance, Scene, Shading, Strokes, Verdict
-from workbench.artefacts.evidence import iso_date
+from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes, Verdict
+from workbench.artefacts.evidence import MOST_CHARACTERS, iso_date
 from workbench.errors import InputError, one_line
 from workbench.report.tables import one_line_a_stage, shown_path
 from workbench.report.text import render, source
@@ -57,8 +57,36 @@ def outside(html: str) -> str:
     return parser.found[0] if parser.found else ""
 
 
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """What an office writes on a certificate besides the measurement; None: nothing."""
+
+    __pydantic_config__: ClassVar[Any] = {
+        "extra": "forbid",
+        "coerce_numbers_to_str": True,
+        "str_max_length": MOST_CHARACTERS,
+    }
+
+    report_number: str | None = None
+    issued_at: str | None = None  # ISO 8601
+    customer: str | None = None
+    order: str | None = None
+    sensor_certificate: str | None = None  # number of its calibration certificate
+    temperature_c: float | None = None  # of the part, while it was scanned
+
+    def __post_init__(self) -> None:
+        """The date must be one."""
+        if self.issued_at is not None and iso_date(self.issued_at) is None:
+            raise ValueError(f"issued_at: expected a date as 2026-03-31 (ISO 8601), got {self.issued_at!r}")
+
+
+EMPTY_SHEET = Sheet()
+
+
 @stage("report.html")
-def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) -> Document:
+def html(
+    chapters: tuple[Chapter, ...], provenance: Provenance | None = None, *, sheet: Sheet = EMPTY_SHEET
+) -> Document:
     """The chapters as one self-contained page, `report.html`, with verdict and provenance.
 
     First the part, the overall verdict (the worst of the chapters) and a line a chapter; then warnings, chapters,
@@ -68,6 +96,8 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
     Args:
         chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.
         provenance: inputs, versions, pipeline and seed; the runner supplies it, without it the page says so.
+        sheet: report number, issue date, customer, order, the sensor's calibration certificate, temperature: shown
+            where given.
 
     Raises:
         InputError: no chapter, or one whose HTML reaches outside the page.
@@ -86,7 +116,7 @@ def html(chapters: tuple[Chapter, ...], provenance: Provenance | None = None) ->
     for chapter in chapters:
         if found := outside(chapter.html):
             raise InputError(f"chapter '{chapter.title}'", f"expected HTML that is complete in itself, got {found}")
-    return Document("report.html", page(chapters, provenance).encode())
+    return Document("report.html", page(chapters, provenance, sheet).encode())
 
 
 def packed(scene: Scene, most: int) -> str:
@@ -202,7 +232,7 @@ DIGITS, MOST_FILES = 16, 3  # of a digest and of inputs on the first page
 MOST_OPEN = 6  # of what was not checked, beside a certificate
 
 
-def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
+def page(chapters: Sequence[Chapter], provenance: Provenance | None, sheet: Sheet = EMPTY_SHEET) -> str:
     """The whole page."""
     parts = sorted(_parts(chapters), key=lambda part: part.part_id is None)
     about = "part" if any(chapter.part and chapter.about == "part" for chapter in chapters) else "instruments"
@@ -214,7 +244,8 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None) -> str:
         policy=policy(viewer),
         scenes=_scenes(chapters),
         heading=_heading(parts if about == "part" else (), provenance),
-        identity=Markup(identity_html(parts[0], about, provenance)) if parts else "",
+        identity=Markup(identity_html(parts[0], about, sheet)) if parts else "",
+        foot=css_text(f"report {shortened(sheet.report_number)}") if sheet.report_number else "",
         simulated=any(part.simulated for part in parts),
         certificate=next((Markup(chapter.certificate) for chapter in chapters if chapter.certificate), ""),
         title=provenance.title if provenance else "",
@@ -298,22 +329,24 @@ def _warnings(chapters: Sequence[Chapter]) -> list[str]:
 # Whose measurement it is, as the first page says it: part, people, instruments, calibrations.
 
 ALWAYS = ("Recorded", "Operator", "Robot")  # told of instruments, known or not
-OF_INSTRUMENTS = ("operator", "recorded_at", "robot", "robot_serial")  # what a calibration from a table may be given
 SHOWN = 60  # characters of a name
 DAYS_A_YEAR = 365.25
 
 
-def identity_html(part: Part, about: str = "part", provenance: Provenance | None = None) -> str:
-    """What is known of the part, or of the instruments alone, what is not, and how to set it."""
-    unknown = [field.name for field in fields(PartNames) if getattr(part, field.name) is None]
-    missing = [name for name in unknown if about == "part" or name in OF_INSTRUMENTS]
-    inputs = provenance.pipeline.get("inputs", {}) if provenance else missing
-    settable = [name for name in missing if name in inputs]
-    rows = [
-        (name, value, known) for name, value, known in identity_rows(part) if about == "part" or known or name in ALWAYS
-    ]
-    recorded = bool(missing) and (about == "part" or not settable)  # a calibration from a table has no recording
-    return render("identity.html.j2", rows=rows, settable=settable, recorded=recorded)
+def identity_html(part: Part, about: str = "part", sheet: Sheet = EMPTY_SHEET) -> str:
+    """What is known of the part, or of the instruments alone, and what is not."""
+    rows = [*identity_rows(part), *calibration_rows(part, sheet)]
+    shown = [(name, value, known) for name, value, known in rows if about == "part" or known or name in ALWAYS]
+    return render("identity.html.j2", rows=[*office_rows(sheet), *shown])
+
+
+def office_rows(sheet: Sheet) -> Iterator[tuple[str, str, bool]]:
+    """What an office gave, as identity_rows."""
+    issued = sheet.issued_at and sheet.issued_at.partition("T")[0]
+    given = (sheet.report_number, issued, sheet.customer, sheet.order)
+    for name, value in zip(("Report number", "Issued", "Customer", "Order"), given, strict=True):
+        if value:
+            yield name, shortened(value), True
 
 
 def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
@@ -325,13 +358,21 @@ def identity_rows(part: Part) -> Iterator[tuple[str, str, bool]]:
         ("Operator", part.operator),
     ):
         yield name, shortened(value) if value else "unknown", bool(value)
-    yield "Sensor", instrument(part.sensor, part.sensor_serial), part.sensor is not None
-    calibrated = dated(part.sensor_calibrated_at, part.recorded_at)
-    yield "Sensor calibrated", f"{calibrated}; interval unknown" if calibrated else "unknown", bool(calibrated)
-    yield "Robot", instrument(part.robot, part.robot_serial), part.robot is not None
-    yield "Hand-eye calibration", hand_eye(part), part.hand_eye is not None
     if part.simulated is False:  # of a simulated one the page's head and foot say so
         yield "Kind of part", "real", True
+
+
+def calibration_rows(part: Part, sheet: Sheet = EMPTY_SHEET) -> Iterator[tuple[str, str, bool]]:
+    """Instruments, their calibrations, and the part's temperature; as identity_rows."""
+    yield "Sensor", instrument(part.sensor, part.sensor_serial), part.sensor is not None
+    calibrated = dated(part.sensor_calibrated_at, part.recorded_at)
+    certificate = f"certificate {shortened(sheet.sensor_certificate)}; " if sheet.sensor_certificate else ""
+    when = f"{calibrated}; interval unknown" if calibrated else "date unknown" if certificate else "unknown"
+    yield "Sensor calibrated", certificate + when, bool(calibrated)
+    yield "Robot", instrument(part.robot, part.robot_serial), part.robot is not None
+    yield "Hand-eye calibration", hand_eye(part), part.hand_eye is not None
+    if sheet.temperature_c is not None:
+        yield "Temperature", f"{sheet.temperature_c:g} °C", True
 
 
 def instrument(name: str | None, serial: str | None) -> str:
@@ -365,3 +406,8 @@ def shortened(text: str | None) -> str:
     """A name out of a file on one line, cut where it is long."""
     text = one_line(text or "")
     return text if len(text) <= SHOWN else text[: SHOWN - 1] + "…"
+
+
+def css_text(text: str) -> Markup:
+    """A text as a string of CSS in which every character that could mean something is escaped."""
+    return Markup('"' + "".join(c if c.isalnum() or c == " " else f"\\{ord(c):x} " for c in text) + '"')

@@ -1,5 +1,8 @@
-"""Shared fixtures: small stages of our own, and the command run in this process."""
+"""Shared fixtures: small stages of our own, the command run in this process, a browser, charts left undrawn."""
 
+import io
+import os
+import shutil
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -9,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import pytest
 from hypothesis import settings
+from PIL import Image
 from pydantic import Field
 
 from tests import shapes
@@ -109,6 +113,51 @@ def demo() -> Iterator[Mapping[str, Callable[..., Any]]]:
 
     yield {"read": read, "turn": turn, "merge": merge, "inspect": inspect, "gate": gate, "page": page}
     forget_strangers()
+
+
+@pytest.fixture(scope="module")
+def undrawn() -> Iterator[None]:
+    """Charts are laid out but not drawn, half of what a stage takes: for modules that look at no picture.
+
+    tests/docs and tests/contracts draw those of every stage.
+    """
+    from matplotlib.figure import Figure
+
+    def blank(figure: Figure, out: io.BytesIO, **how: Any) -> None:
+        if how["format"] == "svg":
+            out.write(b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 40"/>')
+        else:
+            Image.new("RGB", (40, 40)).save(out, how["format"])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", blank)
+        yield
+
+
+# A real browser, headless.
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # WebGL without a graphics card
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium; without one a page is not looked at, and the run's summary says so."""
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="pages are not looked at in a browser: no playwright"
+    )
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip(f"pages are not looked at in a browser: no {', '.join(BROWSERS)} here (apt-get install chromium)")
+    as_root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # Chromium asks for it
+    with playwright.sync_playwright() as driver:
+        try:
+            started = driver.chromium.launch(executable_path=path, args=[*SOFTWARE, *as_root])
+        except playwright.Error as error:
+            pytest.skip(f"pages are not looked at in a browser: {path} does not start: {str(error).splitlines()[0]}")
+        playwright.expect.set_options(timeout=300_000)
+        yield started
+        started.close()
 
 
 def forget_strangers() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.drawn.plates import random_recipe
@@ -30,13 +29,12 @@ def edge_of(recording: Recording, error: Float, upper_side: Float) -> Edge:
     return segment_raw(dataclasses.replace(cloud, hand_eye_covariance=CORRELATED), upper_side=side)
 
 
-@pytest.mark.parametrize(("condition", "seed"), [("raw_arc", 31), ("raw_drift", 32)])
-def test_place_and_direction_scatter_as_stated(condition: str, seed: int) -> None:
-    recording, truth = simulate_recording(random_recipe(condition, seed))
+def test_place_and_direction_scatter_as_stated() -> None:
+    recording, truth = simulate_recording(random_recipe("raw_arc", 31))
     stated = edge_of(recording, np.zeros(6), truth.across[0])
     assert stated.hand_eye_u_mm is not None
     k = len(stated.arc_length_mm) // 2
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(31)
     off = []
     for error in rng.multivariate_normal(np.zeros(6), CORRELATED, size=16):
         moved = edge_of(recording, error, truth.across[0])

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-import os
-import shutil
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
@@ -380,29 +378,3 @@ def hostile():
 def quick(monkeypatch):
     """Leaves the views in space undrawn: for what does not depend on their pictures."""
     monkeypatch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")
-
-
-# A real browser, headless.
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # WebGL without a graphics card
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium; without one a page is not looked at, and the run's summary says so."""
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="pages are not looked at in a browser: no playwright"
-    )
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip(f"pages are not looked at in a browser: no {', '.join(BROWSERS)} here (apt-get install chromium)")
-    as_root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # Chromium asks for it
-    with playwright.sync_playwright() as driver:
-        try:
-            started = driver.chromium.launch(executable_path=path, args=[*SOFTWARE, *as_root])
-        except playwright.Error as error:
-            pytest.skip(f"pages are not looked at in a browser: {path} does not start: {str(error).splitlines()[0]}")
-        playwright.expect.set_options(timeout=300_000)
-        yield started
-        started.close()

@@ -226,3 +226,8 @@ def whole_covariance(linear: Linear, seen: Observations, noise: Noise) -> Float:
     for i in range(k):
         whole[i, :, i, :] += own[i]
     return whole.reshape(3 * k, 3 * k)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def charts(undrawn: None) -> None:
+    """Nobody here looks at them."""

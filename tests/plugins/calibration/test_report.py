@@ -15,6 +15,11 @@ from workbench.plugins.calibration import circles, hand_eye, plan, report, valid
 from workbench.synthetic import simulate_sphere
 
 
+@pytest.fixture(scope="module", autouse=True)
+def charts() -> None:
+    """Here they are looked at."""
+
+
 @pytest.fixture(scope="module")
 def parts():
     recording, _ = simulate_sphere(random_sphere_recipe("sphere_gross", 5))

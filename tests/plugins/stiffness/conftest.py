@@ -79,3 +79,8 @@ def noisy(cell: Cell, exact: Make) -> Make:
         return dataclasses.replace(clean, wrench=wrench, displacement=moved)
 
     return make
+
+
+@pytest.fixture(scope="module", autouse=True)
+def charts(undrawn: None) -> None:
+    """Nobody here looks at them."""

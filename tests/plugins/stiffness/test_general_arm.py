@@ -101,7 +101,7 @@ def placed(path: Toolpath, cell: Cell, joints_deg: tuple[float, ...]) -> Toolpat
 def test_an_ur_has_postures(ur: Cell) -> None:
     """Its tool stands at every point, within limits and without a jump; the choice is the best of the grid's."""
     assert not ur.warnings
-    path = placed(thinned(read(toolpath=PATH), 15), ur, (10, -70, 100, -60, -80, 30))
+    path = placed(thinned(read(toolpath=PATH), 40), ur, (10, -70, 100, -60, -80, 30))
     stiffness = JointStiffness(np.array([2e4, 2e4, 2e4, 1e4, 1e4, 1e4]), np.zeros((6, 6)), 0.0, 0, 0, "stated")
     made, _, document, _ = posture(ur, stiffness, path, force(path)[0], step_deg=30.0, sampled_points=8)
     flange = forward_kinematics(ur.chain, made.joints)

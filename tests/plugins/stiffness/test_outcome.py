@@ -16,6 +16,11 @@ from .conftest import ROOT
 PATH = ROOT / "data" / "synthetic" / "paths" / "raw_arc.json"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def charts() -> None:
+    """Here the picture itself is looked at."""
+
+
 def test_the_plate_is_a_closed_body_of_the_plate_s_volume() -> None:
     path = read(toolpath=PATH)
     triangles = plate_triangles(path)

@@ -18,7 +18,7 @@ class Client:
     """What a browser would send."""
 
     def __init__(self, page: Page) -> None:
-        self.server = page_server(page)
+        self.page, self.server = page, page_server(page)
         self.thread = threading.Thread(target=self.server.serve_forever)
         self.thread.start()
         self.root = f"/{self.server.token}"

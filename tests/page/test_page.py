@@ -6,7 +6,9 @@ import errno
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,8 @@ def test_a_part_from_the_file_to_the_verdict_and_back(client: Client, folder: Pa
     tree = json.loads((results / "inspection.json").read_text())
     assert first["sizes"]["root_mm"][1] == pytest.approx(2.0 * max(one["root_u_mm"] for one in tree["sections"]))
     inputs["root_tolerance_mm"] = [-0.15, 0.0]
+    while not client.page.queue.waits:  # so that the second run is that child's
+        time.sleep(0.05)
     second = client.done(client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"])
     assert second["verdict"] == "fail", second
     page = client.ask("GET", f"/runs/{second['id']}")[1]
@@ -106,6 +110,14 @@ def test_what_is_wrong_is_one_line_and_leaves_nothing(
     assert words in text
     assert "\n" not in text.strip()
     assert sorted(folder.rglob("*")) == before
+
+
+def test_those_who_ask_at_once_get_one_answer_and_who_comes_later_a_new_one(client: Client) -> None:
+    with ThreadPoolExecutor(20) as crowd:
+        asked = [crowd.submit(client.ask, "GET", "/") for _ in range(60)]
+        assert {one.result()[0] for one in asked} == {200}
+    client.json("POST", "/api/presets", {"name": "later", "pipeline": "inspect_bevel", "inputs": {}})
+    assert "later" in client.ask("GET", "/")[1]
 
 
 def test_nobody_else_may_send(client: Client) -> None:

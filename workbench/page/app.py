@@ -132,13 +132,28 @@ class Page:
         self.store.close()
 
     def _answer(self, make: Callable[[Request, Any], Response]) -> Callable[[Request], Any]:
-        """A handler off the loop; what a user did wrong is one line."""
+        """A handler off the loop; what a user did wrong is one line.
+
+        Who asks for the same before work on it has begun gets the same answer: so a crowd delays nobody.
+        """
+
+        at_work = asyncio.Lock()
+        waiting: dict[str, asyncio.Task[Response]] = {}
+
+        async def once(request: Request, key: str) -> Response:
+            async with at_work:
+                waiting.pop(key)
+                return await asyncio.to_thread(make, request, None)
 
         @functools.wraps(make)
         async def handle(request: Request) -> Response:
             try:
-                body = json.loads(await request.body() or b"null") if request.method == "POST" else None
-                return await asyncio.to_thread(make, request, body)
+                if request.method == "POST":
+                    return await asyncio.to_thread(make, request, json.loads(await request.body() or b"null"))
+                key = str(request.url)
+                if key not in waiting:
+                    waiting[key] = asyncio.create_task(once(request, key))
+                return await asyncio.shield(waiting[key])
             except WorkbenchError as error:
                 return JSONResponse({"error": str(error)}, HTTPStatus.BAD_REQUEST)
             except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ class Queue:
         store.resume()
         self._wake, self._end = threading.Event(), False
         self._child: tuple[int, subprocess.Popen[str]] | None = None
+        self._spare: _Spare | None = None
+        self._again: list[Any] = []  # what a child that waits has done
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
@@ -63,12 +66,20 @@ class Queue:
             if self._child:
                 self._child[1].terminate()
         self._thread.join(10.0)
+        if self._spare:
+            self._spare.end()
+
+    @property
+    def waits(self) -> bool:
+        """Whether a child is ready for the next run."""
+        return self._spare is not None and self._spare.ready
 
     def results(self, number: int) -> Path:
         """The folder of a run's results."""
         return self.folder / "results" / str(number)
 
     def _work(self) -> None:
+        self._warm(next((run for run in self.store.runs() if _is_done(run)), None))
         while not self._end:
             run = self.store.next()
             if run is None:
@@ -77,6 +88,44 @@ class Queue:
                 continue
             self.store.update(run.id, state="running", step=None)
             self._done(run, *self._ran(run))
+            self._warm(self.store.run(run.id))
+
+    def _warm(self, run: Run | None) -> None:
+        """Let a child wait that has done this run, or else what the last one had done."""
+        if run and _is_done(run):
+            self._again = [run.kind, run.inputs, self._cache()]
+        if self._again and not self._end:
+            if self._spare:
+                self._spare.end()
+            with suppress(OSError):  # then the next run begins cold
+                self._spare = _Spare(self._child_of("-m", "workbench.warm"), self._again)
+
+    def _cache(self) -> str:
+        return str(self.folder / ".workbench" / "cache")
+
+    def _child_of(self, *arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            cwd=self.folder,
+            env=environment(),
+        )
+
+    def _begun(self, arguments: list[str]) -> subprocess.Popen[str]:
+        """A command at work: in the child that waits, where it is ready; else in a new one."""
+        spare, self._spare = self._spare, None
+        if spare and spare.take(arguments):
+            return spare.child
+        if spare:
+            spare.end()
+        child = self._child_of("-m", "workbench", *arguments)
+        assert child.stdin is not None
+        child.stdin.close()
+        return child
 
     def _ran(self, run: Run) -> tuple[int, str, str]:
         """Exit status, what was printed, and the last line on standard error; of its last command."""
@@ -95,16 +144,7 @@ class Queue:
         return told
 
     def _child_ran(self, run: Run, arguments: list[str]) -> tuple[int, str, str]:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "workbench", *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            cwd=self.folder,
-            env=environment(),
-        )
+        child = self._begun(arguments)
         with self._lock:
             self._child = run.id, child
         printed: list[str] = []
@@ -154,8 +194,7 @@ class Queue:
         if inputs.get(RECORDING) and state_of(Path(inputs[RECORDING])) in ("growing", "locked"):
             follow = ["--follow", inputs.pop(RECORDING)]
         given = [text for name, value in inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
-        cache = str(self.folder / ".workbench" / "cache")
-        return [["run", run.kind, "--out", str(out), "--cache", cache, *follow, *given]]
+        return [["run", run.kind, "--out", str(out), "--cache", self._cache(), *follow, *given]]
 
     def _done(self, run: Run, status: int, printed: str, last: str) -> None:
         """Write down what came of it, unless it was cancelled, or is to be done again."""
@@ -178,6 +217,47 @@ class Queue:
         told.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
         told.setdefault("verdict", "pass" if status == 0 else "fail")
         self.store.update(run.id, state="done", status=status, **let_through(told, status == 0))
+
+
+def _is_done(run: Run) -> bool:
+    """Whether it is a pipeline's that went to its end."""
+    return run.status in (0, 1) and run.kind not in (LOOK, DRAFT, PREVIEW, IMPORT)
+
+
+class _Spare:
+    """A child of `workbench.warm`, and whether it waits."""
+
+    def __init__(self, child: subprocess.Popen[str], again: list[Any]) -> None:
+        self.child, self.ready = child, False
+        assert child.stdin is not None
+        self._stdin = child.stdin
+        self._say(again)
+        threading.Thread(target=self._wait, daemon=True).start()
+
+    def _wait(self) -> None:
+        assert self.child.stdout is not None
+        self.ready = bool(self.child.stdout.readline())
+
+    def _say(self, what: Any) -> None:
+        self._stdin.write(json.dumps(what) + "\n")
+        self._stdin.flush()
+
+    def take(self, arguments: list[str]) -> bool:
+        """Begin a command; False: it is not ready."""
+        if not self.ready or self.child.poll() is not None:
+            return False
+        try:
+            self._say(arguments)
+            self._stdin.close()
+        except OSError:
+            return False
+        return True
+
+    def end(self) -> None:
+        """It is not needed any more."""
+        self.child.kill()
+        with self.child:  # its pipes are closed
+            pass
 
 
 def let_through(told: dict[str, Any], passed: bool) -> dict[str, Any]:

@@ -119,7 +119,7 @@ async function follow(number, step, done, known) {
   const run = await call("/api/runs/" + number);
   if (run && step) step.textContent = run.step || "";
   if (run && known && run.verdict) known(run);
-  if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done, known), 400);
+  if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done, known), 200);
 }
 const tell = (element, word, states) => { element.textContent = states[word] || word; element.className = "verdict " + word; };
 if (atWork) {

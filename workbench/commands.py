@@ -51,6 +51,7 @@ OPTIONS = (
     "store",
     "follow",
     "stall_s",
+    "drawing",
     "posture",
     "turntable_deg",
     "port",
@@ -116,6 +117,7 @@ def build_parser() -> Parser:
     batch.add_argument("--cache", metavar="FOLDER", help="keep copies of recordings behind URLs here")
     run.add_argument("--out", metavar="DIR", help="directory for the results (default: results/PIPELINE)")
     run.add_argument("--follow", metavar="FILE.h5", help="the recording, which may still be growing: wait for its end")
+    run.add_argument("--drawing", metavar="FILE.svg", help="with --follow: draw the sections of the frames so far")
     run.add_argument(
         "--stall-s", type=_seconds, default=10.0, metavar="S", help="with --follow: longest pause (default: 10)"
     )
@@ -317,7 +319,12 @@ def followed(options: argparse.Namespace, pipeline: Any, inputs: dict[str, Any],
 
     if RECORDING in inputs:
         raise ArgumentError("--follow", f"names the recording; leave out --input {RECORDING}=")
-    follow(pipeline, Path(options.follow), options.stall_s, lambda text: print(text, file=sys.stderr), inputs, settings)
+    drawing = Path(options.drawing) if options.drawing else None
+
+    def tell(text: str) -> None:
+        print(text, file=sys.stderr)
+
+    follow(pipeline, Path(options.follow), options.stall_s, tell, inputs, settings, drawing)
     inputs[RECORDING] = options.follow
 
 

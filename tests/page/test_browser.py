@@ -11,6 +11,7 @@ import pytest
 
 from tests.importing.test_draft import write
 from tests.page.conftest import Client, opened
+from tests.pipeline.test_follow import writing
 from workbench.scan.read import read
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the page is not tried in a browser: no playwright")
@@ -63,6 +64,24 @@ def test_the_operator_s_page_waits_measures_and_says_what_next(shop: Shop) -> No
     playwright.expect(todo).to_contain_text("P-7")
     playwright.expect(todo).to_contain_text("Go on with the next part")
     assert verdict.evaluate("one => parseFloat(getComputedStyle(one).fontSize)") > 80
+    tab.close()
+
+
+def test_a_recording_that_grows_is_drawn_and_then_turns_in_space(shop: Shop) -> None:
+    """Its sections and sizes so far; at its end the verdict, and the view in space and nothing else of the report."""
+    grown = shop.folder / "grown.h5"
+    with writing(grown, last=48):
+        inputs = {"recording": grown.name}
+        number = shop.client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"]
+        tab = shop.at(f"/runs/{number}")
+        playwright.expect(tab.locator(".step")).to_contain_text("frames so far: ")
+        playwright.expect(tab.get_by_alt_text("so far")).to_be_visible()
+        grown.with_suffix(".h5.go").touch()
+        playwright.expect(tab.locator(".verdict")).to_have_text("PASS")
+    view = tab.frame_locator("iframe")
+    playwright.expect(view.locator("figure.space")).to_be_visible()
+    playwright.expect(view.get_by_role("heading", level=1)).to_be_hidden()
+    assert not (shop.folder / "results" / str(number) / "so_far.svg").exists()
     tab.close()
 
 

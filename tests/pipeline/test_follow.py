@@ -71,7 +71,7 @@ def writing(target: Path, swmr: bool = True, last: int = 10**6, pause_s: float =
 
 
 def test_the_results_are_those_of_the_complete_file(command: Callable[..., Any], tmp_path: Path) -> None:
-    grown = tmp_path / "grown.h5"
+    grown, drawing = tmp_path / "grown.h5", tmp_path / "so_far.svg"
 
     def let_go() -> None:
         """Once it was measured on the way."""
@@ -82,8 +82,21 @@ def test_the_results_are_those_of_the_complete_file(command: Callable[..., Any],
     with writing(grown, last=48):
         assert state_of(grown) == "growing"
         threading.Thread(target=let_go, daemon=True).start()
-        done = command("run", PIPELINE, "--follow", grown, "--no-report", "--out", tmp_path / "a", "--stall-s", "300")
+        done = command(
+            "run",
+            PIPELINE,
+            "--follow",
+            grown,
+            "--no-report",
+            "--out",
+            tmp_path / "a",
+            "--stall-s",
+            "300",
+            "--drawing",
+            drawing,
+        )
     assert done.status == 0, done.err
+    assert "<svg" in drawing.read_text()
     assert "frames so far: pass" in done.err
     again = command("run", PIPELINE, "--input", f"recording={grown}", "--no-report", "--out", tmp_path / "b")
     assert again.status == 0

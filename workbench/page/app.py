@@ -43,6 +43,7 @@ from workbench.storage import beside
 from workbench.view import NotServedError, Results, has_screen, within
 
 HERE = Path(__file__).parent
+REPORT = "report.html"
 MOST_CHARTED = 2000  # parts
 MOST_BYTES = 8_000_000_000  # of an upload
 RECORDINGS = (".h5", ".hdf5")
@@ -255,7 +256,9 @@ class Page:
         files = sorted(path.name for path in folder.iterdir() if path.is_file()) if folder.is_dir() else []
         earlier = [one for one in self.store.runs({"part": run.part or ""}) if one.kind == run.kind and one.id < run.id]
         changed = differences(earlier[0].inputs, run.inputs) if earlier and run.part else []
-        return self._html("run.html.j2", request, run=run, files=files, changed=changed, looks=(LOOK, IMPORT))
+        in_space = REPORT in files and b'id="view"' in (folder / REPORT).read_bytes()
+        told = {"files": files, "changed": changed, "in_space": in_space, "looks": (LOOK, IMPORT)}
+        return self._html("run.html.j2", request, run=run, **told)
 
     def _draft(self, request: Request, run: Run) -> Response:
         """What was understood of other people's files: a question for each doubt."""

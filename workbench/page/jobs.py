@@ -18,6 +18,7 @@ from workbench.page.store import Run, Store
 from workbench.pipeline.follow import RECORDING, state_of
 
 LOOK, DRAFT, PREVIEW, IMPORT = "look", "draft", "preview", "import"  # runs that are no pipeline's
+SO_FAR = "so_far.svg"  # the sections of a recording that grows
 STEP = re.compile(r"\[\d+/\d+\] \S+|\d+ frames so far: .*")
 GATE_PASSED = re.compile(r"gate[^:]*: passed ")
 VERDICT = re.compile(r"part: (?P<verdict>pass|fail|undecided) \((?P<reason>.*)\)")
@@ -141,6 +142,7 @@ class Queue:
             return 2, "", f"{out}: cannot be written: {error.strerror}"
         finally:
             self._mapping(run).unlink(missing_ok=True)
+            (out / SO_FAR).unlink(missing_ok=True)
         return told
 
     def _child_ran(self, run: Run, arguments: list[str]) -> tuple[int, str, str]:
@@ -192,7 +194,7 @@ class Queue:
             return [read, [LOOK, str(made), *page]]
         inputs, follow = dict(run.inputs), []
         if inputs.get(RECORDING) and state_of(Path(inputs[RECORDING])) in ("growing", "locked"):
-            follow = ["--follow", inputs.pop(RECORDING)]
+            follow = ["--follow", inputs.pop(RECORDING), "--drawing", str(out / SO_FAR)]
         given = [text for name, value in inputs.items() for text in ("--input", f"{name}={json.dumps(value)}")]
         return [["run", run.kind, "--out", str(out), "--cache", self._cache(), *follow, *given]]
 

@@ -117,14 +117,19 @@ if (draft) {
 const atWork = document.querySelector("[data-run]");
 async function follow(number, step, done, known) {
   const run = await call("/api/runs/" + number);
-  if (run && step) step.textContent = run.step || "";
+  if (run && step && step.textContent !== (run.step || "")) step.textContent = run.step || "";
   if (run && known && run.verdict) known(run);
   if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done, known), 200);
 }
 const tell = (element, word, states) => { element.textContent = states[word] || word; element.className = "verdict " + word; };
 if (atWork) {
   const states = JSON.parse(atWork.dataset.states), word = atWork.querySelector(".verdict");
-  follow(atWork.dataset.run, atWork.querySelector(".step"), () => location.reload(), (run) => tell(word, run.verdict, states));
+  const step = atWork.querySelector(".step"), drawing = atWork.querySelector("img");
+  new MutationObserver(() => { // the sections of a recording that grows
+    if (step.textContent.includes(" so far: ")) drawing.src = drawing.dataset.at + "?" + encodeURIComponent(step.textContent);
+  }).observe(step, { childList: true });
+  drawing.addEventListener("load", () => { drawing.hidden = false; });
+  follow(atWork.dataset.run, step, () => location.reload(), (run) => tell(word, run.verdict, states));
   atWork.querySelector("button").addEventListener("click", () => post("/api/runs/" + atWork.dataset.run + "/cancel", {}));
 }
 

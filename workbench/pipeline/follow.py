@@ -20,10 +20,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from workbench.artefacts import Gate, JointInspection
+from workbench.artefacts import Cloud, Gate, Inspection, Joint, JointInspection, MilledEdge
+from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import ArgumentError, InputError, WorkbenchError, one_line
-from workbench.pipeline.run import Pipeline
-from workbench.storage import new_hdf5
+from workbench.pipeline.run import Pipeline, Results
+from workbench.storage import beside, new_hdf5
 
 State = Literal["absent", "growing", "locked", "killed", "closed"]
 RECORDING = "recording"  # the pipeline's input
@@ -41,6 +42,7 @@ def follow(
     tell: Callable[[str], None],
     inputs: Mapping[str, Any],
     settings: Mapping[str, Any],
+    drawing: Path | None = None,
 ) -> None:
     """Wait until the recording at `path` is complete, and tell what its frames so far show.
 
@@ -50,6 +52,7 @@ def follow(
         stall_s: so long may the file stay as it is.
         tell: takes a line at a time.
         inputs, settings: as of the run.
+        drawing: where the sections of the frames so far are drawn, as SVG.
 
     Raises:
         ArgumentError: the pipeline has no input `recording`.
@@ -60,7 +63,7 @@ def follow(
     seen: tuple[int, int] | None = None
     since = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="workbench-follow-") as folder:
-        sight = _Sight(pipeline, path, Path(folder) / path.name, tell, inputs, settings)
+        sight = _Sight(pipeline, path, Path(folder) / path.name, tell, inputs, settings, drawing)
         try:
             while (state := state_of(path)) != "closed":
                 if state == "killed":
@@ -139,8 +142,9 @@ class _Sight:
         tell: Callable[[str], None],
         inputs: Mapping[str, Any],
         settings: Mapping[str, Any],
+        drawing: Path | None,
     ) -> None:
-        self.pipeline, self.path, self.copy, self.tell = pipeline, path, copy, tell
+        self.pipeline, self.path, self.copy, self.tell, self.drawing = pipeline, path, copy, tell, drawing
         self.inputs, self.settings = {**inputs, RECORDING: str(copy)}, settings
         self.frames, self.child = 0, 0
 
@@ -179,9 +183,28 @@ class _Sight:
             told = [one.reason for one in results if isinstance(one, Gate)]
             told += [sizes for one in results if isinstance(one, JointInspection) and (sizes := _sizes(one))]
             shown = "; ".join(told) or "measured"
+            if self.drawing and (drawn := _drawn(results)):
+                written = beside(self.drawing)
+                written.write_bytes(drawn)
+                written.replace(self.drawing)
+        except OSError as error:
+            shown = f"{self.drawing}: cannot be written: {error.strerror}"
         except WorkbenchError as error:
             shown = str(error).replace(str(self.copy), str(self.path))
         self.tell(f"{self.frames} frames so far: {one_line(shown)}")
+
+
+def _drawn(results: Results) -> bytes | None:
+    """The measured sections of an inspection, as SVG; None: there is none."""
+    from workbench.report.groove import groove_drawing, of_interest
+    from workbench.report.section_drawing import section_drawings
+
+    found = next((one for one in results if isinstance(one, JointInspection)), None)
+    if isinstance(found, Inspection):
+        return section_drawings(results.last(Cloud), results.last(MilledEdge), found)
+    if isinstance(found, RecognisedInspection):
+        return groove_drawing(results.last(Cloud), results.last(Joint), of_interest(found))
+    return None
 
 
 def _sizes(inspection: JointInspection) -> str:

@@ -243,6 +243,7 @@ def page(chapters: Sequence[Chapter], provenance: Provenance | None, sheet: Shee
         viewer=viewer,
         policy=policy(viewer),
         scenes=_scenes(chapters),
+        in_space=next((k for k, chapter in enumerate(chapters) if chapter.scene), None),  # report.html#view: that alone
         heading=_heading(parts if about == "part" else (), provenance),
         identity=Markup(identity_html(parts[0], about, sheet)) if parts else "",
         foot=css_text(f"report {shortened(sheet.report_number)}") if sheet.report_number else "",

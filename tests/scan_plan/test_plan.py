@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench import robot
+from workbench import cloud, edge, robot, scan
 from workbench.artefacts import Document, Gate
 from workbench.errors import InputError
 from workbench.result_files import ScanPlanFile
 from workbench.scan_plan import ScanPlan, plan
+from workbench.scan_plan.edges import roughness_mm
 from workbench.scan_plan.reach import BODY
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -127,3 +128,21 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(told.value)
     with pytest.raises(InputError, match="out of the robot's reach"):
         in_cell(edge=far)
+
+
+def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None:
+    line = tmp_path / "edge.json"
+    line.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[1500, 0, 800], [1530, 0, 800]]}))
+    smooth, file, _ = made(edge=line)
+    rough = made(edge=line, roughness_mm=0.05)[0]
+    assert any("roughness" in one for one in file.not_checked)
+    assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)
+    assert not rough.reached.any()
+    assert any("smooth root face" in one for one in rough.would_help)
+
+
+def test_a_coarse_recording_tells_how_rough_the_end_face_is() -> None:
+    points = cloud.denoise(scan.fuse(scan.read(recording=DATA / "synthetic" / "raw_edge.h5")))
+    assert 0.06 < roughness_mm(points, edge.segment_raw(points, upper_side=(0.0, 0.0, 1.0))) < 0.2  # its recipe: 0.1
+    points = cloud.denoise(scan.fuse(scan.read(recording=DATA / "synthetic" / "milled_edge.h5")))
+    assert roughness_mm(points, edge.segment(points)) == 0.0

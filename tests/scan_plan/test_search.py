@@ -45,13 +45,19 @@ def test_no_set_is_better(seed: int) -> None:
 
 @pytest.mark.parametrize("bevel_deg", [20.0, 40.0, 48.0, 60.0])
 def test_the_joint_gives_the_elevations(bevel_deg: float) -> None:
-    """Both faces are seen from all of them, and from one the lower surface too, where there is such a view."""
+    """Both faces are seen from all of them, and from one the lower surface too, where there is such a view.
+
+    From none is it met at 70 to 90 deg, where nobody knows whether it returns: elsewhere they are 10 deg apart.
+    """
     joint = JOINT._replace(bevel=bevel_deg * DEG)
     line = EdgeLine.through(np.array([[0.0, 0.0, 0.0], [LENGTH_MM, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]), "line")
     task = Task(joint, SENSOR, KNOWN, line, Wanted(0.02, 0.1), 2, 200.0, 100.0)
     at = np.array(task.elevations)
     seen = np.array([incidences(joint, View(one, 150.0, 0.2)) for one in at])
     assert (np.diff(at) > 0.0).all()
-    assert np.diff(at).max() < 10.01 * DEG
+    assert np.diff(at[at >= 0.0]).max() < 10.01 * DEG
+    assert np.diff(at[at < 0.0]).max(initial=0.0) < 10.01 * DEG
+    doubtful = (seen[:, 2] > MOST_INCIDENCE) & (seen[:, 2] < 0.5 * np.pi - 1e-9)
+    assert not doubtful.any()
     assert seen[:, :2].max() < MOST_INCIDENCE
     assert (seen[:, 2] < MOST_INCIDENCE).any() == (bevel_deg < 50.0)

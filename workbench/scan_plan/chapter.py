@@ -150,7 +150,7 @@ def _along_picture(made: ScanPlan) -> bytes:
         for axes, (quantity, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
             axes.plot(made.arc_length_mm, COVERAGE * quantity.u, color=pieces.BLUE, lw=1.4)
             axes.axhline(most, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
-            axes.set_ylim(0, 1.15 * max(most, float(np.nanmax(COVERAGE * quantity.u))))
+            axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(COVERAGE * quantity.u, initial=0.0))))
             axes.set_ylabel(name)
         axes.set_xlabel("along the lower edge, mm")
         return pieces.svg(figure)

@@ -13,6 +13,7 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -84,6 +85,7 @@ class Profiler:
     linearity: Linearity = UNDECLARED
     triangulation: float = 0.0  # rad
     camera_side: str = "y"
+    file: Path | None = None  # that told so
 
     @property
     def middle_mm(self) -> float:
@@ -106,6 +108,7 @@ class Knowledge(NamedTuple):
     hand_eye_turn: float = 0.0  # standard uncertainty of the laser plane's direction, rad
     edge_condition: EdgeCondition = "unknown"
     radius_mm: float | None = None  # of the lower edge, where it is known before; None: any of the prior
+    roughness_mm: float = 0.0  # of the root face, three standard deviations
 
 
 class View(NamedTuple):

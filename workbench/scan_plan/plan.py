@@ -15,6 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
+    DIRECTIONS,
+    END,
+    FORM,
+    ROUNDING,
     Chapter,
     Document,
     Gate,
@@ -48,6 +52,7 @@ from workbench.scan_plan.information import (
     information,
 )
 from workbench.scan_plan.reach import Examiner, ScanCell, scan_cell
+from workbench.scan_plan.rehearsal import rehearsed, straight
 from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
@@ -65,6 +70,8 @@ NO_CELL = "reach, collisions and what stands in the way of laser and camera: no 
 NO_BODY = "collision of the scanner: the sensor file gives it no body ($.body)"
 NO_CAMERA = "shadows of the camera: the sensor file tells no triangulation_deg"
 NO_HAND_EYE = "reach and collisions: no hand_eye tells where the scanner sits on the flange"
+NO_ROUGHNESS = "roughness of the root face, which is taken for smooth: roughness_mm, or a coarse recording as edge"
+MOST_ROUGH_MM = 0.3  # that can be rehearsed
 HALF = 0.5
 TOLD = 4
 
@@ -104,6 +111,7 @@ class ScanPlan:
     table: float  # rad
     scan_cell: ScanCell | None
     unchecked: tuple[str, ...]
+    refused: str | None = None  # why the engine would refuse the recording
 
     @property
     def seconds(self) -> float:
@@ -130,6 +138,7 @@ def plan(
     wanted_bevel_deg: Positive | None = None,
     passes: Annotated[int, Field(ge=1, le=4)] = 2,
     edge_condition: EdgeCondition = "unknown",
+    roughness_mm: Annotated[float, Field(ge=0, le=MOST_ROUGH_MM)] | None = None,
     robot_noise_mm: RobotNoise = 0.07,
     frame_rate_hz: Positive = 200.0,
     most_speed_mm_s: Positive = 100.0,
@@ -160,6 +169,8 @@ def plan(
         wanted_bevel_deg: of the bevel angle, likewise.
         passes: greatest number of passes.
         edge_condition: what is held possible of the lower edge.
+        roughness_mm: of the root face as sawing or cutting left it, three standard deviations; null: as a coarse
+            recording shows it, else it is taken for smooth, and the plan says so.
         frame_rate_hz: of the profiler.
         most_speed_mm_s: of the robot along a pass.
         tool_stays: the milling tool's bodies stay on the flange; false: it is put down.
@@ -186,7 +197,8 @@ def plan(
     eye = None if hand_eye is None else read_hand_eye(hand_eye)
     line = _roughly(taught, edge, np.array(upper_side), joint, eye)
     turn = 0.0 if eye is None or eye.covariance is None else math.sqrt(float(np.trace(eye.covariance[3:, 3:])) / 3.0)
-    known = Knowledge(robot_noise_mm, turn, edge_condition)
+    rough = line.roughness_mm if roughness_mm is None else roughness_mm
+    known = Knowledge(robot_noise_mm, turn, edge_condition, roughness_mm=min(rough or 0.0, MOST_ROUGH_MM))
     wanted = Wanted(
         wanted_root_mm or 0.1 * (root_tolerance_mm[1] - root_tolerance_mm[0]),
         wanted_bevel_deg or 0.1 * (bevel_tolerance_deg[1] - bevel_tolerance_deg[0]),
@@ -195,7 +207,7 @@ def plan(
         raise InputError("scan.plan", "expected a tolerance of some width, or a wanted U above 0")
     task = Task(joint, profiler, known, line, wanted, passes, frame_rate_hz, most_speed_mm_s)
     place, unchecked = _placed(cell, file, eye, task, tool_stays=tool_stays, z_away=z_away)
-    made = planned(task, place, unchecked)
+    made = planned(task, place, (*unchecked, *((NO_ROUGHNESS,) if rough is None else ())))
     gate = _gate(made)
     document = Document(ScanPlanFile.NAME, written(made, z_away=z_away))
     return made, courses(made, z_away=z_away), document, plan_chapter(made, gate), gate
@@ -231,17 +243,18 @@ class Task(NamedTuple):
 
     @property
     def elevations(self) -> tuple[float, ...]:
-        """That are tried, rad: where the lower surface is in view too, square to a face, between the faces' normals.
+        """That are tried, rad: where the lower surface is in view too, and from square to the root face upwards.
 
-        From one end to the other of those that see both faces, at most `ELEVATION_STEP` apart.
+        Among these square to the bevel face, between both faces' normals, and others at most `ELEVATION_STEP` apart.
+        Between the two kinds the lower surface is met at 70 to 90 deg: whether it returns is the sensor's secret.
         """
         beta = self.joint.bevel
         low, high, corner = beta - MOST_INCIDENCE + 1.0 * DEG, MOST_INCIDENCE - 1.0 * DEG, MOST_INCIDENCE - math.pi / 2
-        below = [0.5 * (low + corner)] if low < corner else []
-        marks = [low, *below, *(one for one in (0.0, 0.5 * beta, beta) if low < one < high), high]
-        steps = [
-            np.linspace(a, b, math.ceil((b - a) / ELEVATION_STEP), endpoint=False) for a, b in itertools.pairwise(marks)
-        ]
+        below = low, 0.5 * (low + corner)
+        first = max(low, 0.0)
+        marks = [first, *(one for one in (0.5 * beta, beta) if first < one < high), high]
+        pairs = [*([below] if low < corner else []), *itertools.pairwise(marks)]
+        steps = [np.linspace(a, b, math.ceil((b - a) / ELEVATION_STEP), endpoint=False) for a, b in pairs]
         return (*np.concatenate(steps).tolist(), high)
 
     @property
@@ -275,6 +288,7 @@ def as_profiler(file: SensorFile, path: Path) -> Profiler:
         declared_linearity(path),
         (file.triangulation_deg or 0.0) * DEG,
         file.camera_side or "y",
+        path,
     )
 
 
@@ -331,7 +345,46 @@ def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ())
     if best is None:
         assert first is not None
         raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(first.refused)}")
-    return _made(task, place, unchecked, best[1], best[2], best[3])
+    return _rehearsed_plan(task, place, unchecked, best[1], best[2], best[3])
+
+
+def _rehearsed_plan(
+    task: Task,
+    place: ScanCell | None,
+    unchecked: tuple[str, ...],
+    table: float,
+    looked: _Looked,
+    chosen: tuple[int, ...],
+) -> ScanPlan:
+    """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
+    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
+    made = _made(task, place, unchecked, table, looked, search, chosen)
+    # A rough face's directions are no matter of views, and its rehearsals take long.
+    if not made.reached[search.visible].all() and made.refused is None and not task.known.roughness_mm:
+        search.times = _times(made, search, chosen)
+        if (again := search.best(task.passes)[0]) != chosen:
+            other = _made(task, place, unchecked, table, looked, search, again)
+            if _shortfall(other) < _shortfall(made):
+                made, chosen = other, again
+    if made.reached.all():
+        return made
+    search.times = _times(made, search, chosen)
+    would_help = () if made.refused else tuple(_help(task, looked, search, chosen))
+    return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
+
+
+def _shortfall(made: ScanPlan) -> tuple[int, float]:
+    """Stations that miss what is wanted, and the largest U over it."""
+    over = np.fmax(made.root.u / made.wanted.root_mm, made.bevel.u / made.wanted.bevel_deg)
+    return int((~made.reached).sum()), float(np.nanmax(over, initial=0.0))
+
+
+def _times(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> tuple[float, float]:
+    """What the rehearsal of these passes said over what the search thinks of them."""
+    if made.refused is not None:
+        return search.times
+    told = search.predicted(chosen)
+    return float(np.nanmedian(made.root.u) / told.root.u), float(np.nanmedian(made.bevel.u) / told.bevel.u)
 
 
 def _told(task: Task, view: View, told: dict[View, PassInformation | None]) -> PassInformation | None:
@@ -412,46 +465,76 @@ def _made(
     unchecked: tuple[str, ...],
     table: float,
     looked: _Looked,
+    search: Search,
     chosen: tuple[int, ...],
 ) -> ScanPlan:
-    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
-    stations = task.stations
-    groups, which = search.patterns(chosen)
-    columns = [search.predicted(group) if group else None for group in groups]
-    blank = next(one for one in columns if one is not None)
-
-    def along(name: str) -> Quantity:
-        first: Quantity = getattr(blank, name)
-        terms = {
-            source: np.array([np.nan if c is None else getattr(c, name).u_by_source[source] for c in columns])[which]
-            for source in first.u_by_source
-        }
-        value = np.array([np.nan if c is None else float(first.value) for c in columns])[which]
-        return Quantity.of(first.name, value, terms)
-
-    root, bevel = along("root"), along("bevel")
-    promised = RESERVE * COVERAGE
-    reached = (promised * root.u <= task.wanted.root_mm) & (promised * bevel.u <= task.wanted.bevel_deg)
+    """The plan of chosen candidates, with what its rehearsal says."""
+    passes = tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds))
+    unknown = np.full(task.stations.size, np.nan)
     made = ScanPlan(
         task.joint,
         task.profiler,
         task.known,
         task.edge,
-        tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds)),
-        stations,
-        root,
-        bevel,
+        passes,
+        task.stations,
+        Quantity.of("root_mm", unknown, {END: unknown}),
+        Quantity.of("bevel_deg", unknown, {DIRECTIONS: unknown}),
         task.wanted,
-        reached,
-        tuple(_binds(task, looked, root, bevel, reached)),
+        np.zeros(task.stations.size, bool),
+        (),
         (),
         table,
         place,
         unchecked,
     )
-    if reached.all():
-        return made
-    return dataclasses.replace(made, would_help=tuple(_help(task, looked, search, chosen)))
+    told = rehearsed(
+        task.joint,
+        task.profiler,
+        task.known,
+        _along_nominal(made),
+        np.stack([one.sees for one in passes]),
+        task.stations,
+    )
+    if isinstance(told, str):
+        return dataclasses.replace(made, refused=told)
+    groups, which = search.patterns(chosen)
+    each = [search.predicted(group) if group else None for group in groups]
+
+    def beside(quantity: Quantity, source: str) -> Float:
+        """What the search thinks of a source, at the stations."""
+        of = [np.nan if c is None else float(getattr(c, quantity.name.split("_")[0]).u_by_source[source]) for c in each]
+        return np.array(of)[which]
+
+    root, bevel = (
+        Quantity.of(
+            one.name,
+            one.value,
+            # one draw of noise tells what lasts badly: not below the mean over several
+            {**one.u_by_source, FORM: np.maximum(one.u_by_source[FORM], beside(one, FORM))},
+        )
+        for one in told
+    )
+    root = Quantity.of(root.name, root.value, {**root.u_by_source, ROUNDING: beside(root, ROUNDING)})
+    promised = RESERVE * COVERAGE
+    reached = (promised * root.u <= task.wanted.root_mm) & (promised * bevel.u <= task.wanted.bevel_deg)
+    return dataclasses.replace(made, root=root, bevel=bevel, reached=reached)
+
+
+def _along_nominal(made: ScanPlan) -> PlannedScan:
+    """The passes along the nominal joint, which is straight."""
+    length = made.edge.length_mm
+    line = straight(length)
+    led = [
+        dataclasses.replace(
+            one,
+            base_from_view=view_poses(
+                line.at(one.edge.arc_length_mm), made.joint, made.profiler, one.view, False, length
+            ),
+        )
+        for one in made.passes
+    ]
+    return courses(dataclasses.replace(made, passes=tuple(led)))
 
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
@@ -464,10 +547,11 @@ def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
     return ScanPass(view, at, poses, sees, _speed(task, view), drift_mm(task.profiler, view), candidate.seconds)
 
 
-def _binds(task: Task, looked: _Looked, root: Quantity, bevel: Quantity, reached: Bool) -> Iterator[str]:
+def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
     """What keeps the plan from what is wanted, and where."""
-    stations = task.stations
-    if reached.all():
+    stations, root, bevel = task.stations, made.root, made.bevel
+    if made.refused is not None:
+        yield f"the engine refuses such a recording: {made.refused}"
         return
     unseen = np.isnan(root.u)
     for first, last in _stretches(unseen):
@@ -526,9 +610,11 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
             ("knowing that the edge is sharp (edge_condition)", profiler, known._replace(edge_condition="sharp")),
         )
         for what, sensor, prior in others:
-            after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen)
+            after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen, search.times)
             if after is not None and after < 0.9 * now.excess:
                 yield _better(what, now.excess, after)
+        if known.roughness_mm and (smooth := _excess(task, looked, chosen, (1.0, 1.0))) is not None:
+            yield _better(f"a smooth root face, not {known.roughness_mm:.2g} mm rough", now.excess, smooth)
     view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, task.pitches_mm[0])
     below = any(abs(one.elevation - view.elevation) < 10.0 * DEG for one in looked.refused)
     if below and incidences(task.joint, view)[1] <= MOST_INCIDENCE:
@@ -538,7 +624,7 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
         )
 
 
-def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> float | None:
+def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: tuple[float, float]) -> float | None:
     """The largest U over what is wanted, with other knowledge; None: the views do not serve."""
     swapped = []
     for k in chosen:
@@ -547,7 +633,7 @@ def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> float | Non
         if made is None:
             return None
         swapped.append(dataclasses.replace(old, information=made))
-    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped)
+    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, times=times)
     groups, _ = search.patterns(tuple(range(len(swapped))))
     return max((search.over(group) for group in groups if group), default=None)
 

@@ -56,6 +56,7 @@ class Search:
     wanted: Wanted
     candidates: Sequence[Candidate]
     told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
+    times: tuple[float, float] = (1.0, 1.0)  # what a rehearsal said of root face and bevel over what these terms say
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
@@ -69,7 +70,7 @@ class Search:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = float(told.root.u) / self.wanted.root_mm, float(told.bevel.u) / self.wanted.bevel_deg
-        return RESERVE * COVERAGE * max(root, bevel)
+        return RESERVE * COVERAGE * max(self.times[0] * root, self.times[1] * bevel)
 
     def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
         """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""

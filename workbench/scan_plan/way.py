@@ -27,6 +27,7 @@ class EdgeLine:
     across: Shaped[Float, "k 3"]  # m: from the lower to the upper side
     source: str
     beside_mm: Shaped[Float, "b 3"] | None = None  # what a coarse recording saw beside the plate, in the base
+    roughness_mm: float | None = None  # of the end face, three standard deviations, as it saw it
 
     @property
     def length_mm(self) -> float:

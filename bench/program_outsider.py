@@ -69,6 +69,8 @@ class Outsider:
         (flange,) = [one for one in ElementTree.parse(urdf).getroot().iter("joint") if _child(one) == "tool0"]
         self.tip = _origin(flange) @ cell.flange_from_cutter
         self.at_zero = self.links(np.zeros((1, 6)))[0]
+        slides = cell.turntable is not None and cell.turntable.slides
+        self.floor = cell.turntable.base_from_turntable[:3, 2] if slides else np.zeros(3)  # goes so, a mm of the track
 
     def links(self, q: Float) -> Float:
         """Poses (n, 7, 4, 4) of the base and six links."""
@@ -84,7 +86,10 @@ class Outsider:
         """What is wrong with each program's joints ('' nothing), joint angles (n, 6), turntable angles (n,) in deg."""
         firsts = np.array([program[0] for program in programs]).reshape(-1, 6)
         tips = self.links(firsts)[:, 6] @ self.tip
+        tips[:, :3, 3] -= np.array([[program[1]] for program in programs]).reshape(-1, 1) * self.floor
         tracks = [track(at, *program[1:]) for at, program in zip(tips, programs, strict=True)]
+        for one in tracks:  # targets stand on the floor
+            one.pose[:, :3, 3] += one.table[:, None] * self.floor
         longest = max((len(one.leg) for one in tracks), default=0)
         wrong, q, leg_start = np.full(len(tracks), "", object), firsts.copy(), firsts.copy()
         driven = np.full((len(tracks), longest, 6), np.nan)
@@ -180,7 +185,10 @@ class Outsider:
         links, shapes = self.links(joints), cell.shapes
         poses = np.empty((len(joints), len(shapes), 4, 4))
         turned = np.tile(np.eye(4), (len(joints), 1, 1))
-        if cell.turntable is not None:
+        if self.floor.any():
+            turned[:, :3, 3] = tables[:, None] * self.floor
+            turned = turned @ cell.turntable.base_from_turntable
+        elif cell.turntable is not None:
             turned[:, :3, :3] = Rotation.from_rotvec(np.radians(tables)[:, None] * [0, 0, 1]).as_matrix()
             turned = cell.turntable.base_from_turntable @ turned
         for s, shape in enumerate(shapes):

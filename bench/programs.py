@@ -1,10 +1,10 @@
 """Random programs: what the judge lets pass, driven by an outsider in fine steps. `python -m bench.programs --help`.
 
-Each program is RAPID text: straight, circular and joint moves, rounded corners, a turntable, in a cell with random
-boxes near the way. The judge sees the text. The outsider (`bench.program_outsider`) sees the numbers that the text was
-made from. Unsafe: a contact, a joint beyond its limit, a joint that jumps. Promises: the clearance and the distance
-from limits that the judge states for a program that passed. The goal is none unsafe among those that passed, and no
-promise broken.
+Each program is RAPID text: straight, circular and joint moves, rounded corners, a turntable or a track under the robot
+(--track), in a cell with random boxes near the way. The judge sees the text. The outsider (`bench.program_outsider`)
+sees the numbers that the text was made from. Unsafe: a contact, a joint beyond its limit, a joint that jumps. Promises:
+the clearance and the distance from limits that the judge states for a program that passed. The goal is none unsafe
+among those that passed, and no promise broken.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from bench.program_outsider import Outsider, Target
 from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, forward_kinematics, read_cell
-from workbench.robot.cell import ON_BASE, Shape
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.judge import judge
 from workbench.units import Float
 
@@ -32,14 +32,18 @@ UNUSED = "9E9"
 
 
 def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, list[Target]]:
-    """First joint angles (6,) rad, first turntable angle in deg, and targets."""
+    """First joint angles (6,) rad, first turntable angle in deg (of a track, mm), and targets, on its floor."""
+    track = cell.turntable is not None and cell.turntable.slides
+    goes = -cell.turntable.base_from_turntable[:3, 2] if track else np.zeros(3)  # the base, a millimetre
     low, high = cell.chain.limits.T
     while True:
         q = np.radians([*rng.uniform([-60, -20, -40], [60, 50, 40]), *rng.uniform([-150, -110, -150], [150, 110, 150])])
         tip = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
         if abs(q[4]) > np.radians(8) and tip[2, 3] > 250 and ((q > low) & (q < high)).all():
             break
-    start, table, at = q, float(rng.uniform(-90, 90)), tip
+    start, table = q, float(rng.uniform(-90, 90))
+    tip[:3, 3] += table * goes
+    at = tip
     first_table, targets = table, list[Target]()
     heading = rng.normal(size=3)
     for _ in range(rng.integers(2, 5)):
@@ -55,11 +59,12 @@ def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, 
             across = np.cross(chord, rng.normal(size=3))
             bulge = rng.uniform(0.1, 0.4) * np.linalg.norm(chord) / np.linalg.norm(across)
             via[:3, 3] = at[:3, 3] + chord / 2 + bulge * across
+        table += float(rng.choice([0.0, rng.normal() * (60 if track else 8)]))
         if kind == "J":
             joints = start + np.radians(rng.normal(size=6) * 8)
             pose = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
+            pose[:3, 3] += table * goes
             targets[-1:] = [dataclasses.replace(one, zone=0.0) for one in targets[-1:]]
-        table += float(rng.choice([0.0, rng.normal() * 8]))
         zone = 0.0 if kind == "J" else float(rng.choice([0.0, 0.3, rng.uniform(1, 20)]))
         targets.append(Target(str(kind), pose, via, joints, table, zone))
         at = pose
@@ -115,12 +120,30 @@ def with_boxes(cell: Cell, rng: np.random.Generator, targets: list[Target], tip:
         pose[:3, 3] = near[:3, 3] + rng.normal(size=3) * 150 - near[:3, 2] * rng.uniform(0, 250)
         size = tuple(float(x) for x in np.exp(rng.uniform(np.log(2), np.log(150), 3)))
         boxes.append(Shape(f"box {i}", ON_BASE, "box", size, pose))
+    if cell.turntable is not None and cell.turntable.slides:  # on the floor, or along with the robot
+        floor = np.linalg.inv(cell.turntable.base_from_turntable)
+        boxes = [dataclasses.replace(one, link=ON_TURNTABLE, pose=floor @ one.pose) for one in boxes]
     return dataclasses.replace(cell, shapes=(*cell.shapes, *boxes), margin_mm=float(rng.choice([0.0, 2.0, 5.0])))
 
 
-def study(count: int, seed: int, all_driven: int) -> Counter[str]:
+def on_a_track(cell: Cell, rng: np.random.Generator) -> Cell:
+    """The cell with a track in any direction instead of its turntable, whose floor takes the turntable's bodies."""
+    assert cell.turntable is not None
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
+    to_floor = np.linalg.inv(frame) @ cell.turntable.base_from_turntable
+    shapes = [
+        dataclasses.replace(one, pose=to_floor @ one.pose) if one.link == ON_TURNTABLE else one for one in cell.shapes
+    ]
+    track = Turntable(frame, np.radians([-400.0, 400.0]), np.radians(1500.0), slides=True)
+    return dataclasses.replace(cell, turntable=track, shapes=tuple(shapes))
+
+
+def study(count: int, seed: int, all_driven: int, *, track: bool = False) -> Counter[str]:
     """Judge `count` random programs; the outsider drives those that passed, and the first `all_driven` all."""
     cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
+    if track:
+        cell = on_a_track(cell, np.random.default_rng([seed]))
     tally, judging, begin = Counter[str](), 0.0, time.perf_counter()
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
     for low in range(0, count, TOGETHER):
@@ -167,9 +190,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--all-driven", type=int, default=500, help="of the first so many, those refused too")
+    parser.add_argument(
+        "--track", action="store_true", help="the robot stands on a track, and the turntable does not turn"
+    )
     options = parser.parse_args()
     begin = time.perf_counter()
-    for name, count in sorted(study(options.count, options.seed, options.all_driven).items()):
+    made = study(options.count, options.seed, options.all_driven, track=options.track)
+    for name, count in sorted(made.items()):
         print(f"{name:70s} {count}")
     print(f"{'seconds':70s} {time.perf_counter() - begin:.0f}")
 

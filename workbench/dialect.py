@@ -114,6 +114,7 @@ class ProgramJob:
                 *(path.about or self._milling),
                 f"part: {path.part.part_id or 'unknown'}",
                 f"source: {path.source or 'unnamed'}",
+                *(("External axis 1: the track under the robot, mm",) if moves.on_track else ()),
                 f"{len(moves.layer)} targets for {moves.points_before} points of the path,",
                 f"within {moves.chord_tolerance_mm:g} mm and {moves.angle_tolerance_deg:g} deg",
                 "Check tool, load and work object before the first run.",

@@ -95,7 +95,7 @@ def test_box_and_capsules_are_exact(cell_file: Any) -> None:
 def test_a_cell_without_bodies() -> None:
     """No URDF shape, tool shape, fixture or envelope: nothing can touch, nothing is drawn, nothing fails inside."""
     bare = dataclasses.replace(read_cell(Path("data/robot/cell.json")), shapes=())
-    assert not Pairs(bare).swept(np.zeros((3, 5, 6)), np.zeros(3)).any()
+    assert not Pairs(bare).swept(np.zeros((3, 5, 6)), np.zeros((3, 5))).any()
     assert (clearance_bound_mm(bare, bounding_volumes(bare), np.zeros((2, 6))) > 0).all()
     with pytest.raises(InputError, match="expected bodies to draw"):
         cell_picture(bare, np.zeros(6), 0.0)
@@ -129,7 +129,16 @@ def test_no_posture_is_judged_otherwise(cell: Cell, margin_mm: float) -> None:
             assert screen.pair(hit) == model.names(*model.pairs[hit])
 
 
-def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell) -> None:
+@pytest.mark.parametrize("axis", ["stands", "turns", "slides"])
+def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell, axis: str) -> None:
+    assert cell.turntable is not None
+    clamp = np.eye(4)
+    clamp[:3, 3] = (0, 0, 600)
+    cell = dataclasses.replace(
+        cell,
+        turntable=dataclasses.replace(cell.turntable, slides=axis == "slides"),
+        shapes=(*cell.shapes, Shape("clamp", ON_TURNTABLE, "box", (600.0, 300.0, 900.0), clamp)),
+    )
     rng = np.random.default_rng(12)
     pose = np.eye(4)
     pose[:3, 3] = (1300, -600, 1500)
@@ -143,8 +152,12 @@ def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell) -> No
         s = share[None, :, None]
         return np.asarray((low + high) / 2 + 0.8 * start + go * s + bend * np.sin(3 * s))
 
-    open_ = screen.swept(way(at), table)
-    hits = screen.hits(way(between).reshape(-1, 6), np.repeat(table, len(between))).reshape(80, -1)
+    def external(share: np.ndarray) -> np.ndarray:
+        goes = {"stands": 0.0, "turns": 0.4, "slides": np.radians(600)}[axis]
+        return np.asarray(table[:, None] + goes * share + 0.1 * goes * np.sin(3 * share))
+
+    open_ = screen.swept(way(at), external(at))
+    hits = screen.hits(way(between).reshape(-1, 6), external(between).ravel()).reshape(80, -1)
     near = np.round(between * 24).astype(int)
     assert not (~open_[:, near] & (hits != FREE)).any()
     assert 0.05 < open_.mean() < 0.5

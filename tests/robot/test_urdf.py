@@ -13,20 +13,21 @@ import pinocchio as pin
 import pytest
 
 from workbench.errors import InputError
-from workbench.robot import forward_kinematics, read_cell
+from workbench.robot import forward_kinematics, read_cell, turntable_pose
 from workbench.robot.urdf import read_urdf
 
 URDFS = Path(__file__).parent / "urdf"
 ROBOTS = {"kr210": "base_link", "m20ia": "base", "gp25": "base", "ur10e": "base", "puma": "base_link"}
 
 
-def cell_with(folder: Path, urdf: str, text: str | None = None, **robot: Any) -> Path:
+def cell_with(folder: Path, urdf: str, text: str | None = None, track: Any = None, **robot: Any) -> Path:
     (folder / "robot.urdf").write_text(text or (URDFS / f"{urdf}.urdf").read_text())
     tree = {
         "format": "robot-cell",
         "version": 1,
         "tool": {"flange_from_cutter": {"position_mm": [100, 0, 100]}},
         "robot": {"urdf": "robot.urdf", **robot},
+        "track": track,
     }
     (folder / "cell.json").write_text(json.dumps(tree))
     return folder / "cell.json"
@@ -64,6 +65,43 @@ def test_a_track_stands_where_the_cell_says(tmp_path: Path) -> None:
     assert np.abs(forward_kinematics(cell.chain, q) - shifted).max() < 1e-9
     assert cell.shapes[0].pose[1, 3] == pytest.approx(2500)
     assert any("track at 2500" in said for said in cell.unchecked)
+
+
+def test_a_track_moves_by_its_joint(tmp_path: Path) -> None:
+    """The floor and the rail go the other way past the robot; what its joint tells, the cell file need not."""
+    rail = '<collision><origin xyz="0 3 0.1"/><geometry><box size="0.5 8 0.2"/></geometry></collision>'
+    text = (URDFS / "track.urdf").read_text().replace('<link name="world"/>', f'<link name="world">{rail}</link>')
+    assert rail in text
+    cell = read_cell(cell_with(tmp_path, "track", text, track={"joint": "track", "speed_mm_s": 700}))
+    alone, _ = read_urdf(URDFS / "kr210.urdf", "base_link", "tool0")
+    q = np.radians([20, -60, 80, 10, 30, 5])
+    assert np.abs(forward_kinematics(cell.chain, q) - forward_kinematics(alone, q)).max() < 1e-9
+    assert cell.turntable is not None
+    assert np.degrees(cell.turntable.limits) == pytest.approx([0, 6000])
+    assert np.degrees(cell.turntable.speed) == pytest.approx(700)
+    (body,) = (shape for shape in cell.shapes if shape.body == "world")
+    for place in (0.0, 2500.0):
+        assert (turntable_pose(cell, np.radians(place)) @ body.pose)[:3, 3] == pytest.approx([0, 3000 - place, -300])
+    assert not any("nothing moves them" in said for said in cell.unchecked)
+
+
+@pytest.mark.parametrize(
+    ("track", "robot", "message"),
+    [
+        ({"joint": "trck"}, {}, r"unknown joint.*track"),
+        ({"joint": "joint_2"}, {}, "expected a prismatic joint"),
+        ({"joint": "track"}, {"base_frame": "world"}, "base_frame to be carried by the track, found 'world'"),
+        ({"joint": "track"}, {"held": {"track": 0}}, "expected a joint that moves"),
+        (
+            {"direction": [1, 0, 0]},
+            {"held": {"track": 0}},
+            "expected direction, limits_mm and speed_mm_s, or the joint",
+        ),
+    ],
+)
+def test_a_track_that_no_joint_tells_is_refused(tmp_path: Path, track: Any, robot: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_cell(cell_with(tmp_path, "track", track=track, **robot))
 
 
 @pytest.mark.parametrize(

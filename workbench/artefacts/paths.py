@@ -178,7 +178,7 @@ class Postures:
     """How robot, cutter and turntable stand at n points of a path, travels included, in the order of motion.
 
     Travels have more points than the path's own. Turned with the cutter and the turntable, a point's frame is where
-    the tool frame on the flange goes; the robot's base is the frame of all that follows.
+    the tool frame on the flange goes; the robot's base is the frame of all that follows, of one on a track at 0.
     """
 
     toolpath: Toolpath  # that they are for
@@ -197,6 +197,7 @@ class Postures:
     has_turntable: bool
     warnings: tuple[str, ...] = ()
     planned_turntable: float = 0.0  # where it stood when the path was planned, rad
+    on_track: bool = False  # what is said of the turntable is of a track, a millimetre as a degree
     torque_nm: Shaped[Float, " n"] | None = None  # that the cutter asks of the spindle; None: nobody tells
     spindle_rpm: float = math.nan
 
@@ -237,8 +238,13 @@ class Moves:
         return None if self.postures is None else self.postures.joints[self.point] / DEG
 
     @property
+    def on_track(self) -> bool:
+        """Whether `turntable_deg` is of a track under the robot, in mm."""
+        return self.postures is not None and self.postures.on_track
+
+    @property
     def turntable_deg(self) -> Float | None:
-        """Angles (k,) of the turntable at each target; None: none is driven."""
+        """Angles (k,) of the turntable at each target, or a track's places in mm; None: none is driven."""
         if self.postures is None or not self.postures.has_turntable:
             return None
         return self.postures.turntable[self.point] / DEG

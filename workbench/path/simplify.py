@@ -14,6 +14,7 @@ from workbench.geometry.moves import Tolerances, merge_poses
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
+OFF_TRACK_MM = 0.5  # that a track may be off where the postures have it: the tool is not
 SAME_MM, SAME_CHORD = 1e-6, 1e-8  # poses nearer than this are one target
 
 
@@ -52,7 +53,8 @@ def simplify(
     within it; arcs turn at most 170 deg. With postures the targets are those of the turned tool, in the base, with the
     turntable's angles.
 
-    With both tolerances 0, and while the turntable turns, every point is the target of a straight move.
+    With both tolerances 0, and while the turntable turns, every point is the target of a straight move. A track goes
+    evenly with the tool between targets: these stand where its way bends.
 
     Args:
         toolpath: the path; its frame stays.
@@ -86,7 +88,7 @@ def simplify(
             points.quaternion_wxyz,
             points.feed_mm_s,
             np.where(points.cutting, feed_tolerance, air_feed_tolerance),
-            _labels(points),
+            _labels(points, on_track=postures is not None and postures.on_track),
             Tolerances(
                 chord_tolerance_mm,
                 angle_tolerance_deg * DEG,
@@ -113,11 +115,30 @@ def simplify(
     )
 
 
-def _labels(points: Points) -> Int:
-    """Of the way towards each point; another one at each where the turntable turns."""
+def _labels(points: Points, *, on_track: bool) -> Int:
+    """Of the way towards each point; another one at each where the turntable turns, or a track's way bends."""
     label = 4 * points.layer + 2 * points.cutting + points.measured
+    if on_track:  # which moves the robot, and not the tool's way
+        pieces = _even(points)
+        return np.asarray(label + 4 * (points.layer.max() + 1) * pieces)
     turns = np.append(False, np.diff(points.turntable) != 0)
     return np.asarray(np.where(turns, -1 - np.arange(len(label)), label))
+
+
+def _even(points: Points) -> Int:
+    """The piece (n,) of the way on which a track goes evenly with the tool, to OFF_TRACK_MM, towards each point."""
+    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)))
+    piece, start, most, least = np.zeros(len(arc), np.int64), 0, math.inf, -math.inf
+    value = points.turntable / DEG
+    for i in range(1, len(arc)):
+        way, gone = arc[i] - arc[start], value[i] - value[start]
+        if not least * way <= gone <= most * way:
+            start, most, least = i - 1, math.inf, -math.inf
+            way, gone = arc[i] - arc[start], value[i] - value[start]
+        if way > 0:
+            most, least = min(most, (gone + OFF_TRACK_MM) / way), max(least, (gone - OFF_TRACK_MM) / way)
+        piece[i] = start
+    return piece
 
 
 def _postured(toolpath: Toolpath, postures: Postures) -> Points:
@@ -139,7 +160,7 @@ def _different(points: Points) -> tuple[Points, Int]:
     step = np.linalg.norm(np.diff(points.position_mm, axis=0), axis=1)
     q = points.quaternion_wxyz
     turn = np.minimum(np.linalg.norm(q[1:] - q[:-1], axis=1), np.linalg.norm(q[1:] + q[:-1], axis=1))
-    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (np.diff(points.turntable) != 0))
+    new = np.append(True, (step > SAME_MM) | (turn > SAME_CHORD) | (np.abs(np.diff(points.turntable)) > SAME_CHORD))
     if new.sum() < 2:
         raise InputError("toolpath", f"expected at least two different poses, found {new.sum()}")
     return Points(*(column[new] for column in points)), np.flatnonzero(new)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.artefacts import Judgement, Scene, Strokes
+from workbench.geometry.poses import inverse
 from workbench.robot.bounds import CollisionScreen
 from workbench.robot.cell import ON_TURNTABLE, Cell
-from workbench.robot.collision import turntable_pose
+from workbench.robot.collision import base_from_targets, turntable_pose
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.picture import shape_triangles
 from workbench.units import AnyArray, Float
@@ -37,7 +38,8 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
     if not len(at):
         return None
     joints, table = driven["joints"][at], driven["turntable"][at]
-    links, turned = motions(cell.chain, joints), np.array([turntable_pose(cell, angle) for angle in table.tolist()])
+    floor = inverse(base_from_targets(cell, table))
+    links, turned = floor[:, None] @ motions(cell.chain, joints), floor @ turntable_pose(cell, table)
     clearance = CollisionScreen(cell).clearances_mm(joints, table)
     said = tuple(
         f"line {line:.0f} · {time_s:.1f} s · {mm_s:.3g} mm/s"
@@ -46,7 +48,7 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
             *(driven[name][at].tolist() for name in ("line", "time_s", "mm_s")), clearance.tolist(), strict=True
         )
     )
-    tip = (forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[:, :3, 3]
+    tip = (floor @ forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[:, :3, 3]
     bodies: dict[tuple[str, int], list[AnyArray]] = {}
     for shape in cell.shapes:
         if 2 * shape.sphere[1] <= HUGE_MM:
@@ -67,8 +69,8 @@ def _colour(name: str, points: int) -> AnyArray:
 
 
 def _moved(link: int, links: Float, turned: Float) -> Float | None:
-    """Motions (f, 4, 4) of what hangs on a link of the robot, or stands on the turntable; None: it stands."""
-    return turned if link == ON_TURNTABLE else links[:, link] if 1 <= link <= 6 else None
+    """Motions (f, 4, 4) of what hangs on a link of the robot, or stands on base or turntable."""
+    return turned if link == ON_TURNTABLE else links[:, max(link, 0)]
 
 
 def edges(triangles_mm: Float) -> list[AnyArray]:

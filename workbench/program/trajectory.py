@@ -151,11 +151,8 @@ class Trajectory:
         """The path's frame (n, 4, 4) at all postures, in the turntable's frame."""
         made = self.job.moves.postures
         assert made is not None
-        turned = inverse(self._tables(made.turntable))
+        turned = inverse(turntable_pose(self.cell, made.turntable))
         return np.asarray(turned @ forward_kinematics(self.cell.chain, made.joints) @ made.flange_from_point)
-
-    def _tables(self, angles: Float) -> Float:
-        return np.array([turntable_pose(self.cell, angle) for angle in angles.tolist()]).reshape(-1, 4, 4)
 
     def _between_postures(self, towards: Int, share: Float) -> tuple[Float, Float]:
         """How far even angles leave the path (k,), mm, on the way to postures (k,); and angles (k, 7) that stay on it.
@@ -169,7 +166,9 @@ class Trajectory:
         start, end = self._on_part[towards - 1], self._on_part[towards]
         first, last = (quaternion_from_rotation(pose[:, :3, :3]) for pose in (start, end))
         place = start[:, :3, 3] + share[:, None] * (end[:, :3, 3] - start[:, :3, 3])
-        wanted = self._tables(even[:, 6]) @ pose_from(rotation_from_quaternion(slerp(first, last, share)), place)
+        wanted = turntable_pose(self.cell, even[:, 6]) @ pose_from(
+            rotation_from_quaternion(slerp(first, last, share)), place
+        )
         there = forward_kinematics(cell.chain, even[:, :6]) @ made.flange_from_point
         apart = np.linalg.norm(there[:, :3, 2:] - wanted[:, :3, 2:], axis=1)  # tilt of the axis, and at the point
         off = np.asarray(apart @ np.array([self.job.moves.toolpath.cutter.flute_length_mm, 1.0]))

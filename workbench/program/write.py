@@ -25,6 +25,7 @@ from workbench.program.trajectory import Trajectory
 from workbench.program.urscript import UrScript
 from workbench.program.words import free_name, program_name
 from workbench.robot.cell import Cell
+from workbench.robot.collision import sliding
 from workbench.robot.process import NO_PROCESS, not_seen
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
@@ -109,6 +110,12 @@ def write(
             "expected the make of the robot's controller: abb, kuka, "
             "fanuc, ur, yaskawa or trajectory (or the pipeline's input 'controller')",
         )
+    if sliding(cell) and chosen not in DRIVE_TRACKS:
+        raise InputError(
+            f"{cell.source}: $.track",
+            f"expected none for {chosen}: programs drive a track in the languages of ABB and KUKA alone; let it stand "
+            "($.robot.held)",
+        )
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
     if known not in (None, chosen):
@@ -174,6 +181,7 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 
 # The chapter of the report on a program: whether it is released, its least margins, what was not checked.
 
+DRIVE_TRACKS = ("abb", "kuka")
 TOLD = 10  # violations in the report; all are in program_check.json
 CHECKED = {
     "root_deflection_mm": "Of the root face, by giving way, mm",

@@ -375,6 +375,7 @@ class PosturePoint(Row):
 
     cutter_rotation_deg: Number
     turntable_deg: Number
+    track_mm: Unknown = None
     joints_deg: Six
     displacement_mm: Any
     clearance_mm: Unknown
@@ -385,6 +386,7 @@ class PostureMap(Row):
 
     cutter_rotation_deg: list[Number]
     turntable_deg: list[Number]
+    track_mm: list[Number] | None = None
     mean_displacement_mm: list[list[Unknown]]
     cause: list[list[str | None]]
 

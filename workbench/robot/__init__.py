@@ -7,7 +7,7 @@ tests. Collision is python-fcl's.
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
-from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
+from workbench.robot.collision import Clearance, CollisionModel, base_from_targets, sliding, turntable_pose
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     AngleConvention,
@@ -46,6 +46,7 @@ __all__ = [
     "Turntable",
     "abb_angles",
     "arm_sides",
+    "base_from_targets",
     "bounding_volumes",
     "cell",
     "cell_triangles",
@@ -62,6 +63,7 @@ __all__ = [
     "read_cell",
     "refusal",
     "refuse_contradiction",
+    "sliding",
     "spherical_wrist",
     "turntable_at_home",
     "turntable_pose",

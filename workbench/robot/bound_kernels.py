@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Shaped
+from workbench.units import DEG, AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule; a box is none
 SECTION = 0.6180339887498949  # golden
@@ -27,6 +27,7 @@ class Scene(NamedTuple):
     axes: Shaped[AnyArray, "6 3"]  # unit
     points: Shaped[AnyArray, "6 3"]  # mm
     table: Shaped[AnyArray, "4 4"]  # at angle 0
+    slides: bool  # it is a track's floor
     link: AnyArray
     solid: AnyArray
     ends: AnyArray
@@ -78,7 +79,7 @@ def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) 
     # Taken out of the scene once: in the loop that would be counted for every posture.
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], n)
+        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
         _place(standing, motion, scene, False)
         found[n] = _smallest(standing, scene, 0, len(scene.pairs), most)
     return found
@@ -91,7 +92,7 @@ def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyA
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], n)
+        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
         _place(standing, motion, scene, False)
         middles[n] = standing.middle
         for i in range(len(scene.pairs)):
@@ -106,7 +107,7 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArra
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], n)
+        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
         _place(standing, motion, scene, False)
         for i in range(len(scene.pairs)):
             start = least[i] + 1e-6  # what is farther apart need not be known
@@ -116,9 +117,9 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArra
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    scene: Scene, joints: AnyArray, turned: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
+    scene: Scene, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
 ) -> AnyArray:
-    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6) stay open; a stretch that is not proven is halved.
+    """See `Pairs.swept`: which places (c, s) of ways (c, s, 7) stay open; a stretch that is not proven is halved.
 
     Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
     proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.
@@ -128,14 +129,15 @@ def swept_kernel(
     found = np.zeros((count, places), np.bool_)
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
-    step, reach, lever = np.zeros((places, 6)), np.zeros(6), np.zeros((6, 2, 3))
+    step, reach, lever = np.zeros((places, 7)), np.zeros(7), np.zeros((6, 2, 3))
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
     asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
     asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
     need = np.empty(len(carried))
     for n in range(count):
         _steps(joints, n, step)
-        _move(motion, turn, axes, points, joints[n], turned[n], 0)
+        stands = joints[n, :, 6].max() == joints[n, :, 6].min()
+        _move(motion, turn, axes, points, joints[n], joints[n, 0, 6], scene.slides, 0)
         _place(standing, motion, scene, False)
         first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
         while waiting > 0:
@@ -143,14 +145,17 @@ def swept_kernel(
             a, b, d = first[waiting], last[waiting], depth[waiting]
             m = (a + b) // 2
             total, proven = _reach(joints, n, a, b, m, step, reach), 0
+            if scene.slides:
+                total -= reach[6]  # which changes no lever
             if total < MOST_SWEPT:
-                _move(motion, turn, axes, points, joints[n], turned[n], m)
-                _place(standing, motion, scene, True)
+                _move(motion, turn, axes, points, joints[n], joints[n, m, 6], scene.slides, m)
+                _place(standing, motion, scene, stands)
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
                     moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around)
                     need[w] = moved / (1.0 - total)
-                proven = _proven(standing, scene, need, by, least, asked[d], many[d])
+                beside = reach[6] / (1.0 - total)
+                proven = _proven(standing, scene, need, by, least, beside, asked[d], many[d])
             left = many[d] - proven
             if left > 0 and a == b:
                 found[n, a] = True
@@ -166,13 +171,25 @@ def swept_kernel(
 
 @kernel(error_model="numpy")
 def _proven(
-    standing: Standing, scene: Scene, need: AnyArray, by: AnyArray, least: AnyArray, asked: AnyArray, many: int
+    standing: Standing,
+    scene: Scene,
+    need: AnyArray,
+    by: AnyArray,
+    least: AnyArray,
+    beside: float,
+    asked: AnyArray,
+    many: int,
 ) -> int:
-    """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be."""
-    pairs, around, middle = scene.pairs, scene.around, standing.middle
+    """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be.
+
+    What stands on the turntable moves by `beside` rad of it besides.
+    """
+    pairs, around, middle, link = scene.pairs, scene.around, standing.middle, scene.link
     for k in range(many):
         i = asked[k]
         s, t, apart = pairs[i, 0], pairs[i, 1], least[i] + need[by[i]]
+        if beside > 0.0 and (link[s] == 7 or link[t] == 7):
+            apart += beside * _lever_mm(scene, middle, around, s if link[s] == 7 else t)
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
@@ -182,14 +199,26 @@ def _proven(
 
 
 @kernel(error_model="numpy")
+def _lever_mm(scene: Scene, middle: AnyArray, around: AnyArray, s: int) -> float:
+    """What a volume on the turntable moves by a rad of it, at most."""
+    if scene.slides:
+        return 1.0 / DEG
+    table = scene.table
+    x, y, z = middle[s, 0] - table[0, 3], middle[s, 1] - table[1, 3], middle[s, 2] - table[2, 3]
+    u, v, w = table[0, 2], table[1, 2], table[2, 2]
+    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
+    return float(np.sqrt(cx * cx + cy * cy + cz * cz) + around[s])
+
+
+@kernel(error_model="numpy")
 def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
-    """How far each joint goes (s, 6) from each place halfway to its neighbours, with what it bulges out in between.
+    """How far each joint goes (s, 7) from each place halfway to its neighbours, with what it bulges out in between.
 
     A parabola through three places lies off their chords by an eighth of the second difference; a quarter is taken.
     """
     places = joints.shape[1]
     for k in range(places):
-        for j in range(6):
+        for j in range(7):
             most = 0.0
             if k > 0:
                 most = abs(joints[n, k, j] - joints[n, k - 1, j])
@@ -205,7 +234,7 @@ def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
 def _reach(joints: AnyArray, n: int, a: int, b: int, m: int, step: AnyArray, reach: AnyArray) -> float:
     """How far each joint goes from place m between half a step before place a and half a step behind b; their sum."""
     total = 0.0
-    for j in range(6):
+    for j in range(7):
         far = 0.0
         for k in range(a, b + 1):
             far = max(far, abs(joints[n, k, j] - joints[n, m, j]) + step[k, j])
@@ -276,7 +305,14 @@ def _smallest(
 
 @kernel(error_model="numpy")
 def _move(
-    motion: AnyArray, turn: AnyArray, axes: AnyArray, points: AnyArray, joints: AnyArray, turned: float, n: int
+    motion: AnyArray,
+    turn: AnyArray,
+    axes: AnyArray,
+    points: AnyArray,
+    joints: AnyArray,
+    turned: float,
+    slides: bool,
+    n: int,
 ) -> None:
     """Motions of base, six links and turntable: turns about the axes at zero, one after the other (Rodrigues)."""
     for r in range(3):
@@ -284,7 +320,7 @@ def _move(
     for i in range(7):
         x, y, z = (axes[i, 0], axes[i, 1], axes[i, 2]) if i < 6 else (0.0, 0.0, 1.0)
         px, py, pz = (points[i, 0], points[i, 1], points[i, 2]) if i < 6 else (0.0, 0.0, 0.0)
-        angle = joints[n, i] if i < 6 else turned
+        angle = joints[n, i] if i < 6 else 0.0 if slides else turned
         c, s = np.cos(angle), np.sin(angle)
         v = 1 - c
         turn[i, 0, 0], turn[i, 0, 1], turn[i, 0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
@@ -295,6 +331,8 @@ def _move(
         turn[i, 2, 3] = pz - turn[i, 2, 0] * px - turn[i, 2, 1] * py - turn[i, 2, 2] * pz
         if i < 6:
             _compose(motion, i + 1, motion, i, turn, i)
+    if slides:
+        turn[6, 2, 3] = turned / DEG
     _compose(motion, 7, turn, 8, turn, 6)
 
 

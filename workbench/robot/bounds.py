@@ -29,9 +29,9 @@ from workbench.robot.bound_kernels import (
     swept_kernel,
 )
 from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
-from workbench.robot.collision import CollisionModel, checked_pairs, turntable_pose
+from workbench.robot.collision import CollisionModel, checked_pairs, sliding, turntable_pose
 from workbench.robot.kinematics import joint_axes, motions
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 WAYS_A_BLOCK = 8  # some 20 ms
@@ -79,6 +79,7 @@ def scene(cell: Cell, volumes: BoundingVolumes) -> Scene:
         cell.chain.axes,
         cell.chain.points_mm,
         turntable_pose(cell, 0.0),
+        sliding(cell),
         volumes.link,
         volumes.solid,
         volumes.ends_mm,
@@ -184,6 +185,7 @@ class Pairs:
 
     def moved_mm(self, joints: Float, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
+        slides = sliding(self.cell)
         axes, points = joint_axes(self.cell.chain, joints)
         arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
         radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
@@ -191,11 +193,13 @@ class Pairs:
         if self.table.any():
             pose = turntable_pose(self.cell, 0.0)
             from_axis = np.linalg.norm(np.cross(middles - pose[:3, 3], pose[:3, 2]), axis=-1) + self.volumes.around_mm
+            if slides:
+                from_axis = np.full_like(from_axis, 1 / DEG)
             way += np.where(self.table, from_axis[:, self.standing] * reach[:, 6:], 0.0)
-        slack = 1 - reach.sum(axis=1, keepdims=True)
+        slack = 1 - reach[:, : 6 if slides else 7].sum(axis=1, keepdims=True)  # what slides changes no lever
         return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
 
-    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, " c"]) -> Bool:
+    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, "c s"]) -> Bool:
         """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
 
         A stretch of a way is proven when every pair of bodies is farther apart in its middle than it must be, and what
@@ -203,16 +207,14 @@ class Pairs:
 
         Args:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
-            table: (c,) rad, standing.
+            table: (c, s) rad, likewise.
         """
-        ways, turned = np.ascontiguousarray(joints, float), np.ascontiguousarray(table, float)
+        ways = np.ascontiguousarray(np.concatenate([joints, table[..., None]], axis=2), float)
         bodies, least = scene(self.cell, self.volumes), self.least_mm
 
         def some(first: int, last: int) -> Bool:
             chosen = slice(first, last)
-            return np.asarray(
-                swept_kernel(bodies, ways[chosen], turned[chosen], self.carried, self.moves, self.by, least)
-            )
+            return np.asarray(swept_kernel(bodies, ways[chosen], self.carried, self.moves, self.by, least))
 
         return np.concatenate([np.zeros((0, ways.shape[1]), bool), *in_order(some, len(ways), WAYS_A_BLOCK)])
 
@@ -287,7 +289,7 @@ class CollisionScreen:
         return Pairs(self.cell)
 
     def swept(self, joints: Float, turntable: Float) -> Bool:
-        """Which places (c, s) of ways (c, s, 6), (c,) are not proven free; see `Pairs.swept`."""
+        """Which places (c, s) of ways (c, s, 6), (c, s) are not proven free; see `Pairs.swept`."""
         return self._pairs.swept(joints, turntable)
 
     def always_near(self) -> tuple[str, str] | None:

@@ -22,7 +22,7 @@ from workbench.robot.wrist import Side
 from workbench.storage import regular_file
 from workbench.units import DEG, AnyArray, Float, Shaped
 
-ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot
+ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot; a track's floor is the latter
 COVERAGE = 2.0  # times the stated standard uncertainties
 DIGITS = 3  # of mm and deg behind the point, in the programs of the dialect that has the fewest: FANUC's
 ROUNDED = 0.5 * 10.0**-DIGITS  # mm, deg: by which such a number may be off
@@ -199,12 +199,27 @@ def _put_beside_one(matrix: AnyArray, work: AnyArray) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turntable:
-    """A turntable under the workpiece; it turns about the z-axis of its frame."""
+    """The external axis: what moves all that does not stand on the robot's base, against that base.
+
+    A turntable turns about the z-axis of its frame. A track under the robot is the same seen from the robot: the floor
+    slides along z, and a millimetre of it counts as a degree does, so that digits, margins and limits hold for both.
+    """
 
     base_from_turntable: Shaped[Float, "4 4"]  # at 0
     limits: Shaped[Float, " 2"]  # rad
     speed: float  # rad/s, largest
     acceleration: float | None = None  # rad/s^2, largest; None: not stated
+    slides: bool = False  # it is a track
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return "track" if self.slides else "turntable"
+
+    @property
+    def unit(self) -> str:
+        """Of its values divided by DEG."""
+        return "mm" if self.slides else "deg"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

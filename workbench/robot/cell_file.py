@@ -43,6 +43,7 @@ BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
 OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
 STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
 SLOWEST_DEG_S2, SLOWEST_MM_S = 10.0, 0.2  # industrial axes reach 50 deg/s2 and more; in m/s any feed up to 200 mm/s
+LEAST_TRACK_MM = 50.0  # of a track; in metres any up to 50 m
 SLOWEST_TABLE_DEG_S2 = 4.0  # of a turntable, however heavy; in rad/s2 any up to 230 deg/s2
 METRES = "is it in metres?"
 
@@ -187,6 +188,35 @@ class TurntablePart(_Part):
         return self
 
 
+class TrackPart(_Part):
+    """The linear track that carries the robot, known to the controller as the robot's own (targets stay in space).
+
+    The base is where it stands with the track at 0: all that is in its frame, but what goes along, stands there.
+    """
+
+    joint: str | None = Field(
+        default=None, description="prismatic joint of the URDF below the base: tells what is not stated here"
+    )
+    direction: Point | None = Field(
+        default=None, description="in which the base goes as the value rises, in its frame; of any length"
+    )
+    limits_mm: tuple[float, float] | None = Field(default=None, description="lowest and highest value")
+    speed_mm_s: float | None = Field(default=None, gt=0, description="largest speed")
+    acceleration_mm_s2: float | None = Field(
+        default=None, gt=0, le=100000, description="largest acceleration; null: not judged"
+    )
+
+    @model_validator(mode="after")
+    def _usable(self) -> TrackPart:
+        if self.joint is None and None in (self.direction, self.limits_mm, self.speed_mm_s):
+            raise ValueError("expected direction, limits_mm and speed_mm_s, or the joint of the URDF")
+        if self.limits_mm is not None and not self.limits_mm[0] < self.limits_mm[1]:
+            raise ValueError("expected limits_mm with the lower one first")
+        if self.direction is not None and not np.linalg.norm(self.direction) > 0:
+            raise ValueError("expected a direction that is not zero")
+        return self
+
+
 class WorkpiecePart(_Part):
     """The workpiece on the turntable, or on the base where there is none."""
 
@@ -204,7 +234,9 @@ class FixturePart(ShapePart):
     """Something that stands in the cell."""
 
     name: str = Field(min_length=1, description="for messages")
-    on: Literal["base", "turntable"] = Field(default="base", description="what it stands on")
+    on: Literal["base", "turntable", "carriage"] = Field(
+        default="base", description="what it stands on; the carriage is a track's, and goes along with the robot"
+    )
 
 
 class MarginsPart(_Part):
@@ -325,9 +357,15 @@ class HomePart(_Part):
         default=None,
         description="of the turntable, at home; null: where the path has it first, or 0 with a controller_name",
     )
+    track_mm: Length | None = Field(default=None, description="of the track, likewise")
     controller_name: Place | None = Field(
         default=None, description="of the joint target on the controller; null: the program declares it"
     )
+
+    @property
+    def external(self) -> float | None:
+        """Of turntable or track."""
+        return self.turntable_deg if self.track_mm is None else self.track_mm
 
 
 class SpindlePart(_Part):
@@ -392,6 +430,7 @@ class CellPart(_Part):
         default=None, description="needed by programs; null: the pipeline's input names it"
     )
     turntable: TurntablePart | None = None
+    track: TrackPart | None = Field(default=None, description="null: the robot stands, or its track does (`held`)")
     workpiece: WorkpiecePart = WorkpiecePart()
     fixtures: list[FixturePart] = []
     loading: LoadingPart | None = Field(default=None, description="needed by loading tests only")
@@ -434,6 +473,8 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     yield from _tool(part)
     if part.turntable is not None:
         yield from _turntable(part.turntable)
+    if part.track is not None:
+        yield from _track(part.track)
     if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
     yield from _bodies(part)
@@ -455,6 +496,19 @@ def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
     parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
     if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
         yield "turntable.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+
+
+def _track(track: TrackPart) -> Iterator[tuple[str, str]]:
+    assert track.limits_mm is not None  # the joint tells them
+    assert track.speed_mm_s is not None
+    low, high = track.limits_mm
+    if high - low < LEAST_TRACK_MM:
+        yield (
+            "track.limits_mm",
+            f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {low:g}, {high:g}: {METRES}",
+        )
+    if track.speed_mm_s < SLOWEST_MM_S:
+        yield "track.speed_mm_s", f"expected at least {SLOWEST_MM_S:g} mm/s, found {track.speed_mm_s:g}: is it in m/s?"
 
 
 def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.extras import Extra
-from workbench.geometry.poses import pose_from
+from workbench.geometry.poses import inverse
 from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape
 from workbench.robot.kinematics import motions
-from workbench.units import Float, Shaped
+from workbench.units import DEG, Float, Shaped
 
 if TYPE_CHECKING:
     import fcl
@@ -131,13 +131,32 @@ class CollisionModel:
         self._objects[index].setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
 
 
-def turntable_pose(cell: Cell, angle: float) -> Float:
-    """`base_from_turntable` (4, 4) turned by `angle`, rad; the base itself where there is no turntable."""
+def turntable_pose(cell: Cell, angle: Float | float) -> Float:
+    """`base_from_turntable` (..., 4, 4) at values (...), rad; the base itself where there is no turntable."""
+    moved = np.broadcast_to(np.eye(4), (*np.shape(angle), 4, 4)).copy()
     if cell.turntable is None:
-        return np.eye(4)
-    c, s = np.cos(angle), np.sin(angle)
-    turn = pose_from(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
-    return np.asarray(cell.turntable.base_from_turntable @ turn)
+        return moved
+    if cell.turntable.slides:
+        moved[..., 2, 3] = np.asarray(angle) / DEG
+    else:
+        moved[..., 0, 0] = moved[..., 1, 1] = np.cos(angle)
+        moved[..., 1, 0], moved[..., 0, 1] = np.sin(angle), -np.sin(angle)
+    return np.asarray(cell.turntable.base_from_turntable @ moved)
+
+
+def sliding(cell: Cell) -> bool:
+    """Whether the robot stands on a track."""
+    return cell.turntable is not None and cell.turntable.slides
+
+
+def base_from_targets(cell: Cell, angle: Float | float) -> Float:
+    """Where the frame (..., 4, 4) in which a program has its targets stands in the robot's base, at values (...), rad.
+
+    The controller knows a track as the robot's own: targets stay on the floor, where the base is with the track at 0.
+    """
+    if not sliding(cell):
+        return np.broadcast_to(np.eye(4), (*np.shape(angle), 4, 4))
+    return np.asarray(turntable_pose(cell, angle) @ inverse(turntable_pose(cell, 0.0)))
 
 
 def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
@@ -148,7 +167,8 @@ def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
         (a, b)
         for a in range(len(shapes))
         for b in range(a + 1, len(shapes))
-        if _checked(shapes[a], shapes[b]) and frozenset((shapes[a].body, shapes[b].body)) not in free
+        if _checked(shapes[a], shapes[b], carried=sliding(cell))
+        and frozenset((shapes[a].body, shapes[b].body)) not in free
     ]
 
 
@@ -170,10 +190,15 @@ def least_mm(cell: Cell) -> Float:
     return np.asarray(cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
 
 
-def _checked(a: Shape, b: Shape) -> bool:
-    """Neighbours along the robot touch at their joint; what does not move cannot run into each other."""
-    if a.body == b.body or not (1 <= a.link <= 6 or 1 <= b.link <= 6):
+def _checked(a: Shape, b: Shape, *, carried: bool) -> bool:
+    """Neighbours along the robot touch at their joint; what does not move cannot run into each other.
+
+    What is `carried` along a track can run into what stands beside it.
+    """
+    if a.body == b.body:
         return False
+    if not (1 <= a.link <= 6 or 1 <= b.link <= 6):
+        return carried and (a.link == ON_TURNTABLE) != (b.link == ON_TURNTABLE)
     neighbours = abs(a.link - b.link) <= 1
     return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
 

@@ -17,7 +17,7 @@ from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violati
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen, Pairs, pair_bounds_mm
 from workbench.robot.cell import Cell, dexterity, turntable_margin
-from workbench.robot.collision import CollisionModel, turntable_pose
+from workbench.robot.collision import CollisionModel, sliding, turntable_pose
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
@@ -31,6 +31,7 @@ from workbench.robot.way import (
     axis_name,
     between,
     first_look,
+    flange_among_targets,
     joined,
     rated,
     timed_faults,
@@ -65,7 +66,7 @@ def judge(
     program = placed(program, cell.process)
     try:
         tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), rated(cell))
+        way = way_of(program, tools, frames, flange_among_targets(cell), rated(cell))
     except WayError as error:
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
     foreign, unknown = frame_faults(cell, program, tools)
@@ -84,7 +85,7 @@ def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | N
     """
     try:
         tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, lambda q: forward_kinematics(cell.chain, q), rated(cell))
+        way = way_of(program, tools, frames, flange_among_targets(cell), rated(cell))
     except WayError:  # one posture alone
         return None
     found = _proven(cell, *first_look(cell, way), _Findings())
@@ -211,6 +212,7 @@ def _stretches(
     fault(
         wide
         & (np.linalg.norm(after.tool[:, :3, 3] - before.tool[:, :3, 3], axis=1) < 0.01)
+        & ((after.turntable == before.turntable) | (not sliding(cell)))
         & (way.kind[middle.segment] != JOINTS),
         "singular",
         lambda i: (
@@ -277,14 +279,14 @@ def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
     if which == 6:
         assert cell.turntable is not None
         low, high = cell.turntable.limits
-        name, off = "the turntable", 0.0
+        name, off, unit = f"the {cell.turntable.name}", 0.0, cell.turntable.unit
     else:
-        (low, high), name, off = cell.chain.limits[which], f"joint {which + 1}", float(asked[which])
+        (low, high), name, off, unit = cell.chain.limits[which], f"joint {which + 1}", float(asked[which]), "deg"
     angle, margin = float(seven[which]), np.degrees(min(seven[which] - low, high - seven[which]))
     blur = f" (and tool and part may ask it for {np.degrees(off):.3f} deg more)" if off > 0 else ""
     return (
-        f"{name} at {np.degrees(angle):.3f} deg keeps {margin:.3f} deg from its limit{blur}, expected "
-        f"{np.degrees(cell.margins.limit):g} deg"
+        f"{name} at {np.degrees(angle):.3f} {unit} keeps {margin:.3f} {unit} from its limit{blur}, expected "
+        f"{np.degrees(cell.margins.limit):g} {unit}"
     )
 
 
@@ -532,7 +534,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     faults = []
     if (worst > 1 + 1e-6).any():
         i = int(worst.argmax())
-        name = axis_name(int(asked[i].argmax()))
+        name = axis_name(cell, int(asked[i].argmax()))
         faults.append(
             Violation(
                 int(way.line[places.segment[i + 1]]),
@@ -542,11 +544,11 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
             )
         )
     if cell.rated_accelerations is not None:
-        faults += _accelerations(cell.rated_accelerations, way, places, seconds, arc)
+        faults += _accelerations(cell, cell.rated_accelerations, way, places, seconds, arc)
     return faults, float(worst.max(initial=0.0))
 
 
-def _accelerations(most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
+def _accelerations(cell: Cell, most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
     """Within segments and through rounded corners, where the controller does not stop; `most` (7,)."""
     signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
     rate = np.where(seconds[:, None] > 1e-9, signed / np.maximum(seconds, 1e-9)[:, None], 0.0)
@@ -559,7 +561,7 @@ def _accelerations(most: Float, way: Way, places: Places, seconds: Float, arc: F
     if not (worst > 1 + 1e-6).any():
         return []
     i = int(worst.argmax())
-    finding = f"{axis_name(int(asked[i].argmax()))} would need {worst[i]:.2f} times its largest acceleration"
+    finding = f"{axis_name(cell, int(asked[i].argmax()))} would need {worst[i]:.2f} times its largest acceleration"
     return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration", finding)]
 
 

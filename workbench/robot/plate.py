@@ -15,7 +15,7 @@ from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
 from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
-from workbench.robot.collision import turntable_pose
+from workbench.robot.collision import sliding, turntable_pose
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, AnyArray, Float
 
@@ -163,6 +163,10 @@ def plate(
     else:
         return cell
     on_table = cell.turntable is not None
+    if sliding(cell) and planned_at_deg:
+        raise InputError(
+            "robot.plate.planned_at_deg", "expected 0: the cell has a track, whose base is where it is at 0"
+        )
     pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
     body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)

@@ -12,8 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
+from workbench.geometry.poses import inverse
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import HomePart, ProcessPart
+from workbench.robot.collision import base_from_targets
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float, Shaped
@@ -49,9 +51,7 @@ def placed(program: ProgramMoves, process: ProcessPart | None) -> ProgramMoves:
     def filled(move: ProgramMove) -> ProgramMove:
         if move.place.lower() != name:
             return move
-        return dataclasses.replace(
-            move, joints=np.array(home.joints_deg) * DEG, turntable=(home.turntable_deg or 0.0) * DEG
-        )
+        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=(home.external or 0.0) * DEG)
 
     return dataclasses.replace(program, moves=tuple(filled(move) for move in program.moves))
 
@@ -95,8 +95,8 @@ def drawn_back(cell: Cell, joints: Shaped[Float, " 6"], distance_mm: float) -> F
 
 def turntable_at_home(home: HomePart, first_deg: float) -> float:
     """Where it stands at home, deg: as stated, or where the path has it first; a home of the controller has it at 0."""
-    if home.turntable_deg is not None:
-        return home.turntable_deg
+    if home.external is not None:
+        return home.external
     return 0.0 if home.controller_name else first_deg
 
 
@@ -143,7 +143,8 @@ def _by_joints(joints: Float, table: float) -> ProgramMove:
 
 
 def _straight(cell: Cell, joints: Float, table: float, feed_mm_s: float) -> ProgramMove:
-    pose = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
+    flange = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints)
+    pose = flange @ cell.flange_from_cutter
     return ProgramMove(1, "L", TOOL, TOOL, pose=pose, feed_mm_s=feed_mm_s, turntable=table)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from workbench.errors import InputError, PipelineError, nearest
+from workbench.geometry.poses import inverse, pose_from
 from workbench.parameters import check_parameters
 from workbench.robot.cell import (
     ON_BASE,
@@ -42,7 +44,7 @@ from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
 from workbench.robot.process import NO_PROCESS
-from workbench.robot.urdf import disabled_pairs, read_urdf
+from workbench.robot.urdf import disabled_pairs, read_urdf, track_joint
 from workbench.robot.wrist import offset_wrist, spherical_wrist
 from workbench.stage import InputFile, stage
 from workbench.strict_json import read_json
@@ -82,10 +84,15 @@ def read_cell(path: Path) -> Cell:
     except PipelineError as error:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)
+    part, before = _with_track(part, path)
     robot, packages = part.robot, {name: path.parent / folder for name, folder in part.robot.packages.items()}
-    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, robot.held, packages)
+    held = robot.held if part.track is None or part.track.joint is None else robot.held | {part.track.joint: 0.0}
+    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, held, packages)
+    external = _external(part, path)
+    rails = [(one, base.body) for one in sorted(before) for base in links if base.link == 0 and base.body not in before]
+    links = tuple(_on_floor(shape, external) if shape.body in before else shape for shape in links)
     cutter = _pose(part.tool.flange_from_cutter, f"{path}: $.tool.flange_from_cutter")
-    shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, path))
+    shapes = (*links, *_tool(part.tool, chain.base_from_flange_at_zero, path), *_around(part, external, path))
     known = {shape.body for shape in shapes} | {"tool", "cutter", "workpiece"}  # a scan may become the workpiece
     for name in (name for pair in part.may_touch for name in pair):
         if name not in known:
@@ -101,9 +108,9 @@ def read_cell(path: Path) -> Cell:
         chain=chain,
         shapes=shapes,
         flange_from_cutter=cutter,
-        turntable=_turntable(part.turntable, path),
+        turntable=external,
         loading=_loading(part.loading, path),
-        may_touch=(*part.may_touch, *disabled),
+        may_touch=(*part.may_touch, *disabled, *rails),
         unseen=tuple(
             f"collision of {one} and {other}: the SRDF lets them touch ({why})"
             for (one, other), why in disabled.items()
@@ -194,6 +201,10 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
             part.turntable is not None and part.turntable.acceleration_deg_s2 is None,
             "acceleration of the turntable: the cell file states none ($.turntable.acceleration_deg_s2)",
         ),
+        (
+            part.track is not None and part.track.acceleration_mm_s2 is None,
+            "acceleration of the track: the cell file states none ($.track.acceleration_mm_s2)",
+        ),
     )
     yield from (sentence for is_open, sentence in left_open if is_open)
 
@@ -254,27 +265,42 @@ def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:
     ]
 
 
-def _around(part: CellPart, path: Path) -> list[Shape]:
+def _stands(external: Turntable | None) -> dict[str, tuple[int, Float]]:
+    """Link and place of what a fixture may stand on; the base is a track's floor."""
+    here = np.eye(4)
+    if external is None:
+        return {"base": (ON_BASE, here)}
+    if not external.slides:
+        return {"base": (ON_BASE, here), "turntable": (ON_TURNTABLE, here)}
+    return {"base": (ON_TURNTABLE, inverse(external.base_from_turntable)), "carriage": (ON_BASE, here)}
+
+
+def _around(part: CellPart, external: Turntable | None, path: Path) -> list[Shape]:
     """Turntable, workpiece and fixtures."""
     table, here = part.turntable, np.eye(4)
     found = []
     for i, shape in enumerate(table.shapes if table else []):
         found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
-    found += [] if part.envelope is None else _walls(part.envelope)
+    stands = _stands(external)
+    on_floor = stands["base"]
+    if part.envelope is not None:
+        found += [
+            dataclasses.replace(wall, link=on_floor[0], pose=on_floor[1] @ wall.pose) for wall in _walls(part.envelope)
+        ]
     if part.workpiece.mesh is not None:
-        found += _workpiece(part.workpiece, ON_TURNTABLE if table else ON_BASE, path)
+        found += _workpiece(part.workpiece, *stands.get("turntable", on_floor), path)
     for i, fixture in enumerate(part.fixtures):
         where = f"{path}: $.fixtures[{i}]"
-        if fixture.on == "turntable" and table is None:
-            raise InputError(f"{where}.on", "expected 'base': the cell has no turntable")
-        link = ON_TURNTABLE if fixture.on == "turntable" else ON_BASE
-        found.append(_shape(fixture, fixture.name, link, here, where, path))
+        if fixture.on not in stands:
+            missing = "track" if fixture.on == "carriage" else "turntable"
+            raise InputError(f"{where}.on", f"expected 'base': the cell has no {missing}")
+        found.append(_shape(fixture, fixture.name, *stands[fixture.on], where, path))
     return found
 
 
-def _workpiece(part: WorkpiecePart, link: int, path: Path) -> list[Shape]:
+def _workpiece(part: WorkpiecePart, link: int, parent: Float, path: Path) -> list[Shape]:
     assert part.mesh is not None
-    where, pose = f"{path}: $.workpiece.mesh", _pose(part.pose, f"{path}: $.workpiece.pose")
+    where, pose = f"{path}: $.workpiece.mesh", parent @ _pose(part.pose, f"{path}: $.workpiece.pose")
     points, triangles = read_workpiece(path.parent / part.mesh, where)
     if len(triangles):
         return [Shape("workpiece", link, "mesh", (), pose, points, triangles)]
@@ -297,9 +323,50 @@ def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, pat
     return Shape(body, link, kind, size, pose)
 
 
-def _turntable(part: TurntablePart | None, path: Path) -> Turntable | None:
-    if part is None:
-        return None
+def _with_track(part: CellPart, path: Path) -> tuple[CellPart, frozenset[str]]:
+    """The cell with what the URDF tells of the track, and the names of the links that do not go along."""
+    track, robot = part.track, part.robot
+    if track is None or track.joint is None:
+        return part, frozenset()
+    if track.joint in robot.held:
+        raise InputError(f"{path}: $.track.joint", f"expected a joint that moves, '{track.joint}' is in $.robot.held")
+    direction, limits, speed, before = track_joint(path.parent / robot.urdf, track.joint, robot.base_frame)
+    told = {"direction": tuple(direction), "limits_mm": tuple(limits), "speed_mm_s": speed}
+    open_ = {name: value for name, value in told.items() if getattr(track, name) is None}
+    return part.model_copy(update={"track": track.model_copy(update=open_)}), before
+
+
+def _on_floor(shape: Shape, external: Turntable | None) -> Shape:
+    """A body, placed in the base, that stays where a track leaves it."""
+    assert external is not None
+    return dataclasses.replace(shape, link=ON_TURNTABLE, pose=inverse(external.base_from_turntable) @ shape.pose)
+
+
+def _external(part: CellPart, path: Path) -> Turntable | None:
+    """The turntable, or the track's floor as the robot sees it: it slides against the track's direction."""
+    if part.track is None:
+        return None if part.turntable is None else _turntable(part.turntable, path)
+    if part.turntable is not None:
+        raise InputError(
+            f"{path}: $.track",
+            "expected a turntable or a track, found both: one external axis is planned; let the track stand "
+            "($.robot.held), or the table (a fixture)",
+        )
+    home = None if part.process is None else part.process.home
+    if home is not None and home.turntable_deg is not None:
+        raise InputError(f"{path}: $.process.home.turntable_deg", "expected track_mm, the cell has a track")
+    track = part.track
+    assert track.direction is not None  # or its joint has told them
+    assert track.speed_mm_s is not None
+    along = np.array(track.direction) / np.linalg.norm(track.direction)
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across /= np.linalg.norm(across)
+    floor = pose_from(np.column_stack([across, np.cross(-along, across), -along]), np.zeros(3))
+    fastest = None if track.acceleration_mm_s2 is None else track.acceleration_mm_s2 * DEG
+    return Turntable(floor, np.array(track.limits_mm) * DEG, track.speed_mm_s * DEG, fastest, slides=True)
+
+
+def _turntable(part: TurntablePart, path: Path) -> Turntable:
     pose = _pose(part.base_from_turntable, f"{path}: $.turntable.base_from_turntable")
     fastest = None if part.acceleration_deg_s2 is None else part.acceleration_deg_s2 * DEG
     return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG, fastest)

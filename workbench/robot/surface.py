@@ -62,7 +62,7 @@ def deviations(
         row: (n,) index of the move that each place is on.
         seconds: (n - 1,) between places, where the program says times; inf elsewhere.
     """
-    back = turntable_pose(cell, planned.turntable) @ inverse(_poses(cell, turntable)) @ tool
+    back = turntable_pose(cell, planned.turntable) @ inverse(turntable_pose(cell, turntable)) @ tool
     back[:, :3, 3] -= planned.toolpath.cutter.diameter_mm / 2 * back[:, :3, 0]  # a cutter may turn about its axis
     made, begin = Driven(), 0
     for name, points, axis, feed in _parts(planned.toolpath):
@@ -143,11 +143,6 @@ def _ends(one: Layer | Travel, place: int, part: Layer | Travel) -> tuple[Float,
     """All points of the part itself, the last one of the part before it, the first one of the part behind it."""
     which = slice(None) if one is part else slice(-1, None) if place == 0 else slice(0, 1)
     return one.position_mm[which], one.quaternion_wxyz[which], one.feed_mm_s[which]
-
-
-def _poses(cell: Cell, turntable: Float) -> Float:
-    distinct, which = np.unique(turntable, return_inverse=True)
-    return np.array([turntable_pose(cell, float(angle)) for angle in distinct])[which]
 
 
 def _part(planned: Planned, name: str, fine: Float, axis: Float, tool: Float) -> tuple[int, Float] | str:

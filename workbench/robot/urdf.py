@@ -89,6 +89,38 @@ def read_urdf(
     return chain, tuple(_shapes(document, model, data, to_base, packages or {}, path))
 
 
+def track_joint(path: Path, name: str, base_frame: str) -> tuple[Float, Float, float, frozenset[str]]:
+    """A prismatic joint below the robot: direction (3,) of the base in itself, limits (2,) mm, mm/s, links before it.
+
+    Raises:
+        InputError: no such joint, another kind, without limits, or not below the base frame.
+    """
+    document = _parsed(path)
+    named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
+    joint, where = named.get(name), f"{path}: {name!r}"
+    if joint is None:
+        raise InputError(where, f"unknown joint{nearest(name, named)} ($.track.joint)")
+    if joint.get("type") != "prismatic":
+        raise InputError(where, f"expected a prismatic joint in $.track.joint, found a {joint.get('type')} one")
+    if name not in set(_towards(named, base_frame)):
+        raise InputError(where, f"expected $.robot.base_frame to be carried by the track, found '{base_frame}'")
+    model = _built(document, path)
+    number, data = model.joints[model.getJointId(name)].idx_q, model.createData()
+    places = []
+    for metres in (0.0, 1.0):
+        q = pin.neutral(model)
+        q[number] = metres
+        pin.forwardKinematics(model, data, q)
+        places.append(_world_from(model, data, base_frame, path))
+    limits = np.array([model.lowerPositionLimit[number], model.upperPositionLimit[number]]) * MM
+    speed = float(model.velocityLimit[model.joints[model.getJointId(name)].idx_v]) * MM
+    if not limits[0] < limits[1] or not speed > 0:
+        raise InputError(where, "expected limits with lower < upper and a velocity above 0")
+    direction = places[0][:3, :3].T @ (places[1] - places[0])[:3, 3] / MM
+    before = {_link(named[one], "parent") for one in _towards(named, _link(joint, "child"))}
+    return direction, limits, speed, frozenset(before)
+
+
 def _bodies(model: pin.Model, data: pin.Data, to_base: Float) -> Bodies | None:
     """Masses of the links with what hangs on them; None where one of them has none."""
     placed = [place.act(inertia) for place, inertia in zip(data.oMi[1:], model.inertias[1:], strict=True)]
@@ -159,7 +191,7 @@ def _check_kinds(document: ElementTree.Element, held: Mapping[str, float], flang
             raise InputError(
                 where,
                 "expected a revolute joint, found a prismatic one: a linear track stands where the "
-                f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm)',
+                f'cell says, e.g. "held": {{"{name}": 1200}} in $.robot (mm), or moves: "track": {{"joint": "{name}"}}',
             )
         if kind == "continuous":
             limit = joint.find("limit")

@@ -16,6 +16,7 @@ Of joint moves whose time the program says, what they ask of each joint is told 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -25,11 +26,12 @@ from workbench.artefacts import ProgramMove, ProgramMoves
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, slerp
 from workbench.kernels import kernel
 from workbench.robot.cell import Cell
+from workbench.robot.collision import base_from_targets
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
-ToFlange = Callable[[Float], Float]  # base_from_flange (4, 4) at joint angles (6,)
+ToFlange = Callable[[Float, float], Float]  # the flange (4, 4) among the targets, at joint angles (6,) and turntable
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
 NO_LENGTH_MM = 1e-6
 MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may take either way round
@@ -50,7 +52,7 @@ class WayError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """g segments in the order of motion. Poses are of the flange's tool in the base."""
+    """g segments in the order of motion. Poses are of the flange's tool in the base; on a track, where it is at 0."""
 
     kind: Shaped[Int, " g"]  # STRAIGHT, CIRCULAR, CORNER or JOINTS
     line: Shaped[Int, " g"]  # of the program
@@ -130,9 +132,19 @@ class _Leg:
         position = a + share * (b - a)
         if self.kind == CIRCULAR:
             position = self.centre + _turned((a - self.centre)[None], self.turn[None], np.array([share]))[0]
-        q0, q1 = (quaternion_from_rotation(pose[:3, :3]) for pose in (self.start, self.end))
         table = self.tables[0] + share * (self.tables[1] - self.tables[0])
-        return position, slerp(q0, q1, np.array(share)), table
+        return position, self._turned(share), table
+
+    def _turned(self, share: float) -> Float:
+        """Quaternion on the whole move."""
+        q0, q1 = self._turns
+        return q0 if share == 0.0 else q1 if share == 1.0 and q0 @ q1 >= 0 else slerp(q0, q1, np.array(share))
+
+    @functools.cached_property
+    def _turns(self) -> tuple[Float, Float]:
+        """Quaternions of both ends."""
+        q0, q1 = quaternion_from_rotation(np.array([self.start[:3, :3], self.end[:3, :3]]))
+        return q0, q1
 
 
 def way_of(
@@ -148,7 +160,7 @@ def way_of(
         program: its first move gives joint angles.
         tools: flange_from_tool (4, 4) by name, those of the controller included.
         work_objects: base_from_workobject (4, 4) by name.
-        flange_at: function from joint angles (6,) to base_from_flange (4, 4).
+        flange_at: function from joint angles (6,) and the turntable's to the flange's pose (4, 4) among the targets.
         rated: (7,) largest speeds of the joints and the turntable, rad/s.
 
     Raises:
@@ -167,7 +179,7 @@ def way_of(
                     move.line,
                     "the first move gives no joint angles: expected the program to say in which posture it begins",
                 )
-            joints, flange, table = move.joints, flange_at(move.joints), end_table
+            joints, flange, table = move.joints, flange_at(move.joints, end_table), end_table
             continue
         assert flange is not None
         leg = _leg(
@@ -212,7 +224,18 @@ def _leg(
             raise WayError(move.line, BLENDING_JOINTS)
         both = (np.full(6, np.nan) if joints is None else joints, move.joints)
         return _Leg(
-            i, move, JOINTS, tool, start, flange_at(move.joints) @ tool, tables, both, nothing, nothing, 0.0, [0.0, 1.0]
+            i,
+            move,
+            JOINTS,
+            tool,
+            start,
+            flange_at(move.joints, tables[1]) @ tool,
+            tables,
+            both,
+            nothing,
+            nothing,
+            0.0,
+            [0.0, 1.0],
         )
     assert move.pose is not None
     assert frame is not None
@@ -274,7 +297,8 @@ def _stacked(order: list[tuple[_Leg, _Leg | None]], first: Float, rated: Float) 
 
 def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
     if after is None:
-        places = leg.at(0.0), leg.at(0.0), leg.at(1.0)
+        begin = leg.at(0.0)
+        places = begin, begin, leg.at(1.0)
         kind, span = leg.kind, tuple(leg.cut)
         length = leg.length * (leg.cut[1] - leg.cut[0])
     else:
@@ -321,7 +345,7 @@ class Places:
     share: Shaped[Float, " n"]  # of the segment
     joints: Shaped[Float, "n 6"]  # rad; NaN: out of reach
     turntable: Shaped[Float, " n"]  # rad
-    tool: Shaped[Float, "n 4 4"]  # base_from_tool
+    tool: Shaped[Float, "n 4 4"]  # as in `Way`
 
     def __len__(self) -> int:
         """How many."""
@@ -347,7 +371,7 @@ def first_look(cell: Cell, way: Way) -> tuple[Way, Places]:
     """
     segment, share = _grid(way)
     tool, table = way.tool(segment, share)
-    flange = tool @ inverse(way.flange_from_tool[segment])
+    flange = base_from_targets(cell, table) @ tool @ inverse(way.flange_from_tool[segment])
     joints, at, starts = np.full((len(segment), 6), np.nan), way.start_joints, way.joints.copy()
     bounds = np.flatnonzero(np.append(True, np.diff(way.kind[segment] == JOINTS) != 0))
     for low, high in zip(bounds, np.append(bounds[1:], len(segment)), strict=True):
@@ -369,7 +393,7 @@ def between(cell: Cell, way: Way, before: Places, after: Places) -> Places:
     start = np.where(before.segment == after.segment, before.share, 0.0)
     segment, share = after.segment, (start + after.share) / 2
     tool, table = way.tool(segment, share)
-    flange = tool @ inverse(way.flange_from_tool[segment])
+    flange = base_from_targets(cell, table) @ tool @ inverse(way.flange_from_tool[segment])
     joints = np.full((len(segment), 6), np.nan)
     by_joints = way.kind[segment] == JOINTS
     joints[by_joints] = way.joint_move(segment[by_joints], share[by_joints])
@@ -383,7 +407,8 @@ def between(cell: Cell, way: Way, before: Places, after: Places) -> Places:
 def _standing(cell: Cell, way: Way, segment: Int, share: Float, joints: Float, tool: Float, table: Float) -> Places:
     by_joints = way.kind[segment] == JOINTS
     tool = tool.copy()
-    tool[by_joints] = forward_kinematics(cell.chain, joints[by_joints]) @ way.flange_from_tool[segment[by_joints]]
+    flange = inverse(base_from_targets(cell, table[by_joints])) @ forward_kinematics(cell.chain, joints[by_joints])
+    tool[by_joints] = flange @ way.flange_from_tool[segment[by_joints]]
     return Places(segment, share, joints, table, tool)
 
 
@@ -442,9 +467,14 @@ def rated(cell: Cell) -> Float:
     return np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else np.inf)
 
 
-def axis_name(i: int) -> str:
+def flange_among_targets(cell: Cell) -> ToFlange:
+    """For `way_of`."""
+    return lambda q, table: inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, q)
+
+
+def axis_name(cell: Cell, i: int) -> str:
     """Of seven: the joints and the turntable."""
-    return "the turntable" if i == 6 else f"joint {i + 1}"
+    return f"the {cell.turntable.name}" if i == 6 and cell.turntable else f"joint {i + 1}"
 
 
 def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]], float]:
@@ -458,7 +488,7 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
     moved = np.column_stack([way.joints[:, 1] - way.joints[:, 0], way.turntable[:, 2] - way.turntable[:, 0]])
     rate = np.where(way.timed[:, None], moved / way.duration_s[:, None], 0.0)
     speed = np.abs(rate) / rated(cell)
-    faults = _worst(speed, np.arange(len(rate)), "speed")
+    faults = _worst(cell, speed, np.arange(len(rate)), "speed")
     most = cell.rated_accelerations
     if most is not None:
         still, step = np.zeros((1, 7)), np.where(way.timed, way.duration_s, np.inf)
@@ -466,14 +496,14 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
         before, after = np.append(np.inf, step), np.append(step, np.inf)
         within = np.minimum(before, after) * np.where(np.isinf(before + after), 0.5, 1.0)
         here = np.arange(len(step) + 1) - np.isinf(after)  # the segment that begins at the row, or ends there
-        faults += _worst(change / within[:, None] / most, here, "acceleration")
+        faults += _worst(cell, change / within[:, None] / most, here, "acceleration")
     return faults, float(speed.max())
 
 
-def _worst(asked: Float, segment: Int, kind: str) -> list[tuple[int, float, str, str]]:
+def _worst(cell: Cell, asked: Float, segment: Int, kind: str) -> list[tuple[int, float, str, str]]:
     """Where most (n, 7) is asked of a joint, if that is more than it can."""
     i, joint = np.unravel_index(int(asked.argmax()), asked.shape)
     if asked[i, joint] <= 1 + ROUNDING:
         return []
-    name = axis_name(int(joint))
+    name = axis_name(cell, int(joint))
     return [(int(segment[i]), 1.0, kind, f"{name} would need {asked[i, joint]:.2f} times its largest {kind}")]

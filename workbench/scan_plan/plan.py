@@ -323,7 +323,7 @@ def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ())
         why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
     tables = [0.0]
-    if place is not None and place.cell.turntable is not None:
+    if place is not None and place.cell.turntable is not None and not place.cell.turntable.slides:
         low, high = place.cell.turntable.limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)

@@ -19,7 +19,7 @@ from workbench.program import write
 from workbench.program.limits import NO_FORCE
 from workbench.program.words import program_name
 from workbench.program.write import Controller
-from workbench.robot import Cell, forward_kinematics
+from workbench.robot import Cell, forward_kinematics, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import Examiner
@@ -236,6 +236,7 @@ def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):
         clearance_mm=examiner.screen.clearances_mm(reached.joints, table),
         flange_from_point=flange_from_view,
         has_turntable=cell.turntable is not None,
+        on_track=sliding(cell),
     )
     gate = PathGate(True, "the pass is reached", toolpath=path, tolerance_mm=TOLERANCE_MM, reached=True)
     return simplify(path, postures), gate

@@ -267,7 +267,7 @@ def nodes(
     joints = configuration.joints(arm, flange)
     free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
     free[free] = examiner.poor(joints[free]) == FREE
-    free[free] = examiner.screen.hits(joints[free], alpha[free]) < 0
+    free[free] = examiner.screen.hits(joints[free], (alpha + points.drift[at])[free]) < 0
     away, _ = examiner.away(configuration, at[free], flange[free], alpha[free], joints[free])
     free[free] = away == FREE
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)

@@ -23,6 +23,7 @@ from workbench.api import (
     Postures,
     Shaped,
     Toolpath,
+    base_from_targets,
     cell_triangles,
     forward_kinematics,
     inverse,
@@ -31,6 +32,7 @@ from workbench.api import (
     pieces,
     quaternion_from_rotation,
     rotation_from_quaternion,
+    sliding,
 )
 from workbench.plugins.stiffness.arm import Unsprung, awkwardness
 from workbench.plugins.stiffness.elastic import MM
@@ -157,7 +159,8 @@ def postures(
     """The postures of a law."""
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
-    targets = forward_kinematics(cell.chain, joints) @ flange_from_point
+    table = law.table + points.drift
+    targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
     moved = np.full((len(joints), 3), np.nan)
     if stiffness is not None:
         moved = _displacements(cell, stiffness.nm_per_rad, joints, points.turned(cell, law.table), points)
@@ -170,14 +173,15 @@ def postures(
         quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
         feed_mm_s=_feeds(points, targets[:, :3, 3]),
         cutter_rotation=law.rotation,
-        turntable=law.table,
+        turntable=table,
         joints=joints,
         displacement_mm=moved,
-        clearance_mm=examiner.screen.clearances_mm(joints, law.table),
+        clearance_mm=examiner.screen.clearances_mm(joints, table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
         warnings=warnings + _too_fast(cell, joints, points),
         planned_turntable=points.planned,
+        on_track=sliding(cell),
         torque_nm=points.torque_nm,
         spindle_rpm=points.spindle_rpm,
     )
@@ -205,7 +209,7 @@ def _displacements(cell: Cell, k: Float, joints: Float, turned: Float, points: P
 def _feeds(points: PathPoints, position_mm: Float) -> Float:
     """Feeds in the base that take as long from point to point as the path's own do on the workpiece."""
     way = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)
-    planned = np.linalg.norm(np.diff(points.base_from_point[:, :3, 3], axis=0), axis=1)
+    planned = np.linalg.norm(np.diff(points.part_mm, axis=0), axis=1)
     same = np.isclose(way, planned, rtol=1e-9, atol=1e-9) | (planned < 1e-6) | (way < 1e-6)
     ratio = np.where(same, 1.0, way / np.where(same, 1.0, planned))
     return np.append(points.feed_mm_s[:1], points.feed_mm_s[1:] * ratio)
@@ -219,12 +223,12 @@ def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
     made = found.postures
     at = found.points.loaded[len(found.points.loaded) // 2]
     before = found.cases["as planned"]
-    views = [] if before is None else [("As planned", before.joints[at], before.table)]
+    views = [] if before is None else [("As planned", before.joints[at], before.table + found.points.drift[at])]
     views.append(("As chosen", made.joints[at], float(made.turntable[at])))
     drawn = []
     for name, joints, table in views:
         turned = found.points.turned(cell, np.array([table]))[0]
-        way = (turned @ found.points.base_from_point[found.points.cutting])[:, :3, 3]
+        way = found.points.part_mm[found.points.cutting] @ turned[:3, :3].T + turned[:3, 3]
         bodies = cell_triangles(cell, joints, table)
         if not any(body == "workpiece" for body, _ in bodies):
             bodies.append((PLATE_BODY, plate_triangles(toolpath) @ turned[:3, :3].T + turned[:3, 3]))
@@ -387,8 +391,22 @@ def _prices(found: Found) -> str:
         more = "no cell is free" if percent is None else f"{'' if one.proven else 'at least '}{percent:+.1f} %"
         chosen = " (chosen)" if words == found.configuration else ""
         rows.append((", ".join(words).replace("_", " ") + chosen, *places, value, more))
-    head = ("Configuration", "Cutter rotation, °", "Turntable, °", _label(found.measure), "More than the best")
+    head = (
+        "Configuration",
+        "Cutter rotation, °",
+        _axis(found.postures).capitalize(),
+        _label(found.measure),
+        "More than the best",
+    )
     return pieces.heading("What a configuration costs, on the map's grid") + pieces.table_html(head, rows)
+
+
+def _axis(made: Postures) -> str:
+    return "track, mm" if made.on_track else "turntable, °"
+
+
+def _heads(found: Found) -> tuple[str, str, str]:
+    return "Cutter rotation, °", _axis(found.postures).capitalize(), _label(found.measure)
 
 
 def _label(measure: Measure) -> str:
@@ -396,12 +414,18 @@ def _label(measure: Measure) -> str:
 
 
 def _how(found: Found) -> str:
-    choice, over = found.choice, found.map
+    choice, over, made = found.choice, found.map, found.postures
+    name, unit = ("the track's place", " mm") if made.on_track else ("turntable angle", "°")
     line = (
-        f"Of {choice.of} pairs of cutter rotation and turntable angle, {choice.rotation / DEG:g}° and "
-        f"{choice.table / DEG:g}° ({', '.join(found.configuration).replace('_', ' ')}) give the least mean "
+        f"Of {choice.of} pairs of cutter rotation and {name}, {choice.rotation / DEG:g}° and "
+        f"{choice.table / DEG:g}{unit} ({', '.join(found.configuration).replace('_', ' ')}) give the least mean "
         f"{found.measure.name}; every better pair was examined and excluded. The map shows {over.mean.size} of them."
     )
+    if made.on_track and np.ptp(made.turntable) > 0:
+        low, high = made.turntable.min() / DEG, made.turntable.max() / DEG
+        line += (
+            f" The track goes along with the tool, between {low:.0f} and {high:.0f} mm; its place is that at the start."
+        )
     if found.mode == "along_path":
         gap = found.law_gap or 0.0
         line += " A law along the path was found by dynamic programming on the whole grid, in one configuration: "
@@ -420,7 +444,14 @@ def _table(found: Found) -> str:
         made, moved = found.postures, found.cost
         spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, made.turntable))
         rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
-    head = ("Posture", "Cutter rotation, °", "Turntable, °", _label(found.measure), "Largest", "Remark")
+    head = (
+        "Posture",
+        "Cutter rotation, °",
+        _axis(found.postures).capitalize(),
+        _label(found.measure),
+        "Largest",
+        "Remark",
+    )
     return pieces.table_html(head, rows, text=(5,))
 
 
@@ -506,7 +537,7 @@ def _contours(figure: Any, axes: Any, found: Found, values: Float, label: str) -
     )
     drawn = axes.contourf(x, y, values.T, levels=16, cmap="viridis")
     figure.colorbar(drawn, ax=axes, label=label)
-    axes.set_ylabel("turntable, °")
+    axes.set_ylabel(_axis(found.postures))
 
 
 def _mark(axes: Any, found: Found) -> None:
@@ -533,7 +564,7 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
     ]
     kept = [row for row in kept if np.isfinite(row[1]).any()]
-    angles = {"cutter rotation": made.cutter_rotation[loaded], "turntable": made.turntable[loaded]}
+    angles = {"cutter rotation": made.cutter_rotation[loaded], _axis(made).split(",")[0]: made.turntable[loaded]}
     turned = {name: _from_start(angle) for name, angle in angles.items()} if found.mode != "constant" else {}
     rows = len(kept) + bool(turned)
     with pieces.styled():

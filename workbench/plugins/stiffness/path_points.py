@@ -25,6 +25,7 @@ from workbench.api import (
     pose_from,
     quaternion_from_rotation,
     rotation_from_quaternion,
+    turntable_pose,
 )
 from workbench.plugins.stiffness.values import MillingForce
 
@@ -45,6 +46,8 @@ class PathPoints:
     measured: Shaped[Bool, " n"]
     point_from_tip: Shaped[Float, "4 4"]  # the cutter's tip: a radius off along x, its reach along z
     planned: float  # where the turntable stood, rad
+    part_mm: Shaped[Float, "n 3"]  # of the points, with the turntable there
+    drift: Shaped[Float, " n"]  # rad, from the first point's: by which it stands elsewhere in `base_from_point`
     spindle_rpm: float
     source: str  # of the path, for messages
 
@@ -56,31 +59,42 @@ class PathPoints:
     @property
     def time_steps_s(self) -> Float:
         """Time (n,) from the point before, at the path's own feed; what stands still takes a millisecond."""
-        way = np.linalg.norm(np.diff(self.base_from_point[:, :3, 3], axis=0), axis=1)
+        way = np.linalg.norm(np.diff(self.part_mm, axis=0), axis=1)
         return np.asarray(np.maximum(np.append(0.0, way / self.feed_mm_s[1:]), 1e-3))
 
     def only(self, indices: Int) -> PathPoints:
         """Some of the points."""
-        columns = ("base_from_point", "feed_mm_s", "force_n", "torque_nm", "layer", "cutting", "measured")
+        columns: tuple[str, ...] = ("base_from_point", "feed_mm_s", "force_n", "torque_nm", "layer", "cutting")
+        columns += ("measured", "part_mm", "drift")
         return dataclasses.replace(self, **{name: getattr(self, name)[indices] for name in columns})
 
     def densified(self, step_mm: float) -> PathPoints:
         """With points between, where neighbours are farther apart: there the tool goes straight and turns evenly."""
         poses = self.base_from_point
-        way = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+        way = np.linalg.norm(np.diff(self.part_mm, axis=0), axis=1)
         pieces = np.maximum(np.ceil(way / step_mm), 1).astype(int)
         at = np.append(np.repeat(np.arange(len(way)), pieces) + _shares(pieces), len(way))
         quaternion = quaternion_from_rotation(poses[:, :3, :3])
         between = interpolate_poses(at, np.arange(len(poses), dtype=float), poses[:, :3, 3], quaternion)
-        return dataclasses.replace(self.only(np.ceil(at - 1e-9).astype(int)), base_from_point=between)
+        return dataclasses.replace(
+            self.only(np.ceil(at - 1e-9).astype(int)),
+            base_from_point=between,
+            part_mm=np.column_stack([np.interp(at, np.arange(len(way) + 1), axis) for axis in self.part_mm.T]),
+            drift=np.interp(at, np.arange(len(way) + 1), self.drift),
+        )
 
     def turned(self, cell: Cell, turntable: Float) -> Float:
-        """Motions (..., 4, 4) in the base of what stands on the turntable when it goes to angles (...)."""
-        angles = np.asarray(turntable, float)
-        if cell.turntable is None:
-            return np.broadcast_to(np.eye(4), (*angles.shape, 4, 4))
-        table = cell.turntable.base_from_turntable
-        return np.asarray(table @ turn_about_z(angles - self.planned) @ inverse(table))
+        """Motions (..., 4, 4) in the base of what stands on the turntable when it goes to angles (...).
+
+        Of one that drifts: its angle at the first point.
+        """
+        return np.asarray(turntable_pose(cell, turntable) @ inverse(turntable_pose(cell, self.planned)))
+
+    def carried(self, cell: Cell, drift: Float) -> PathPoints:
+        """The points (n,) where the turntable brings them as it goes by `drift` (n,), rad, along the path."""
+        moved = self.turned(cell, self.planned + drift)
+        force = (moved[:, :3, :3] @ self.force_n[..., None])[..., 0]
+        return dataclasses.replace(self, base_from_point=moved @ self.base_from_point, force_n=force, drift=drift)
 
 
 def turn_about_z(angles: Float) -> Float:
@@ -111,8 +125,9 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
             raise InputError("milling force", "expected that of this path, point by point")
         loads.append(acts)
     acting = np.concatenate(loads)
+    there = base @ np.concatenate(poses)
     found = PathPoints(
-        base_from_point=base @ np.concatenate(poses),
+        base_from_point=there,
         feed_mm_s=np.concatenate(feeds),
         force_n=acting[:, :3] @ base[:3, :3].T,
         torque_nm=acting[:, 3],
@@ -121,6 +136,8 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
         planned=planned,
+        part_mm=there[:, :3, 3],
+        drift=np.zeros(len(there)),
         spindle_rpm=force.spindle_rpm,
         source=toolpath.source or "milling path",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
@@ -27,6 +27,7 @@ from workbench.api import (
     Toolpath,
     inverse,
     refuse_contradiction,
+    sliding,
     stage,
     within_margins,
 )
@@ -53,6 +54,7 @@ from workbench.plugins.stiffness.outcome import (
     postures,
 )
 from workbench.plugins.stiffness.path_points import Load, PathPoints, path_points
+from workbench.plugins.stiffness.track import along_track, places
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
     CONFIGURATIONS,
@@ -121,9 +123,9 @@ def posture(
 
     `constant`: the pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid;
     without known stiffness the least awkwardness (nearness to singular postures and limits). `along_path`: a law of the
-    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. All keep
-    the cell's margins and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes
-    `posture.json`.
+    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. A track
+    stands where one place of it serves the whole path, else it goes along with the tool. All keep the cell's margins
+    and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -178,16 +180,24 @@ def posture(
     step_deg = step_deg or (STEP_DEG if stiffness and modes is None else COARSE_DEG)
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
     points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
-    rotations, tables = grid(cutter_rotation_deg, step_deg), _tables(cell, turntable_deg, step_deg)
+    rotations = grid(cutter_rotation_deg, step_deg)
     at = sample(points, sampled_points)
     keeps = None
     if modes is not None and least_margin:
         cuts = cuts_of(toolpath, force, points.layer, points.base_from_point)
         keeps = Steadiness(cell, modes, cuts, least_margin, stations)
-    examiner, some = Examiner(cell, arm, points, keeps), points.only(at)
-    _check_apart(examiner)
-    traversed = traversal(arm, kept, k, some, rotations, tables)
-    choice, over = search(examiner, traversed, allowed, within(progress, 0.0, 0.3))
+    _check_apart(Examiner(cell, arm, points, keeps))
+    for way in _ways_of_the_track(cell, points):
+        points = way
+        tables = _tables(cell, turntable_deg, step_deg, points)
+        examiner, some = Examiner(cell, arm, points, keeps), points.only(at)
+        traversed = traversal(arm, kept, k, some, rotations, tables)
+        try:
+            choice, over = search(examiner, traversed, allowed, within(progress, 0.0, 0.3))
+            break
+        except InputError:
+            if not sliding(cell) or points.drift.any():
+                raise
     if whole_map:
         every = max(int(map_step_deg / step_deg + 1e-9), 1)
         thinned = traversed.thinned(every, choice.rotation, choice.table)
@@ -214,7 +224,7 @@ def posture(
         map=over,
         mode=mode,
         measure=DISPLACEMENT if stiffness else AWKWARDNESS,
-        cost=costs(examiner, k, made.joints, made.turntable),
+        cost=costs(examiner, k, made.joints, chosen.table),
         words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
         cases=_cases(examiner, k, choice, over),
@@ -298,6 +308,8 @@ def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate 
     Between them the tool goes straight and the part on a circle, which is r theta^2 / 8 apart: no more than OFF_SHARE
     of what the gate allows, or the program would be refused. A trajectory has rows between the points instead.
     """
+    if sliding(cell):
+        return 0
     if cell.turntable is None or gate is None or (cell.controller and cell.controller.dialect == "trajectory"):
         return BAND
     table = inverse(cell.turntable.base_from_turntable)
@@ -314,10 +326,23 @@ def _law_limits(cell: Cell, acceleration_deg_s2: float) -> Limits:
     return Limits(speeds, np.minimum(stated, acceleration_deg_s2 * DEG))
 
 
-def _tables(cell: Cell, limits_deg: Range | None, step_deg: float) -> Float:
+def _ways_of_the_track(cell: Cell, points: PathPoints) -> Iterator[PathPoints]:
+    """The points from a track that stands, then from one that goes along with the tool; as they are without one."""
+    yield points
+    if sliding(cell):
+        yield along_track(cell, points)
+
+
+def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathPoints) -> Float:
     """Turntable angles within the cell's limits by the margin; one angle, 0, where there is no turntable."""
     if cell.turntable is None:
         return np.zeros(1)
+    if sliding(cell):
+        if limits_deg is not None or points.planned:
+            raise InputError(
+                "stiffness.posture", "expected turntable_deg null and planned_at_deg 0: the cell has a track"
+            )
+        return places(cell, points.drift)
     low, high = cell.turntable.limits / DEG
     if limits_deg is not None:
         low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
@@ -374,7 +399,7 @@ def posture_document(found: Found) -> bytes:
             **_measured(found, float(found.cost.mean())),
             "constant": {
                 "cutter_rotation_deg": round(found.choice.rotation / DEG, 6),
-                "turntable_deg": round(found.choice.table / DEG, 6),
+                **_external(made, found.choice.table),
                 "configuration": list(found.configuration),
                 **_measured(found, _mean(found.cases["best"])),
                 "cells_examined": found.choice.examined,
@@ -392,6 +417,16 @@ def posture_document(found: Found) -> bytes:
             "map": _map(found),
         }
     )
+
+
+def _external(made: Postures, value: Any) -> dict[str, Any]:
+    """Angles of the turntable, rad, or the track's places beside a turntable that is not there."""
+    said = None if value is None else _rounded(np.asarray(value) / DEG, 6)
+    if not made.on_track:
+        return {"turntable_deg": said if said is None or said.ndim else float(said)}
+    still = said if said is None else 0.0 * said
+    named = {"turntable_deg": still, "track_mm": said}
+    return {name: one if one is None or one.ndim else float(one) for name, one in named.items()}
 
 
 def _measured(found: Found, mean: Any) -> dict[str, Any]:
@@ -418,7 +453,7 @@ def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | N
     return {
         "configuration": list(words),
         "cutter_rotation_deg": None if one.rotation is None else round(one.rotation / DEG, 6),
-        "turntable_deg": None if one.table is None else round(one.table / DEG, 6),
+        **_external(found.postures, one.table),
         **_measured(found, None if percent is None else one.mean),
         "price_percent": percent,
         "proven": one.proven,
@@ -432,7 +467,7 @@ def _mean(case: Case | None) -> float | None:
 def _case(found: Found, case: Case) -> dict[str, Any]:
     return {
         "cutter_rotation_deg": round(case.rotation / DEG, 6),
-        "turntable_deg": round(case.table / DEG, 6),
+        **_external(found.postures, case.table),
         **_measured(found, _mean(case)),
         "cause": CAUSES[case.cause],
         "pair": case.pair,
@@ -443,7 +478,7 @@ def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:
     columns = {
         "layer": made.layer,
         "cutter_rotation_deg": _rounded(made.cutter_rotation / DEG, 6),
-        "turntable_deg": _rounded(made.turntable / DEG, 6),
+        **_external(made, made.turntable),
         "joints_deg": _rounded(made.joints / DEG, 6),
         "displacement_mm": _rounded(np.linalg.norm(made.displacement_mm, axis=1), 6),
         "clearance_mm": _rounded(made.clearance_mm, 3),
@@ -456,7 +491,7 @@ def _map(found: Found) -> dict[str, Any]:
     over = found.map
     return {
         "cutter_rotation_deg": _rounded(over.rotations / DEG, 6),
-        "turntable_deg": _rounded(over.tables / DEG, 6),
+        **_external(found.postures, over.tables),
         **_measured(found, _rounded(over.mean, 6)),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],

@@ -223,7 +223,7 @@ class Examiner:
             _, cause[i], hit[i] = self.along(configuration, np.full(n, rotation[i]), np.full(n, table[i]))
             how[i] = EVERY_POINT
         asked = asked[~fast]
-        open_ = self.screen.swept(joints[asked], table[asked])
+        open_ = self.screen.swept(joints[asked], table[asked, None] + self.dense.drift[self._stations])
         how[asked] = np.where(open_.any(axis=1), EVERY_POINT, PROVEN)
         doubtful = np.flatnonzero(open_.any(axis=1))
         some = asked[doubtful]
@@ -237,14 +237,15 @@ class Examiner:
         first, last = open_.argmax(axis=1), open_.shape[1] - 1 - open_[:, ::-1].argmax(axis=1)
         for at in (first, last, (first + last) // 2):  # a hit spares the rest
             rest = np.flatnonzero(found < 0)
-            found[rest] = self.screen.hits(joints[rest, at[rest]], table[rest])
+            drift = self.dense.drift[self._stations[at[rest]]]
+            found[rest] = self.screen.hits(joints[rest, at[rest]], table[rest] + drift)
         for rest in np.array_split(np.flatnonzero(found < 0), max(len(joints) // 256, 1)):
             which, at = np.nonzero(open_[rest][:, self._owner])
             if not len(which):
                 continue
             of = rest[which]
             flange = flange_poses(self.cell, self.dense, at, rotation[of], table[of])
-            hits = self.screen.hits(configuration.joints(self.arm, flange), table[of])
+            hits = self.screen.hits(configuration.joints(self.arm, flange), table[of] + self.dense.drift[at])
             found[of[hits >= 0]] = hits[hits >= 0]
         return found
 
@@ -258,7 +259,8 @@ class Examiner:
     def _stations(self) -> Int:
         """Points of the path, in their order, so near each other that what lies between them is nearly a chord."""
         poses, lever = self.dense.base_from_point, self.points.point_from_tip[:3, 3]
-        there = np.hstack([poses[:, :3, 3] + poses[:, :3, :3] @ lever, LEVER_MM * poses[:, :3, :3].reshape(-1, 9)])
+        at = poses[:, :3, 3] + poses[:, :3, :3] @ lever
+        there = np.column_stack([at, LEVER_MM * poses[:, :3, :3].reshape(-1, 9), self.dense.drift / DEG])
         chosen, n = [0], len(there)
         while chosen[-1] < n - 1:
             a = chosen[-1]
@@ -285,7 +287,7 @@ class Examiner:
             return joints[0], SINGULAR, -1
         if (poor == LIMIT).any():
             return joints[0], LIMIT, -1
-        hits = self.screen.hits(joints[0], table)
+        hits = self.screen.hits(joints[0], table + self.points.drift)
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
 
     def away(self, configuration: Configuration, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
@@ -313,7 +315,8 @@ class Examiner:
             rows, joints = rows[free], joints[free]
             for share in np.linspace(1.0, 0.0, HOME_PLACES):
                 left = hit[rows] < 0
-                here, turned = rows[left], table[rows[left]]
+                here = rows[left]
+                turned = table[here] + self.points.drift[at[here]]
                 stands = np.array([turntable_at_home(process.home, angle / DEG) for angle in turned.tolist()]) * DEG
                 hit[here] = self.screen.hits(home + share * (joints[left] - home), stands + share * (turned - stands))
             said[rows[hit[rows] >= 0]] = COLLISION
@@ -324,7 +327,7 @@ class Examiner:
         joints, cause, hit = self.along(configuration, rotation, table)
         if cause != FREE:
             return joints, cause, hit
-        told = refusal(self.whole, joints, table, self.points.feed_mm_s)
+        told = refusal(self.whole, joints, table + self.points.drift, self.points.feed_mm_s)
         if told is None:
             return joints, FREE, -1
         kind, pair = told
@@ -371,7 +374,7 @@ def _swings(joints: Float, neighbours: Bool) -> Bool:
 
 
 def _is_chord(there: Float) -> bool:
-    """Whether places (k, 12) are no farther apart than a station's step, and lie on the chord from first to last."""
+    """Whether places (k, 13) are no farther apart than a station's step, and lie on the chord from first to last."""
     chord = there[-1] - there[0]
     square = float(chord @ chord)
     if square > STATION_MM**2:

@@ -28,17 +28,17 @@ def run(name: str, options: argparse.Namespace) -> int:
         results[result.condition].append(result)
     if not results:
         return 0
-    summaries = [study.summarise(condition, found) for condition, found in results.items()]
+    summaries = [study.summary(condition, found) for condition, found in results.items()]
     told = command(name, options)
-    text = study.tables(summaries, told)
+    text = study.summary.text(summaries, told)
     if options.docs:
         text = text.replace(f"`{told}`", f"`{told}`{made_by()}", 1)
     print(text)
     for found in results.values():
-        print(*study.worst(found, options.worst), sep="\n", end="\n" if options.worst else "")
+        print(*study.summary.worst(found, options.worst), sep="\n", end="\n" if options.worst else "")
     if options.docs:
         put_into(study.page, text, study.marks)
-    return int(any(any(s.shortcomings) for s in summaries))
+    return int(any(s.shortcomings for s in summaries))
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:

@@ -6,11 +6,8 @@ import pytest
 
 from bench.metrology.measured.part import MeasuredResult
 from bench.metrology.measured.summary import (
-    MEASURED_CONDITIONS,
     SINE,
-    measured_tables,
-    summarise_measured,
-    worst_measured,
+    MeasuredSummary,
 )
 
 
@@ -40,8 +37,8 @@ def part(
 
 def test_figures_of_known_parts() -> None:
     beyond = MeasuredResult("repeating", 9, beyond="too deep", places={"root_blind_mm": [0.6, 0.7]})
-    found = summarise_measured("repeating", [*(part(seed) for seed in range(4)), beyond])
-    assert (found.parts, found.finished, len(found.beyond), found.blind_too_deep) == (5, 4, 1, 1)
+    found = MeasuredSummary("repeating", [*(part(seed) for seed in range(4)), beyond])
+    assert (len(found.results), len(found.good), len(found.beyond), found.blind_too_deep) == (5, 4, 1, 1)
     assert found.corrected == pytest.approx([0.01] * 3)
     assert found.blind == pytest.approx([0.4] * 3)
     assert found.predicted.bias == pytest.approx(0.01 * SINE)
@@ -49,7 +46,7 @@ def test_figures_of_known_parts() -> None:
     assert (found.sharp_cover.share, found.sharp_cover.bias) == pytest.approx((1.0, 0.002))
     assert found.too_deep == []
     assert list(found.shortcomings) == []
-    assert "| repeating | 5 | 4 | 1 | 0 |" in measured_tables([found], "command")
+    assert "| repeating | 5 | 4 | 1 | 0 |" in MeasuredSummary.text([found], "command")
 
 
 @pytest.mark.parametrize(
@@ -65,12 +62,12 @@ def test_figures_of_known_parts() -> None:
 )
 def test_what_falls_short_is_said(changed: dict[str, float], words: str) -> None:
     parts = [part(seed, **changed) for seed in range(12)]
-    assert words in list(summarise_measured("repeating", parts).shortcomings)
-    assert list(worst_measured(parts, 1))
+    assert words in list(MeasuredSummary("repeating", parts).shortcomings)
+    assert list(MeasuredSummary.worst(parts, 1))
 
 
 def test_conditions_are_those_of_the_cells() -> None:
-    assert MEASURED_CONDITIONS == (
+    assert MeasuredSummary.conditions == (
         "repeating",
         "not_repeating",
         "not_repeating_0.05",

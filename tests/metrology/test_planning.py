@@ -11,7 +11,7 @@ import pytest
 from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.figures import cover, spread
 from bench.metrology.planning.part import PlanResult, compare_edge, compare_path
-from bench.metrology.planning.summary import GOALS, plan_tables, summarise_plans
+from bench.metrology.planning.summary import GOALS, PlanSummary
 from bench.metrology.true_edge import best_plane_turn_deg
 from workbench.artefacts import Cutter, Layer, RawEdge, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation
@@ -119,8 +119,8 @@ def test_errors_of_the_edge(truth):
     assert result.across_error_mm == pytest.approx([-0.02] * len(result.across_error_mm), abs=0.001)
     assert result.turn_error_deg == pytest.approx([0.05] * len(result.turn_error_deg), abs=0.001)
     compare_path(result, toolpath(truth), truth)
-    found = summarise_plans("raw_straight", [result] * 10)
-    assert (found.normal.share, found.across.share, found.turn.share) == (1.0, 0.0, 1.0)
+    found = PlanSummary("raw_straight", [result] * 10)
+    assert [one.share for one in found.covers.values()] == [1.0, 0.0, 1.0]
     assert list(found.shortcomings) == [
         f"raw_straight: {words} within 2u" for words in ("edge along n", "edge along m", "direction of n")
     ]
@@ -158,22 +158,22 @@ def part(seed, **changes):
 )
 def test_the_worst_part_decides(change, words):
     parts = [part(seed) for seed in range(50)]
-    assert list(summarise_plans("raw_rough", parts).shortcomings) == []
-    found = summarise_plans("raw_rough", [*parts, part(50, **change)])
+    assert list(PlanSummary("raw_rough", parts).shortcomings) == []
+    found = PlanSummary("raw_rough", [*parts, part(50, **change)])
     assert list(found.shortcomings) == [f"raw_rough: {words}"]
-    assert f"Not met: {words} (raw_rough)." in plan_tables([found], "command")
+    assert f"Not met: {words} (raw_rough)." in PlanSummary.text([found], "command")
 
 
 def test_refusals_and_crashes_are_told():
     lost = [PlanResult("raw_rough", 1, refused="no raw edge in view"), PlanResult("raw_rough", 2, crashed="KeyError")]
-    found = summarise_plans("raw_rough", [part(0), *lost])
-    text = plan_tables([found], "command")
+    found = PlanSummary("raw_rough", [part(0), *lost])
+    text = PlanSummary.text([found], "command")
     assert "seed 1: refused: no raw edge in view" in text
     assert "seed 2: **crashed**: KeyError" in text
     assert "raw_rough: 1 crashed" in found.shortcomings
     assert "raw_rough: 1 refused although most of the edge is in view" in found.shortcomings
     hidden = PlanResult("raw_rough", 1, refused="seen on 30 % of its length only", seen_share=0.3)
-    assert list(summarise_plans("raw_rough", [part(0), hidden]).shortcomings) == []
+    assert list(PlanSummary("raw_rough", [part(0), hidden]).shortcomings) == []
 
 
 def test_every_raw_condition_has_its_goal():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.metrology.stiffness.part import StiffnessResult, measure_stiffness
-from bench.metrology.stiffness.summary import stiffness_tables, summarise_stiffness, worst_stiffness
+from bench.metrology.stiffness.summary import StiffnessSummary
 from bench.metrology.stiffness.truth import K, known, noisy
 from workbench.plugins.stiffness.equations import covariances, equations
 
@@ -61,22 +61,22 @@ def trial(seed, error, nees):
 
 def test_what_falls_short_is_told():
     """Twice the bound and a chi-square out of the ellipsoid in every trial; then all as it should be."""
-    bad = summarise_stiffness("planned", [trial(seed, 0.04 * (-1) ** seed, 24.0) for seed in range(100)])
+    bad = StiffnessSummary("planned", [trial(seed, 0.04 * (-1) ** seed, 24.0) for seed in range(100)])
     assert bad.rmse_ratio == pytest.approx(np.full(6, 2.0))
     assert list(bad.shortcomings) == ["planned: errors over their bound", "planned: coverage of the ellipsoid"]
     good = [trial(seed, 0.02 * (-1) ** seed, 14.0 if seed % 20 == 0 else 6.0) for seed in range(200)]
-    summary = summarise_stiffness("planned", good)
+    summary = StiffnessSummary("planned", good)
     assert not list(summary.shortcomings)
-    text = stiffness_tables([summary], "typed")
+    text = StiffnessSummary.text([summary], "typed")
     assert "| planned | 40 + 6 | 4.00 |" in text
     assert "| 95.0 (91.0 to 97.6) |" in text
     assert "Not met: nothing." in text
-    assert next(iter(worst_stiffness(good, 1))).startswith("planned, seed 0: chi-square 14.0")
+    assert next(iter(StiffnessSummary.worst(good, 1))).startswith("planned, seed 0: chi-square 14.0")
 
 
 def test_a_refused_trial_and_a_wide_joint_count():
     refused = StiffnessResult("planned", 1, refused="joint 4 cannot be determined", loads=[44], bound=[0.03] * 6)
-    summary = summarise_stiffness("planned", [trial(0, 0.02, 6.0), refused])
-    assert summary.trials == 2
+    summary = StiffnessSummary("planned", [trial(0, 0.02, 6.0), refused])
+    assert len(summary.results) == 2
     assert "planned: 1 refused" in summary.shortcomings
-    assert "the first: joint 4 cannot" in stiffness_tables([summary], "typed")
+    assert "the first: joint 4 cannot" in StiffnessSummary.text([summary], "typed")

@@ -1,1 +1,0 @@
-"""Open3D's calls beside ours, timed: `python -m bench.interop` prints the table of docs/open3d.md."""

@@ -21,6 +21,7 @@ from workbench.stage import Stage
 from workbench.synthetic import parse_recipe, simulate_recording
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
+DATA = PIPELINES.parent / "data" / "synthetic"
 SCANNED = {"format": "bevel-recipe", "version": 1, "seed": 11, "passes": [{"from_mm": 5.0, "to_mm": 45.0}]}
 MILLED = SCANNED | {"scanner": {"columns": 400}}
 RAW = SCANNED | {"scanner": {"columns": 500}, "part": {"kind": "raw", "length_mm": 50.0, "thickness_mm": 5.0}}
@@ -28,10 +29,11 @@ MOTION = np.eye(4)  # moved from base, in mm
 MOTION[:3, :3] = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 MOTION[:3, 3] = [310.0, -220.0, 95.0]
 STAND_INS = (Chapter("Stand-in", "<p>for the chapters, which the chains leave out</p>"),)
+MILLED_ONCE = ("chatter", "optimise_posture")  # a layer of the shipped path is enough for them
 LOOPS = ("closed_loop", "compensated_loop", "compound_loop", "j_loop", "measured_loop")  # they begin with a recipe
 COMPARED = Path(__file__).parents[1] / "compare" / "data"
 GIVEN: dict[str, dict[str, Any]] = {  # parameters of stages in no shipped pipeline that have no defaults
-    "cloud.register": {"reference": str(PIPELINES.parent / "data" / "synthetic" / "raw_edge.laz")},
+    "cloud.register": {"reference": str(DATA / "raw_edge.laz"), "voxel_mm": 3.0},
     "compare.mesh": {"mesh": str(COMPARED / "wedge.obj")},
 }
 SMALL: dict[str, dict[str, Any]] = {  # what a law asks for shows over few postures, stations and places as well
@@ -160,10 +162,14 @@ def plan_chains(tmp_path_factory: pytest.TempPathFactory) -> tuple[Chain, Chain]
 
 @pytest.fixture(scope="session")
 def chains(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Chains:
-    recipe = tmp_path_factory.mktemp("recipe") / "raw.json"
-    recipe.write_text(json.dumps(RAW))
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / "raw.json").write_text(json.dumps(RAW))
+    path = json.loads((DATA / "paths" / "raw_arc.json").read_text())
+    (folder / "path.json").write_text(json.dumps(path | {"layers": path["layers"][-1:], "travels": []}))
+    given = {name: {"recipe": folder / "raw.json"} for name in LOOPS}
+    given |= {name: {"toolpath": folder / "path.json"} for name in MILLED_ONCE}
     others = sorted({path.stem for path in PIPELINES.glob("*.json")} - {"inspect_bevel", *LOOPS})
-    return Chains((chain, *(run_chain(name, recipe=recipe) for name in LOOPS), *map(run_chain, others)))
+    return Chains((chain, *(run_chain(name, **given.get(name, {})) for name in (*LOOPS, *others))))
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +30,7 @@ class Shop(NamedTuple):
 
     def at(self, path: str) -> Any:
         """A new tab; what a script does wrong there fails the test."""
-        tab = self.browser.new_page(viewport={"width": 390, "height": 800})
+        tab = self.browser.new_page(viewport={"width": 390, "height": 800}, locale="de-DE")
         tab.on("pageerror", lambda error: pytest.fail(f"{path}: {error}"))
         tab.set_default_timeout(WAIT_MS)
         tab.goto(f"http://127.0.0.1:{self.client.server.server_port}{self.client.root}{path}")
@@ -74,10 +76,15 @@ def test_a_recording_that_grows_is_drawn_and_then_turns_in_space(shop: Shop) -> 
         inputs = {"recording": grown.name}
         number = shop.client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"]
         tab = shop.at(f"/runs/{number}")
+        drawing = tab.get_by_alt_text("so far")
+        while not drawing.is_visible() and shop.client.json("GET", f"/api/runs/{number}")["state"] == "running":
+            os.utime(grown)  # it has not stalled
+            tab.wait_for_timeout(100)
+        playwright.expect(tab.locator(".verdict")).to_have_text("at work")
         playwright.expect(tab.locator(".step")).to_contain_text("frames so far: ")
-        playwright.expect(tab.get_by_alt_text("so far")).to_be_visible()
         grown.with_suffix(".h5.go").touch()
         playwright.expect(tab.locator(".verdict")).to_have_text("PASS")
+    playwright.expect(tab.locator("td.number").first).to_contain_text(re.compile(r"^\d,\d{3} ± 0,\d{3} mm$"))
     view = tab.frame_locator("iframe")
     playwright.expect(view.locator("figure.space")).to_be_visible()
     playwright.expect(view.get_by_role("heading", level=1)).to_be_hidden()

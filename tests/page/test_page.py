@@ -74,6 +74,7 @@ def test_a_look_and_a_run_that_cannot_be(client: Client, folder: Path) -> None:
     assert look["state"] == "failed"
     assert "half.h5" in look["reason"]
     assert "\n" not in look["reason"]
+    assert "<h1>half.h5</h1>" in client.ask("GET", f"/runs/{look['id']}")[1]
     assert look["reason"].split(":")[0].endswith("half.h5") or "half.h5" in client.ask("GET", f"/runs/{look['id']}")[1]
 
 

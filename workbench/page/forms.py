@@ -47,13 +47,15 @@ def fields_of(pipeline: Path) -> tuple[str, list[Field]]:
                 is_file = value == f"${{{name}}}" and stage.parameters[key] is Role.INPUT_FILE
                 own = _schema_of(name, value, schema["properties"][key], schema.get("$defs", {}))
                 used.setdefault(name, (own, texts[key].range, texts[key].description, is_file))
-    made = []
+    made, said = [], ""
     for number, (name, default) in enumerate(document.inputs.items()):
         schema, bounds, description, is_file = used.get(name, ({}, "", "", False))
         choices = tuple(str(one) for one in schema.get("enum", ()))
         kind = "file" if is_file else "choice" if choices else _kind(default, schema)
         first = name == "part_id" or (default is not None and (is_file or number < FIRST))
-        made.append(Field(name, kind, default, unit_of(name), bounds, description.replace("`", ""), choices, first))
+        text = description.replace("`", "") if description != said else ""  # of several values of one object, once
+        said = description
+        made.append(Field(name, kind, default, unit_of(name), bounds, text, choices, first))
     return document.title, made
 
 

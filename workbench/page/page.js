@@ -2,6 +2,11 @@
 // Sends what was chosen, and asks how a run goes on. Texts stand in the page, as data attributes.
 const root = document.body.dataset.root;
 const shown = document.getElementById("error");
+// Numbers stand as the reader's language writes them.
+const mark = new Intl.NumberFormat(navigator.language).formatToParts(1.5).find((part) => part.type === "decimal").value;
+const local = (text) => mark === "," ? text.replace(/(\d)\.(\d)/g, "$1,$2") : text;
+for (const one of document.querySelectorAll(".number")) one.textContent = local(one.textContent);
+for (const one of document.querySelectorAll("[data-kind=number]")) one.value = local(one.value);
 async function call(path, options) {
   let answer;
   try { answer = await fetch(root + path, options); } catch { shown.textContent = document.body.dataset.lost; return null; }
@@ -117,8 +122,9 @@ if (draft) {
 const atWork = document.querySelector("[data-run]");
 async function follow(number, step, done, known) {
   const run = await call("/api/runs/" + number);
-  if (run && step && step.textContent !== (run.step || "")) step.textContent = run.step || "";
-  if (run && known && run.verdict) known(run);
+  const told = local(run && run.step || "");
+  if (run && step && step.textContent !== told) step.textContent = told;
+  if (run && known) known(run);
   if (run && !["queued", "running"].includes(run.state)) done(run); else setTimeout(() => follow(number, step, done, known), 200);
 }
 const tell = (element, word, states) => { element.textContent = states[word] || word; element.className = "verdict " + word; };
@@ -129,7 +135,7 @@ if (atWork) {
     if (step.textContent.includes(" so far: ")) drawing.src = drawing.dataset.at + "?" + encodeURIComponent(step.textContent);
   }).observe(step, { childList: true });
   drawing.addEventListener("load", () => { drawing.hidden = false; });
-  follow(atWork.dataset.run, step, () => location.reload(), (run) => tell(word, run.verdict, states));
+  follow(atWork.dataset.run, step, () => location.reload(), (run) => tell(word, run.verdict || run.state, states));
   atWork.querySelector("button").addEventListener("click", () => post("/api/runs/" + atWork.dataset.run + "/cancel", {}));
 }
 
@@ -152,7 +158,7 @@ if (operator) {
       const now = await call("/api/next"); // it has grown meanwhile
       if (now && now.file === file) last = file + now.written;
       busy = false;
-    }, (run) => known(run, run.verdict));
+    }, (run) => { if (run.verdict) known(run, run.verdict); });
   };
   const watch = async () => {
     const found = await call("/api/next");

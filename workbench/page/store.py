@@ -49,6 +49,11 @@ class Run:
         """When it was asked for, local time."""
         return time.strftime("%Y-%m-%d %H:%M", time.localtime(self.begun))
 
+    @property
+    def about(self) -> str:
+        """Its part, or the file that it began with."""
+        return self.part or Path(str(self.inputs.get("file") or self.inputs.get("recording") or "")).name
+
 
 @dataclass(frozen=True)
 class Preset:

@@ -21,9 +21,14 @@ def candidates(rng: np.random.Generator) -> list[Candidate]:
     out = []
     for elevation in (-30.0, 0.0, 30.0, 55.0):
         for pitch in (0.2, 0.8):
-            told = information(JOINT, SENSOR, KNOWN, View(elevation * DEG, 150.0, pitch), LENGTH_MM)
+            view = View(elevation * DEG, 150.0, pitch)
+            told = information(JOINT, SENSOR, KNOWN, view, LENGTH_MM)
             assert told is not None
-            out.append(Candidate(told, rng.random(6) < 0.75, 15.0 + 100.0 / pitch * rng.uniform(0.8, 1.2)))
+            out.append(
+                Candidate(
+                    view, lambda told=told: told, rng.random(6) < 0.75, 15.0 + 100.0 / pitch * rng.uniform(0.8, 1.2)
+                )
+            )
     return out
 
 

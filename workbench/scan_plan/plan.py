@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections import Counter
@@ -316,7 +317,7 @@ def _placed(
 
 def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
-    told: dict[View, PassInformation | None] = {}
+    told: dict[View, PassInformation] = {}
     views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
     if all(hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)) for view in views):
         middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, task.pitches_mm[0])
@@ -387,10 +388,12 @@ def _times(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> tuple[flo
     return float(np.nanmedian(made.root.u) / told.root.u), float(np.nanmedian(made.bevel.u) / told.bevel.u)
 
 
-def _told(task: Task, view: View, told: dict[View, PassInformation | None]) -> PassInformation | None:
-    """What a view tells, remembered."""
+def _told(task: Task, view: View, told: dict[View, PassInformation]) -> PassInformation:
+    """What a view that sees the joint tells, remembered."""
     if view not in told:
-        told[view] = information(task.joint, task.profiler, task.known, view, task.edge.length_mm)
+        made = information(task.joint, task.profiler, task.known, view, task.edge.length_mm)
+        assert made is not None  # not `hidden_why`
+        told[view] = made
     return told[view]
 
 
@@ -409,7 +412,7 @@ class _Looked(NamedTuple):
         return any(name in self.on_base for _, names in self.shadows for name in names)
 
 
-def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View, PassInformation | None]) -> _Looked:
+def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View, PassInformation]) -> _Looked:
     """Which views the cell allows. Leads only where none without serves."""
     found = _Looked([], [], {}, [], frozenset() if examiner is None else examiner.on_base)
     at = task.edge.at(task.stations)
@@ -437,9 +440,9 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
                 continue
             for pitch in task.pitches_mm:
                 one = view._replace(frame_pitch_mm=pitch)
-                if (known := _told(task, one, told)) is not None:
-                    found.candidates.append(Candidate(known, sees, _seconds(task, one)))
-                    found.turned.append(turned)
+                tells = functools.partial(_told, task, one, told)
+                found.candidates.append(Candidate(one, tells, sees, _seconds(task, one)))
+                found.turned.append(turned)
         if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
             break
     return found
@@ -539,7 +542,7 @@ def _along_nominal(made: ScanPlan) -> PlannedScan:
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
     candidate = looked.candidates[k]
-    view, sees = candidate.information.view, candidate.sees
+    view, sees = candidate.view, candidate.sees
     seen = task.stations[sees]
     ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
     at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
@@ -629,13 +632,17 @@ def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: tuple[f
     swapped = []
     for k in chosen:
         old = looked.candidates[k]
-        made = information(task.joint, task.profiler, task.known, old.information.view, task.edge.length_mm)
+        made = information(task.joint, task.profiler, task.known, old.view, task.edge.length_mm)
         if made is None:
             return None
-        swapped.append(dataclasses.replace(old, information=made))
+        swapped.append(dataclasses.replace(old, tells=functools.partial(_known, made)))
     search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, times=times)
     groups, _ = search.patterns(tuple(range(len(swapped))))
     return max((search.over(group) for group in groups if group), default=None)
+
+
+def _known(one: PassInformation) -> PassInformation:
+    return one
 
 
 def _better(what: str, before: float, after: float) -> str:

@@ -7,7 +7,7 @@ reaches what is wanted, the one that leaves the fewest stations short, and comes
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -32,7 +32,8 @@ class Wanted(NamedTuple):
 class Candidate:
     """A pass that could be driven."""
 
-    information: PassInformation
+    view: View
+    tells: Callable[[], PassInformation]  # asked where the search comes to it
     sees: Shaped[Bool, " k"]  # stations
     seconds: float
 
@@ -60,9 +61,9 @@ class Search:
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
-        each = [self.candidates[k].information for k in passes]
-        views = tuple(one.view for one in each)
+        views = tuple(self.candidates[k].view for k in passes)
         if views not in self.told:
+            each = [self.candidates[k].tells() for k in passes]
             self.told[views] = combined(self.joint, self.known, each, self.length_mm)
         return self.told[views]
 

@@ -3,12 +3,12 @@
 (FANUC Robot series R-30iB, Operator's Manual: motion instructions, position data.) Targets are X, Y, Z in mm and R =
 Rz(R) Ry(P) Rx(W) with W, P, R in deg, in a user frame, for a tool: the controller's own by their numbers, where the
 cell names them ("UTOOL[3]"), else declared by way of a position register. The configuration string has F or N (wrist
-flipped or not), D or U (elbow down or up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond
-+-180 deg. The program begins with J to the first posture, whose J3 counts against the ground (`level_joint_3`). The
-turntable is motion group 2. Speeds are mm/sec in tenths, rounded down. A target is FINE, or CR with the zone in whole
-mm where the controller has that option, or CNT100 where the cell file says in what time a move reaches its feed: the
-one move's end and the next one's begin then share that time, so the corner is a parabola from feed * time / 2 before
-the target to as much behind it. Feeds are limited where they are written, and WAIT waits without end.
+flipped or not), D or U (elbow down or up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond +-180
+deg. The program begins with J to the first posture, whose J3 counts against the ground (`level_joint_3`). The turntable
+is motion group 2, a track E1 of group 1. Speeds are mm/sec in tenths, rounded down. A target is FINE, or CR with the
+zone in whole mm where the controller has that option, or CNT100 where the cell file says in what time a move reaches
+its feed: the one move's end and the next one's begin then share that time, so the corner is a parabola from feed * time
+/ 2 before the target to as much behind it. Feeds are limited where they are written, and WAIT waits without end.
 
 Read back with right line numbers and LINE_COUNT, and every P in the program's own frame and tool, with the groups that
 DEFAULT_GROUP names.
@@ -32,6 +32,7 @@ from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file
 from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.robot.cell import DIGITS, Cell
+from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 from workbench.units import DEG, Float
 
@@ -63,7 +64,9 @@ SPACE = ",\n\t".join(
     for axes, field, unit in (("XYZ", "at", "mm"), ("WPR", "wpr", "deg"))
 )
 SECOND = f"\n   GP2:\n\tUF : {{frame_2:d}}, UT : {{tool_2:d}},\n\tJ1= {{turntable:.{DIGITS}f}} deg"
+EXTENDED = f",\n\tE1= {{turntable:.{DIGITS}f}} mm"
 GROUPS = {"1,*,*,*,*": "", "1,1,*,*,*": "_2"}
+MORE = {"": "", "_2": SECOND, "_e": EXTENDED}  # of a position, by the form's ending
 BODY: tuple[str, ...] = (
     "straight",
     "circular",
@@ -120,12 +123,12 @@ FRAMES = "P[{number:d}]{{\n   GP1:\n\tUF : {frame:d}, UT : {tool:d},"
 CONFIGURATION = "  CONFIG : '{flip} {elbow} {back}, {turns[0]:d}, {turns[1]:d}, {turns[2]:d}',"
 POSITIONS = Language(
     forms={
-        f"{form}{group}": f"{FRAMES}{said}\n\t{values}{SECOND if group else ''}\n}}}};"
+        f"{form}{ending}": f"{FRAMES}{said}\n\t{values}{more}\n}}}};"
         for form, said, values in (("axes", "", JOINTS), ("target", CONFIGURATION, SPACE))
-        for group in GROUPS.values()
+        for ending, more in MORE.items()
     }
     | {"end": "/END"},
-    order={"": ("target", "target_2", "axes", "axes_2", "end"), "end": ()},
+    order={"": (*(f"{form}{ending}" for form in ("target", "axes") for ending in MORE), "end"), "end": ()},
     kinds={"flip": "[FN]", "elbow": "[DU]", "back": "[BT]", "turns": "-?[0-9]"},
 )
 
@@ -242,10 +245,11 @@ class Fanuc(CellDialect):
     def documents(self, text: str) -> dict[str, str]:
         """Attributes, numbered lines, positions."""
         lines = list(self._numbered(text.splitlines()))
-        group = "1,*,*,*,*" if self.job.turntable_deg is None else "1,1,*,*,*"
+        track = sliding(self.cell)
+        group = "1,*,*,*,*" if self.job.turntable_deg is None or track else "1,1,*,*,*"
         count, name = sum(not line.startswith("    :") for line in lines), self.job.name.upper()
         header = PROGRAM.say("header", name=name, lines=count, groups=group)
-        content = "\n".join([header, *lines, "/POS", *self._positions(GROUPS[group]), "/END", ""])
+        content = "\n".join([header, *lines, "/POS", *self._positions("_e" if track else GROUPS[group]), "/END", ""])
         return {f"{name}.ls": content.replace("\n", "\r\n")}
 
     def _numbered(self, lines: list[str]) -> Iterator[str]:
@@ -379,12 +383,14 @@ class _Positions(Reading):
         said = coded(*(more.pop(key) for key in ("flip", "elbow", "back", "turns")))
         self._add(number, (frame, tool), (None, euler_pose(at, wpr[::-1]), said), **more)
 
-    axes_2, target_2 = axes, target
+    axes_2, target_2 = axes_e, target_e = axes, target
 
     def _add(self, number: int, numbers: tuple[int, int], values: tuple[Any, Any, Any], **second: Any) -> None:
         if number in self.found:
             self.refuse("a position that is not there yet", f"P[{number}]")
-        if second and (second["frame_2"], second["tool_2"]) != numbers:
+        if second and ("frame_2" in second) == sliding(self.cell):
+            self.refuse("E1 in mm where the robot stands on a track, else J1 of group 2")
+        if "frame_2" in second and (second["frame_2"], second["tool_2"]) != numbers:
             self.refuse("the same UF and UT of both groups")
         turntable = second["turntable"] * DEG if second else None
         self.found[number] = Position(*values, turntable, numbers)
@@ -405,7 +411,9 @@ class _Program(Reading):
     def header(self, name: str, lines: int, groups: str) -> None:
         if lines != self.count:
             self.refuse(f"LINE_COUNT {self.count} in /ATTR", str(lines))
-        self.second = bool(GROUPS[groups])
+        self.second = bool(GROUPS[groups]) or sliding(self.cell)
+        if GROUPS[groups] and sliding(self.cell):
+            self.refuse("group 1 alone, whose E1 is the track", groups)
 
     def declare(self, element: list[str], place: str) -> None:
         values = [float(one.strip("()")) for one in element]

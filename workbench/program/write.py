@@ -113,8 +113,8 @@ def write(
     if sliding(cell) and chosen not in DRIVE_TRACKS:
         raise InputError(
             f"{cell.source}: $.track",
-            f"expected none for {chosen}: programs drive a track in the languages of ABB and KUKA alone; let it stand "
-            "($.robot.held)",
+            f"expected none for {chosen}: programs drive a track in the languages of ABB, KUKA and FANUC alone; let it "
+            "stand ($.robot.held)",
         )
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
@@ -181,7 +181,7 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 
 # The chapter of the report on a program: whether it is released, its least margins, what was not checked.
 
-DRIVE_TRACKS = ("abb", "kuka")
+DRIVE_TRACKS = ("abb", "kuka", "fanuc")
 TOLD = 10  # violations in the report; all are in program_check.json
 CHECKED = {
     "root_deflection_mm": "Of the root face, by giving way, mm",

@@ -12,6 +12,7 @@ from scripts.notebooks import cells, executed
 
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 SOURCES = sorted(FOLDER.glob("*.py"))
+HEAVY = {"paper"}  # its posture is that of the stage's example
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
@@ -26,9 +27,12 @@ def test_it_is_what_its_source_says(source: Path) -> None:
     assert sum("image/png" in one.data for one in outputs) >= 4
 
 
-@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "source",
+    [pytest.param(one, id=one.stem, marks=[pytest.mark.slow] if one.stem in HEAVY else []) for one in SOURCES],
+)
 def test_it_runs(source: Path) -> None:
-    """Every cell, to its end, and each shows what the kept one shows: ten seconds, two thirds of it the posture."""
+    """Every cell, to its end, and each shows what the kept one shows."""
     known, made = nbformat.read(source.with_suffix(".ipynb"), 4), executed(source.read_text())
     assert [told(cell) for cell in made.cells] == [told(cell) for cell in known.cells]
 

@@ -13,10 +13,10 @@ import pytest
 from bench.drawn.grooves import random_groove_recipe
 from bench.simulators.swept import parse_groove_recipe, simulate_groove, simulate_swept_file
 from bench.simulators.swept.sweep import GROOVES
+from tests.simulators.returns import base_points
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan import read
-from workbench.scan.fuse import flange_poses
 from workbench.synthetic import GrooveTruth
 from workbench.units import Float
 
@@ -34,16 +34,6 @@ def document(**part: Any) -> dict[str, Any]:
         "scanner": {"columns": 400, "pitch_mm": 0.09, "noise": {"sd_mm": 0, "speckle": 0}, "mixed_share": 0},
         "robot": {"frame_pitch_mm": 1.0, "pose_rate_hz": 2000},
     }
-
-
-def base_points(recording: Recording) -> Float:
-    """All returns (k, 3) in the base, by the recorded poses; no check may refuse what has no noise."""
-    assert recording.flange_from_profiler is not None
-    base_from_profiler = flange_poses(recording) @ recording.flange_from_profiler
-    frame, column = np.nonzero(np.isfinite(recording.z_mm))
-    x, z = recording.x_mm[frame, column].astype(float), recording.z_mm[frame, column].astype(float)
-    poses = base_from_profiler[frame]
-    return np.asarray(poses[:, :3, 0] * x[:, None] + poses[:, :3, 2] * z[:, None] + poses[:, :3, 3])
 
 
 def in_sections(recording: Recording, truth: GrooveTruth) -> tuple[Float, Float, Float]:

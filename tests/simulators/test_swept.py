@@ -11,9 +11,9 @@ import pytest
 from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from bench.simulators.swept import parse_swept_recipe, simulate_swept
 from bench.simulators.swept.truth import SweptTruth
+from tests.simulators.returns import base_points
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.scan.fuse import flange_poses
 from workbench.units import Float
 
 SPINES: dict[str, dict[str, Any]] = {
@@ -40,16 +40,6 @@ def simulated(part: dict[str, Any], **keys: Any) -> tuple[Recording, SweptTruth]
         "robot": {"frame_pitch_mm": 1.0, "pose_rate_hz": 2000},
     }
     return simulate_swept(parse_swept_recipe(document | keys))
-
-
-def base_points(recording: Recording) -> Float:
-    """All returns (k, 3) in the base, by the recorded poses; no check may refuse what has no noise."""
-    assert recording.flange_from_profiler is not None
-    base_from_profiler = flange_poses(recording) @ recording.flange_from_profiler
-    frame, column = np.nonzero(np.isfinite(recording.z_mm))
-    x, z = recording.x_mm[frame, column].astype(float), recording.z_mm[frame, column].astype(float)
-    poses = base_from_profiler[frame]
-    return np.asarray(poses[:, :3, 0] * x[:, None] + poses[:, :3, 2] * z[:, None] + poses[:, :3, 3])
 
 
 def in_sections(recording: Recording, truth: SweptTruth) -> tuple[Float, Float, Float]:

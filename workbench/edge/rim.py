@@ -9,6 +9,7 @@ templates, by the depths in all passes, gives each pass the mean of what it does
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -44,7 +45,9 @@ PRIORS: dict[EdgeCondition, EdgePrior] = {
     "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
 }
 SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
-INCIDENCES = np.radians(np.arange(60.0, 89.0, 4.0))  # greatest angle of incidence at which a return is kept
+# Greatest angle of incidence at which a return is kept: below 60 deg where the camera looks away from the lobe.
+INCIDENCES = np.radians(np.arange(44.0, 89.0, 6.0))
+INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 # A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on, half of them
 # from half on: columns by which its middle then lies beyond the end, and half of what it sees.
@@ -58,6 +61,7 @@ STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a break
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+UNLIKELY = 1e-3  # share of templates that are not cut finer
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
 
@@ -72,13 +76,14 @@ class FaceRim:
     step_mm: Shaped[Float, " N"]  # between columns, along the face
     sense: Shaped[Float, " N"]  # +1: z counts away from the sensor
     on_line: bool  # where that return's ray meets the line, the end is told; False: at the return
+    left_out_mm: float = 0.0  # of the face before that end, along x, that its line does not rest on
 
 
-def root_rim(tracked: TrackedFaces) -> FaceRim:
-    """The lower end of a milled edge's root face."""
+def root_rim(tracked: TrackedFaces, left_out_mm: float = 0.0) -> FaceRim:
+    """The lower end of a milled edge's root face; left_out_mm: of it, along x, where its line was fitted elsewhere."""
     root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
     sense = np.sign(tracked.side * (root.sxz / root.sxx - bevel.sxz / bevel.sxx))  # they meet in a convex corner
-    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True)
+    return FaceRim(root, tracked.side, tracked.root_end[:, 0], tracked.root_end[:, 2], sense, True, left_out_mm)
 
 
 def is_free_end(tracked: TrackedFaces) -> Bool:
@@ -112,11 +117,10 @@ def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition 
     views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
     prior = PRIORS[condition]
     templates = end_templates(prior)
-    seen = [seen_end(view, templates) for view in views]
-    likelihood = np.sum([one.log for one in seen], axis=0) if seen else np.zeros(templates.size_mm.size)
-    log = templates.log_prior + likelihood
-    share = np.exp(log - log.max())
-    share /= share.sum()
+    seen, likelihood, share = _posterior(views, templates)
+    if seen:
+        templates = templates.finer(share > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1))
+        seen, likelihood, share = _posterior(views, templates)
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
     rims = [0.0]
@@ -129,6 +133,15 @@ def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition 
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size = float(share @ templates.size_mm) if proven else 0.0
     return BrokenEnd(beyond, u, lit, size, max(rims) if proven else 0.0)
+
+
+def _posterior(views: Sequence[EndView], templates: EndTemplates) -> tuple[list[SeenEnd], Float, Float]:
+    """The templates as all passes see them, their log-likelihoods (t,) and their shares (t,)."""
+    seen = [seen_end(view, templates) for view in views]
+    likelihood = np.sum([one.log for one in seen], axis=0) if seen else np.zeros(templates.size_mm.size)
+    log = templates.log_prior + likelihood
+    share = np.exp(log - log.max())
+    return seen, likelihood, share / share.sum()
 
 
 def weights(s: Float, u_mm: Float) -> Float:
@@ -179,6 +192,19 @@ class EndTemplates(NamedTuple):
         log[1:] += math.log(every / some) if some > 0.0 else 0.0
         return EndTemplates(log, self.size_mm[which], self.turn[which])
 
+    def finer(self, likely: Bool, step: float) -> EndTemplates:
+        """The sharp end, and the `likely` (t,) others cut in three by size, a `step` of its logarithm, and by turn."""
+        third = np.array([-1.0, 0.0, 1.0]) / 3.0
+        out = [(self.log_prior[:1], self.size_mm[:1], self.turn[:1])]
+        for turned, turns in ((False, np.zeros(1)), (True, third * (TURNS[1] - TURNS[0]))):
+            of = np.flatnonzero(likely & (self.size_mm > 0.0) & ((self.turn > 0.0) == turned))
+            which, size, turn = (a.ravel() for a in np.meshgrid(of, third * step, turns, indexing="ij"))
+            parts = third.size * turns.size
+            out.append(
+                (self.log_prior[which] - math.log(parts), self.size_mm[which] * np.exp(size), self.turn[which] + turn)
+            )
+        return EndTemplates(*(np.concatenate(column) for column in zip(*out, strict=True)))
+
 
 RARE_MM, ALIKE_MM, CELL_MM = 0.15, 0.003, 4.0  # breaks beyond this are the rarer, the larger
 
@@ -223,13 +249,17 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     step = float(np.median(rim.step_mm[frames]))
     slopes = face.sxz[frames] / face.sxx[frames]
     slope = float(np.median(np.abs(slopes)))
-    width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) * math.hypot(1.0, slope)
-    edges = end_groups(min(width, DEEP_MM) / step)
+    width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) + rim.left_out_mm
+    width *= math.hypot(1.0, slope)
     line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
     line += [rim.step_mm[frames], rim.sense[frames]]
-    depth, last = np.full((frames.size, edges.size - 1), np.nan), np.full((frames.size, 2), np.nan)
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    _last_returns(x, z, keep, as_input(np.stack(line, axis=1)), as_input(edges), depth, last)
+    known_line, last, further = as_input(np.stack(line, axis=1)), np.full((frames.size, 2), np.nan), 0.0
+    for _ in range(2):  # groups reach over what is broken as far back as the face was taken for straight
+        edges = end_groups(min(width, DEEP_MM) / step + further)
+        depth = np.full((frames.size, edges.size - 1), np.nan)
+        _last_returns(x, z, keep, known_line, as_input(edges), depth, last)
+        further = float(np.median(last[:, 0]))
     depth = _between(depth)
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
@@ -264,17 +294,17 @@ class SeenEnd(NamedTuple):
 
 def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     """Every template under every greatest incidence, place within the column and pixel, averaged over these three."""
-    sizes, incidence, pixel, phase = (
+    sizes, limit, pixel, phase = (
         a.ravel()
         for a in np.meshgrid(
             np.arange(templates.size_mm.size),
-            INCIDENCES,
+            np.arange(INCIDENCES.size),
             np.arange(len(PIXELS)),
             np.arange(len(view.phases)),
             indexing="ij",
         )
     )
-    size, turn = templates.size_mm[sizes], templates.turn[sizes]
+    size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
     hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase)
     fall_u = np.where(turn > 0.0, FLAT, QUARTER)[:, None] * fall
     fall -= raised
@@ -283,7 +313,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     score = np.empty(size.size)
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u[order], score)
     log[order] = score
-    log += np.log(PIXEL_PRIOR)[pixel]
+    log += np.log(PIXEL_PRIOR)[pixel] + np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
     beyond = np.where(size > 0.0, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm
     beyond_u = np.where(size > 0.0, QUARTER * hidden, view.usually_further * view.step_mm)
     shape = (templates.size_mm.size, -1)

@@ -115,7 +115,7 @@ def segment(
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     if rounding.size_mm > 0.0:
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
-        rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
+        rounding = broken_end(cloud, root_rim(tracked, rounding.rim_mm), is_free_end(tracked), edge_condition)
     free = is_free_end(tracked)
     checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
@@ -127,7 +127,7 @@ def segment(
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
-    return replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge)))
+    return replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:

@@ -115,7 +115,8 @@ def segment_preparation(
     rim = rounding.rim_mm
     if rounding.size_mm > 0.0:
         frames = frames_of(cloud, plates, rim)
-        rounding = broken_end(cloud, root_rim(frames.tracked), is_free_end(frames.tracked), edge_condition)
+        face_end = root_rim(frames.tracked, rim)
+        rounding = broken_end(cloud, face_end, is_free_end(frames.tracked), edge_condition)
     checks.append(edge_break_check(rounding.size_mm, given))
     refuse_failed(checks, *_refused(cloud, frames))
     try:

@@ -16,7 +16,7 @@ TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
 CLOCK_S = 0.01  # a period of a fast pose stream
 LAYER_MM = 0.05  # a coat of shop primer
-UNDERCUT_MM = 0.1
+CUT_AWAY_MM = 0.1
 MOST_FRAMES = 200  # that are looked at
 
 BY_NOMINAL = Unseen(
@@ -33,8 +33,8 @@ BY_TABLE = Unseen(
 )
 
 
-def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> tuple[Unseen, ...]:
-    """What each may cost root face and bevel angle, of the size that its sentence says."""
+def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp: bool) -> tuple[Unseen, ...]:
+    """What each may cost root face and bevel angle, of the size that its sentence says; is_sharp: declared so."""
     if not (np.isfinite(edge.root.value) & np.isfinite(edge.bevel.value)).any():
         return ()  # nothing was measured
     section = _Section.of(cloud, tracked, edge)
@@ -45,6 +45,7 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> tuple[Un
     if free.sum() > 0.5 * tracked.seen.sum():
         step = float(np.nanmedian(tracked.root_end[free, 2]))
         steep = float(np.median(np.abs(section.slopes[0])))
+        away = "An undercut" if is_sharp else "An undercut or a chamfer"
         found += [
             Unseen(
                 "lost_columns",
@@ -55,8 +56,8 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge) -> tuple[Un
             ),
             Unseen(
                 "shadow",
-                f"An undercut of {UNDERCUT_MM:g} mm below the root face, in the shadow that it throws.",
-                UNDERCUT_MM * steep,
+                f"{away} of {CUT_AWAY_MM:g} mm below the root face, in the shadow that it throws.",
+                CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0)),
                 0.0,
             ),
         ]

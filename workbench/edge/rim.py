@@ -255,11 +255,11 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     line += [rim.step_mm[frames], rim.sense[frames]]
     x, z, keep = (as_input(of[frames]) for of in (cloud.x_mm, cloud.z_mm, cloud.keep))
     known_line, last, further = as_input(np.stack(line, axis=1)), np.full((frames.size, 2), np.nan), 0.0
-    for _ in range(2):  # groups reach over what is broken as far back as the face was taken for straight
+    for _ in range(2):  # groups reach over what nearly all frames show broken, as far back as the face was straight
         edges = end_groups(min(width, DEEP_MM) / step + further)
         depth = np.full((frames.size, edges.size - 1), np.nan)
         _last_returns(x, z, keep, known_line, as_input(edges), depth, last)
-        further = float(np.median(last[:, 0]))
+        further = float(np.percentile(last[:, 0], 5.0))
     depth = _between(depth)
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]

@@ -137,6 +137,9 @@ def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None
     rough = made(edge=line, roughness_mm=0.05)[0]
     assert any("roughness" in one for one in file.not_checked)
     assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)
+    assert np.nanmax(rough.bevel.u) < 1.01 * np.nanmin(
+        rough.bevel.u
+    )  # no draw of a rough face tells where the part's is
     assert not rough.reached.any()
     assert any("smooth root face" in one for one in rough.would_help)
 

@@ -81,14 +81,26 @@ def rehearsed(
             )
         except WorkbenchError as refused:
             return str(refused)
-    root, bevel = (_mean([_along(one, getattr(one, name), stations) for one in found]) for name in ("root", "bevel"))
+    root, bevel = (
+        _mean([_along(one, getattr(one, name), stations) for one in found], sees) for name in ("root", "bevel")
+    )
     return root, bevel
 
 
-def _mean(draws: list[Quantity]) -> Quantity:
-    """The first of them, with the root mean squares of all their uncertainties."""
+def _mean(draws: list[Quantity], sees: Shaped[Bool, "p s"]) -> Quantity:
+    """The first of them, with the root mean squares of all their uncertainties.
+
+    Where one draw of a rough face is odd says nothing of where the part's is: of several draws the medians along all
+    stations that the same passes see.
+    """
     squares = [{name: np.square(u) for name, u in one.u_by_source.items()} for one in draws]
     terms = {name: np.sqrt(np.mean([one[name] for one in squares], axis=0)) for name in squares[0]}
+    if len(draws) > 1:
+        patterns = np.unique(sees, axis=1, return_inverse=True)[1].ravel()
+        for which in (patterns == k for k in np.unique(patterns)):
+            for u in terms.values():
+                known = which & np.isfinite(u)
+                u[known] = np.median(u[known])
     return Quantity.of(draws[0].name, draws[0].value, terms)
 
 

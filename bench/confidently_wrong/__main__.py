@@ -95,7 +95,10 @@ def _wrong(told: list, truth: Truth, at: Float) -> int:
 
 
 def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
-    """The class of a plan: wrong if a path passes its check although it lies off the true edge."""
+    """The class of a plan: wrong if a path passes its check although it lies off the true edge.
+
+    Naming what no recording can show excuses a shape only; one that a program may be written of is confidently wrong.
+    """
     try:
         edge, _, decision = plan_as_a_user(recording, truth, NoClock())
     except WorkbenchError as error:
@@ -107,7 +110,9 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     place = edge.position_mm[np.isfinite(edge.position_mm[:, 0])]
     apart = np.array([np.linalg.norm(truth.position_mm - p, axis=1).min() for p in place[:: max(1, len(place) // 50)]])
     off = float(np.median(apart))
-    return "right" if off < PATH_MM else _wrong_class(kind, edge.checks)
+    if off < PATH_MM:
+        return "right"
+    return _wrong_class(kind, edge.checks) if decision.shape_only else "confidently wrong"
 
 
 def _wrong_class(kind: Kind, checks: tuple[Check, ...]) -> str:

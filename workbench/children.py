@@ -55,8 +55,12 @@ def refuse_unloadable(status: int, said: str) -> None:
 
 
 @contextmanager
-def read_by(reader: str, file: Path, made: str, seconds: float | None = None) -> Iterator[tuple[int, str, Path]]:
+def read_by(
+    reader: str, file: Path, made: str, seconds: float | None = None, told: str = ""
+) -> Iterator[tuple[int, str, Path]]:
     """Run the script `reader FILE OUT`, since damaged files crash libraries: its exit status, what it said, and OUT.
+
+    What it is told stands on its standard input.
 
     OUT is named `made`, in a folder that is gone afterwards.
 
@@ -68,7 +72,7 @@ def read_by(reader: str, file: Path, made: str, seconds: float | None = None) ->
         out = Path(folder) / made
         child = subprocess.run(
             [sys.executable, "-P", reader, str(file.absolute()), str(out)],
-            stdin=subprocess.DEVNULL,
+            input=told.encode(),
             capture_output=True,
             check=False,
             cwd=folder,

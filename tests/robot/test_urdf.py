@@ -164,12 +164,6 @@ def test_joints_that_mimic_one_that_stands_stand(tmp_path: Path) -> None:
         read_cell(cell_with(tmp_path, "kr210", text))
 
 
-def test_xacro_is_named(tmp_path: Path) -> None:
-    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a.xacro"/></robot>'
-    with pytest.raises(InputError, match=r"found xacro, from which one is made: xacro robot.urdf > robot.urdf"):
-        read_cell(cell_with(tmp_path, "kr210", text))
-
-
 def test_pairs_that_an_srdf_disables_may_touch(tmp_path: Path) -> None:
     pairs = '<disable_collisions link1="{}" link2="{}" reason="{}"/>'
     links = [shape.body for shape in read_cell(cell_with(tmp_path, "kr210")).shapes]

@@ -35,7 +35,14 @@ FORBIDDEN_MODULES = {
     "ssl",
 }
 MAY = {  # who may do what docs/security.md tells of
-    "subprocess": {"batch/workers.py", "children.py", "compare/surface.py", "page/jobs.py", "robot/picture.py"},
+    "subprocess": {
+        "batch/workers.py",
+        "children.py",
+        "compare/surface.py",
+        "page/jobs.py",
+        "robot/picture.py",
+        "robot/urdf.py",
+    },
     "multiprocessing": {"batch/workers.py"},
     "os.fork": {"pipeline/follow.py", "scan/hdf5.py"},
     "http.server": set(),

@@ -63,7 +63,7 @@ def imported_packages():
                 found |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 found.add(node.module.split(".")[0])
-            elif isinstance(node, ast.Call) and ast.unparse(node.func) == "Extra":
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("Extra", "library"):
                 found.add(node.args[0].value.split(".")[0])
     return found - set(sys.stdlib_module_names) - {"workbench"}
 

@@ -73,7 +73,8 @@ Pose = Placed | Matrix  # or the 4x4 matrix `a_from_b`, row-major
 class RobotPart(_Part):
     """The robot."""
 
-    urdf: str = Field(description="its URDF, relative to this file")
+    urdf: str = Field(description="its URDF, or the xacro that makes one, relative to this file")
+    arguments: dict[str, str] = Field(default={}, description="of the xacro: name to text, as in ur_type:=ur10e")
     base_frame: str = Field(default="base_link", description="the URDF's frame in which the controller reports poses")
     flange_frame: str = Field(default="tool0", description="the URDF's frame of the mounting flange")
     held: dict[str, Length] = Field(
@@ -82,8 +83,8 @@ class RobotPart(_Part):
     )
     packages: dict[str, str] = Field(
         default={},
-        description="ROS packages of its meshes (package://name/...): name to folder, relative to this file; "
-        "others are looked for by the package.xml above the URDF and beside that",
+        description="ROS packages (package://name/... of meshes, $(find name) of xacro): name to folder, relative to "
+        "this file; others are looked for by the package.xml above the URDF and beside that",
     )
     srdf: str | None = Field(
         default=None, description="MoveIt's file, whose disabled pairs of links may touch, relative to this file"

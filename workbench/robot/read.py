@@ -85,9 +85,10 @@ def read_cell(path: Path) -> Cell:
         raise InputError(error.where, error.expected) from None
     part = CellPart.model_construct(**values)
     part, before = _with_track(part, path)
-    robot, packages = part.robot, {name: path.parent / folder for name, folder in part.robot.packages.items()}
+    robot = part.robot
     held = robot.held if part.track is None or part.track.joint is None else robot.held | {part.track.joint: 0.0}
-    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, held, packages)
+    made = _packages(robot, path), robot.arguments
+    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, held, *made)
     external = _external(part, path)
     rails = [(one, base.body) for one in sorted(before) for base in links if base.link == 0 and base.body not in before]
     links = tuple(_on_floor(shape, external) if shape.body in before else shape for shape in links)
@@ -134,6 +135,10 @@ def read_cell(path: Path) -> Cell:
         joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
         controller=_controller(part.controller, path),
     )
+
+
+def _packages(robot: RobotPart, path: Path) -> dict[str, Path]:
+    return {name: path.parent / folder for name, folder in robot.packages.items()}
 
 
 def _margins(part: CellPart) -> Margins:
@@ -330,7 +335,9 @@ def _with_track(part: CellPart, path: Path) -> tuple[CellPart, frozenset[str]]:
         return part, frozenset()
     if track.joint in robot.held:
         raise InputError(f"{path}: $.track.joint", f"expected a joint that moves, '{track.joint}' is in $.robot.held")
-    direction, limits, speed, before = track_joint(path.parent / robot.urdf, track.joint, robot.base_frame)
+    direction, limits, speed, before = track_joint(
+        path.parent / robot.urdf, track.joint, robot.base_frame, _packages(robot, path), robot.arguments
+    )
     told = {"direction": tuple(direction), "limits_mm": tuple(limits), "speed_mm_s": speed}
     open_ = {name: value for name, value in told.items() if getattr(track, name) is None}
     return part.model_copy(update={"track": track.model_copy(update=open_)}), before

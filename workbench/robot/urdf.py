@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
@@ -12,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.children import read_by
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
@@ -27,7 +31,8 @@ else:
 
 MM = 1e3  # mm per m
 MAX_BYTES, MAX_DEPTH = 2**24, 64
-XACRO = "/xacro}"  # ends its name space, of which there are several
+EXPAND = Path(__file__).with_name("expand.py")  # run, not imported
+XACRO, EXPANDED_S = re.compile(rb"<xacro:|\$[({]"), 30.0  # what no URDF holds
 LEAST_RANGE = 0.2  # rad, the middle of six: in degrees made radians twice, 654 deg
 MOST_SPEED = 30.0  # rad/s: the middle of six joints is slower in the fastest arms, and faster in deg/s in the slowest
 UNLIKE = (
@@ -43,23 +48,27 @@ def read_urdf(
     flange_frame: str,
     held: Mapping[str, float] | None = None,
     packages: Mapping[str, Path] | None = None,
+    arguments: Mapping[str, str] | None = None,
 ) -> tuple[Chain, tuple[Shape, ...]]:
     """The chain between two frames of a six-axis robot, and its links' shapes, placed in the base at zero.
 
     Shapes carry their link's name and `link` 0 (does not move) to 6. A continuous joint is one of +-TURNS turns.
 
     Args:
-        path: the URDF.
+        path: the URDF, or the xacro that one is made of.
         base_frame: in which poses are given.
         flange_frame: behind the sixth joint.
         held: joints that do not move, and where they stand: deg, or mm of a prismatic one (a linear track).
-        packages: folders of ROS packages by name, for meshes named `package://name/...`.
+        packages: folders of ROS packages by name, for `package://name/...` and `$(find name)`; those around the file
+            need not be named.
+        arguments: of the xacro.
 
     Raises:
         InputError: no such file, not a URDF, not six revolute joints with limits, an unknown frame, a missing mesh; a
             mimic joint, or a prismatic one that is not held, by its name.
     """
-    document = _parsed(path)
+    packages = packages_around(path) | dict(packages or {})
+    document = _parsed(path, packages, arguments)
     stand = _mimicking(document, held or {}, path)
     _check_kinds(document, stand, flange_frame, path)
     model = _held(_built(document, path), document, stand, path)
@@ -86,16 +95,22 @@ def read_urdf(
         },
         bodies=_bodies(model, data, to_base),
     )
-    return chain, tuple(_shapes(document, model, data, to_base, packages or {}, path))
+    return chain, tuple(_shapes(document, model, data, to_base, packages, path))
 
 
-def track_joint(path: Path, name: str, base_frame: str) -> tuple[Float, Float, float, frozenset[str]]:
+def track_joint(
+    path: Path,
+    name: str,
+    base_frame: str,
+    packages: Mapping[str, Path] | None = None,
+    arguments: Mapping[str, str] | None = None,
+) -> tuple[Float, Float, float, frozenset[str]]:
     """A prismatic joint below the robot: direction (3,) of the base in itself, limits (2,) mm, mm/s, links before it.
 
     Raises:
         InputError: no such joint, another kind, without limits, or not below the base frame.
     """
-    document = _parsed(path)
+    document = _parsed(path, packages_around(path) | dict(packages or {}), arguments)
     named = {joint.get("name", ""): joint for joint in document.iterfind("joint")}
     joint, where = named.get(name), f"{path}: {name!r}"
     if joint is None:
@@ -224,7 +239,7 @@ def _held(model: pin.Model, document: ElementTree.Element, held: Mapping[str, fl
 
 def kinematic_model(path: Path) -> pin.Model:
     """pin's model of any robot; shapes and meshes are not looked at. Raises InputError for what is not a URDF."""
-    return _built(_parsed(path), path)
+    return _built(_parsed(path, packages_around(path)), path)
 
 
 def _built(document: ElementTree.Element, path: Path) -> pin.Model:
@@ -235,24 +250,59 @@ def _built(document: ElementTree.Element, path: Path) -> pin.Model:
             raise InputError(str(path), "expected a URDF that pinocchio can build a robot from") from None
 
 
-def _parsed(path: Path) -> ElementTree.Element:
+def _parsed(
+    path: Path, packages: Mapping[str, Path], arguments: Mapping[str, str] | None = None
+) -> ElementTree.Element:
     if regular_file(path).st_size > MAX_BYTES:
         raise InputError(str(path), f"expected a URDF of at most {MAX_BYTES} bytes")
-    root = _tree(path, "a URDF")
+    content = _content(path)
+    xacro = XACRO.search(content)
+    if xacro:
+        content = _expanded(path, packages, arguments or {})
+    elif arguments:
+        raise InputError(str(path), "expected xacro, which takes arguments ($.robot.arguments), found none of its tags")
+    root = _tree(path, "a URDF", content)
     if root.tag != "robot":
         raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
-    if any(XACRO in str(element.tag) for element in root.iter()):
+    if xacro and root.find("link") is None:
+        users = [
+            one.name for one in sorted(path.parent.glob("*.xacro")) if one != path and path.name in one.read_text()
+        ]
         raise InputError(
-            str(path), f"expected a URDF, found xacro, from which one is made: xacro {path.name} > {path.stem}.urdf"
+            str(path),
+            "expected xacro that makes a robot, found macros that nothing calls: name the file that includes this one"
+            + (f" ({', '.join(users)})" if users else ""),
         )
     return root
 
 
-def _tree(path: Path, what: str) -> ElementTree.Element:
+def _expanded(path: Path, packages: Mapping[str, Path], arguments: Mapping[str, str]) -> bytes:
+    """The URDF that xacro makes of a file, in a process that can do nothing else."""
+    told = {
+        "packages": {name: str(folder.absolute()) for name, folder in packages.items()},
+        "arguments": dict(arguments),
+    }
     try:
-        return ElementTree.fromstring(path.read_bytes(), ElementTree.XMLParser(target=_Builder()))
+        with read_by(str(EXPAND), path, "robot.urdf", EXPANDED_S, json.dumps(told)) as (status, said, out):
+            if not status:
+                return out.read_bytes()
+    except subprocess.TimeoutExpired:
+        said = ""
+    why = said.strip() or "it takes more time or memory than a robot's"
+    raise InputError(str(path), f"expected xacro that a URDF is made of: {why}")
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
+
+
+def _tree(path: Path, what: str, content: bytes | None = None) -> ElementTree.Element:
+    try:
+        parser = ElementTree.XMLParser(target=_Builder())
+        return ElementTree.fromstring(_content(path) if content is None else content, parser)
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(str(path), f"expected {what}: {error}") from None
 
@@ -300,7 +350,11 @@ class _Builder(ElementTree.TreeBuilder):
 def _check_joints(model: pin.Model, path: Path) -> None:
     if model.nq != 6 or model.nv != 6 or model.njoints != 7:
         names = ", ".join(list(model.names)[1:])
-        raise InputError(str(path), f"expected six revolute joints in a row, found {model.njoints - 1} joints: {names}")
+        raise InputError(
+            str(path),
+            f"expected six revolute joints in a row, found {model.njoints - 1} joints: {names}; others (of a gripper) "
+            "stand where $.robot.held says",
+        )
     for i, joint in enumerate(model.joints[1:]):
         if "JointModelR" not in joint.shortname() or model.parents[i + 1] != i:
             raise InputError(f"{path}: {model.names[i + 1]}", "expected a revolute joint, all six in one chain")
@@ -398,11 +452,11 @@ def _geometry(
 
 
 def _file(name: str, packages: Mapping[str, Path], where: str, path: Path) -> Path:
-    """Of a mesh: relative to the URDF, or in a package that the cell knows."""
+    """Of a mesh: relative to the URDF, in a package around it or that the cell knows, or in a folder of that name."""
     if not name.startswith("package://"):
         return path.parent / name.removeprefix("file://")
     package, _, rest = name.removeprefix("package://").partition("/")
-    own = packages.get(package) or _package(package, path)
+    own = packages.get(package) or next((one for one in path.resolve().parents if one.name == package), None)
     if own is None:
         raise InputError(
             where,
@@ -412,13 +466,25 @@ def _file(name: str, packages: Mapping[str, Path], where: str, path: Path) -> Pa
     return own / rest
 
 
-def _package(name: str, path: Path) -> Path | None:
-    """The folder of a ROS package by its package.xml: the one that the URDF is in, or one beside that."""
+def packages_around(path: Path) -> dict[str, Path]:
+    """Folders of ROS packages by the name in their package.xml, the nearest of a name.
+
+    Around a file in a package: that, those beside it, and those of the repositories beside its own. Around another
+    one: those below its folder.
+    """
     own = next((folder for folder in path.resolve().parents if (folder / "package.xml").is_file()), None)
-    for manifest in () if own is None else (own / "package.xml", *sorted(own.parent.glob("*/package.xml"))):
-        if _tree(manifest, "a ROS package's manifest").findtext("name", "").strip() == name:
-            return manifest.parent
-    return None
+    places = [path.resolve().parent] if own is None else [own.parent, own.parent.parent]
+    found: dict[str, Path] = {}
+    for manifest in (
+        *([] if own is None else [own / "package.xml"]),
+        *(one for place in places for shape in ("*", "*/*") for one in sorted(place.glob(f"{shape}/package.xml"))),
+    ):
+        try:
+            name = _tree(manifest, "a ROS package's manifest").findtext("name", "").strip()
+        except InputError:
+            continue  # of another project: a package that is asked for is missed by its name
+        found.setdefault(name, manifest.parent)
+    return found
 
 
 def _origin(collision: ElementTree.Element, where: str) -> Float:

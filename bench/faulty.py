@@ -1,11 +1,10 @@
-"""`python -m bench.faulty --parts 8 --seed 0`: what equipment does to recordings of `bench.outside`, kind by kind.
+"""What equipment does to recordings of `bench.outside`, kind by kind.
 
 What is not refused must be right: these faults move places, sizes and angles by little, and show in the frames.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ import numpy as np
 
 from bench.confidently_wrong.kinds import dense_stream
 from bench.outside import (
-    BEYOND,
     Errors,
     Part,
     Section,
@@ -191,30 +189,3 @@ def _worst(found: Errors) -> tuple[float, str]:
             k = int(over.argmax())
             told.append(f"{name} {error[k]:+.3f} at {over[k]:.1f} u, u {np.median(u):.4f}")
     return worst, "; ".join(told)
-
-
-def main() -> None:
-    """Simulate, measure, and print a table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.faulty", description=__doc__.split("\n")[0])
-    parser.add_argument("--parts", type=int, default=8, help="of each kind")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kinds", nargs="*", default=[], help="only kinds whose name holds one of these words")
-    chosen = parser.parse_args()
-    print(f"`python -m bench.faulty --parts {chosen.parts} --seed {chosen.seed}`\n")
-    print("| fault | given as | refused | right | named | wrong | worst |\n| --- | --- | --- | --- | --- | --- | --- |")
-    told = []
-    for kind in [name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds)]:
-        for is_raw in (False, True)[: 1 if kind == CHATTER else 2]:
-            all_ = {seed: outcome(kind, seed, is_raw) for seed in range(chosen.seed, chosen.seed + chosen.parts)}
-            off = {seed: one for seed, one in all_.items() if one.worst > BEYOND}
-            refused, named = sum(bool(one.refused) for one in all_.values()), sum(one.named for one in off.values())
-            what = "raw edge" if is_raw else "bevel"
-            worst = max(one.worst for one in all_.values())
-            counts = f"{refused} | {len(all_) - refused - len(off)} | {named} | {len(off) - named}"
-            print(f"| {kind} | {what} | {counts} | {worst:.1f} u |", flush=True)
-            told += [f"- {kind} {n}, {what}: {o.refused or o.told}" for n, o in all_.items() if o.refused or n in off]
-    print("", *told, sep="\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,11 +1,10 @@
-"""`python -m bench.odd_plates --parts 40 --seed 0`: plates that are no plain bevel and no raw edge, by outside.py.
+"""Plates that are no plain bevel and no raw edge, by outside.py.
 
 Each is given to `edge.segment` as a bevel and to `edge.segment_raw` as a raw edge. What is not refused must be right.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -235,26 +234,3 @@ def _to_either_end(found: Errors, chamfer_mm: float) -> Errors:
             e, u = found[name]
             out[name] = min(((e, u), (e + land, u)), key=lambda one: float((np.abs(one[0]) / one[1]).max(initial=0.0)))
     return out
-
-
-def main() -> None:
-    """Simulate, measure, and print a table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.odd_plates", description=__doc__.split("\n")[0])
-    parser.add_argument("--parts", type=int, default=40, help="of each shape")
-    parser.add_argument("--seed", type=int, default=0)
-    chosen = parser.parse_args()
-    seeds = range(chosen.seed, chosen.seed + chosen.parts)
-    print(f"`python -m bench.odd_plates --parts {chosen.parts} --seed {chosen.seed}`\n")
-    print("| shape | given as | refused | right | wrong |\n| --- | --- | --- | --- | --- |")
-    told: list[str] = []
-    for shape in (*SHAPES, DEBURRED, *SURROUNDED):
-        for is_raw in (False, True):
-            refused, right, wrong = judged(shape, seeds, is_raw)
-            name = "raw edge" if is_raw else "bevel"
-            print(f"| {shape} | {name} | {refused} | {right} | {len(wrong)} |", flush=True)
-            told += wrong
-    print("", *[f"- {line}" for line in told], sep="\n")
-
-
-if __name__ == "__main__":
-    main()

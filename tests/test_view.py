@@ -282,7 +282,7 @@ def test_neighbours_that_keep_silent_stop_nobody(server):
         def one():
             answers.append(ask(server, f"/{server.token}/report.html")[0])
 
-        threads = [threading.Thread(target=one) for _ in range(100)]  # `python -m bench.neighbours` has 500
+        threads = [threading.Thread(target=one) for _ in range(100)]
         for thread in threads:
             thread.start()
         for thread in threads:

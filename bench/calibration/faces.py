@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.metrology.table import markdown
+from bench.tables import markdown
 from workbench.api import DEG, Float, HandEye, InputError, Recording, pose_from, vector_from_rotation
 from workbench.plugins.calibration import hand_eye_faces
 from workbench.plugins.calibration.profile_lines import Target

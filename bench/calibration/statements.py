@@ -23,8 +23,8 @@ from bench.calibration.paper import (
 )
 from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.truth import bound, cell_of, circles
-from bench.metrology.table import markdown
 from bench.speed.calibration import with_signs
+from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_vector, vector_from_rotation
 from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres

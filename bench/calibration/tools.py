@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.calibration.spheres import AXIS, ON_AXIS_MM, TIP_MM
-from bench.metrology.table import markdown
+from bench.tables import markdown
 from workbench.api import DEG, Float, quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.calibration import tcp, turntable
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
-from bench.metrology.folding import written
 from bench.metrology.part import inspect_as_a_user
 from bench.metrology.planning.part import plan_as_a_user
-from bench.metrology.table import put_into
 from bench.score.named import ANALYTIC, SWEPT, simulated
+from bench.tables import put_into, written
 from workbench.artefacts import Check, Recording
 from workbench.checks import judge_recording
 from workbench.errors import WorkbenchError

@@ -11,10 +11,9 @@ from typing import Any
 
 from bench.fuzz.run import as_row, confine, fuzz
 from bench.fuzz.targets import ROOT, TARGETS
-from bench.metrology.folding import extremes, written
+from bench.tables import put_into, written
 
 PAGE = ROOT / "docs" / "reliability.md"
-BEGIN, END = "<!-- fuzz begin -->", "<!-- fuzz end -->"
 
 
 def main() -> int:
@@ -72,11 +71,9 @@ def _write(rows: list[dict[str, Any]], seed: int) -> None:
     cells = [[r["target"], f"{r['executions']:,}", f"{r['accepted']:,}", f"{r['slowest_s']:.2f}"] for r in rows]
     failed = sum(sum(r["failures"].values()) for r in rows)
     place = written(PAGE, "fuzz", head, cells)
-    table = "\n".join([*extremes(head, cells), "", f"Failures: {failed}. [Every reader]({place})."])
-    total = f" {sum(row['executions'] for row in rows):,} executions, seed {seed}."
-    text = PAGE.read_text()
-    before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{table}{total}\n{END}" + rest.split(END)[1])
+    slowest = max(r["slowest_s"] for r in rows)
+    total = f"{sum(r['executions'] for r in rows):,} executions, seed {seed}; slowest {slowest:.2f} s"
+    put_into(PAGE, f"{total}. Failures: {failed}. [Every reader]({place}).", "fuzz")
 
 
 if __name__ == "__main__":

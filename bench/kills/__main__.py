@@ -15,10 +15,10 @@ from collections import Counter
 from pathlib import Path
 
 from bench.kills.sets import leftovers, whole_sets
+from bench.tables import markdown, put_into
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "reliability.md"
-BEGIN, END = "<!-- kills begin -->", "<!-- kills end -->"
 DATA = ROOT / "data" / "synthetic"
 PARTS = ("milled_edge.h5", "milled_arc.h5")
 COMMANDS = {
@@ -111,12 +111,9 @@ def _write(found: Counter[str], runs: int, seed: int) -> None:
     for name in COMMANDS:
         broken = sum(count for what, count in found.items() if what.startswith(name) and "BROKEN" in what)
         counts = [*(found[f"{name}: {state}"] for state in LEFT), found[f"{name}, the next run: {WORKS}"], broken]
-        rows.append(" | ".join(["", name, *map(str, counts), ""]).strip())
-    head = " | ".join(["", "command", *LEFT, "next runs that work", "broken", ""]).strip()
-    table = "\n".join([head, "|---" * (len(LEFT) + 3) + "|", *rows])
-    text = PAGE.read_text()
-    before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{table}\n\n{runs} kills, seed {seed}.\n{END}{rest.split(END)[1]}")
+        rows.append([name, *map(str, counts)])
+    table = markdown(["command", *LEFT, "next runs that work", "broken"], rows)
+    put_into(PAGE, "\n".join([*table, "", f"{runs} kills, seed {seed}."]), "kills")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.harness import ROOT, made_by
 from bench.metrology.run import Task, measure_all
 from bench.metrology.studies import STUDIES, Study
-from bench.metrology.table import put_into
+from bench.tables import folded, put_into
 
 FIRST_SEED = 1_000_000  # seeds below 10,000 are for developing
 
@@ -37,7 +37,7 @@ def run(name: str, options: argparse.Namespace) -> int:
     for found in results.values():
         print(*study.summary.worst(found, options.worst), sep="\n", end="\n" if options.worst else "")
     if options.docs:
-        put_into(study.page, text, study.marks)
+        put_into(study.page, folded(study.page, text), study.marks)
     return int(any(s.shortcomings for s in summaries))
 
 

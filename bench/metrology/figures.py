@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -12,26 +11,6 @@ import numpy as np
 from bench.metrology.quantity import COVERAGE, coverage_interval, percentile
 
 LEAST_PARTS = 10  # with fewer, resampling parts says nothing about the interval
-
-
-def told(causes: Iterable[tuple[str, str, str | None, Any]]) -> list[str]:
-    """What is to be said of parts: condition, what, why, result; the first one's words where only numbers differ."""
-    found: dict[tuple[str, str, str], list[tuple[str, Any]]] = {}
-    for condition, word, cause, r in causes:
-        found.setdefault((condition, word, re.sub(r"[\d.]+", "", cause or "")), []).append((cause or "", r))
-    lines = []
-    for (condition, word, _), parts in found.items():
-        (cause, first), *others = parts
-        seeds = f"seed {first.seed}" + (f" (so too {', '.join(str(r.seed) for _, r in others)})" if others else "")
-        seen = f"({100 * first.seen_share:.0f} % of the edge in view)"
-        lines.append(f"- {condition}, {seeds}: {word}: {_brief(cause)} {seen}")
-    return [*lines, ""] if lines else []
-
-
-def _brief(cause: str) -> str:
-    """What was found, without the file's name, details, and the questions and parameters that advise a user."""
-    asked = r": [^:?()]*(?:\([^()]*\)[^:?()]*)*\?"
-    return re.sub(rf"{asked}|; [\w.]+ sets it|(?<=\)): .*", "", cause.removeprefix("synthetic: "))
 
 
 @dataclass(frozen=True, slots=True)

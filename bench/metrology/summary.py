@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.stats import beta
 
-from bench.metrology.figures import told
 from bench.metrology.quantity import percentile
-from bench.metrology.table import markdown, study_text
+from bench.tables import markdown, not_met
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +109,13 @@ class Summary:
 
     @classmethod
     def causes(cls, every: Sequence[Any]) -> list[str]:
-        """Every part that has an outcome of its own, with the cause."""
-        return told(
-            (s.condition, word, getattr(r, name), r)
+        """How many parts of a condition have an outcome of their own, with the first one's cause."""
+        return [
+            f"- {s.condition}: {len(found)} {word}, the first (seed {found[0].seed}): {getattr(found[0], name)}"
             for s in every
             for name, word in cls.outcomes.items()
-            for r in s.having(name)
-        )
+            if (found := s.having(name))
+        ]
 
     @classmethod
     def worst(cls, results: list[Any], count: int) -> Iterator[str]:
@@ -126,7 +125,12 @@ class Summary:
     @classmethod
     def text(cls, every: Sequence[Any], command: str) -> str:
         """All tables, and what fell short."""
-        return study_text(command, cls.tables(every), cls.causes(every), every)
+        lines = [f"`{command}`", ""]
+        for heading, table in cls.tables(every):
+            rows = list(table)
+            lines += [f"### {heading}", "", *rows, ""] if rows else []
+        causes = cls.causes(every)
+        return "\n".join([*lines, *causes, *[""] * bool(causes), not_met(w for s in every for w in s.shortcomings)])
 
 
 def rms(values: Iterable[float | None]) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 
 from bench.score.face import local_face
 from workbench.synthetic import Truth
-from workbench.synthetic.workpiece import build_surface
 from workbench.units import DEG, Float
 
 
@@ -53,19 +52,3 @@ def true_edge_at(truth: Truth, position_mm: Float) -> TrueEdge:
         return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
     return TrueEdge(at, along(position), unit(truth.tangent), unit(normal), unit(across))
-
-
-def best_plane_turn_deg(truth: Truth) -> float:
-    """How far the least-squares plane through the true end face, noise-free, is turned about the edge by its roughness.
-
-    Longer waves of a rough face than the face is wide cannot be told from its lean, whatever the method.
-    """
-    part = truth.recipe.part
-    waves = build_surface(part, truth.recipe.seed).roughness
-    u = np.linspace(0.0, part.length_mm, 10 * math.ceil(part.length_mm))[:, None]
-    v = np.linspace(0.0, float(truth.thickness_mm.min()), 100)
-    out = np.zeros((len(u), len(v)))
-    for amplitude, along, across, phase in waves:
-        out += amplitude * np.cos(along * u + across * v + phase)
-    v = v - v.mean()
-    return abs(math.atan(float((out.mean(axis=0) @ v) / (v @ v)))) / DEG

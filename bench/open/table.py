@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bench.score.parts import ROOT
+from bench.tables import put_into
 
 HEAD = (
     "| track | method | score | refused | coverage, % | beyond 4u, % | worst error/u | sharpness, U/T | by value | s |"
 )
 PAGE = ROOT / "docs" / "benchmark.md"
-BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
 
 
 def table(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -49,7 +49,6 @@ def row(card: Mapping[str, Any]) -> str:
 
 def put(text: str, pictures: Mapping[str, bytes]) -> None:
     """The table into the page, the pictures beside it."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    put_into(PAGE, text, "benchmark")
     for track, svg in pictures.items():
         (PAGE.parent / "pictures" / f"benchmark_{track}.svg").write_bytes(svg)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.metrology.folding import written
 from bench.score.measure import Result
 from bench.score.parts import ROOT
+from bench.tables import put_into, written
 from workbench.score.scorer import card, scale
 
 HEAD = (
@@ -89,9 +89,7 @@ def verdicts(results: Sequence[Result]) -> list[str]:
 def put(text: str, marks: str) -> None:
     """Replace what stands between these marks of docs/score.md; rows by simulator go beside the page."""
     page = ROOT / "docs" / "score.md"
-    begin, end = f"<!-- {marks}: begin -->", f"<!-- {marks}: end -->"
-    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
-    page.write_text(f"{before}{begin}\n{summary(page, text)}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+    put_into(page, summary(page, text), marks)
 
 
 def summary(page: Path, text: str) -> str:

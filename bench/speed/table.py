@@ -7,8 +7,8 @@ import platform
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench.metrology.folding import written
 from bench.speed.timing import REPEATS, Row
+from bench.tables import written
 from workbench.geometry.blocks import cores
 from workbench.pipeline.run import versions
 

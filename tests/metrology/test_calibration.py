@@ -10,8 +10,8 @@ from bench.metrology.calibration.part import CalibrationResult, measure_calibrat
 from bench.metrology.calibration.summary import CalibrationSummary, named
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.summary import Share
-from bench.metrology.table import not_met
 from bench.peers.genetic import evolve
+from bench.tables import not_met
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.plugins.calibration.model import Estimate, Noise, information
 from workbench.plugins.calibration.observations import from_arrays

@@ -11,28 +11,11 @@ from bench.metrology.measured.summary import (
 )
 
 
-def part(
-    seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01, inspected: float = 0.004
-) -> MeasuredResult:
+def part(seed: int, root: float = 1.51, blind: float = 1.9, bevel: float = 40.02, u: float = 0.01) -> MeasuredResult:
     places = {"root_mm": root, "root_blind_mm": blind, "bevel_deg": bevel, "correction_u_mm": u}
     places |= {"bevel_blind_deg": bevel + 0.1, "correction_u_deg": 0.02}
-    sections = {
-        "root_mm": root + inspected,
-        "root_u_mm": 0.005,
-        "sharp_mm": root + 0.002,
-        "sharp_u_mm": 0.0015,
-        "root_true_mm": root,
-        "bevel_deg": bevel,
-        "bevel_u_deg": 0.02,
-        "bevel_true_deg": bevel,
-    }
-    return MeasuredResult(
-        "repeating",
-        seed,
-        places={k: [v] * 20 for k, v in places.items()},
-        sections={k: [v] * 9 for k, v in sections.items()},
-        seconds={"milling": 2.0},
-    )
+    columns = {k: [v] * 20 for k, v in places.items()}
+    return MeasuredResult("repeating", seed, places=columns, seconds={"milling": 2.0})
 
 
 def test_figures_of_known_parts() -> None:
@@ -42,8 +25,6 @@ def test_figures_of_known_parts() -> None:
     assert found.corrected == pytest.approx([0.01] * 3)
     assert found.blind == pytest.approx([0.4] * 3)
     assert found.predicted.bias == pytest.approx(0.01 * SINE)
-    assert found.root_cover.share == 1.0
-    assert (found.sharp_cover.share, found.sharp_cover.bias) == pytest.approx((1.0, 0.002))
     assert found.too_deep == []
     assert list(found.shortcomings) == []
     assert "| repeating | 5 | 4 | 1 | 0 |" in MeasuredSummary.text([found], "command")
@@ -55,7 +36,6 @@ def test_figures_of_known_parts() -> None:
         ({"root": 1.56}, "repeating: root"),
         ({"bevel": 40.2}, "repeating: bevel"),
         ({"root": 0.9, "blind": 1.2}, "repeating: 12 cut too deep"),
-        ({"inspected": 0.02}, "repeating: inspected root within 2u"),
         ({"u": 0.001}, "repeating: finished root within 2u of the correction"),
         ({"bevel": 40.06}, "repeating: finished bevel within 2u of the correction"),
     ],
@@ -64,15 +44,3 @@ def test_what_falls_short_is_said(changed: dict[str, float], words: str) -> None
     parts = [part(seed, **changed) for seed in range(12)]
     assert words in list(MeasuredSummary("repeating", parts).shortcomings)
     assert list(MeasuredSummary.worst(parts, 1))
-
-
-def test_conditions_are_those_of_the_cells() -> None:
-    assert MeasuredSummary.conditions == (
-        "repeating",
-        "not_repeating",
-        "not_repeating_0.05",
-        "deflection",
-        "wear",
-        "turned",
-        "all",
-    )

@@ -11,28 +11,19 @@ import pytest
 from bench.mutation import reach
 from bench.mutation.__main__ import TESTS, drawn
 from bench.mutation.changes import changes
-from bench.mutation.constants import scaled
 from bench.mutation.mutant import ROOT, fails
 
 
-def test_one_number_is_scaled_and_nothing_else() -> None:
-    source = 'A, SHARE = 3, 0.25  # µm\nB: float = 2.0\nC = "0.25"\n'
-    assert scaled(source, "SHARE", 2) == 'A, SHARE = 3, 0.5  # µm\nB: float = 2.0\nC = "0.25"\n'
-    assert scaled(source, "A", 2).startswith("A, SHARE = 6, 0.25")
-    assert "B: float = 1.0" in scaled(source, "B", 0.5)
-    for name in ("C", "D"):
-        with pytest.raises(ValueError, match=f"no number {name}"):
-            scaled(source, name, 2)
-
-
+@pytest.mark.slow
 def test_a_mutant_is_killed_by_a_test_that_holds_it_and_survives_others() -> None:
     tests = ["tests/metrology/test_mutation.py::test_the_format_of_a_truth"]
     path = Path("workbench/synthetic/prism_scan.py")
     source = (ROOT / path).read_text(encoding="utf-8")
-    assert fails(path, scaled(source, "STATION_MM", 2), tests)
-    assert not fails(path, scaled(source, "_PAUSE_S", 2), tests)
+    assert fails(path, source.replace("STATION_MM = 0.25", "STATION_MM = 0.5"), tests)
+    assert not fails(path, source.replace("_PAUSE_S = ", "_PAUSE_S = 2.0 * "), tests)
 
 
+@pytest.mark.slow
 def test_a_change_is_put_to_the_tests_that_call_its_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reach, "KEPT", tmp_path / "reach.json")
     reach.record(["tests/geometry/test_blocks.py", "tests/geometry/test_sections.py"])

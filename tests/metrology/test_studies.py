@@ -46,5 +46,6 @@ def test_a_refused_part_runs_through_to_the_tables(tmp_path, capsys):
     chosen = ["--studies", "planning", "--conditions", "raw_clamps", "--parts", "1", "--seed", "8300002"]
     assert main([*chosen, "--workers", "1", "--worst", "1", "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "raw_clamps, seed 8300002: refused: seen on 36 % of its length only" in printed
+    assert "raw_clamps: 1 refused, the first (seed 8300002): " in printed
+    assert "seen on 36 % of its length only" in printed
     assert (tmp_path / "planning" / "raw_clamps.jsonl").exists()

@@ -7,7 +7,7 @@ import pytest
 
 from bench.metrology.quantity import coverage_interval
 from bench.metrology.run import Measurement, measure_all
-from bench.metrology.table import not_met, put_into
+from bench.tables import folded, markdown, not_met, put_into
 
 
 @dataclass
@@ -36,6 +36,14 @@ def test_tables_go_between_their_marks(tmp_path):
     assert page.read_text() == "before\n<!-- loop: begin -->\nnew\n<!-- loop: end -->\nafter\n"
     with pytest.raises(ValueError, match="no place for 'tables'"):
         put_into(page, "new")
+
+
+def test_a_large_table_goes_beside_the_page(tmp_path):
+    small, large = ("\n".join(markdown(["a", "b"], [[str(k), f"**{k}**"] for k in range(n)])) for n in (3, 33))
+    text = folded(tmp_path / "page.md", f"### One\n\n{small}\n\n### The other, again\n\n{large}\n\nend")
+    assert text == f"### One\n\n{small}\n\n### The other, again\n\n[All rows](tables/page_the_other.csv).\n\nend"
+    rows = (tmp_path / "tables/page_the_other.csv").read_text().splitlines()
+    assert rows == ["a,b", *(f"{k},{k}" for k in range(33))]
 
 
 def test_a_stopped_run_goes_on(tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from bench.drawn.spheres import DEGENERATE, SOUND
 from bench.metrology.calibration.part import SCANS
 from bench.metrology.quantity import percentile
 from bench.metrology.summary import CONDITION, Share, Summary, columns, largest, marked, rms, spelt
-from bench.metrology.table import markdown
+from bench.tables import markdown
 
 ELLIPSOID = float(chi2.ppf(0.95, 6))
 NEVER_REFUSED = ("sphere_nine", "sphere_six")  # the sound sets of the goal
@@ -24,7 +24,6 @@ COVER_GOAL = dict.fromkeys(("sphere_nine", "sphere_six", "sphere_stray", *SCANS)
 )
 CORRELATED_GOAL = (0.90, 0.98)
 FLAGGED_GOAL, GROSS_GOAL, PLAN_GOAL, OFFSET_GOAL, ROTATION_GOAL_DEG = 0.90, 1.1, 0.67, 1.15, 0.03
-REFUSALS_SHOWN = 5  # of a sound condition
 NAMED = re.compile(r"do not determine the (translation|rotation|clock's offset)|distinct postures.*undetermined")
 
 
@@ -180,15 +179,6 @@ class CalibrationSummary(Summary):
                 ),
             ),
         )
-
-    @classmethod
-    def causes(cls, every: Sequence[Any]) -> list[str]:
-        lines = [f"- {s.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in every for r in s.crashed]
-        sound = [s for s in every if s.condition not in DEGENERATE]
-        lines += [
-            f"- {s.condition}, seed {r.seed}: refused: {r.refused}" for s in sound for r in s.refused[:REFUSALS_SHOWN]
-        ]
-        return [*lines, ""] if lines else []
 
     @classmethod
     def worst(cls, results: list[Any], count: int) -> Iterator[str]:

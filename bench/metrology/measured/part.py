@@ -15,7 +15,7 @@ from bench.harness import ROOT
 from bench.metrology.part import Clock, Numbers, numbers
 from bench.metrology.planning.part import rough_upper_side
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
-from workbench.artefacts import Engagement, Inspection, PathCorrection, PathDeflection, Requirements, Toolpath
+from workbench.artefacts import Engagement, PathCorrection, PathDeflection, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
 from workbench.errors import WorkbenchError
@@ -33,10 +33,7 @@ from workbench.units import DEG, Float
 
 @dataclass(slots=True)
 class MeasuredResult:
-    """Finished part and blind one by their truth, beside inspection and correction.
-
-    `places`: every 2 mm of the edge where the finishing pass cuts; `sections`: as inspected.
-    """
+    """Finished part and blind one by their truth, beside the correction: `places` every 2 mm where the pass cuts."""
 
     condition: str
     seed: int
@@ -47,7 +44,6 @@ class MeasuredResult:
     shape: str = ""
     error_mm: float = 0.0  # of tool and hand-eye together, along the bevel's normal, mean along the edge
     places: dict[str, Numbers] = field(default_factory=dict)  # see `measured.part.compare`
-    sections: dict[str, Numbers] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
 
@@ -61,7 +57,6 @@ FINISHING_WEAR = 0.5  # of that, in the finishing pass: much for a layer or two 
 BALANCING = 6  # rounds of force and deflection, each halfway to the next: within some micrometres
 MODEL_ERROR = 0.15  # relative, of force and stiffness together
 STEP_MM = 2.0
-NEAR_MM = 15.0  # a place that the pass cuts, of a section that counts
 
 
 @dataclass(frozen=True)
@@ -153,20 +148,14 @@ def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, errors: Erro
     result.error_mm = float(np.mean(correction.displacement_mm[correction.cut]))
     if correction.refused is not None:
         result.beyond = correction.refused
-        compare(result, whole, None, correction, first, None, truth)
+        compare(result, whole, None, correction, first)
         return
     if not gate.passed:
         result.refused = f"path.check of the finishing pass: {gate.reason}"
         return
     done = _milled(rough, finishing, cell, errors, finishing=True)
     clock.lap("milling")
-    last = scan(done)
-    clock.lap("simulation")
-    seen = denoise(fuse(last))
-    inspection = sections(segment(seen))
-    clock.lap("inspection")
-    compare(result, whole, milled_truth(done), correction, first, inspection, truth)
-    _declared_sharp(result, inspection, sections(segment(seen, edge_condition="sharp")))
+    compare(result, whole, milled_truth(done), correction, first)
 
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:
@@ -205,10 +194,8 @@ def compare(
     done: Truth | None,
     correction: PathCorrection,
     first: Toolpath,
-    inspection: Inspection | None,
-    raw: Truth,
 ) -> None:
-    """Truth of both parts at places where the pass cuts; the inspection beside the truth in its sections."""
+    """Truth of both parts at places where the pass cuts."""
     assert first.finishing is not None
     final = first.finishing.layers[-1]
     s = correction.arc_length_mm
@@ -226,28 +213,6 @@ def compare(
     if done is not None:
         columns |= {"root_mm": done.root_mm_at(at), "bevel_deg": done.bevel_deg_at(at)}
     result.places = _rounded(columns)
-    if inspection is None or done is None:
-        return
-    required = Requirements()
-    near = [k for k in inspection.sections if np.linalg.norm(at - k.origin_mm, axis=1).min(initial=np.inf) < NEAR_MM]
-    origins = np.array([k.origin_mm for k in near]).reshape(-1, 3)
-    result.sections = {
-        "index": [k.index for k in near],
-        "root_mm": [k.root_mm for k in near],
-        "root_u_mm": [k.root_u_mm for k in near],
-        "root_true_mm": numbers(done.root_mm_at(origins)),
-        "bevel_deg": [k.bevel_deg for k in near],
-        "bevel_u_deg": [k.bevel_u_deg for k in near],
-        "bevel_true_deg": numbers(done.bevel_deg_at(origins)),
-    }
-    assert required.bevel_nominal_deg * DEG == correction.bevel
-
-
-def _declared_sharp(result: MeasuredResult, inspection: Inspection, sharp: Inspection) -> None:
-    """The same sections, inspected by one who knows that the lower edge is sharp."""
-    assert len(sharp.sections) == len(inspection.sections)
-    same = [sharp.sections[int(index) - 1] for index in result.sections.get("index", []) if index is not None]
-    result.sections |= {"sharp_mm": [k.root_mm for k in same], "sharp_u_mm": [k.root_u_mm for k in same]}
 
 
 def _rounded(columns: dict[str, Float]) -> dict[str, Numbers]:

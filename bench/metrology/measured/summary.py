@@ -11,9 +11,8 @@ import numpy as np
 
 from bench.metrology.figures import Cover, cover
 from bench.metrology.measured.part import CELLS, MeasuredResult
-from bench.metrology.planning.summary import covered
 from bench.metrology.quantity import percentile
-from bench.metrology.summary import CONDITION, Summary, columns, largest
+from bench.metrology.summary import CONDITION, Column, Summary, columns, largest
 from workbench.artefacts import Requirements
 from workbench.units import DEG, Float
 
@@ -39,7 +38,7 @@ class MeasuredSummary(Summary):
 
     def off(self, name: str, wanted: float) -> Float:
         """|error| of the finished parts: median, 95th percentile, worst."""
-        errors = np.concatenate([np.empty(0), *(_column(r, "places", name) for r in self.good)]) - wanted
+        errors = np.concatenate([np.empty(0), *(_column(r, name) for r in self.good)]) - wanted
         known = np.abs(errors[np.isfinite(errors)])
         return np.array([percentile(known, q) for q in (50, 95, 100)])
 
@@ -65,8 +64,8 @@ class MeasuredSummary(Summary):
         noise = CELLS[self.condition].noise_mm
         return cover(
             (
-                (_column(r, "places", "root_mm") - ROOT_MM) * SINE,
-                np.hypot(_column(r, "places", "correction_u_mm"), noise),
+                (_column(r, "root_mm") - ROOT_MM) * SINE,
+                np.hypot(_column(r, "correction_u_mm"), noise),
             )
             for r in self.good
         )
@@ -75,26 +74,8 @@ class MeasuredSummary(Summary):
     def predicted_turn(self) -> Cover:
         """Finished bevel angle beside what the correction says, deg."""
         names = ("bevel_deg", "correction_u_deg")
-        pairs = ([_column(r, "places", name) for name in names] for r in self.good)
+        pairs = ([_column(r, name) for name in names] for r in self.good)
         return cover((bevel - BEVEL_DEG, u) for bevel, u in pairs)
-
-    def _inspected(self, value: str, true: str, u: str) -> Cover:
-        """Inspected less true, beside its u."""
-        rows = ([_column(r, "sections", name) for name in (value, true, u)] for r in self.good)
-        return cover((found - truth, stated) for found, truth, stated in rows)
-
-    @cached_property
-    def root_cover(self) -> Cover:
-        return self._inspected("root_mm", "root_true_mm", "root_u_mm")
-
-    @cached_property
-    def sharp_cover(self) -> Cover:
-        """Of the root, where the lower edge is declared to be sharp."""
-        return self._inspected("sharp_mm", "root_true_mm", "sharp_u_mm")
-
-    @cached_property
-    def bevel_cover(self) -> Cover:
-        return self._inspected("bevel_deg", "bevel_true_deg", "bevel_u_deg")
 
     @property
     def too_deep(self) -> list[int]:
@@ -110,9 +91,6 @@ class MeasuredSummary(Summary):
         yield not self.corrected[1] <= self.goal_mm, "root"
         yield not self.bevel[1] <= BEVEL_P95_DEG, "bevel"
         yield bool(self.too_deep), f"{len(self.too_deep)} cut too deep"
-        yield self.root_cover.surely_not_covered, "inspected root within 2u"
-        yield self.sharp_cover.surely_not_covered, "inspected root within 2u, edge declared sharp"
-        yield self.bevel_cover.surely_not_covered, "inspected bevel within 2u"
         yield self.predicted.surely_not_covered, "finished root within 2u of the correction"
         yield self.predicted_turn.surely_not_covered, "finished bevel within 2u of the correction"
 
@@ -138,15 +116,12 @@ class MeasuredSummary(Summary):
             ),
         )
         yield (
-            "What the uncertainties are worth",
+            "Uncertainties of the correction",
             columns(
                 every,
                 CONDITION,
                 covered("finished, along b", "mm", lambda s: s.predicted, 3),
                 covered("finished, bevel", "deg", lambda s: s.predicted_turn, 3),
-                covered("inspected root", "mm", lambda s: s.root_cover, 4),
-                covered("inspected root, edge declared sharp", "mm", lambda s: s.sharp_cover, 4),
-                covered("inspected bevel", "deg", lambda s: s.bevel_cover, 3),
             ),
         )
 
@@ -155,21 +130,38 @@ class MeasuredSummary(Summary):
         """The finished parts whose root is farthest from what was asked."""
 
         def off(r: MeasuredResult) -> float | None:
-            errors = _column(r, "places", "root_mm") - ROOT_MM
+            errors = _column(r, "root_mm") - ROOT_MM
             return float(np.nanmax(np.abs(errors))) if errors.size else None
 
         for r in largest(results, off, count):
             yield f"{r.condition}, seed {r.seed}, {r.shape}: root off by up to {off(r):.3f} mm"
 
 
-def _column(result: MeasuredResult, table: str, name: str) -> Float:
-    return np.array(getattr(result, table).get(name, []), dtype=float)
+def _column(result: MeasuredResult, name: str) -> Float:
+    return np.array(result.places.get(name, []), dtype=float)
 
 
 def _least(result: MeasuredResult, name: str) -> float:
-    values = _column(result, "places", name)
+    values = _column(result, name)
     return float(np.nanmin(values)) if np.isfinite(values).any() else math.inf
 
 
 def three(values: Float) -> str:
     return ", ".join(f"{v:.3f}" for v in values)
+
+
+def covered(name: str, unit: str, of: Any, digits: int) -> Column:
+    """Columns of how errors of a summary lie beside their u."""
+
+    def cells(summary: Any) -> list[str]:
+        c: Cover = of(summary)
+        share = f"{100 * c.share:.1f}"
+        return [
+            f"**{share}**" if c.surely_not_covered else share,
+            f"{100 * c.low:.1f} to {100 * c.high:.1f}",
+            f"{c.bias:+.{digits}f}, {c.rms:.{digits}f}",
+            f"{c.mean_u:.{digits}f}",
+        ]
+
+    heads = [f"{name}: within 2u, %", "95 % interval", f"{name}: mean, RMS error, {unit}", f"{name}: mean u, {unit}"]
+    return heads, cells

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bench.drawn.plates import random_recipe
-from bench.metrology.part import Clock, Numbers, numbers
+from bench.metrology.part import Clock
 from bench.metrology.places import clear_of_boundaries
-from bench.metrology.true_edge import best_plane_turn_deg, true_edge_at
+from bench.metrology.true_edge import true_edge_at
 from workbench.artefacts import Gate, Layer, RawEdge, Recording, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment_raw
@@ -24,7 +24,7 @@ from workbench.units import DEG, Bool, Float
 
 @dataclass(slots=True)
 class PlanResult:
-    """Errors of the final layer and of the edge that it rests on; the lists have one entry a station, every few mm."""
+    """Errors of the final layer; those of the edge that it rests on are the score's (`bench.score`)."""
 
     condition: str
     seed: int
@@ -41,13 +41,6 @@ class PlanResult:
     wrong_side: bool = False  # the cutter on the wrong side, or fed backwards
     blind_points: int = 0  # that cut where the edge is hidden
     stations_invented: int = 0  # of the edge, said to be seen where it is hidden
-    normal_error_mm: Numbers = field(default_factory=list)  # of the lower edge, along n
-    normal_u_mm: Numbers = field(default_factory=list)
-    across_error_mm: Numbers = field(default_factory=list)  # along m
-    across_u_mm: Numbers = field(default_factory=list)
-    turn_error_deg: Numbers = field(default_factory=list)  # of n about t
-    turn_u_deg: Numbers = field(default_factory=list)
-    plane_deg: float | None = None  # turn of the plane through the true face, rough as it is, about t
     seconds: dict[str, float] = field(default_factory=dict)
 
 
@@ -70,9 +63,9 @@ def measure_plan(condition: str, seed: int) -> PlanResult:
         result.crashed = repr(error)
         return result
     result.rejected = None if gate.passed else gate.reason
-    compare_edge(result, edge, truth)
+    seen = edge.position_mm[edge.seen]
+    result.stations_invented = int(clear_of_boundaries(truth, seen)[1].sum())
     compare_path(result, toolpath, truth)
-    result.plane_deg = round(best_plane_turn_deg(truth), 6)
     return result
 
 
@@ -103,27 +96,9 @@ def rough_upper_side(truth: Truth) -> tuple[float, float, float]:
     return float(turned[0]), float(turned[1]), float(turned[2])
 
 
-STATION_MM = 5.0  # between the stations whose errors are kept
 NEAR_MM = 0.55  # a place along the edge this near to a cutting point is cut: points are 1 mm apart
 REACH_MM = 20.0  # of the cutter's radius, clearance and rise: no more than that is lost beside a clamp
 RIGHT_SIDE = 0.7  # least cosine of a frame's axes against the true ones
-
-
-def compare_edge(result: PlanResult, edge: RawEdge, truth: Truth) -> None:
-    """Errors of the lower edge and of the end face's direction at stations some mm apart, with their uncertainties."""
-    seen = np.flatnonzero(edge.seen)
-    result.stations_invented = int(clear_of_boundaries(truth, edge.position_mm[seen])[1].sum())
-    stations = seen[:: max(1, round(STATION_MM / float(np.median(np.diff(edge.arc_length_mm)))))]
-    true = true_edge_at(truth, edge.position_mm[stations])
-    off = edge.position_mm[stations] - true.position_mm
-    u = edge.position_u_mm[stations]
-    result.normal_error_mm = numbers(np.sum(off * true.normal, axis=1))
-    result.across_error_mm = numbers(np.sum(off * true.across, axis=1))
-    result.normal_u_mm, result.across_u_mm = numbers(u[:, 0]), numbers(u[:, 1])
-    normal = edge.normal[stations]
-    turn = np.arctan2(np.sum(normal * true.across, axis=1), np.sum(normal * true.normal, axis=1))
-    turn_u = np.broadcast_to(np.asarray(edge.normal_u), edge.seen.shape)[stations]
-    result.turn_error_deg, result.turn_u_deg = numbers(turn / DEG), numbers(turn_u / DEG)
 
 
 def compare_path(result: PlanResult, toolpath: Toolpath, truth: Truth) -> None:

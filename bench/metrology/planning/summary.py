@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any
 
 from bench.drawn.plates import RAW_CONDITIONS
-from bench.metrology.figures import Cover, Spread, cover, spread
+from bench.metrology.figures import Spread, spread
 from bench.metrology.quantity import percentile
-from bench.metrology.summary import CONDITION, Column, Summary, columns, largest, spelt
+from bench.metrology.summary import CONDITION, Summary, columns, largest, spelt
 
 GOALS: dict[str, tuple[float, float] | None] = dict.fromkeys(RAW_CONDITIONS, (0.04, 0.1)) | {
     "raw_rough": (0.06, 0.15),
@@ -50,19 +50,6 @@ class PlanSummary(Summary):
         """Of the seen edge that is clear of hidden stretches."""
         return self._lost("reachable_covered", 1 - COVERED_GOAL)
 
-    @cached_property
-    def covers(self) -> dict[str, Cover]:
-        """Of the lower edge along n and m, mm, and the direction of n about t, deg."""
-        names = {"edge along n": "normal", "edge along m": "across", "direction of n": "turn"}
-        units = {"turn": "deg"}
-        return {
-            words: cover(
-                (getattr(r, f"{name}_error_{units.get(name, 'mm')}"), getattr(r, f"{name}_u_{units.get(name, 'mm')}"))
-                for r in self.good
-            )
-            for words, name in names.items()
-        }
-
     def _sum(self, name: str) -> int:
         return sum(getattr(r, name) for r in self.good)
 
@@ -77,8 +64,6 @@ class PlanSummary(Summary):
         yield not self.reachable_lost.met, "coverage of the edge"
         yield self._sum("wrong_side") > 0, "wrong side"
         yield self._sum("blind_points") + self._sum("stations_invented") > 0, "invented edge"
-        for name, found in self.covers.items() if self.distance.goal else ():
-            yield found.surely_not_covered, f"{name} within 2u"
 
     @property
     def met(self) -> str:
@@ -104,17 +89,6 @@ class PlanSummary(Summary):
                     lambda s: three(s.reachable_lost, 1, 100.0),
                 ),
                 ("met", lambda s: s.met),
-            ),
-        )
-        yield (
-            "The edge that it rests on, and its uncertainties",
-            columns(
-                every,
-                CONDITION,
-                covered("along n", "mm", lambda s: s.covers["edge along n"], 4),
-                covered("along m", "mm", lambda s: s.covers["edge along m"], 4),
-                covered("direction of n", "deg", lambda s: s.covers["direction of n"], 3),
-                ("plane through the true face, deg", lambda s: three(s._spread("plane_deg"), 3)),
             ),
         )
         yield (
@@ -144,20 +118,3 @@ class PlanSummary(Summary):
 def three(s: Spread, digits: int, unit: float = 1.0) -> str:
     """Median, 95th percentile, worst."""
     return ", ".join(f"{unit * v:.{digits}f}" for v in (s.median, s.p95, s.worst))
-
-
-def covered(name: str, unit: str, of: Any, digits: int) -> Column:
-    """Columns of how errors of a summary lie beside their u."""
-
-    def cells(summary: Any) -> list[str]:
-        c: Cover = of(summary)
-        share = f"{100 * c.share:.1f}"
-        return [
-            f"**{share}**" if c.surely_not_covered else share,
-            f"{100 * c.low:.1f} to {100 * c.high:.1f}",
-            f"{c.bias:+.{digits}f}, {c.rms:.{digits}f}",
-            f"{c.mean_u:.{digits}f}",
-        ]
-
-    heads = [f"{name}: within 2u, %", "95 % interval", f"{name}: mean, RMS error, {unit}", f"{name}: mean u, {unit}"]
-    return heads, cells

@@ -104,13 +104,6 @@ class StiffnessSummary(Summary):
         )
 
     @classmethod
-    def causes(cls, every: Sequence[Any]) -> list[str]:
-        lines = [f"- {r.condition}, seed {r.seed}: **crashed**: {r.crashed}" for s in every for r in s.crashed]
-        told = (f"{len(s.refused)} refused, the first: {s.refused[0].refused}" for s in every if s.refused)
-        lines += [f"- {s.condition}: {one}" for s, one in zip((s for s in every if s.refused), told, strict=True)]
-        return [*lines, ""]
-
-    @classmethod
     def worst(cls, results: list[Any], count: int) -> Iterator[str]:
         """The trials whose error is largest in units of their stated covariance."""
         for r in largest(results, lambda r: r.nees, count):

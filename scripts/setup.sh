@@ -51,7 +51,7 @@ choose_python() {
 
 # Debian packages that are missing: shared libraries, and the module that makes virtual environments.
 missing_packages() {
-    "$1" scripts/system_libraries.py
+    "$1" scripts/system_libraries.py "$part"
     [ -x .venv/bin/pip ] || "$1" -c 'import ensurepip, venv' 2>/dev/null ||
         echo "python$(version_of "$1")-venv"
 }

@@ -4,6 +4,7 @@ Runs before anything is installed, on the plain Python of the machine: standard 
 """
 
 import ctypes
+import sys
 
 # What open3d (the first six), numba and pin are linked against; vtk opens the first two when it draws.
 PACKAGE_OF_LIBRARY = {
@@ -14,6 +15,13 @@ PACKAGE_OF_LIBRARY = {
     "libudev.so.1": "libudev1",
     "libidn2.so.0": "libidn2-0",
     "libgomp.so.1": "libgomp1",
+}
+OF_GMSH = {  # which the tests need, and users of [cad]: `system_libraries.py dev`
+    "libGLU.so.1": "libglu1-mesa",
+    "libOpenGL.so.0": "libopengl0",
+    "libXft.so.2": "libxft2",
+    "libXcursor.so.1": "libxcursor1",
+    "libXinerama.so.1": "libxinerama1",
 }
 
 
@@ -26,6 +34,7 @@ def loads(library: str) -> bool:
 
 
 if __name__ == "__main__":
-    for library, package in PACKAGE_OF_LIBRARY.items():
+    wanted = PACKAGE_OF_LIBRARY | (OF_GMSH if sys.argv[1:] == ["dev"] else {})
+    for library, package in wanted.items():
         if not loads(library):
             print(package)

@@ -18,6 +18,7 @@ from workbench.errors import InputError, one_line
 from workbench.extras import not_installed
 
 T = TypeVar("T")
+MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64  # bytes that a reader may take
 UNLOADABLE = 3  # exit status of a reader whose library cannot be loaded
 MISSING = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
 HOME = Path(__file__).resolve().parents[1]
@@ -36,6 +37,20 @@ def library(name: str) -> Any:
     except (ImportError, OSError) as error:  # OSError: a shared library, loaded by ctypes
         print(f"{name}: {one_line(str(error))}")
         sys.exit(UNLOADABLE)
+
+
+def confine(size: int, seconds: int | None = None) -> None:
+    """In a reader's process: no core file, and no more memory and time than a file of so many bytes can ask for."""
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    limits = [(resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size)]
+    if seconds is not None:
+        limits.append((resource.RLIMIT_CPU, seconds))
+    for what, most in limits:
+        _, hard = resource.getrlimit(what)
+        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def refuse_unloadable(status: int, said: str) -> None:

@@ -13,6 +13,7 @@ EXTRA_OF = {  # by the name under which Python imports a package
     **dict.fromkeys(("fcl", "pinocchio", "xacro"), "robot"),
     **dict.fromkeys(("ezdxf", "laspy", "pyarrow", "pye57", "rosbags"), "formats"),
     **dict.fromkeys(("starlette", "uvicorn"), "page"),
+    "gmsh": "cad",
     "pyvista": "view",
     "distributed": "cluster",
     "s3fs": "s3",

@@ -71,7 +71,7 @@ REFUSED = {
         "expected",
     ),
     "flat.obj": (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "triangles with an area"),
-    "a.step": (b"ISO-10303", "expected a mesh as .stl"),
+    "a.iges": (b"ISO-10303", "expected a mesh as .stl"),
 }
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.children import library
+from workbench.children import confine, library
 from workbench.units import Float
 
 CPU_SECONDS, BYTES_A_SECOND = 8, 200_000  # what a reader may take: at least, and for each so many bytes one more
@@ -22,13 +22,13 @@ PCD_LINE = 65_536  # bytes, of a header's line
 NUMBER = r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
 READING = re.compile(rf"\bX={NUMBER}\s+Y={NUMBER}\s+Z={NUMBER}")
 OF_UNIT = re.compile(r"\s*[\[(].*[\])]$|_\w+$")  # behind a column's name
-MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
 
 
 def main() -> int:
     """Read FILE, write its points (n, 3), in the file's own unit, to OUT.npy. What goes wrong is said in one line."""
     file, out = sys.argv[1:]
-    _confine(os.path.getsize(file))
+    size = os.path.getsize(file)
+    confine(size, CPU_SECONDS + size // BYTES_A_SECOND)
     try:
         np.save(out, READERS[Path(file).suffix.lower()](file))
     except MemoryError:
@@ -38,21 +38,6 @@ def main() -> int:
         print(str(error).splitlines()[0] if str(error) else type(error).__name__)
         return 1
     return 0
-
-
-def _confine(size: int) -> None:
-    """No core file, and no more time and memory than a file of so many bytes can ask for."""
-    try:
-        import resource
-    except ImportError:  # not on this system
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for what, most in (
-        (resource.RLIMIT_CPU, CPU_SECONDS + size // BYTES_A_SECOND),
-        (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size),
-    ):
-        _, hard = resource.getrlimit(what)
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 def _point_cloud(file: str) -> Float:

@@ -10,31 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.children import library
-
-MEMORY, MEMORY_A_BYTE = 8 * 2**30, 64
+from workbench.children import confine, library
 
 
 def main() -> int:
     """Read FILE, write its vertices (n, 3) and triangles (k, 3) to OUT.npz."""
     file, out = sys.argv[1:]
-    _confine(Path(file).stat().st_size)
+    confine(Path(file).stat().st_size)
     o3d = library("open3d")
 
     read = o3d.io.read_triangle_mesh(Path(file))
     np.savez(out, points=np.asarray(read.vertices, float), triangles=np.asarray(read.triangles, np.int64))
     return 0
-
-
-def _confine(size: int) -> None:
-    """No core file, and no more memory than a mesh of so many bytes can ask for."""
-    try:
-        import resource
-    except ImportError:  # not on this system
-        return
-    for what, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY + MEMORY_A_BYTE * size)):
-        _, hard = resource.getrlimit(what)
-        resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
 if __name__ == "__main__":

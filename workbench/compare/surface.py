@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from workbench import cad
 from workbench.artefacts import UNKNOWN_PART, Check, Cloud, Part, PointSet, Toolpath
 from workbench.children import read_by
 from workbench.compare import mesh_reader
@@ -121,8 +122,8 @@ def mesh(
     """Read a triangle mesh to compare with: a CAD model, or another program's surface.
 
     Args:
-        mesh: STL, PLY or OBJ with triangles, counter-clockwise from outside (read by Open3D).
-        unit: of length in the file: mm, m or inch.
+        mesh: STL, PLY or OBJ with triangles, counter-clockwise from outside (read by Open3D), or STEP (by gmsh).
+        unit: of length in the file: mm, m or inch; a STEP file says its own.
         base_from_mesh: 4x4 (direction cosines, mm), the rigid motion from the mesh's coordinates to the base; null: it
             is there.
 
@@ -140,7 +141,7 @@ def mesh(
         (3, 3)
     """
     points, triangles = read_mesh(mesh)
-    points = points * TO_MM[unit]
+    points = points * (1.0 if mesh.suffix.lower() in cad.SUFFIXES else TO_MM[unit])
     if base_from_mesh is not None:
         pose = rigid(base_from_mesh, "compare.mesh.base_from_mesh")
         points = points @ pose[:3, :3].T + pose[:3, 3]
@@ -237,14 +238,14 @@ def finished_bevel(position_mm: Float, axes: Float, width_mm: Float, cutting: Bo
 
 # A mesh out of a file: read by Open3D in a process of its own, then checked.
 
-MESHES = (".stl", ".ply", ".obj")
+MESHES = (".stl", ".ply", ".obj", *cad.SUFFIXES)
 MOST_BYTES = 2**31
 MOST = 1e7  # size of a coordinate
 SECONDS, BYTES_A_SECOND = 60, 1_000_000
 
 
 def read_mesh(path: Path) -> tuple[Float, Int]:
-    """Vertices (n, 3) in the file's unit and triangles (k, 3).
+    """Vertices (n, 3) in the file's unit, of STEP in mm, and triangles (k, 3).
 
     Raises:
         InputError: unreadable, damaged, no triangles, not finite.
@@ -257,7 +258,8 @@ def read_mesh(path: Path) -> tuple[Float, Int]:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     if not 0 < size <= MOST_BYTES:
         raise InputError(str(path), f"expected 1 to {MOST_BYTES} bytes, found {size}")
-    points, triangles = _in_process(path, SECONDS + size / BYTES_A_SECOND)
+    is_cad = path.suffix.lower() in cad.SUFFIXES
+    points, triangles = cad.surface(path) if is_cad else _in_process(path, SECONDS + size / BYTES_A_SECOND)
     if not len(triangles) or not len(points):
         raise InputError(str(path), "expected a mesh with triangles, found none")
     if triangles.min() < 0 or triangles.max() >= len(points):

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from workbench import force_file
-from workbench.artefacts import Recording, Scene, Shading
+from workbench import cad, force_file
+from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
 from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, fitting_units, in_process
 from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
@@ -125,6 +125,8 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     regular_file(file)
     if suffix in RECORDINGS:
         return _recording(file)
+    if suffix in cad.SUFFIXES:
+        return _model(file)
     if suffix in readers.READERS and suffix not in TEXTS:
         try:
             return _foreign(file, chosen)
@@ -187,6 +189,36 @@ def _recording(file: Path) -> Seen:
     except InputError as error:
         return unchecked(file, error)
     return recording_seen(recording)
+
+
+def _model(file: Path) -> Seen:
+    """A CAD model: its bevelled edges by number, and its surface."""
+    points, triangles = cad.surface(file)
+    if not len(triangles):
+        raise InputError(str(file), "expected a solid with faces, found none")
+    lines = [f"triangles: {len(triangles)}", f"extent: {box(points)}, by the unit in the file"]
+    strokes: tuple[Strokes, ...] = ()
+    hints: tuple[str, ...] = ()
+    try:
+        edges = cad.nominal_edges(file)
+    except InputError as error:
+        lines.append(f"no bevelled edge: {error.expected}")
+    else:
+        lines += [f"edge {k}: {one.told()}" for k, one in enumerate(edges, 1)]
+        green = np.array([[0, 158, 115]], np.uint8)
+        drawn = tuple(one.points_mm for one in edges)
+        strokes = (Strokes("bevelled edges", drawn, tuple(green.repeat(len(one), 0) for one in drawn)),)
+        one = edges[0]
+        sizes = f"root_nominal_mm={one.root_mm[0]:.4g} --input bevel_nominal_deg={one.bevel_deg[0]:.4g}"
+        hints = (
+            "to plan its scan: --input edge=FILE --input edge_number=K (docs/scan_planning.md)",
+            f"edge 1 as requirements: --input {sizes}",
+            'to compare with it: the stage compare.mesh, "mesh": FILE (docs/comparison.md)',
+        )
+    frame = "the frame of the model"
+    return Seen(
+        str(file), "CAD model (STEP)", frame, tuple(lines), points, shades_of(points), strokes=strokes, hints=hints
+    )
 
 
 def _cloud(file: Path) -> Seen:

@@ -1,4 +1,4 @@
-"""Where the edge is, roughly: a coarse recording, a planned toolpath, taught points, a polyline of a drawing."""
+"""Where the edge is, roughly: a coarse recording, a planned toolpath, taught points, a polyline, a model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from workbench import cad
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, HandEye, Toolpath
+from workbench.cad import NominalEdge
+from workbench.compare.surface import rigid
 from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import rotation_from_quaternion
@@ -56,6 +59,24 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
         return _planned(read(toolpath=path), path)
     file = EdgeLineFile.read(path)
     return through(np.array(file.points_mm), upper_side if file.upper_side is None else np.array(file.upper_side), path)
+
+
+def modelled(path: Path | None, number: int | None, base_from_cad: list[list[float]] | None) -> NominalEdge | None:
+    """The edge of a STEP model, in the base; None: the file is none.
+
+    Raises:
+        InputError: as `nominal_edge`; no rigid motion; a number or a motion, but no model.
+    """
+    if path is None or path.suffix.lower() not in cad.SUFFIXES:
+        if number is not None or base_from_cad is not None:
+            raise InputError("scan.plan", "expected a STEP model as edge, with edge_number or base_from_cad")
+        return None
+    edge = cad.nominal_edge(path, number)
+    if base_from_cad is None:
+        return edge
+    pose = rigid(base_from_cad, "scan.plan.base_from_cad")
+    turn = pose[:3, :3].T
+    return replace(edge, points_mm=edge.points_mm @ turn + pose[:3, 3], upper_side=edge.upper_side @ turn)
 
 
 def through(points: Float, upper_side: Float, source: str | Path) -> EdgeLine:

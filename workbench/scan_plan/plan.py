@@ -31,6 +31,7 @@ from workbench.artefacts import (
     TaughtEdge,
 )
 from workbench.artefacts.decisions import NOT_CHECKED
+from workbench.cad import NominalEdge
 from workbench.edge.parameters import RobotNoise
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.rim import EdgeCondition
@@ -39,7 +40,7 @@ from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.robot import Cell
 from workbench.scan import read_hand_eye
-from workbench.scan_plan.edges import read_edge, through
+from workbench.scan_plan.edges import modelled, read_edge, through
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,
     Joint,
@@ -129,9 +130,11 @@ def plan(
     sensor: InputFile,
     hand_eye: InputFile | None = None,
     upper_side: tuple[float, float, float] = (0.0, 0.0, 1.0),
-    thickness_mm: Positive = 8.0,
-    root_mm: Positive = 1.5,
-    bevel_deg: Annotated[float, Field(ge=5, le=75)] = 40.0,
+    edge_number: Annotated[int, Field(ge=1)] | None = None,
+    base_from_cad: list[list[float]] | None = None,
+    thickness_mm: Positive | None = None,
+    root_mm: Positive | None = None,
+    bevel_deg: Annotated[float, Field(ge=5, le=75)] | None = None,
     raw: bool = False,
     root_tolerance_mm: Tolerance = (-0.5, 0.5),
     bevel_tolerance_deg: Tolerance = (-1.0, 1.0),
@@ -155,13 +158,16 @@ def plan(
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
         taught: points along the edge; or:
-        edge: where the edge is, roughly: a recording, a toolpath.json, an edge-line.json, or a DXF polyline in mm.
+        edge: where the edge is, roughly: a recording, a toolpath.json, an edge-line.json, a DXF polyline in mm,
+            or a STEP model with its bevel.
         sensor: a sensor.json; columns, measuring_range_mm, width_mm and noise_mm must be told.
         hand_eye: a handeye.json: where the scanner sits on the flange.
         upper_side: direction, roughly, from the lower to the upper side, in the base, where the file does not tell.
-        thickness_mm: of the plate.
-        root_mm: of the nominal joint.
-        bevel_deg: of the nominal joint.
+        edge_number: number of the STEP model's bevelled edge, as `workbench look` has it; null: there is one.
+        base_from_cad: 4x4 (direction cosines, mm), from the STEP model's coordinates to the base; null: it is there.
+        thickness_mm: of the plate; null: as the STEP model has it, else 8.
+        root_mm: of the nominal joint; null: likewise, else 1.5.
+        bevel_deg: of the nominal joint; null: likewise, else 40.
         raw: the edge is scanned before it is milled, or before and after: all of the end face and a surface of the
             plate are in view.
         root_tolerance_mm: deviations from it, whose width a default U follows.
@@ -190,13 +196,15 @@ def plan(
     """
     from workbench.scan_plan.chapter import plan_chapter
 
-    joint = Joint(thickness_mm, root_mm, bevel_deg * DEG, raw)
-    if root_mm >= thickness_mm:
-        raise InputError("scan.plan", f"expected root_mm below thickness_mm, {thickness_mm:g}, found {root_mm:g}")
+    model = modelled(edge, edge_number, base_from_cad)
+    joint = _joint(model, thickness_mm, root_mm, bevel_deg, raw)
     file = SensorFile.read(sensor)
     profiler = as_profiler(file, sensor)
     eye = None if hand_eye is None else read_hand_eye(hand_eye)
-    line = _roughly(taught, edge, np.array(upper_side), joint, eye)
+    if model is None:
+        line = _roughly(taught, edge, np.array(upper_side), joint, eye)
+    else:
+        line = through(model.points_mm, model.upper_side, str(edge))
     turn = 0.0 if eye is None or eye.covariance is None else math.sqrt(float(np.trace(eye.covariance[3:, 3:])) / 3.0)
     rough = line.roughness_mm if roughness_mm is None else roughness_mm
     known = Knowledge(robot_noise_mm, turn, edge_condition, roughness_mm=min(rough or 0.0, MOST_ROUGH_MM))
@@ -212,6 +220,21 @@ def plan(
     gate = _gate(made)
     document = Document(ScanPlanFile.NAME, written(made, z_away=z_away))
     return made, courses(made, z_away=z_away), document, plan_chapter(made, gate), gate
+
+
+def _joint(
+    model: NominalEdge | None, thickness_mm: float | None, root_mm: float | None, bevel_deg: float | None, raw: bool
+) -> Joint:
+    """The nominal joint: what is told, else as modelled, else usual sizes."""
+    usual = (8.0, 1.5, 40.0)
+    if model is not None:
+        low, high = np.transpose([model.thickness_mm, model.root_mm, model.bevel_deg])
+        usual = tuple((0.5 * (low + high)).tolist())
+    told = (thickness_mm, root_mm, bevel_deg)
+    thickness, root, bevel = (a if b is None else b for a, b in zip(usual, told, strict=True))
+    if root >= thickness:
+        raise InputError("scan.plan", f"expected root_mm below thickness_mm, {thickness:g}, found {root:g}")
+    return Joint(thickness, root, bevel * DEG, raw)
 
 
 def _roughly(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,46 +17,16 @@ from bench.calibration.paper import (
     genetic,
     measured,
     sphere_centres,
-    turn_cost,
     vol_mm,
 )
-from bench.drawn.spheres import random_sphere_recipe
-from bench.metrology.calibration.truth import bound, cell_of, circles
-from bench.speed.calibration import with_signs
 from bench.tables import markdown
-from workbench.geometry.poses import pose_from, rotation_from_vector, vector_from_rotation
+from workbench.geometry.poses import rotation_from_vector, vector_from_rotation
 from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres
-from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.observations import from_arrays
 from workbench.report.marks import FACES, GREY, MEASURED
 from workbench.units import DEG, Float
 
 BOXES_DEG = (1.0, 2.0, 5.0, 20.0)
-PRINTED = {  # sphere centres of Table 1, mm
-    "analytic": [
-        (1863.43, 230.98, 1121.68),
-        (1863.48, 230.36, 1121.68),
-        (1863.64, 239.07, 1121.50),
-        (1862.59, 222.94, 1120.47),
-        (1864.20, 223.35, 1122.45),
-        (1864.88, 223.38, 1123.27),
-        (1863.43, 230.98, 1121.11),
-        (1863.88, 230.28, 1121.98),
-        (1864.48, 231.35, 1122.89),
-    ],
-    "GA": [
-        (1890.30, 241.75, 1079.77),
-        (1890.25, 241.75, 1079.85),
-        (1890.23, 241.64, 1079.83),
-        (1890.46, 240.91, 1079.75),
-        (1890.38, 240.96, 1079.81),
-        (1890.38, 240.83, 1079.75),
-        (1890.35, 241.80, 1079.64),
-        (1890.33, 241.77, 1079.49),
-        (1890.31, 241.90, 1079.60),
-    ],
-}
 
 
 def table1(trials: int) -> Iterator[str]:
@@ -99,35 +68,6 @@ def _spread(pose: Float, seen: Centres) -> Float:
     return np.asarray(sphere_centres(pose, seen).std(axis=0))  # with n, as the paper's
 
 
-def rows(trials: int) -> Iterator[str]:
-    """Means and spreads of the rows that Table 1 prints."""
-    found = []
-    for name, printed in PRINTED.items():
-        values = np.array(printed)
-        figures = (values.mean(axis=0), values.std(axis=0, ddof=1), values.std(axis=0))
-        found.append([name, *(", ".join(f"{v:.4f}" for v in each) for each in figures)])
-    yield from markdown(["rows of", "mean x, y, z, mm", "standard deviation (n - 1)", "standard deviation (n)"], found)
-
-
-def flat(trials: int) -> Iterator[str]:
-    """Equation (6) about the truth: how much it rises over what noise leaves at its minimum."""
-    found = []
-    for moved, words in ((False, "three postures, three times each"), (True, "three orientations, three places each")):
-        rise = {turn: [] for turn in BOXES_DEG}  # type: dict[float, list[float]]
-        for seed in range(trials):
-            rng = np.random.default_rng(seed)
-            seen = measured(rng, moved).centres
-            axis = rng.normal(size=3)
-            axis /= np.linalg.norm(axis)
-            for turn in BOXES_DEG:
-                turned = np.stack([TRUE[:3, :3], rotation_from_vector(axis * turn * DEG) @ TRUE[:3, :3]])
-                at_truth, away = turn_cost(seen, turned)
-                rise[turn].append(away / at_truth)
-        found.append([words, *(f"{np.median(rise[turn]):.3g}" for turn in BOXES_DEG)])
-    head = ["measurements", *(f"g({turn:g} deg off) / g(truth)" for turn in BOXES_DEG)]
-    yield from markdown(head, found)
-
-
 def equations(trials: int) -> Iterator[str]:
     """Equations (6) and (8) as printed, on exact measurements whose orientations are nearly or not at all alike."""
     found = []
@@ -166,50 +106,9 @@ def _printed_translation(rng: np.random.Generator) -> float:
     return float(np.linalg.norm(t - TRUE[:3, 3]))
 
 
-def starts(trials: int) -> Iterator[str]:
-    """Gauss-Newton on all six parameters at once, the signs of h known, from starts far off."""
-    found = []
-    for turn, shift in ((20.0, 50.0), (60.0, 150.0), (120.0, 300.0)):
-        reached = 0
-        for seed in range(trials):
-            rng = np.random.default_rng(seed)
-            seen = measured(rng, True).centres
-            axis, way = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-            start = pose_from(rotation_from_vector(axis * turn * DEG) @ TRUE[:3, :3], TRUE[:3, 3] + shift * way)
-            covariance = np.tile(np.diag([1e-5, 1e-5, 1e-2]), (9, 1, 1))
-            circle = np.stack([seen.P[:, 0], seen.P[:, 2], 25 - seen.P[:, 1] ** 2], axis=1)
-            noise = Noise()
-            end = with_signs(start, seen, from_arrays(circle, covariance, pose_from(seen.r, seen.t)), noise)
-            best = with_signs(TRUE, seen, from_arrays(circle, covariance, pose_from(seen.r, seen.t)), noise)
-            reached += bool(np.linalg.norm(end.translation_mm - best.translation_mm) < 1e-3)
-        found.append([f"{turn:g} deg and {shift:g} mm", f"{reached} of {trials}"])
-    yield from markdown(["start off by", "ends where a start at the truth ends"], found)
-
-
-def diameter(trials: int) -> Iterator[str]:
-    """The Cramer-Rao bound against the sphere's diameter, its centre as many radii off the plane."""
-    found = []
-    for size in (10.0, 15.0, 20.0, 25.0):
-        bounds = []
-        for seed in range(trials):
-            cell = cell_of(random_sphere_recipe("sphere_nine", seed))
-            centre = cell.centre * [1.0, size / 10, 1.0]
-            shift = (centre - cell.centre) @ cell.hand_eye[:3, :3].T
-            turned = cell.turned.copy()
-            turned[:, :3, 3] -= (turned[:, :3, :3] @ shift[..., None])[..., 0]
-            other = replace(cell, turned=turned, centre=centre, radius_mm=size / 2)
-            bounds.append(other.vol_u_mm(bound(other, circles(other, np.random.default_rng(0))[1], 0.05)))
-        found.append([f"{size:g} mm", f"{np.sqrt(np.mean(np.square(bounds))):.4f}"])
-    yield from markdown(["sphere", "bound over the field, nine postures, mm"], found)
-
-
 STATEMENTS = {
     "table1": table1,
-    "rows": rows,
-    "flat": flat,
     "equations": equations,
-    "starts": starts,
-    "diameter": diameter,
     "arm": arm.statement,
     "tools": tools.statement,
     "faces": faces.statement,

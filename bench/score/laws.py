@@ -224,7 +224,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.score.laws", description=__doc__)
     parser.add_argument("--docs", action="store_true", help="write the table into docs/score.md")
     given = parser.parse_args()
-    text = f"`python -m bench.score.laws`\n\n{table()}"
+    text = f"`python -m bench.score.laws`\n\n### Laws\n\n{table()}"
     print(text)
     if given.docs:
         put(text, "laws")

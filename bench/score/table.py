@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.score.measure import Result
 from bench.score.parts import ROOT
-from bench.tables import put_into, written
+from bench.tables import folded, put_into, written
 from workbench.score.scorer import card, scale
 
 HEAD = (
@@ -89,7 +89,7 @@ def verdicts(results: Sequence[Result]) -> list[str]:
 def put(text: str, marks: str) -> None:
     """Replace what stands between these marks of docs/score.md; rows by simulator go beside the page."""
     page = ROOT / "docs" / "score.md"
-    put_into(page, summary(page, text), marks)
+    put_into(page, summary(page, text) if marks == "score" else folded(page, text), marks)
 
 
 def summary(page: Path, text: str) -> str:

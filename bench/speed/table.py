@@ -49,22 +49,8 @@ Machine: {machine}. {packages}.
 FOOT = """
 ## How it is measured
 
-Planning, calibration and postures: processor time on one core. The files named tell the rest.
-
-- **Start-up** (`bench/speed/start_rows.py`, `bench/speed/follow_rows.py`): the shipped milled edge (309 frames of
-  600 columns), the shipped closed loop. "Without set-up" compiles the kernels first.
-- **Open3D** (`bench/speed/general.py`): points into the base, `remove_statistical_outlier(nb_neighbors=20,
-  std_ratio=2)`, `segment_plane` twice (0.1 mm, 1,000 trials): two planes, no section, no uncertainty. "Extrapolated":
-  a straight line through the two largest sizes run (`python -m bench.speed --all` runs the largest too).
-- **Picture** (`bench/speed/pictures.py`): ours draws four times as many pixels and lights them; VTK draws squares.
-- **Planning, d_min** (`bench/speed/distances.py`): ten layers of 0.7 mm, from edge and cloud to the program. The
-  other programs run on 250 mm of the edge, taken as linear in the number of points.
-- **Calibration** (`bench/speed/calibration.py`): ten sets of nine postures. The genetic algorithms minimise the
-  paper's corrected equations (6) and (8) in two steps within 20 deg and 50 mm, 100 x 100 evaluations each.
-- **Postures** (`bench/speed/postures.py`): shipped path and cell, the cluttered one with 40 boxes of 300 mm; a grid of
-  1 deg x 1 deg, all 1,016 points against all pairs of bodies. The loops (`bench/peers/clik.py`) use pinocchio.
-- **Batches** (`bench/speed/batch_rows.py`): simulated parts of 121 frames of 300 columns, workers warm. The dask worker
-  is killed after a quarter of the parts; all results are compared with those of one machine.
+Each row is made by a module of `bench/speed/`, which says how. Planning, calibration and postures: processor time on
+one core. "Extrapolated": a straight line through the two largest sizes run (`python -m bench.speed --all` runs all).
 """
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from workbench import scan
+from tests.plugins.calibration import conftest as spheres
 from workbench.api import certified_length
 from workbench.errors import InputError
 from workbench.plugins import calibration
 
-ROOT = Path(__file__).resolve().parents[3]
 HEAD = (
     '<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc" xmlns:si="https://ptb.de/si">'
     "<dcc:administrativeData><dcc:coreData><dcc:uniqueIdentifier>K-17</dcc:uniqueIdentifier></dcc:coreData>"
@@ -97,7 +97,8 @@ def test_what_is_no_such_certificate_is_refused(content: str, said: str, tmp_pat
 
 
 def test_a_certificate_takes_the_place_of_what_the_recording_states(tmp_path: Path) -> None:
-    ball = scan.read(recording=ROOT / "data/synthetic/sphere.h5")
+    rng = np.random.default_rng(3)
+    ball = spheres.recording(rng, spheres.cell(rng, *spheres.postures(rng, 9)))
     arcs = calibration.circles(ball)
     stated = arcs.sphere_diameter_mm
     file = tmp_path / "sphere.xml"

@@ -1,7 +1,7 @@
-"""Calibration certificates: one length with its uncertainty out of a DCC (PTB's XML, its values in the D-SI).
+"""Calibration certificates: values with their uncertainty out of a DCC (PTB's XML, its values in the D-SI).
 
-Schemas 2 and 3: `dcc:measurementResults`, in it `dcc:quantity` with `si:real`. What is looked for is told by the
-quantity's `refType` or its names; results only count, not the conditions under which they were made.
+Schemas 2 and 3: `dcc:measurementResults`, in it `dcc:quantity` with `si:real` or `si:realListXMLList`. What is looked
+for is told by the quantity's `refType` or its names; results only count, not the conditions under which they were made.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,12 @@ from workbench.storage import regular_file
 DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 MAX_BYTES = 2**24  # with pictures and a PDF in it, as base 64
 DECLARES = re.compile(rb"<!(DOCTYPE|ENTITY)", re.IGNORECASE)
-PREFIXES = {"": 1e3, r"\kilo": 1e6, r"\centi": 1e1, r"\milli": 1.0, r"\micro": 1e-3, r"\nano": 1e-6}  # mm of a metre
+LENGTHS = {  # in mm
+    rf"{prefix}\metre": value
+    for prefix, value in (("", 1e3), (r"\centi", 1e1), (r"\milli", 1.0), (r"\micro", 1e-3), (r"\nano", 1e-6))
+}
+TEMPERATURES = {r"\kelvin": 1.0, r"\degreecelsius": 1.0, r"\milli\kelvin": 1e-3}  # differences, in K
+RATIOS = {r"\one": 1.0, r"\percent": 1e-2, r"\ppm": 1e-6}
 UNCERTAINTIES = (  # in the D-SI's second and first version: value, coverage factor (none: a standard uncertainty)
     ("measurementUncertaintyUnivariate/expandedMU", "valueExpandedMU", "coverageFactor"),
     ("measurementUncertaintyUnivariate/standardMU", "valueStandardMU", None),
@@ -36,6 +41,16 @@ class Certified:
     identifier: str  # of the certificate
 
 
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors of an instrument at all points of its calibration, in the unit that was asked for."""
+
+    largest: float  # of either sign
+    rms: float
+    u: float  # the largest standard uncertainty
+    identifier: str
+
+
 def certified_length(path: Path, words: tuple[str, ...]) -> Certified:
     """The one length of a certificate that is told by one of the words, in any case.
 
@@ -43,17 +58,45 @@ def certified_length(path: Path, words: tuple[str, ...]) -> Certified:
         InputError: no such file, no DCC, no or several such lengths, one without an uncertainty or a unit of length.
     """
     root = _parsed(path)
+    points = _points(_the_one(root, words, path), LENGTHS, path)
+    value, u = points[0]
+    if len(points) > 1 or not value > 0.0:
+        raise InputError(f"{path}: {words[0]}", f"expected one length above 0, found {len(points)}, {value:g} mm")
+    return Certified(value, u, _identifier(root))
+
+
+def certified_errors(path: Path, words: tuple[str, ...], units: Mapping[str, float]) -> Errors | None:
+    """The errors of an instrument that are told by one of the words; None: its certificate has no such quantity.
+
+    units: what each unit of the D-SI is in the unit that is asked for.
+
+    Raises:
+        InputError: no such file, no DCC, several such quantities, one without an uncertainty or in another unit.
+    """
+    root = _parsed(path)
+    if not any(_is_told(one, words) for one in _results(root)):
+        return None
+    value, u = zip(*_points(_the_one(root, words, path), units, path), strict=True)
+    rms = math.sqrt(sum(one**2 for one in value) / len(value))
+    return Errors(max(value, key=abs), rms, max(u), _identifier(root))
+
+
+def names_of(path: Path) -> str:
+    """The quantities among a certificate's results, in words."""
+    return "; ".join(_names(one) for one in list(_results(_parsed(path)))[:6]) or "none"
+
+
+def _the_one(root: ElementTree.Element, words: tuple[str, ...], path: Path) -> ElementTree.Element:
     found = [one for one in _results(root) if _is_told(one, words)]
     if len(found) != 1:
         shown = "; ".join(_names(one) for one in (found or list(_results(root)))[:6]) or "none"
         expected = f"expected one quantity '{words[0]}' with a real value among the results"
         raise InputError(str(path), f"{expected}, found {len(found)}" + f" (there: {shown})")
-    reals = [_length_mm(real, path) for real in found[0].iter(f"{SI}real")]
-    lengths = [one for one in reals if one is not None]
-    if not lengths:
-        raise InputError(f"{path}: {_names(found[0])}", "expected a value in metres, as \\metre or \\milli\\metre")
-    identifier = root.findtext(f"{DCC}administrativeData/{DCC}coreData/{DCC}uniqueIdentifier", "").strip()
-    return Certified(*lengths[0], identifier)
+    return found[0]
+
+
+def _identifier(root: ElementTree.Element) -> str:
+    return root.findtext(f"{DCC}administrativeData/{DCC}coreData/{DCC}uniqueIdentifier", "").strip()
 
 
 def _parsed(path: Path) -> ElementTree.Element:
@@ -81,7 +124,7 @@ def _results(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
         todo = list(data)[::-1]
         while todo:
             one = todo.pop()
-            if one.tag == f"{DCC}quantity" and one.find(f".//{SI}real") is not None:
+            if one.tag == f"{DCC}quantity" and any(True for _ in _reals(one)):
                 yield one
             elif one.tag == f"{DCC}list":
                 todo += list(one)[::-1]
@@ -97,31 +140,48 @@ def _is_told(quantity: ElementTree.Element, words: tuple[str, ...]) -> bool:
     return any(word in said for word in words)
 
 
-def _length_mm(real: ElementTree.Element, path: Path) -> tuple[float, float] | None:
-    """Value and standard uncertainty; None where the unit is not one of length."""
-    unit = real.findtext(f"{SI}unit", "").strip()
-    prefix, metre, rest = unit.partition(r"\metre")
-    if not metre or rest or prefix not in PREFIXES:
-        return None
-    where = f"{path}: si:real in {unit}"
-    value, u = _number(real, f"{SI}value", where), None
+def _reals(quantity: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
+    """Values of a quantity, one or a list, in each unit that it is told in; and what a list's tags end in."""
+    for many in ("", "XMLList"):
+        for real in quantity.iter(f"{SI}real" + ("List" + many if many else "")):
+            yield real, many
+
+
+def _points(quantity: ElementTree.Element, units: Mapping[str, float], path: Path) -> list[tuple[float, float]]:
+    """Values and standard uncertainties in the first unit that is known."""
+    for real, many in _reals(quantity):
+        told = {unit.strip() for unit in real.findtext(f"{SI}unit{many}", "").split()}
+        if len(told) != 1 or (unit := told.pop()) not in units:
+            continue
+        where = f"{path}: {_names(quantity)} in {unit}"
+        values = _numbers(real, f"value{many}", where)
+        u = _uncertainties(real, many, len(values), where)
+        return [(units[unit] * value, units[unit] * one) for value, one in zip(values, u, strict=True)]
+    raise InputError(f"{path}: {_names(quantity)}", f"expected a value in one of {', '.join(units)}")
+
+
+def _uncertainties(real: ElementTree.Element, many: str, count: int, where: str) -> list[float]:
     for place, name, factor in UNCERTAINTIES:
-        stated = real.find("/".join(f"{SI}{part}" for part in place.split("/")))
-        if stated is not None:
-            u = _number(stated, f"{SI}{name}", where) / (_number(stated, f"{SI}{factor}", where) if factor else 1.0)
-            break
-    if u is None:
-        raise InputError(where, "expected an uncertainty: without one the certificate says nothing to the budget")
-    return PREFIXES[prefix] * value, PREFIXES[prefix] * u
+        stated = real.find("/".join(f"{SI}{part}{many}" for part in place.split("/")))
+        if stated is None:
+            continue
+        u = _numbers(stated, f"{name}{many}", where, positive=True)
+        by = _numbers(stated, f"{factor}{many}", where, positive=True) if factor else [1.0]
+        if len(u) not in (1, count) or len(by) not in (1, count):
+            raise InputError(where, f"expected an uncertainty and a coverage factor for each of {count} values")
+        full = (one if len(one) == count else one * count for one in (u, by))
+        return [a / b for a, b in zip(*full, strict=True)]
+    raise InputError(where, "expected an uncertainty: without one the certificate says nothing to the budget")
 
 
-def _number(element: ElementTree.Element, tag: str, where: str) -> float:
-    """A number above 0."""
-    text = element.findtext(tag, "").strip()
+def _numbers(element: ElementTree.Element, tag: str, where: str, *, positive: bool = False) -> list[float]:
+    """The numbers in an element, one or more."""
+    text = element.findtext(f"{SI}{tag}", "").strip()
     try:
-        number = float(text)
+        numbers = [float(one) for one in text.split()]
     except ValueError:
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise InputError(where, f"expected a number above 0 as {tag.rpartition('}')[2]}, found {text[:40]!r}")
-    return number
+        numbers = []
+    if not numbers or not all(math.isfinite(one) and (one > 0.0 or not positive) for one in numbers):
+        what = "a number above 0" if positive else "a number"
+        raise InputError(where, f"expected {what} as {tag}, found {text[:40]!r}")
+    return numbers

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge
 from workbench.checks import checked_limits
@@ -17,6 +18,7 @@ from workbench.checks.faces import Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.window import end_step_check
+from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
@@ -82,6 +84,9 @@ def segment(
     end_u_mm: EndU = 0.0,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
+    sensor_dcc: InputFile | None = None,
+    thermometer_dcc: InputFile | None = None,
+    temperature_c: Annotated[float, Field(ge=-50, le=200)] | None = None,
     limits: Limits = {},  # noqa: B006  (never changed)
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
@@ -94,6 +99,9 @@ def segment(
         edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
             view does not show of a rounding or a chamfer is in value and u by this prior.
         sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
+        sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u.
+        thermometer_dcc: the certificate of the thermometer, by which the part's temperature enters u of the root face.
+        temperature_c: of the part, of steel, while it was scanned.
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
@@ -121,13 +129,15 @@ def segment(
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
-        declared = Declared(declared_linearity(sensor), usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
+        linearity = certified_linearity(declared_linearity(sensor), sensor_dcc)
+        declared = Declared(linearity, usual_noise_mm(robot_noise_mm), robot_noise_length_mm, end_u_mm)
         edge = milled_edge(cloud, tracked, measured, rounding, declared, checks)
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
-    return replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
+    edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
+    return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:

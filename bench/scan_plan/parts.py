@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from bench.simulators.triangulated import Course, Sensor, Way, Workpiece
 from bench.simulators.triangulated import simulate as triangulate
 from workbench.artefacts import PlannedScan, Recording
 from workbench.scan_plan import ScanPlan
+from workbench.scan_plan.rehearsal import decay_columns
 from workbench.scan_plan.search import Wanted
 from workbench.scan_plan.way import aim_mm
 from workbench.synthetic import Recipe, parse_recipe
@@ -21,6 +23,8 @@ from workbench.units import DEG, Float
 
 LENGTH_MM, STANDOFF_MM, ROBOT_MM = 100.0, 150.0, 0.01
 LINEARITY_MM, LINEARITY_LENGTH_MM = 0.001, 10.0
+SPECKLE_COLUMNS = 1.0  # standard deviation of the Gaussian that makes 0.8 of the triangulated noise from white noise
+NOISE_COLUMNS = 0.64 * 2.0 * math.sqrt(math.pi) * SPECKLE_COLUMNS + 0.36  # the sum of its correlations
 
 
 class Drawn(NamedTuple):
@@ -75,7 +79,7 @@ def draw(seed: int) -> Drawn:
         "measuring_range_mm": [STANDOFF_MM - 35.0, STANDOFF_MM + 35.0],
         "width_mm": [width, width],
         "noise_mm": noise,
-        "noise_columns": 1,
+        "noise_columns": NOISE_COLUMNS,
         "linearity_mm": LINEARITY_MM,
         "linearity_length_mm": LINEARITY_LENGTH_MM,
         "camera_side": "y",
@@ -111,7 +115,9 @@ def analytic(drawn: Drawn, made: ScanPlan, way: PlannedScan) -> tuple[Recording,
             "near_mm": made.profiler.range_mm[0],
             "far_mm": made.profiler.range_mm[1],
             "baseline_mm": way.camera_mm,
-            "noise": drawn.recipe.scanner.noise.model_copy(update={"sd_mm": made.profiler.noise_mm}),
+            "noise": drawn.recipe.scanner.noise.model_copy(
+                update={"sd_mm": made.profiler.noise_mm, "correlation_columns": decay_columns(NOISE_COLUMNS)}
+            ),
         }
     )
     part = Milled(drawn.recipe.model_copy(update={"scanner": scanner}))
@@ -141,7 +147,7 @@ def triangulated(drawn: Drawn, made: ScanPlan, seed: int) -> tuple[Recording, An
         width_mm=profiler.width_mm[0],
         stand_off_mm=STANDOFF_MM,
         noise_mm=profiler.noise_mm,
-        speckle_columns=1.0,
+        speckle_columns=SPECKLE_COLUMNS,
         linearity_mm=LINEARITY_MM,
         linearity_length_mm=LINEARITY_LENGTH_MM,
         threshold=0.08,

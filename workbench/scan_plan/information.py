@@ -343,7 +343,9 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     each = [_end_u_mm(one) for one in passes]
     end = _parallel([u / math.sqrt(max(w, 1e-12)) for u, w in zip(each, share, strict=True)])
     rounding = float((share * count * hidden).sum() / (share * count).sum())
-    tangent = math.hypot(math.sqrt(2.0) * known.robot_noise_mm / length_mm, known.hand_eye_turn)
+    course = math.sqrt(12.0 / (count.sum() * min(length_mm, DIRECTION_MM) ** 3))  # of frames that err each for itself
+    by_robot = known.robot_noise_mm * math.hypot(math.sqrt(2.0) / length_mm, course)
+    tangent = math.hypot(by_robot, known.hand_eye_turn)
     by_root = np.array([one.per_mm / one.root**2 for one in passes])
     by_bevel = np.array([one.per_mm / one.bevel**2 for one in passes])
     run_r, run_b = (

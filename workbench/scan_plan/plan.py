@@ -55,7 +55,7 @@ from workbench.scan_plan.information import (
 )
 from workbench.scan_plan.reach import Examiner, ScanCell, scan_cell
 from workbench.scan_plan.rehearsal import rehearsed, straight
-from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Wanted
+from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Times, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -64,6 +64,7 @@ ELEVATION_STEP = 10.0 * DEG  # at most, between candidates
 LEADS_DEG = (0.0, -15.0, 15.0)
 PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest speed
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
+AGAIN = 2  # further choices, where a rehearsal says that the one before does not reach what is wanted
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
 PASS_S = 15.0  # from home to a pass, and back
@@ -382,17 +383,21 @@ def _rehearsed_plan(
 ) -> ScanPlan:
     """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
     search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
-    made = _made(task, place, unchecked, table, looked, search, chosen)
+    made = last = _made(task, place, unchecked, table, looked, search, chosen)
+    _learn(last, search, chosen)
+    tried = {chosen}
     # A rough face's directions are no matter of views, and its rehearsals take long.
-    if not made.reached[search.visible].all() and made.refused is None and not task.known.roughness_mm:
-        search.times = _times(made, search, chosen)
-        if (again := search.best(task.passes)[0]) != chosen:
-            other = _made(task, place, unchecked, table, looked, search, again)
-            if _shortfall(other) < _shortfall(made):
-                made, chosen = other, again
+    for _ in range(0 if task.known.roughness_mm else AGAIN):
+        again = search.best(task.passes)[0]
+        if made.reached[search.visible].all() or again in tried:
+            break
+        tried.add(again)
+        last = _made(task, place, unchecked, table, looked, search, again)
+        _learn(last, search, again)
+        if _shortfall(last) < _shortfall(made):
+            made, chosen = last, again
     if made.reached.all():
         return made
-    search.times = _times(made, search, chosen)
     would_help = () if made.refused else tuple(_help(task, looked, search, chosen))
     return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
 
@@ -403,12 +408,17 @@ def _shortfall(made: ScanPlan) -> tuple[int, float]:
     return int((~made.reached).sum()), float(np.nanmax(over, initial=0.0))
 
 
-def _times(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> tuple[float, float]:
-    """What the rehearsal of these passes said over what the search thinks of them."""
+def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
+    """Keep what the rehearsal of these passes said over what the search thinks of them."""
     if made.refused is not None:
-        return search.times
-    told = search.predicted(chosen)
-    return float(np.nanmedian(made.root.u) / told.root.u), float(np.nanmedian(made.bevel.u) / told.bevel.u)
+        return
+    groups, which = search.patterns(chosen)
+    for number, group in enumerate(groups):
+        here = (which == number) & np.isfinite(made.bevel.u)
+        if group and here.any():
+            told = search.predicted(group)
+            root, bevel = (np.median(one.u[here]) / of.u for one, of in zip((made.root, made.bevel), told, strict=True))
+            search.times[search.kind(group)] = float(root), float(bevel)
 
 
 def _told(task: Task, view: View, told: dict[View, PassInformation]) -> PassInformation:
@@ -639,7 +649,7 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
             after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen, search.times)
             if after is not None and after < 0.9 * now.excess:
                 yield _better(what, now.excess, after)
-        if known.roughness_mm and (smooth := _excess(task, looked, chosen, (1.0, 1.0))) is not None:
+        if known.roughness_mm and (smooth := _excess(task, looked, chosen, {})) is not None:
             yield _better(f"a smooth root face, not {known.roughness_mm:.2g} mm rough", now.excess, smooth)
     view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, task.pitches_mm[0])
     below = any(abs(one.elevation - view.elevation) < 10.0 * DEG for one in looked.refused)
@@ -650,7 +660,7 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
         )
 
 
-def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: tuple[float, float]) -> float | None:
+def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: Times) -> float | None:
     """The largest U over what is wanted, with other knowledge; None: the views do not serve."""
     swapped = []
     for k in chosen:

@@ -9,6 +9,7 @@ windows, priors and ways to put passes together. What a broken edge hides it doe
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Rob
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float, Shaped
 
-ROUGH_DRAWS = 2  # of a rough face: how its waves lie decides how much of them the engine takes for the face's own
+DRAWS, ROUGH_DRAWS = 3, 2  # of noise; of a rough face's waves: how they lie decides what is taken for the face's own
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
@@ -43,7 +44,7 @@ def rehearsed(
     sees: Shaped[Bool, "p s"],
     stations: Shaped[Float, " s"],
 ) -> tuple[Quantity, Quantity] | str:
-    """Root face and bevel angle at the stations as the engine tells them; or why it refuses such a recording.
+    """Root face and bevel angle at the stations as the engine tells them; or why it refuses such recordings.
 
     way: the passes along `straight`; sees: which of them sees which station.
     """
@@ -59,14 +60,14 @@ def rehearsed(
         ),
         scanner=Scanner(
             max_incidence_deg=MOST_SEEN_DEG,
-            noise=Noise(correlation_columns=profiler.noise_columns if profiler.noise_columns > 1.0 else 0.0),
+            noise=Noise(correlation_columns=decay_columns(profiler.noise_columns)),
         ),
         robot=Robot(frame_rate_hz=RATE_HZ, pose_rate_hz=RATE_HZ, pose_noise_mm=known.robot_noise_mm),
         passes=(Pass(from_mm=0.0, to_mm=length),),
     )
     turn = np.diag([0.0, 0.0, 0.0, *3 * [known.hand_eye_turn**2]])
-    found = []
-    for seed in range(ROUGH_DRAWS if known.roughness_mm else 1):
+    found, why = [], ""
+    for seed in range(ROUGH_DRAWS if known.roughness_mm else DRAWS):
         recording = twin.scan(Workpiece(recipe.model_copy(update={"seed": seed})), way)
         try:
             points = cloud.denoise(scan.fuse(_masked(recording, way, sees, stations)))
@@ -80,22 +81,30 @@ def rehearsed(
                 )
             )
         except WorkbenchError as refused:
-            return str(refused)
+            why = str(refused)
+    if len(found) < ROUGH_DRAWS:
+        return why
     root, bevel = (
-        _mean([_along(one, getattr(one, name), stations) for one in found], sees) for name in ("root", "bevel")
+        _mean([_along(one, getattr(one, name), stations) for one in found], sees, known.roughness_mm > 0.0)
+        for name in ("root", "bevel")
     )
     return root, bevel
 
 
-def _mean(draws: list[Quantity], sees: Shaped[Bool, "p s"]) -> Quantity:
+def decay_columns(noise_columns: float) -> float:
+    """Over which an exponential correlation falls to 1/e whose sum over all columns is `noise_columns`."""
+    return 1.0 / math.log((noise_columns + 1.0) / (noise_columns - 1.0)) if noise_columns > 1.0 else 0.0
+
+
+def _mean(draws: list[Quantity], sees: Shaped[Bool, "p s"], rough: bool) -> Quantity:
     """The first of them, with the root mean squares of all their uncertainties.
 
-    Where one draw of a rough face is odd says nothing of where the part's is: of several draws the medians along all
-    stations that the same passes see.
+    Where one draw of a rough face is odd says nothing of where the part's is: the medians along all stations that the
+    same passes see.
     """
     squares = [{name: np.square(u) for name, u in one.u_by_source.items()} for one in draws]
     terms = {name: np.sqrt(np.mean([one[name] for one in squares], axis=0)) for name in squares[0]}
-    if len(draws) > 1:
+    if rough:
         patterns = np.unique(sees, axis=1, return_inverse=True)[1].ravel()
         for which in (patterns == k for k in np.unique(patterns)):
             for u in terms.values():

@@ -20,6 +20,8 @@ COVERAGE = 2.0  # k of the expanded uncertainties
 RESERVE = 1.25  # what is achieved may be that much more than what was predicted (docs/scan_planning.md)
 MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
 
+Times = dict[tuple[int, bool], tuple[float, float]]
+
 
 class Wanted(NamedTuple):
     """Expanded uncertainties, k = 2."""
@@ -57,7 +59,8 @@ class Search:
     wanted: Wanted
     candidates: Sequence[Candidate]
     told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
-    times: tuple[float, float] = (1.0, 1.0)  # what a rehearsal said of root face and bevel over what these terms say
+    # What a rehearsal said of root face and bevel over these terms, of passes of the same kind together.
+    times: Times = field(default_factory=dict)
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
@@ -71,7 +74,12 @@ class Search:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = float(told.root.u) / self.wanted.root_mm, float(told.bevel.u) / self.wanted.bevel_deg
-        return RESERVE * COVERAGE * max(self.times[0] * root, self.times[1] * bevel)
+        of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
+        return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
+
+    def kind(self, passes: tuple[int, ...]) -> tuple[int, bool]:
+        """How many passes they are, and whether one of them leads: the robot's errors then count along the edge."""
+        return len(passes), any(self.candidates[k].view.lead for k in passes)
 
     def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
         """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""

@@ -53,15 +53,6 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
     assert (stages[0]["recording"], stages[1]["angle_deg"], stages[1]["steps"]) == (str(tmp_path / "a=b.txt"), 7, 3)
 
 
-def test_command_line_and_python_give_the_same_bytes(command: Any, pipeline: Path, tmp_path: Path) -> None:
-    from workbench import Pipeline
-
-    command("run", pipeline, "--out", tmp_path / "a", "--input", "angle_deg=7")
-    Pipeline.load(pipeline).run(tmp_path / "b", inputs={"angle_deg": 7})
-    for name in ("inspection.json", "report.html"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

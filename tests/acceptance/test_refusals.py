@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -94,139 +93,9 @@ def test_a_scanner_at_rest_is_refused_in_words(run: Run, setting: Setting, folde
     refused(run(write(folder / "rest.h5", record(Part(), [rest], setting))), "rest.h5")
 
 
-def _set(path: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
-    def edit(file: Path) -> None:
-        with h5py.File(file, "r+") as handle:
-            value = change(handle[path][()])
-            del handle[path]
-            handle[path] = value
-
-    return edit
-
-
-def _attribute(name: str, value: object) -> Callable[[Path], None]:
-    def edit(file: Path) -> None:
-        with h5py.File(file, "r+") as handle:
-            handle.attrs[name] = value
-
-    return edit
-
-
-def _at(index: object, value: float) -> Callable[[np.ndarray], np.ndarray]:
-    def change(array: np.ndarray) -> np.ndarray:
-        out = array.copy()
-        out[index] = value
-        return out
-
-    return change
-
-
-BROKEN: dict[str, tuple[Callable[[Path], None], str]] = {
-    "unit": (_attribute("length_unit", "inch"), "length_unit"),
-    "version": (_attribute("version", 2), "version"),
-    "format": (_attribute("format", "point-cloud"), "format"),
-    "truncated": (lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]), "broken.h5"),
-    "text": (lambda p: p.write_text("x z\n1 2\n"), "broken.h5"),
-    "empty": (lambda p: p.write_bytes(b""), "broken.h5"),
-    "times fall": (_set("/profiles/time", lambda t: t[::-1].copy()), "/profiles/time"),
-    "frames outside poses": (_set("/profiles/time", lambda t: t + 0.01), "/profiles/time"),
-    "infinite range": (_set("/profiles/z", _at((3, 100), np.inf)), "/profiles/z"),
-    "lost pose": (_set("/robot/position", _at((0, 1), np.nan)), "/robot/position"),
-    "long quaternion": (_set("/robot/quaternion_wxyz", lambda q: 1.01 * q), "/robot/quaternion_wxyz"),
-    "mirrored hand-eye": (_set("/hand_eye/flange_from_profiler", lambda h: h * [-1, 1, 1, 1]), "/hand_eye"),
-    "shapes": (_set("/profiles/z", lambda z: z[:, :-1]), "/profiles/z"),
-    "all NaN": (_set("/profiles/x", lambda x: x * np.nan), "/profiles"),
-    "unknown pass": (_set("/profiles/pass", lambda p: p + 1), "/profiles/pass"),
-}
-
-
-@pytest.mark.parametrize("kind", BROKEN)
-def test_a_broken_recording_is_refused_at_its_place(kind: str, run: Run, setting: Setting, folder: Path) -> None:
-    path = write(folder / "broken.h5", record(Part(), [SHORT], setting))
-    damage, place = BROKEN[kind]
-    damage(path)
-    refused(run(path), "broken.h5", place)
-
-
 def test_a_sphere_recording_is_refused(run: Run, setting: Setting, folder: Path) -> None:
     ball = _of_x(lambda x, r: 112 - np.sqrt(np.where(np.abs(x) < 6, 161.3 - x**2, np.nan)) + r.normal(0, 0.01, x.shape))
     path = write(folder / "sphere.h5", ball(record(Part(), [SHORT], setting)))
     with h5py.File(path, "r+") as file:
         file.create_group("sphere").attrs["diameter_mm"] = 12.7
     refused(run(path), "sphere.h5")
-
-
-ARGUMENTS = {
-    "input typo": (["--input", "root_nominl_mm=1.5"], "root_nominal_mm"),
-    "input type": (["--input", "sections=nine"], "sections"),
-    "input range": (["--input", "root_nominal_mm=-1"], "root_nominal_mm"),
-    "limits in the wrong order": (["--input", "bevel_tolerance_deg=[1, -1]"], "bevel_tolerance_deg"),
-    "limits on one side": (["--input", "root_tolerance_mm=[0.1, 0.5]"], "root_tolerance_mm"),
-    "NaN": (["--input", "bevel_nominal_deg=NaN"], "bevel_nominal_deg"),
-    "set typo": (["--set", "inspect.sections.section=3"], "sections"),
-    "stage typo": (["--set", "inspect.sectons.sections=3"], "inspect.sections"),
-    "no equals sign": (["--input", "sections"], "sections"),
-    "no such option": (["--inputs", "sections=3"], "--input"),
-    "no such file": (["--input", "recording=nowhere.h5"], "nowhere.h5"),
-    "a directory": (["--input", "recording=."], "."),
-}
-
-
-@pytest.mark.parametrize("kind", ARGUMENTS)
-def test_arguments_are_refused_with_the_right_name(kind: str, run: Run, easy: Path) -> None:
-    extra, word = ARGUMENTS[kind]
-    refused(run(easy, *extra), word)
-
-
-DOCUMENTS: dict[str, tuple[Callable[[dict], object], str]] = {
-    "stage": (lambda d: d["stages"][2].update(stage="cloud.denoize"), "cloud.denoise"),
-    "key": (lambda d: d["stages"][4].update(secions=3), "sections"),
-    "input": (lambda d: d["stages"][4].update(sections="${section}"), "sections"),
-    "version": (lambda d: d.update(version=2), "version"),
-    "order": (lambda d: d["stages"].reverse(), "stages"),
-    "missing source": (lambda d: d["stages"].pop(1), "stages"),
-    "no stages": (lambda d: d.update(stages=[]), "stages"),
-    "foreign key": (lambda d: d.update(stage=1), "stages"),
-}
-
-
-@pytest.mark.parametrize("kind", DOCUMENTS)
-def test_documents_are_refused_before_anything_runs(
-    kind: str, command: Run, quick: Path, easy: Path, tmp_path: Path
-) -> None:
-    document = json.loads(quick.read_text())
-    document["inputs"]["recording"] = str(easy)
-    change, word = DOCUMENTS[kind]
-    change(document)
-    (tmp_path / "bad.json").write_text(json.dumps(document))
-    ended = command("run", tmp_path / "bad.json")
-    line = refused(ended, "bad.json", word)
-    assert "[1/" not in ended.err
-    validated = command("validate", tmp_path / "bad.json")
-    assert validated.status == 2
-    assert validated.err.strip() == line
-
-
-def test_bad_json_names_line_and_column(command: Run, tmp_path: Path) -> None:
-    (tmp_path / "bad.json").write_text('{"version": 1,\n "stages": [}\n')
-    line = refused(command("run", tmp_path / "bad.json"), "bad.json")
-    assert "line 2" in line or ":2:" in line
-
-
-def test_an_output_that_cannot_be(command: Run, quick: Path, easy: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("somebody's file")
-    ended = command("run", quick, "--input", f"recording={easy}")
-    assert ended.status == 2
-    assert ended.err.startswith("error: ")
-    assert len(ended.err.splitlines()) == 1
-    assert (tmp_path / "out").read_text() == "somebody's file"
-
-
-def test_a_refused_run_leaves_no_older_result_that_looks_new(run: Run, easy: Path, tmp_path: Path) -> None:
-    assert run(easy).status == 0
-    (tmp_path / "out" / "notes.txt").write_text("mine")
-    (tmp_path / "bad.h5").write_bytes(b"\x89HDF")
-    assert run(tmp_path / "bad.h5").status == 2
-    left = {one.name for one in (tmp_path / "out").iterdir()}
-    assert "notes.txt" in left
-    assert not left & {"inspection.json", "run.json", "report.html"}

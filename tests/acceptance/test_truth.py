@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from .conftest import PART, SCAN, Ended
 from .hdf import write
 from .judge import errors
-from .stranger import Part, Scan, Setting, any_setting, pose, record, with_all
+from .stranger import Part, Scan, Setting, any_setting, record, with_all
 
 Run = Callable[..., Ended]
 BACK = {"start_mm": 124.0, "stop_mm": -4.0}
@@ -157,14 +156,3 @@ def test_a_sensor_s_habits_do_not_matter(change: dict, run: Run, folder: Path, s
         sizes.append((found.root_mm, found.bevel_deg))
     assert np.max(np.abs(sizes[0][0] - sizes[1][0])) < 0.04  # the columns meet the lower edge elsewhere
     assert np.max(np.abs(sizes[0][1] - sizes[1][1])) < 0.2
-
-
-def test_a_rigid_motion_moves_places_and_leaves_sizes(run: Run, easy: Path, folder: Path, setting: Setting) -> None:
-    move = pose(Rotation.from_rotvec([1.2, -0.3, 2.1]).as_matrix(), np.array([700.0, -1500.0, 40.0]))
-    moved = replace(setting, base_from_part=move @ setting.base_from_part)
-    before, after = run(easy).read(), run(write(folder / "moved.h5", record(PART, [SCAN], moved, 1))).read()
-    for one, other in zip(before["sections"], after["sections"], strict=True):
-        for key in ("arc_length_mm", "root_mm", "bevel_deg", "root_u_mm", "bevel_u_deg"):
-            assert other[key] == pytest.approx(one[key], abs=1e-5)
-        assert other["origin_mm"] == pytest.approx(move[:3, :3] @ one["origin_mm"] + move[:3, 3], abs=1e-5)
-        assert other["tangent"] == pytest.approx(move[:3, :3] @ one["tangent"], abs=1e-6)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import random
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
+from bench.fuzz.mutate import mutated
 from tests.importing import makers
 from tests.importing.conftest import MAPPING, poses_part, profiles_part, write_poses, write_profiles
 from tests.importing.test_times import some_frames
@@ -22,21 +23,6 @@ from workbench.scan.read import read
 AXIS = {"linear_axis": {"direction": [0, 1, 0], "speed_mm_s": 50}}
 PITCH = {"times": {"source": "pose_each", "pitch_mm": makers.STEP_MM}}
 RAW = {"files": "a*", "columns": makers.COLUMNS, "x_start": -500_000, "x_pitch": 25_000, "z_unit": 80}
-STRANGE = [
-    b"NaN",
-    b"inf",
-    b"-1e308",
-    b"1e400",
-    b"",
-    b" ",
-    b"\0",
-    b"\xff",
-    b"9" * 400,
-    b'"',
-    b"-2147483648",
-    b"0",
-    b"1_0",
-]
 Cell = tuple[Callable[..., Path], dict[str, Any]]
 KINDS: dict[str, Cell] = {
     "scancontrol": (makers.write_scancontrol, AXIS),
@@ -45,30 +31,6 @@ KINDS: dict[str, Cell] = {
     "keyence text": (makers.write_keyence_text, {**AXIS, **PITCH}),
     "keyence raw": (makers.write_keyence_raw, {**AXIS, **PITCH, "keyence_raw": RAW}),
 }
-
-
-def mutated(content: bytes, rng: np.random.Generator) -> bytes:
-    """Bytes flipped, cut short, a stretch doubled or lost, lines swapped, or a cell replaced by something strange."""
-    where, to = sorted(rng.integers(0, len(content) + 1, 2))
-    match rng.integers(6):
-        case 0:
-            damaged = np.frombuffer(content, np.uint8).copy()
-            damaged[rng.integers(0, len(damaged), rng.integers(1, 5))] = rng.integers(0, 256)
-            return damaged.tobytes()
-        case 1:
-            return content[:where]
-        case 2:
-            return content[:to] + content[where:]
-        case 3:
-            return content[:where] + content[to:]
-        case 4:
-            lines = content.splitlines(keepends=True)
-            a, b = rng.integers(0, len(lines), 2)
-            lines[a], lines[b] = lines[b], lines[a]
-            return b"".join(lines)
-        case _:
-            end = next((i for i in range(where, len(content)) if content[i : i + 1] in b",;\t\n"), len(content))
-            return content[:where] + STRANGE[rng.integers(len(STRANGE))] + content[end:]
 
 
 def outcome(sources: list[Path], damaged: Path, mapping: Path, out: Path) -> bool:
@@ -91,13 +53,13 @@ def outcome(sources: list[Path], damaged: Path, mapping: Path, out: Path) -> boo
 
 def tried(folder: Path, clean: list[Path], which: int, mapping: dict[str, Any], count: int, seed: int) -> int:
     """How many of `count` mutations of one of the sources still gave a recording."""
-    rng, content = np.random.default_rng(seed), clean[which].read_bytes()
+    rng, content = random.Random(seed), clean[which].read_bytes()
     made = folder / "map.json"
     made.write_text(json.dumps({**MAPPING, **mapping}))
     assert outcome(clean, clean[which], made, folder / "out.h5"), "the undamaged file is good"
     good = 0
     for _ in range(count):
-        clean[which].write_bytes(mutated(content, rng))
+        clean[which].write_bytes(mutated(content, clean[which].suffix, rng))
         good += outcome(clean, clean[which], made, folder / "out.h5")
     return good
 

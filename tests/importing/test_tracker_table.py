@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.importing.test_mutated import mutated
+from bench.fuzz.mutate import mutated
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_vector
@@ -201,11 +202,11 @@ def test_damaged_files_are_joined_or_refused(which: int, tmp_path: Path) -> None
         "number": "posture",
     }
     mapping.write_text(json.dumps({"format": "import-mapping", "version": 1, "joints": part}))
-    rng, content = np.random.default_rng(which), damaged.read_bytes()
+    rng, content = random.Random(which), damaged.read_bytes()
     import_files(sources, out, mapping)
     assert len(out.read_text().splitlines()) == COUNT + 1
     for _ in range(MUTATIONS):
-        damaged.write_bytes(mutated(content, rng))
+        damaged.write_bytes(mutated(content, damaged.suffix, rng))
         out.unlink(missing_ok=True)
         lines = [refusal(import_files, sources, out, mapping), refusal(drafted_mapping, sources)]
         assert all(line.isprintable() for line in lines)

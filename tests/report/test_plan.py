@@ -155,15 +155,6 @@ def test_names_out_of_files_are_text(planned, quick, hostile, elements):
     assert elements(page).text.count('<script>alert("x")</script>') >= 4
 
 
-def test_the_same_input_gives_the_same_chapter_and_is_not_changed(planned, quick):
-    p = planned()
-    before = [p.cloud.x_mm.copy(), p.edge.position_mm.copy(), p.toolpath.layers[0].position_mm.copy()]
-    assert plan(p.cloud, p.edge, p.toolpath).html == plan(p.cloud, p.edge, p.toolpath).html
-    after = [p.cloud.x_mm, p.edge.position_mm, p.toolpath.layers[0].position_mm]
-    for one, other in zip(before, after, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
 def test_an_empty_path_is_refused(planned):
     p = planned()
     with pytest.raises(InputError, match="at least one layer"):

@@ -10,7 +10,6 @@ from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
 from bench.speed.calibration import file_to_answer, with_signs
-from bench.speed.rows import calibrated
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.methods import Centres
 from workbench.plugins.calibration.model import Noise, linearise
@@ -34,12 +33,3 @@ def test_both_sides_find_the_pose():
 
 def test_a_file_is_answered():
     assert 0 < file_to_answer() < 30
-
-
-def test_rows_say_what_was_measured():
-    seconds = {"ours": 0.004, "with_signs": 0.001, "GA": 0.1, "DE": 0.8}
-    vol = {"ours": 0.1, "with_signs": 0.1, "GA": 0.2, "DE": 0.3}
-    rows = list(calibrated({"seconds": seconds, "vol_mm": vol, "file_s": 0.2, "sets": 10}))
-    assert [row.met for row in rows] == [True, True, False, False, True, False]
-    assert [round(row.factor) for row in rows[2:]] == [200, 25, 800, 100]
-    assert "error 0.300 mm" in rows[2].what

@@ -6,38 +6,13 @@ import numpy as np
 import pytest
 
 from bench import collision
-from workbench.robot import CollisionModel, CollisionScreen, forward_kinematics
+from workbench.robot import CollisionScreen
 from workbench.robot.bounds import FREE
 
 
 @pytest.fixture(scope="module")
 def screens() -> dict[str, CollisionScreen]:
     return {name: CollisionScreen(cell) for name, cell in collision.cells().items()}
-
-
-def test_postures_near_the_workpiece_are_there_and_within_limits(screens: Any) -> None:
-    cell = screens["plate"].cell
-    joints, table = collision.near_the_workpiece(cell, np.random.default_rng(5), 200)
-    assert len(joints) == len(table) == 200
-    assert ((cell.chain.limits[:, 0] <= joints) & (joints <= cell.chain.limits[:, 1])).all()
-    cutter = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
-    assert (np.abs(cutter[:, :3, 3] - [2000, 0, 675]) <= np.array([500, 500, 175]) + 1e-6).all()
-    assert (cutter[:, 2, 2] < 0.2 + 1e-9).all()
-
-
-def test_the_plate_is_in_the_way_of_the_tool(screens: Any) -> None:
-    cell = screens["plate"].cell
-    joints, table = collision.near_the_workpiece(cell, np.random.default_rng(6), 200)
-    model = CollisionModel(cell)
-    met = {
-        body
-        for q, angle in zip(joints, table, strict=True)
-        for gap in model.gaps(q, angle)[:1]
-        if gap.distance_mm == 0
-        for body in gap.pair
-    }
-    assert "plate" in met
-    assert "tool" in met
 
 
 def test_counts_add_up_and_nothing_free_collides(screens: Any, monkeypatch: Any) -> None:

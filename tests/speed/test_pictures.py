@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.speed import pictures, rows
+from bench.speed import pictures
 from workbench.geometry.splat import draw_cloud
 
 ROOT = Path(__file__).parents[2]
@@ -39,12 +38,3 @@ def test_both_sides_draw_the_same_part() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, RECORDING], cwd=ROOT, check=True, capture_output=True, text=True)
     assert float(done.stdout.split()[-1]) > 0.9
-
-
-def test_the_row_says_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = {"points": 9_500_000, "ours_s": 0.5, "vtk_s": 12.0}
-    done = subprocess.CompletedProcess([], 0, stdout=json.dumps(found))
-    monkeypatch.setattr(subprocess, "run", lambda *args, **more: done)
-    (row,) = rows.picture(RECORDING)
-    assert (row.ours, row.other, row.met) == ("500 ms", "12 s", True)
-    assert "9.5 M points" in row.what

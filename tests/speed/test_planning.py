@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from bench.speed.distances import (
-    RADIUS_MM,
     THICKNESS_MM,
     layer_problems,
     long_raw_edge,
@@ -16,7 +13,6 @@ from bench.speed.distances import (
     section_frames,
     tree_distances,
 )
-from bench.speed.rows import planned
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE
 from workbench.geometry import grids
 from workbench.path import layers
@@ -43,14 +39,6 @@ def test_the_cloud_lies_on_the_plate(short):
     assert cloud.keep.sum() > 100_000
 
 
-def test_the_edge_is_an_arc_and_right_handed(short):
-    edge, _ = short
-    assert np.linalg.det(np.stack([edge.across, edge.normal, edge.tangent], axis=2)) == pytest.approx(1)
-    turn = math.acos(float(edge.tangent[0] @ edge.tangent[-1]))
-    assert turn == pytest.approx(20.0 / RADIUS_MM, rel=1e-3)
-    assert np.diff(edge.position_mm, axis=0) @ edge.tangent[10] == pytest.approx(1.0, abs=1e-3)
-
-
 def test_the_peers_agree_with_each_other():
     rng = np.random.default_rng(0)
     samples, points = rng.normal(size=(5, 4, 3)), rng.normal(size=(300, 3))
@@ -70,13 +58,3 @@ def test_ours_are_the_distances_of_the_peers(short):
         ours, peers = stock_distances(remaining, toolpath, layer, done), tree_distances(*problem)
         assert ours == pytest.approx(peers, abs=0.03)
         assert 3.4 < ours[layer.cutting].min() < 5.0 + 0.1
-
-
-def test_rows_extrapolate_the_peers_and_compare_with_the_goals():
-    stages_s = {"path.layers": 0.2, "path.feed": 1.5, "all": 1.9, "path.check": 0.4}
-    found = {"stages_s": stages_s, "distances_s": {"ours": 1.0, "open3d": 0.4, "tree": 1.2}}
-    whole, checked, open3d, tree = planned(found | {"points": 50_000, "peer_points": 1_000, "layers": 10})
-    assert (whole.met, whole.factor, checked.met) == (True, 1.9, None)
-    assert (open3d.factor, open3d.met) == (pytest.approx(20), False)
-    assert (tree.factor, tree.met, tree.other) == (pytest.approx(60), True, "60 s")
-    assert "path.feed 1.5 s" in whole.what

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from bench.peers.clik import OneByOne
-from bench.speed.postures import CELL, K, cluttered
-from bench.speed.postures_rows import traversed
+from bench.speed.postures import CELL, K
 from workbench.plugins.stiffness.arm import displacements, fast_arm
-from workbench.robot import CollisionModel, forward_kinematics, read_cell
+from workbench.robot import forward_kinematics, read_cell
 
 
 def test_both_sides_give_the_same() -> None:
@@ -28,43 +27,6 @@ def test_both_sides_give_the_same() -> None:
         away = forward_kinematics(cell.chain, solved) - poses[i]  # CLIK may end in another branch
         assert np.abs(away[:3, 3]).max() < 0.2
         assert np.abs(away[:3, :3]).max() < 2e-4
-
-
-def test_clutter_is_clutter() -> None:
-    cell = read_cell(CELL)
-    assert len(CollisionModel(cluttered(cell)).pairs) > len(CollisionModel(cell).pairs) + 200
-
-
-def test_rows_compare_with_their_goals() -> None:
-    found = {
-        "points": 60,
-        "branches": 4,
-        "traversal_s": 0.31104,
-        "open_s": 0.3,
-        "open_cells": 64,
-        "cluttered_s": 11.0,
-        "cluttered_cells": 960,
-        "bound_s": 1e-6,
-        "certified": 0.7,
-        "screen_s": 1e-5,
-        "colliding": 0.2,
-        "clik_s": 1.6e-3,
-        "closed_s": 1.5e-4,
-        "eaik_s": 4e-5,
-        "eaik_branches": 8.0,
-        "converged": 1.0,
-        "law_s": 6.0,
-        "law_points": 1016,
-        "law_gap": 0.0,
-        "law_gain": 0.004,
-    }
-    rows = list(traversed(found))
-    assert [row.met for row in rows] == [True, True, None, True, True, True, False, True, None, None]
-    assert np.isclose(rows[1].factor, 100)
-    assert np.isclose(rows[2].factor, 15_000)
-    assert np.isclose(rows[3].factor, 500)
-    without = {name: value for name, value in found.items() if not name.startswith("eaik")}
-    assert len(list(traversed(without))) == len(rows) - 1
 
 
 def test_eaik_finds_the_branches_of_the_pose() -> None:

@@ -11,18 +11,9 @@ import numpy as np
 import pytest
 
 from bench.speed import recordings
-from bench.speed.rows import extrapolated
 from bench.speed.table import cells, document, line
-from bench.speed.timing import Row, in_turn, seconds
+from bench.speed.timing import Row
 from workbench.scan import read
-
-
-def test_goals_from_below_and_above() -> None:
-    assert Row("a", "", "", 0.81, "{}", goal=0.8).met
-    assert not Row("a", "", "", 0.79, "{}", goal=0.8).met
-    assert Row("a", "", "", 1.9, "{}", goal=2, at_most=True).met
-    assert not Row("a", "", "", 2.1, "{}", goal=2, at_most=True).met
-    assert Row("a", "", "", 1.0, "{}").met is None
 
 
 def test_a_line_and_the_page(tmp_path: Path) -> None:
@@ -38,28 +29,6 @@ def test_a_line_and_the_page(tmp_path: Path) -> None:
     assert "| fuse; copy | 0.50 of its speed | at least 0.8 |" in after
     assert "something else" not in text
     assert "something else,1 s" in (tmp_path / "tables" / "page_all_rows.csv").read_text()
-
-
-def test_sides_run_in_turn_and_the_first_round_does_not_count() -> None:
-    calls: list[str] = []
-    assert len(in_turn(lambda: calls.append("a"), lambda: calls.append("b"), repeats=2)) == 2
-    assert calls == ["a", "b"] * 3
-
-
-def test_another_clock_is_the_clock() -> None:
-    ticks = iter(range(100))
-    assert in_turn(lambda: next(ticks), repeats=3, clock=lambda: float(next(ticks))) == (2.0,)
-
-
-@pytest.mark.parametrize(
-    ("value_s", "text"), [(0.00123, "1.23 ms"), (0.5, "500 ms"), (12.34, "12.3 s"), (1234, "1234 s")]
-)
-def test_times_with_their_unit(value_s: float, text: str) -> None:
-    assert seconds(value_s) == text
-
-
-def test_extrapolation_follows_the_two_largest_sizes() -> None:
-    assert extrapolated({1: 100.0, 2: 6.0, 10: 70.0}, 50) == pytest.approx(70 + 8 * 40)
 
 
 def test_recordings_are_read_in_both_storages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

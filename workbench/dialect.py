@@ -44,7 +44,8 @@ PROBED = (
 )
 SPELT = str.maketrans(  # what has a meaning to some controller, or no sign in ASCII
     {";": ",", "[": "(", "]": ")", "%": "percent", "°": " deg", "µ": "u", "μ": "u", "±": "+-", "ß": "ss", "–": "-"}
-    | dict.fromkeys("'\"`<>^’“”")
+    | {"œ": "oe", "Œ": "Oe", "æ": "ae", "Æ": "Ae", "ø": "o", "Ø": "O", "ł": "l", "Ł": "L", "đ": "d", "Đ": "D"}
+    | dict.fromkeys("'\"`<>^’“”«»„")
 )
 UNSAFE = re.compile(r"[^A-Za-z0-9 _.,:+/()=-]")  # everything that any controller could take for more than a comment
 

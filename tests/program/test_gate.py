@@ -106,6 +106,7 @@ def test_what_was_not_checked_stands_in_the_program(moves: Moves, irb6700: Cell)
 def test_remarks_are_spelt_in_what_every_controller_reads(moves: Moves, irb6700: Cell) -> None:
     """No question mark stands for a sign that has a plain spelling."""
     assert plain("Müller's Blech; 5 µm, ±0.5°: 90 % [x²]") == "Mullers Blech, 5 um, +-0.5 deg: 90 percent (x2)"
+    assert plain("Łódź, «Sømærk» œuvre") == "Lodz, Somaerk oeuvre"
     assert plain("板!\n") == "???"
     *files, _, _, _ = write(moves, passed(moves.toolpath), irb6700)
     assert "?" not in files[0].content.decode("ascii")

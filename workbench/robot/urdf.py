@@ -253,9 +253,7 @@ def _built(document: ElementTree.Element, path: Path) -> pin.Model:
 def _parsed(
     path: Path, packages: Mapping[str, Path], arguments: Mapping[str, str] | None = None
 ) -> ElementTree.Element:
-    if regular_file(path).st_size > MAX_BYTES:
-        raise InputError(str(path), f"expected a URDF of at most {MAX_BYTES} bytes")
-    content = _content(path)
+    content = _content(path, "a URDF")
     xacro = XACRO.search(content)
     if xacro:
         content = _expanded(path, packages, arguments or {})
@@ -292,7 +290,9 @@ def _expanded(path: Path, packages: Mapping[str, Path], arguments: Mapping[str, 
     raise InputError(str(path), f"expected xacro that a URDF is made of: {why}")
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path, what: str) -> bytes:
+    if regular_file(path).st_size > MAX_BYTES:
+        raise InputError(str(path), f"expected {what} of at most {MAX_BYTES} bytes")
     try:
         return path.read_bytes()
     except OSError as error:
@@ -302,7 +302,7 @@ def _content(path: Path) -> bytes:
 def _tree(path: Path, what: str, content: bytes | None = None) -> ElementTree.Element:
     try:
         parser = ElementTree.XMLParser(target=_Builder())
-        return ElementTree.fromstring(_content(path) if content is None else content, parser)
+        return ElementTree.fromstring(_content(path, what) if content is None else content, parser)
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(str(path), f"expected {what}: {error}") from None
 
@@ -313,8 +313,6 @@ def disabled_pairs(path: Path) -> dict[tuple[str, str], str]:
     Raises:
         InputError: no such file, or not an SRDF.
     """
-    if regular_file(path).st_size > MAX_BYTES:
-        raise InputError(str(path), f"expected an SRDF of at most {MAX_BYTES} bytes")
     root = _tree(path, "an SRDF")
     found = {
         (pair.get("link1", ""), pair.get("link2", "")): pair.get("reason", "no reason")

@@ -94,6 +94,23 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
         lambda t: t["tool"].update(flange_from_cutter=[[0, 0, -1, 260], [0, 1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]),
         "is z flipped?",
     ),
+    (
+        lambda t: t["tool"].update(flange_from_cutter=[[1, 0, 0, 260], [0, -1, 0, 0], [0, 0, -1, 140], [0, 0, 0, 1]]),
+        "found no body of the tool 20 mm back from the tip",
+    ),
+    (lambda t: t["robot"].update(repeatability_mm=5e-5), "$.robot.repeatability_mm"),
+    (  # in cm
+        lambda t: t["turntable"].update(base_from_turntable={"position_mm": [200, 0, 50]}),
+        "expected the turntable beside the robot, found it in its base_link",
+    ),
+    (  # turntable_from_base, and a base at axis 2
+        lambda t: t["turntable"].update(base_from_turntable={"position_mm": [-2000, 0, -500]}),
+        "expected a turntable that reaches into $.envelope",
+    ),
+    (
+        lambda t: t["turntable"].update(base_from_turntable={"position_mm": [2000, 0, -280]}),
+        "expected a turntable that reaches into $.envelope",
+    ),
     (lambda t: t["tool"].update(mass_kg=0.032), "$.tool.mass_kg"),
     (lambda t: t["tool"].update(centre_of_gravity_mm=[0.03, 0, 0.11]), "$.tool.centre_of_gravity_mm"),
     (lambda t: t["tool"]["shapes"][0].update(cylinder_mm=[0.08, 0.09]), "$.tool.shapes[0]: expected a body of mm"),

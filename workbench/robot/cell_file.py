@@ -474,6 +474,8 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     yield from _tool(part)
     if part.turntable is not None:
         yield from _turntable(part.turntable)
+        if part.envelope is not None:
+            yield from _out_of_reach(part.turntable, part.envelope)
     if part.track is not None:
         yield from _track(part.track)
     if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
@@ -497,6 +499,19 @@ def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
     parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
     if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
         yield "turntable.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+
+
+def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
+    """What is milled on a turntable lies where robot and tool may go; a mesh is not looked at."""
+    pose, beyond = _matrix(table.base_from_turntable), []
+    for shape in table.shapes:
+        middle = pose[:3, :3] @ _matrix(shape.pose)[:3, 3] + pose[:3, 3]
+        reach = np.array([_reach_mm(shape, axis) for axis in pose[:3, :3]])
+        off = np.maximum(np.array(room.lowest_mm) - middle - reach, middle - reach - np.array(room.highest_mm))
+        beyond.append(shape.mesh is None and bool((off > 0).any()))
+    if beyond and all(beyond):
+        found = "found all of its bodies outside: is it in another unit or frame?"
+        yield "turntable.base_from_turntable", f"expected a turntable that reaches into $.envelope, {found}"
 
 
 def _track(track: TrackPart) -> Iterator[tuple[str, str]]:
@@ -553,6 +568,9 @@ def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
             "robot.acceleration_deg_s2",
             f"expected at least {SLOWEST_DEG_S2:g} deg/s^2, found {min(fastest):g}: is it in rad/s^2?",
         )
+    repeats = part.robot.repeatability_mm
+    if repeats is not None and repeats < LEAST_U_MM:
+        yield "robot.repeatability_mm", f"expected at least {LEAST_U_MM:g} mm, found {repeats:g}: {METRES}"
     turned = None if part.turntable is None else part.turntable.acceleration_deg_s2
     if turned is not None and turned < SLOWEST_TABLE_DEG_S2:
         yield (
@@ -596,6 +614,13 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
             "tool.flange_from_cutter",
             f"expected the tool's bodies to end at the cutter's tip, found one {AHEAD_MM:g} mm beyond it: another "
             "cutter, or is the tip's place wrong?",
+        )
+    up = tip[:3, 3] - AHEAD_MM * tip[:3, 2]
+    if tool.shapes and not bare_mm(part) and all(s.mesh is None and _depth_mm(s, up) < -BARE_MM for s in tool.shapes):
+        yield (
+            "tool.flange_from_cutter",
+            f"expected z along the cutter's axis, found no body of the tool {AHEAD_MM:g} mm back from the tip: is z "
+            "another axis, or the quaternion not scalar first?",
         )
     if tool.mass_kg is not None and tool.mass_kg < LEAST_KG:
         yield (

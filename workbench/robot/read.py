@@ -40,6 +40,7 @@ from workbench.robot.cell_file import (
     check_plausible,
     matrix_of,
 )
+from workbench.robot.collision import CollisionModel, sliding
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
@@ -87,8 +88,8 @@ def read_cell(path: Path) -> Cell:
     part, before = _with_track(part, path)
     robot = part.robot
     held = robot.held if part.track is None or part.track.joint is None else robot.held | {part.track.joint: 0.0}
-    made = _packages(robot, path), robot.arguments
-    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, held, *made)
+    found = _packages(robot, path), robot.arguments
+    chain, links = read_urdf(path.parent / robot.urdf, robot.base_frame, robot.flange_frame, held, *found)
     external = _external(part, path)
     rails = [(one, base.body) for one in sorted(before) for base in links if base.link == 0 and base.body not in before]
     links = tuple(_on_floor(shape, external) if shape.body in before else shape for shape in links)
@@ -103,7 +104,7 @@ def read_cell(path: Path) -> Cell:
     check_plausible(part, f"{path}: $")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
     tools, frames = _on_controller(part, cutter, path)
-    return JudgedCell(
+    made = JudgedCell(
         source=str(path),
         title=part.title or chain.name,
         chain=chain,
@@ -135,6 +136,22 @@ def read_cell(path: Path) -> Cell:
         joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
         controller=_controller(part.controller, path),
     )
+    _check_turntable(made, path)
+    return made
+
+
+def _check_turntable(cell: Cell, path: Path) -> None:
+    """Refuse a turntable that stands within the robot's base."""
+    own = [shape for shape in cell.shapes if shape.body == "turntable"]
+    if not own or sliding(cell):
+        return
+    as_link = [dataclasses.replace(shape, link=6) for shape in cell.shapes if shape.link == 0]  # so that they count
+    alone = dataclasses.replace(cell, shapes=(*as_link, *own), may_touch=(), margin_mm=0.0, margins=Margins())
+    if touching := CollisionModel(alone).collision(np.zeros(6)):
+        raise InputError(
+            f"{path}: $.turntable.base_from_turntable",
+            f"expected the turntable beside the robot, found it in its {touching[0]}: is it in another unit or frame?",
+        )
 
 
 def _packages(robot: RobotPart, path: Path) -> dict[str, Path]:

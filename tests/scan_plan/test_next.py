@@ -82,3 +82,13 @@ def test_the_file_is_an_edge_for_the_plan_of_a_scan(tmp_path: Path) -> None:
     made = plan(edge=file, sensor=Path("data/calibration/sensor.json"))[0]
     length = proposal["to_mm"] - proposal["from_mm"]
     assert made.edge.length_mm == pytest.approx(length, rel=0.02)  # type: ignore[union-attr]
+
+
+def test_a_pass_that_decides_nothing_is_not_called_the_next_scan() -> None:
+    cloud, edge = scanned(42.0, -25.0)
+    sizes = [one.root_mm for one in sections(edge).sections if one.root_mm is not None]
+    at_limit = sections(edge, root_nominal_mm=1.5, root_tolerance_mm=(min(sizes) - 1.5, 0.5))
+    assert at_limit.verdict == "undecided"
+    (chapter,) = next_(cloud, edge, at_limit)
+    assert "No further pass decides" in chapter.summary  # type: ignore[union-attr]
+    assert "less than 0.0001 mm would be needed" in chapter.summary  # type: ignore[union-attr]

@@ -24,6 +24,7 @@ COVERAGE = 2.0
 POINT_MM = 5.0  # between points of the edge in the file
 SHOWN_FROM_BELOW = {"lost_columns", "shadow"}  # conditions that a view of the lower surface settles
 STANDOFF_MM = 100.0  # of a profiler whose sensor file is not given: its field of view is what counts
+LEAST_MM, LEAST_DEG = 1e-4, 1e-3  # of a U that is told as a number
 SECOND_DIFFERENCE = 1.4826 / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
 NAME = "next_scan.json"
 NO_PASS = "no pass from -65° to 75° of elevation sees both faces with this profiler"
@@ -36,6 +37,10 @@ class Open(NamedTuple):
     arc_length_mm: float
     root_mm: float
     bevel_deg: float
+
+    def most(self) -> float:
+        """The smaller of both, a tenth of a millimetre for a degree: sections with more of it are decided first."""
+        return min(self.root_mm, 0.1 * self.bevel_deg)
 
     def over(self, root: float, bevel: float) -> float:
         """U of both sizes over what decides."""
@@ -62,6 +67,8 @@ def next_(
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an inspection which ends undecided; nothing of one that is decided.
+
+    Where none decides a single section it is said what would, and no file is written.
 
     Of elevations 10 deg apart the one that decides most sections, by the uncertainties that `scan.plan` predicts of it
     together with the passes that are there. `next_scan.json` tells it, and is an `edge` for `plan_scan.json`, which
@@ -103,15 +110,23 @@ def next_(
     if not found:
         return (_chapter(NO_PASS),)
 
+    best = _best(found, left)
+    decided = [one for one in left if one.over(best.root_mm, best.bevel_deg) <= 1.0]
+    if left and not decided:
+        return (_chapter(_none_decides(best, left)),)
+    stretch = _stretch(left, inspection)
+    sentence = _sentence(best, left, decided, stretch)
+    return Document(NAME, _written(edge, best, stretch, left, decided, sentence)), _chapter(sentence)
+
+
+def _best(found: Sequence[Proposal], left: Sequence[Open]) -> Proposal:
+    """The one that decides most sections; of these the one that comes nearest in the others."""
+
     def rank(one: Proposal) -> tuple[int, float]:
         ratios = [section.over(one.root_mm, one.bevel_deg) for section in left]
         return -sum(ratio <= 1.0 for ratio in ratios), max(ratios, default=one.root_mm)
 
-    best = min(found, key=rank)
-    decided = [one for one in left if one.over(best.root_mm, best.bevel_deg) <= 1.0]
-    stretch = _stretch(left, inspection)
-    sentence = _sentence(best, left, decided, stretch)
-    return Document(NAME, _written(edge, best, stretch, left, decided, sentence)), _chapter(sentence)
+    return min(found, key=rank)
 
 
 def open_sections(inspection: Inspection) -> tuple[Open, ...]:
@@ -190,8 +205,8 @@ def _sentence(best: Proposal, left: Sequence[Open], decided: Sequence[Open], str
     """What to do next, in words."""
     pass_ = (
         f"A further pass at {best.elevation_deg:g}° above the root face's normal, from {stretch[0]:.0f} to "
-        f"{stretch[1]:.0f} mm, where nothing covers the edge: U is predicted as {best.root_mm:.2g} mm "
-        f"and {best.bevel_deg:.2g}°"
+        f"{stretch[1]:.0f} mm, where nothing covers the edge: U is predicted as {_mm(best.root_mm)} "
+        f"and {_deg(best.bevel_deg)}"
     )
     if not left:
         return f"{pass_}, and the lower surface is in view." if best.shows_below else f"{pass_}; conditions remain."
@@ -199,9 +214,30 @@ def _sentence(best: Proposal, left: Sequence[Open], decided: Sequence[Open], str
     rest = [one for one in left if one not in decided]
     if not rest:
         return f"{told}."
-    near = min(rest, key=lambda one: min(one.root_mm, one.bevel_deg))
-    need = f"{near.root_mm:.2g} mm" if near.root_mm < math.inf else f"{near.bevel_deg:.2g}°"
-    return f"{told}; section {near.section} lies so near a limit that U = {need} would be needed."
+    return f"{told}; {_needed(min(rest, key=Open.most))}."
+
+
+def _none_decides(best: Proposal, left: Sequence[Open]) -> str:
+    """What would decide sections that no pass decides, in words."""
+    return (
+        f"No further pass decides any of the {len(left)} undecided sections: the best, at {best.elevation_deg:g}° "
+        f"above the root face's normal, is predicted to leave U = {_mm(best.root_mm)} and {_deg(best.bevel_deg)}; "
+        f"{_needed(max(left, key=Open.most))}: what would decide it is a sensor or robot that errs less, or a size "
+        "farther from the limit."
+    )
+
+
+def _needed(one: Open) -> str:
+    need = " and ".join(told(u) for told, u in ((_mm, one.root_mm), (_deg, one.bevel_deg)) if math.isfinite(u))
+    return f"section {one.section} lies so near a limit that U = {need} would be needed"
+
+
+def _mm(u: float) -> str:
+    return f"{u:.2g} mm" if u >= LEAST_MM else f"less than {LEAST_MM:g} mm"
+
+
+def _deg(u: float) -> str:
+    return f"{u:.2g}°" if u >= LEAST_DEG else f"less than {LEAST_DEG:g}°"
 
 
 def _stretch(left: Sequence[Open], inspection: Inspection) -> tuple[float, float]:

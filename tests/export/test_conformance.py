@@ -8,9 +8,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from workbench.cli import main
+from workbench.cloud import read as read_cloud
+from workbench.export import cloud as export_cloud
 from workbench.export import inspection as export_inspection
 
 ROOT = Path(__file__).parents[2]
@@ -43,3 +46,24 @@ def test_h5dump_reads_a_recording() -> None:
     command = ["h5dump", "-H", str(RECORDING)]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert 'DATASET "quaternion_wxyz"' in said
+
+
+def test_a_second_reader_of_e57_reads_every_point(inspected, tmp_path: Path) -> None:
+    """The crate e57, in Rust; pye57 rests on libE57, which wrote the file."""
+    e57 = pytest.importorskip("e57", reason="e57 is not installed")
+    file = tmp_path / "cloud.e57"
+    file.write_bytes(export_cloud(inspected.cloud, inspected.edge, format="e57").content)
+    found = np.asarray(e57.read_points(str(file)).points)
+    told = read_cloud(file=file).points_mm
+    assert len(found) == inspected.cloud.keep.sum()
+    np.testing.assert_allclose(np.sort(1000.0 * found, axis=0), np.sort(told, axis=0), atol=1e-4)
+
+
+@pytest.mark.parametrize("ending", ["pcd", "ply"])
+@pytest.mark.skipif(shutil.which("pcl_pcd2ply") is None, reason="PCL's tools are not installed")
+def test_pcl_reads_every_point(inspected, tmp_path: Path, ending: str) -> None:
+    file, other = tmp_path / f"cloud.{ending}", tmp_path / ("read.ply" if ending == "pcd" else "read.pcd")
+    file.write_bytes(export_cloud(inspected.cloud, inspected.edge, format=ending).content)
+    subprocess.run([f"pcl_{ending}2{other.suffix[1:]}", file, other], capture_output=True, check=True)
+    there = read_cloud(file=other).points_mm  # float32: PCL's points
+    np.testing.assert_allclose(there, read_cloud(file=file).points_mm, atol=1e-3)

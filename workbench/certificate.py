@@ -83,15 +83,18 @@ def certified_errors(path: Path, words: tuple[str, ...], units: Mapping[str, flo
 
 def names_of(path: Path) -> str:
     """The quantities among a certificate's results, in words."""
-    return "; ".join(_names(one) for one in list(_results(_parsed(path)))[:6]) or "none"
+    return _listed([*_results(_parsed(path))])
+
+
+def _listed(quantities: list[ElementTree.Element]) -> str:
+    return "; ".join(map(_names, quantities[:6])) or "none"
 
 
 def _the_one(root: ElementTree.Element, words: tuple[str, ...], path: Path) -> ElementTree.Element:
     found = [one for one in _results(root) if _is_told(one, words)]
     if len(found) != 1:
-        shown = "; ".join(_names(one) for one in (found or list(_results(root)))[:6]) or "none"
-        expected = f"expected one quantity '{words[0]}' with a real value among the results"
-        raise InputError(str(path), f"{expected}, found {len(found)}" + f" (there: {shown})")
+        expected = f"expected one quantity '{words[0]}' with a real value among the results, found {len(found)}"
+        raise InputError(str(path), f"{expected} (there: {_listed(found or [*_results(root)])})")
     return found[0]
 
 

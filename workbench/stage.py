@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from workbench.errors import PipelineError
 from workbench.parameters import check_parameters, parameter_model
@@ -33,7 +33,10 @@ class Role(Enum):
     PROGRESS = "progress"
 
 
-InputFile = Annotated[Path, Role.INPUT_FILE]
+if TYPE_CHECKING:
+    InputFile: TypeAlias = Any  # callers give a text or a Path, the stage's function gets a Path
+else:
+    InputFile = Annotated[Path, Role.INPUT_FILE]
 """A file that a stage reads: relative to the pipeline's own file, recorded with its SHA-256."""
 Seed = Annotated[int, Role.SEED]
 """The seed of a stage's random numbers: the pipeline's, unless the stage is given its own."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from workbench import Pipeline, read, scan, edge, inspect, calibrate
 
 recording = read(recording=Path("part.h5"))
-cloud = scan.fuse(recording)
+cloud = scan.fuse(recording, hand_eye="handeye.json")
 reveal_type(cloud)
 found = inspect.sections(edge.segment(cloud))
 reveal_type(found)

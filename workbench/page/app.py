@@ -50,8 +50,8 @@ RECORDINGS = (".h5", ".hdf5")
 READ = (
     *RECORDINGS,
     *(".csv", ".txt", ".asc", ".npy", ".npz", ".mat", ".dat", ".tif", ".tiff", ".png", ".yml", ".mcap", ".bag"),
-    *(".ply", ".pcd", ".las", ".laz", ".e57", ".xyz"),
-    *(".ls", ".mod", ".src", ".jbi", ".script", ".json", ".yaml", ".urdf"),
+    *(".ply", ".pcd", ".las", ".laz", ".e57", ".xyz", ".step", ".stp", ".dxf"),
+    *(".ls", ".mod", ".src", ".jbi", ".script", ".json", ".yaml", ".urdf", ".xml"),
 )
 NAME = re.compile(r"[^/\\:\0\x00-\x1f.][^/\\:\0\x00-\x1f]{0,199}")
 ASKED = (  # for most; they stand first

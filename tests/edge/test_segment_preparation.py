@@ -42,8 +42,9 @@ def nose(cloud) -> Preparation:
     return segment_preparation(cloud)
 
 
-@pytest.mark.parametrize("kind", ["bevel", "compound", "nose", "J"])
-@pytest.mark.parametrize("simulator", ["swept", "outside"])
+@pytest.mark.parametrize(
+    ("simulator", "kind"), [("swept", "bevel"), ("outside", "compound"), ("swept", "nose"), ("outside", "J")]
+)
 def test_kind_and_sizes_come_back(simulator: str, kind: str) -> None:
     inspection, rows = measured(simulator, kind, SEED)
     assert inspection.type == kind
@@ -77,9 +78,8 @@ def test_an_oblique_scan_of_a_twisted_wavy_plate_tells_its_square_section() -> N
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_what_is_no_plate_is_refused(shape: str) -> None:
-    for seed in range(3):
-        with pytest.raises(InputError):
-            segment_preparation(denoise(fuse(shape_recording(shape, seed))))
+    with pytest.raises(InputError):
+        segment_preparation(denoise(fuse(shape_recording(shape, 0))))
 
 
 def test_another_kind_than_is_seen_is_refused(cloud) -> None:

@@ -37,12 +37,12 @@ class Target:
     pose: Float  # (4, 4) of the tip in the base
     via: Float | None
     joints: Float | None
-    table: float  # deg
+    table: Float | float  # deg, of the external axis; tilt and turntable (2,)
     zone: float
 
 
 Pairs = list[tuple[int, int]]
-Program = tuple[Float, float, list[Target]]  # first joint angles, first turntable angle in deg, targets
+Program = tuple[Float, Float | float, list[Target]]  # first joint angles, first external angles in deg, targets
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Track:
     joints: Float  # (n, 6) end of joint moves; NaN elsewhere
     share: Float  # (n,) of a joint move
     leg: Int  # (n,)
-    table: Float  # (n,) deg
+    table: Float  # (n,) or (n, 2) deg
 
 
 class Outsider:
@@ -86,9 +86,10 @@ class Outsider:
         """What is wrong with each program's joints ('' nothing), joint angles (n, 6), turntable angles (n,) in deg."""
         firsts = np.array([program[0] for program in programs]).reshape(-1, 6)
         tips = self.links(firsts)[:, 6] @ self.tip
-        tips[:, :3, 3] -= np.array([[program[1]] for program in programs]).reshape(-1, 1) * self.floor
+        if self.floor.any():
+            tips[:, :3, 3] -= np.array([[program[1]] for program in programs]).reshape(-1, 1) * self.floor
         tracks = [track(at, *program[1:]) for at, program in zip(tips, programs, strict=True)]
-        for one in tracks:  # targets stand on the floor
+        for one in tracks if self.floor.any() else ():  # targets stand on the floor
             one.pose[:, :3, 3] += one.table[:, None] * self.floor
         longest = max((len(one.leg) for one in tracks), default=0)
         wrong, q, leg_start = np.full(len(tracks), "", object), firsts.copy(), firsts.copy()
@@ -130,7 +131,7 @@ class Outsider:
         the acceleration is twice their second divided difference, whatever the motion; likewise over longer stretches,
         and from the standstill at both ends the first and last way over half the square of its time.
         """
-        rated = np.degrees(np.append(self.speeds, cell.turntable.speed if cell.turntable else np.inf))
+        rated = np.degrees(np.append(self.speeds, [axis.speed for axis in cell.axes] or np.inf))
         even = np.linspace(times[0], times[-1], int(min(5 * (times[-1] / np.diff(times).min()), FINEST)) + 2)
         places = np.stack([np.interp(even, times, column) for column in angles.T], axis=1)
         share = np.abs(np.diff(places, axis=0)).max(axis=0) / (even[1] - even[0]) / rated
@@ -184,18 +185,22 @@ class Outsider:
         """Poses (n, S, 4, 4) of the shapes; pairs that may hit; which (n, P) may be so near to each other."""
         links, shapes = self.links(joints), cell.shapes
         poses = np.empty((len(joints), len(shapes), 4, 4))
-        turned = np.tile(np.eye(4), (len(joints), 1, 1))
-        if self.floor.any():
-            turned[:, :3, 3] = tables[:, None] * self.floor
-            turned = turned @ cell.turntable.base_from_turntable
-        elif cell.turntable is not None:
-            turned[:, :3, :3] = Rotation.from_rotvec(np.radians(tables)[:, None] * [0, 0, 1]).as_matrix()
-            turned = cell.turntable.base_from_turntable @ turned
+        standing, carried = list[Float](), np.eye(4)  # on each external axis, from the base outwards
+        for axis, values in zip(cell.axes, tables.reshape(len(joints), -1).T, strict=False):
+            at_zero, goes = axis.base_from_turntable, np.tile(np.eye(4), (len(joints), 1, 1))
+            if self.floor.any():
+                goes[:, :3, 3] = values[:, None] * self.floor
+            else:  # about a line in the base, where it is with all axes at 0
+                goes[:, :3, :3] = Rotation.from_rotvec(np.radians(values)[:, None] * at_zero[:3, 2]).as_matrix()
+                goes[:, :3, 3] = at_zero[:3, 3] - goes[:, :3, :3] @ at_zero[:3, 3]
+            carried = carried @ goes
+            standing.append(carried @ at_zero)
         for s, shape in enumerate(shapes):
             link = max(shape.link, 0)
-            own = turned if shape.link == ON_TURNTABLE else links[:, link] @ np.linalg.inv(self.at_zero[link])
+            on_arm = link < ON_TURNTABLE
+            own = links[:, link] @ np.linalg.inv(self.at_zero[link]) if on_arm else standing[ON_TURNTABLE - 1 - link]
             poses[:, s] = own @ shape.pose
-        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if _may_hit(shapes, a, b)]
+        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if _may_hit(cell, a, b)]
         around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])
         first = TOGETHER * (np.arange(len(joints)) // TOGETHER)  # bounds hold at one place in eight
         away = np.linalg.norm(poses[..., :3, 3] - poses[first, :, :3, 3], axis=2)
@@ -222,8 +227,10 @@ class Outsider:
 
     def unsafe(self, cell: Cell, joints: Float, tables: Float) -> str:
         """What is wrong with the bodies and the turntable; '' nothing."""
-        if cell.turntable is not None and (np.abs(tables - _middle(cell)) > _half_range(cell)).any():
-            return "limit of the turntable"
+        for axis, values in zip(cell.axes, tables.reshape(len(tables), -1).T, strict=False):
+            low, high = np.degrees(axis.limits)
+            if values.min() < low or values.max() > high:
+                return f"limit of the {axis.name}"
         distance, names = self.least(cell, joints, tables, 0.0)
         return names if distance <= 0 else ""
 
@@ -242,22 +249,14 @@ def _ends(times: Float, angles: Float) -> list[tuple[Float, float]]:
 
 
 def _accelerations(cell: Cell) -> Float | None:
-    """Largest of six joints and the turntable, deg/s^2."""
-    joints, table = cell.accelerations, cell.turntable and cell.turntable.acceleration
-    if joints is None and table is None:
+    """Largest of six joints and the external axes, deg/s^2."""
+    joints, tables = cell.accelerations, [axis.acceleration or np.inf for axis in cell.axes] or [np.inf]
+    if joints is None and min(tables) == np.inf:
         return None
-    return np.degrees(np.append(np.full(6, np.inf) if joints is None else joints, table or np.inf))
+    return np.degrees(np.append(np.full(6, np.inf) if joints is None else joints, tables))
 
 
-def _middle(cell: Cell) -> float:
-    return float(np.degrees(cell.turntable.limits).mean()) if cell.turntable else 0.0
-
-
-def _half_range(cell: Cell) -> float:
-    return float(np.ptp(np.degrees(cell.turntable.limits))) / 2 if cell.turntable else 0.0
-
-
-def track(tip: Float, table: float, targets: list[Target]) -> Track:
+def track(tip: Float, table: Float | float, targets: list[Target]) -> Track:
     """All places of a program in fine steps, from the tip's first pose on."""
     starts = [tip, *(target.pose for target in targets[:-1])]
     angles = [table, *(target.table for target in targets)]
@@ -278,18 +277,20 @@ def track(tip: Float, table: float, targets: list[Target]) -> Track:
         a, b = angles[i], angles[i + 1]
         if target.joints is not None:
             f = np.linspace(0, 1, 120)  # a random joint move turns a joint by some 20 deg
-            add(np.full((len(f), 4, 4), np.nan), np.tile(target.joints, (len(f), 1)), f, a + f * (b - a))
+            nowhere, external = np.full((len(f), 4, 4), np.nan), a + np.multiply.outer(f, b - a)
+            add(nowhere, np.tile(target.joints, (len(f), 1)), f, external)
             continue
         turn = (Rotation.from_matrix(starts[i][:3, :3]).inv() * Rotation.from_matrix(target.pose[:3, :3])).magnitude()
-        steps = max(lengths[i] / STEP_MM, np.degrees(turn) / STEP_DEG, abs(b - a) / STEP_DEG)
+        steps = max(lengths[i] / STEP_MM, np.degrees(turn) / STEP_DEG, np.abs(b - a).max() / STEP_DEG)
         f = np.linspace(*cuts[i], int(steps) + 2)
         nothing = np.full((len(f), 6), np.nan)
-        add(_on(starts[i], target, f), nothing, f, a + f * (b - a))
+        add(_on(starts[i], target, f), nothing, f, a + np.multiply.outer(f, b - a))
         if cuts[i][1] < 1:
             begin = _on(starts[i], target, np.array(cuts[i][1:]))[0]
             end = _on(target.pose, targets[i + 1], np.array(cuts[i + 1][:1]))[0]
             v = np.linspace(0, 1, int(2 * target.zone / STEP_MM) + 3)
-            bent = _bent(a + cuts[i][1] * (b - a), b, b + cuts[i + 1][0] * (angles[i + 2] - b), v)
+            before, behind = a + cuts[i][1] * (b - a), b + cuts[i + 1][0] * (angles[i + 2] - b)
+            bent = _bent(before, b, behind, v.reshape(-1, *[1] * np.ndim(b)))
             add(_corner(begin, target.pose, end, v), np.full((len(v), 6), np.nan), v, np.asarray(bent))
     return Track(*(np.concatenate(column) for column in (poses, joints, shares, legs, tables)))
 
@@ -341,10 +342,13 @@ def _length(start: Float, target: Target) -> float:
     return float(np.linalg.norm(start[:3, 3] - centre) * sweep)
 
 
-def _may_hit(shapes: Sequence[Shape], a: int, b: int) -> bool:
-    one, other = shapes[a], shapes[b]
-    if one.body == other.body or not any(1 <= shape.link <= 6 for shape in (one, other)):
+def _may_hit(cell: Cell, a: int, b: int) -> bool:
+    one, other = cell.shapes[a], cell.shapes[b]
+    if one.body == other.body:
         return False
+    if not any(1 <= shape.link <= 6 for shape in (one, other)):
+        links = {max(shape.link, 0) for shape in (one, other)}  # a tilted table turns on its cradle
+        return len(cell.axes) > 1 and len(links) == 2 and 0 in links
     return not (0 <= one.link <= 6 and 0 <= other.link <= 6 and abs(one.link - other.link) <= 1)
 
 

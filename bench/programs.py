@@ -1,8 +1,9 @@
 """Random programs: what the judge lets pass, driven by an outsider in fine steps. `python -m bench.programs --help`.
 
-Each program is RAPID text: straight, circular and joint moves, rounded corners, a turntable or a track under the robot
-(--track), in a cell with random boxes near the way. The judge sees the text. The outsider (`bench.program_outsider`)
-sees the numbers that the text was made from. Unsafe: a contact, a joint beyond its limit, a joint that jumps. Promises:
+Each program is RAPID text: straight, circular and joint moves, rounded corners, a turntable, one that tilts besides
+(--positioner), or a track under the robot (--track), in a cell with random boxes near the way. The judge sees the text.
+The outsider (`bench.program_outsider`) sees the numbers that the text was made from. Unsafe: a contact, a joint or an
+external axis beyond its limit, a joint that jumps. Promises:
 the clearance and the distance from limits that the judge states for a program that passed. The goal is none unsafe
 among those that passed, and no promise broken.
 """
@@ -22,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from bench.program_outsider import Outsider, Target
 from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, forward_kinematics, read_cell
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape, Turntable
+from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.judge import judge
 from workbench.units import Float
 
@@ -31,8 +32,8 @@ TOGETHER = 250  # programs that the outsider drives side by side
 UNUSED = "9E9"
 
 
-def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, list[Target]]:
-    """First joint angles (6,) rad, first turntable angle in deg (of a track, mm), and targets, on its floor."""
+def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, Float | float, list[Target]]:
+    """First joint angles (6,) rad, first external angles in deg (of a track, mm), and targets, on its floor."""
     track = cell.turntable is not None and cell.turntable.slides
     goes = -cell.turntable.base_from_turntable[:3, 2] if track else np.zeros(3)  # the base, a millimetre
     low, high = cell.chain.limits.T
@@ -41,8 +42,10 @@ def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, 
         tip = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
         if abs(q[4]) > np.radians(8) and tip[2, 3] > 250 and ((q > low) & (q < high)).all():
             break
-    start, table = q, float(rng.uniform(-90, 90))
-    tip[:3, 3] += table * goes
+    tilts = len(cell.axes) > 1
+    start, table = q, rng.uniform([-45, -90], [45, 90]) if tilts else float(rng.uniform(-90, 90))
+    if track:
+        tip[:3, 3] += table * goes
     at = tip
     first_table, targets = table, list[Target]()
     heading = rng.normal(size=3)
@@ -59,11 +62,13 @@ def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, 
             across = np.cross(chord, rng.normal(size=3))
             bulge = rng.uniform(0.1, 0.4) * np.linalg.norm(chord) / np.linalg.norm(across)
             via[:3, 3] = at[:3, 3] + chord / 2 + bulge * across
-        table += float(rng.choice([0.0, rng.normal() * (60 if track else 8)]))
+        step = rng.choice([0.0, rng.normal() * (60 if track else 8)])
+        table = table + (rng.normal(size=2) * 8 * rng.integers(0, 2, 2) if tilts else float(step))
         if kind == "J":
             joints = start + np.radians(rng.normal(size=6) * 8)
             pose = forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter
-            pose[:3, 3] += table * goes
+            if track:
+                pose[:3, 3] += table * goes
             targets[-1:] = [dataclasses.replace(one, zone=0.0) for one in targets[-1:]]
         zone = 0.0 if kind == "J" else float(rng.choice([0.0, 0.3, rng.uniform(1, 20)]))
         targets.append(Target(str(kind), pose, via, joints, table, zone))
@@ -72,7 +77,7 @@ def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, float, 
     return start, first_table, targets
 
 
-def rapid_text(cell: Cell, first: Float, table: float, targets: list[Target]) -> str:
+def rapid_text(cell: Cell, first: Float, table: Float | float, targets: list[Target]) -> str:
     """The program as a file."""
     tool = _pose(cell.flange_from_cutter)
     lines = ["MODULE Random", f"  PERS tooldata tMill:=[TRUE,{tool},[15,[0,0,150],[1,0,0,0],0,0,0]];"]
@@ -102,12 +107,17 @@ def _pose(pose: Float) -> str:
     return f"[[{','.join(f'{x:.6f}' for x in pose[:3, 3])}],[{','.join(f'{x:.10f}' for x in q)}]]"
 
 
-def _target(pose: Float, table: float) -> str:
-    return f"[{_pose(pose)[1:-1]},[0,0,0,0],[{table:.6f},{','.join([UNUSED] * 5)}]]"
+def _target(pose: Float, table: Float | float) -> str:
+    return f"[{_pose(pose)[1:-1]},[0,0,0,0],{_external(table)}]"
 
 
-def _joints(joints: Float, table: float) -> str:
-    return f"[[{','.join(f'{x:.8f}' for x in np.degrees(joints))}],[{table:.6f},{','.join([UNUSED] * 5)}]]"
+def _joints(joints: Float, table: Float | float) -> str:
+    return f"[[{','.join(f'{x:.8f}' for x in np.degrees(joints))}],{_external(table)}]"
+
+
+def _external(table: Float | float) -> str:
+    said = [f"{x:.6f}" for x in np.atleast_1d(table)]
+    return f"[{','.join([*said, *[UNUSED] * (6 - len(said))])}]"
 
 
 def with_boxes(cell: Cell, rng: np.random.Generator, targets: list[Target], tip: Float) -> Cell:
@@ -120,6 +130,14 @@ def with_boxes(cell: Cell, rng: np.random.Generator, targets: list[Target], tip:
         pose[:3, 3] = near[:3, 3] + rng.normal(size=3) * 150 - near[:3, 2] * rng.uniform(0, 250)
         size = tuple(float(x) for x in np.exp(rng.uniform(np.log(2), np.log(150), 3)))
         boxes.append(Shape(f"box {i}", ON_BASE, "box", size, pose))
+    if len(cell.axes) > 1:  # half of them on table or cradle
+        links = rng.choice([ON_BASE, ON_BASE, ON_TURNTABLE, ON_CRADLE], len(boxes))
+        frames = {ON_BASE: np.eye(4), ON_TURNTABLE: cell.axes[1].base_from_turntable}
+        frames[ON_CRADLE] = cell.axes[0].base_from_turntable
+        boxes = [
+            dataclasses.replace(one, link=int(link), pose=np.linalg.inv(frames[int(link)]) @ one.pose)
+            for one, link in zip(boxes, links, strict=True)
+        ]
     if cell.turntable is not None and cell.turntable.slides:  # on the floor, or along with the robot
         floor = np.linalg.inv(cell.turntable.base_from_turntable)
         boxes = [dataclasses.replace(one, link=ON_TURNTABLE, pose=floor @ one.pose) for one in boxes]
@@ -139,11 +157,24 @@ def on_a_track(cell: Cell, rng: np.random.Generator) -> Cell:
     return dataclasses.replace(cell, turntable=track, shapes=tuple(shapes))
 
 
-def study(count: int, seed: int, all_driven: int, *, track: bool = False) -> Counter[str]:
+def on_a_tilt(cell: Cell, rng: np.random.Generator) -> Cell:
+    """The cell with its turntable on an axis in any direction, near it, that carries a beam instead of a foot."""
+    assert cell.turntable is not None
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
+    frame[:3, 3] = cell.turntable.base_from_turntable[:3, 3] + rng.uniform([-200, -200, -300], [200, 200, 100])
+    tilt = Turntable(frame, np.radians([-60.0, 60.0]), np.radians(20.0), tilts=True)
+    beam = Shape("tilt", ON_CRADLE, "box", (120.0, 120.0, 500.0), np.eye(4))
+    foot = next(one for one in cell.shapes if one.link == ON_TURNTABLE and one.size_mm == (200, 400))
+    shapes = (*(one for one in cell.shapes if one is not foot), beam)
+    return dataclasses.replace(cell, turntable=dataclasses.replace(cell.turntable, on=tilt), shapes=shapes)
+
+
+def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Counter[str]:
     """Judge `count` random programs; the outsider drives those that passed, and the first `all_driven` all."""
     cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
-    if track:
-        cell = on_a_track(cell, np.random.default_rng([seed]))
+    if kind != "turntable":
+        cell = {"track": on_a_track, "positioner": on_a_tilt}[kind](cell, np.random.default_rng([seed]))
     tally, judging, begin = Counter[str](), 0.0, time.perf_counter()
     outsider = Outsider(CELL.parent / "irb6700_150_320.urdf", cell)
     for low in range(0, count, TOGETHER):
@@ -193,9 +224,11 @@ def main() -> None:
     parser.add_argument(
         "--track", action="store_true", help="the robot stands on a track, and the turntable does not turn"
     )
+    parser.add_argument("--positioner", action="store_true", help="the turntable stands on an axis that tilts it")
     options = parser.parse_args()
+    kind = "track" if options.track else "positioner" if options.positioner else "turntable"
     begin = time.perf_counter()
-    made = study(options.count, options.seed, options.all_driven, track=options.track)
+    made = study(options.count, options.seed, options.all_driven, kind)
     for name, count in sorted(made.items()):
         print(f"{name:70s} {count}")
     print(f"{'seconds':70s} {time.perf_counter() - begin:.0f}")

@@ -54,6 +54,7 @@ OPTIONS = (
     "drawing",
     "posture",
     "turntable_deg",
+    "tilt_deg",
     "port",
     "no_browser",
 )
@@ -175,6 +176,7 @@ def build_parser() -> Parser:
         "--posture", default="0,0,0,0,0,0", metavar="Q1,...,Q6", help="joint angles, deg (default: all 0)"
     )
     shown.add_argument("--turntable-deg", type=float, default=0.0, metavar="A", help="turntable's angle (default: 0)")
+    shown.add_argument("--tilt-deg", type=float, default=0.0, metavar="A", help="its tilt's angle (default: 0)")
     shown.add_argument("--out", required=True, metavar="PICTURE.png", help="the picture to write")
     return parser
 
@@ -520,7 +522,8 @@ def view_cell(options: argparse.Namespace) -> int:
     """Draw a robot cell in a posture, and tell its limits, reach, warnings and clearance."""
     from workbench.robot.picture import view_cell
 
-    printed(print, "\n".join(view_cell(options.cell, options.posture, options.turntable_deg, options.out)))
+    where = options.posture, options.turntable_deg, options.out, options.tilt_deg
+    printed(print, "\n".join(view_cell(options.cell, *where)))
     return 0
 
 

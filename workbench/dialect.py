@@ -74,7 +74,8 @@ class ProgramJob:
     moves: Moves
     tool: MillingTool
     zone_mm: float  # from a target, where the next move may begin to blend in; 0: every target is reached
-    turntable_deg: Shaped[Float, " k"] | None = None  # external axis at each target; None: it is not driven
+    # External axis at each target, tilt and turntable in columns; None: none is driven.
+    turntable_deg: Shaped[Float, "k ..."] | None = None
     rounding_mm: float = 0.05  # by which blending may leave the path: sharper corners are driven to their point
     base_from_workobject: Float = field(default_factory=lambda: np.eye(4))  # of the frame of the moves
     tool_name: str | None = None  # of a tool that is measured on the controller; None: the program declares it

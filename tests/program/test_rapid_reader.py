@@ -218,7 +218,7 @@ def test_all_that_it_knows_becomes_moves() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "finding"),
     [
-        ("[30,9E+09", "[30,5", "line 4: expected no external axis but eax_a"),
+        ("[30,9E+09,9e9", "[30,9E+09,5", "line 4: expected no external axes but eax_a, and eax_b behind it"),
         ("tooldata t:=[TRUE", "tooldata t:=[FALSE", "this one is stationary, found 't'"),
         ("wobjdata w:=[FALSE", "wobjdata w:=[TRUE", "the robot holds this one, found 'w'"),
         (

@@ -10,11 +10,21 @@ from typing import Any
 import numpy as np
 import open3d
 import pytest
+from scipy.spatial.transform import Rotation
 
 from workbench.errors import InputError
-from workbench.robot import Cell, CollisionModel, CollisionScreen, bounding_volumes, clearance_bound_mm, read_cell
-from workbench.robot.bounds import FREE, SAFE_MM, Pairs
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot import (
+    Cell,
+    CollisionModel,
+    CollisionScreen,
+    bounding_volumes,
+    clearance_bound_mm,
+    motions,
+    read_cell,
+    standing_poses,
+)
+from workbench.robot.bounds import FREE, SAFE_MM, Pairs, pair_bounds_mm
+from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.picture import cell_picture
 
 
@@ -129,7 +139,48 @@ def test_no_posture_is_judged_otherwise(cell: Cell, margin_mm: float) -> None:
             assert screen.pair(hit) == model.names(*model.pairs[hit])
 
 
-@pytest.mark.parametrize("axis", ["stands", "turns", "slides"])
+def tilted(cell: Cell) -> Cell:
+    """The cell with its turntable on an axis askew below it, which carries a post."""
+    assert cell.turntable is not None
+    frame, post = np.eye(4), np.eye(4)
+    frame[:3, :3] = Rotation.from_rotvec([1.2, -0.4, 0.3]).as_matrix()
+    frame[:3, 3] = cell.turntable.base_from_turntable[:3, 3] - [100, 50, 200]
+    post[:3, 3] = 0, 0, 500
+    tilt = Turntable(frame, np.array([-2.0, 2.0]), 0.3, tilts=True)
+    shapes = (*cell.shapes, Shape("tilt", ON_CRADLE, "box", (200.0, 150.0, 900.0), post))
+    return dataclasses.replace(cell, turntable=dataclasses.replace(cell.turntable, on=tilt), shapes=shapes)
+
+
+@pytest.mark.parametrize("kind", ["track", "positioner"])
+def test_what_external_axes_move_is_held_against_what_stands(cell: Cell, postures: Any, kind: str) -> None:
+    """Boxes and meshes against boxes too, none of them on the robot: fcl's distances are never less than the bound."""
+    rng, at = np.random.default_rng(35), np.eye(4)
+    assert cell.turntable is not None
+    at[:3, 3] = 1300, -300, 300
+    floor = np.linalg.inv(cell.turntable.base_from_turntable) @ at
+    beside = (
+        Shape("box", ON_BASE, "box", (300.0, 200.0, 700.0), at),
+        Shape("plate", ON_TURNTABLE, "box", (700.0, 300.0, 40.0), np.eye(4) if kind == "positioner" else floor),
+        Shape("drum", ON_TURNTABLE, "cylinder", (200.0, 500.0), np.eye(4)),
+    )
+    cell = dataclasses.replace(cell, shapes=(*cell.shapes, *beside))
+    if kind == "track":
+        cell = dataclasses.replace(cell, turntable=dataclasses.replace(cell.turntable, slides=True))
+        values = np.radians(rng.uniform(-600, 600, 300))
+    else:
+        cell, values = tilted(cell), rng.uniform(-2, 2, (300, 2))
+    model, volumes, joints = CollisionModel(cell), bounding_volumes(cell), postures(300, 35)
+    bounds, _ = pair_bounds_mm(cell, volumes, joints, values)
+    links = motions(cell.chain, joints)
+    standing = [i for i, pair in enumerate(model.pairs) if not any(1 <= cell.shapes[s].link <= 6 for s in pair)]
+    found = np.array([model.distances(links[n], standing_poses(cell, values[n]), standing) for n in range(len(joints))])
+    assert {"box", "plate", "drum"} <= {name for i in standing for name in model.names(*model.pairs[i])}
+    assert (np.maximum(bounds[:, standing], 0) <= found + 1e-2).all()
+    assert (found == 0).any(axis=1).sum() > 10
+    assert (bounds[:, standing] > 0)[found > 200].mean() > 0.9  # and worth asking
+
+
+@pytest.mark.parametrize("axis", ["stands", "turns", "slides", "tilts"])
 def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell, axis: str) -> None:
     assert cell.turntable is not None
     clamp = np.eye(4)
@@ -139,6 +190,8 @@ def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell, axis:
         turntable=dataclasses.replace(cell.turntable, slides=axis == "slides"),
         shapes=(*cell.shapes, Shape("clamp", ON_TURNTABLE, "box", (600.0, 300.0, 900.0), clamp)),
     )
+    if axis == "tilts":
+        cell = tilted(dataclasses.replace(cell, may_touch=(*cell.may_touch, ("tilt", "floor"), ("turntable", "floor"))))
     rng = np.random.default_rng(12)
     pose = np.eye(4)
     pose[:3, 3] = (1300, -600, 1500)
@@ -153,11 +206,13 @@ def test_what_is_proven_along_a_way_is_free_between_its_places(cell: Cell, axis:
         return np.asarray((low + high) / 2 + 0.8 * start + go * s + bend * np.sin(3 * s))
 
     def external(share: np.ndarray) -> np.ndarray:
-        goes = {"stands": 0.0, "turns": 0.4, "slides": np.radians(600)}[axis]
-        return np.asarray(table[:, None] + goes * share + 0.1 * goes * np.sin(3 * share))
+        goes = {"stands": 0.0, "turns": 0.4, "slides": np.radians(600), "tilts": 0.3}[axis]
+        turn = np.asarray(table[:, None] + goes * share + 0.1 * goes * np.sin(3 * share))
+        return np.stack([0.6 * np.sin(turn), turn], axis=2) if axis == "tilts" else turn
 
     open_ = screen.swept(way(at), external(at))
-    hits = screen.hits(way(between).reshape(-1, 6), external(between).ravel()).reshape(80, -1)
+    every = external(between).reshape(-1, *([2] if axis == "tilts" else []))
+    hits = screen.hits(way(between).reshape(-1, 6), every).reshape(80, -1)
     near = np.round(between * 24).astype(int)
     assert not (~open_[:, near] & (hits != FREE)).any()
     assert 0.05 < open_.mean() < 0.5

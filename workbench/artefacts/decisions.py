@@ -59,7 +59,8 @@ class ProgramMove:
     feed_mm_s: float | None = None  # of the tool centre point; None: joints at `joint_speed`
     joint_speed: float = 1.0  # of J: share of the largest speeds, 0 to 1
     zone_mm: float = 0.0  # from the target, where the next move may blend in; 0: the target is reached
-    turntable: float | None = None  # rad, at the target; None: it is not commanded
+    # rad, of the external axis at the target, of several from the base outwards (e,); None: it is not commanded
+    turntable: Float | float | None = None
     configuration: tuple[int, ...] | None = None  # as the dialect counts it; None: the program does not say
     place: str = ""  # the joint target on the controller that J goes to, where the program has its name alone
     time_s: float | None = None  # of a trajectory: when the target is reached, from the start of the program

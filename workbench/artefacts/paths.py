@@ -189,14 +189,14 @@ class Postures:
     quaternion_wxyz: Shaped[Float, "n 4"]
     feed_mm_s: Shaped[Float, " n"]  # towards the point, as the base sees it; on the workpiece it is the path's
     cutter_rotation: Shaped[Float, " n"]  # of the flange about the cutter's axis, rad
-    turntable: Shaped[Float, " n"]  # rad
+    turntable: Shaped[Float, "n ..."]  # of the external axis, rad; of a tilted turntable (n, 2): tilt, turntable
     joints: Shaped[Float, "n 6"]  # the controller's angles, rad
     displacement_mm: Shaped[Float, "n 3"]  # by which the cutter gives way
     clearance_mm: Shaped[Float, " n"]  # between bodies that must not touch; NaN: nothing could
     flange_from_point: Shaped[Float, "4 4"]  # the tool frame in the flange
     has_turntable: bool
     warnings: tuple[str, ...] = ()
-    planned_turntable: float = 0.0  # where it stood when the path was planned, rad
+    planned_turntable: Float | float = 0.0  # where it stood when the path was planned, rad
     on_track: bool = False  # what is said of the turntable is of a track, a millimetre as a degree
     torque_nm: Shaped[Float, " n"] | None = None  # that the cutter asks of the spindle; None: nobody tells
     spindle_rpm: float = math.nan
@@ -244,7 +244,7 @@ class Moves:
 
     @property
     def turntable_deg(self) -> Float | None:
-        """Angles (k,) of the turntable at each target, or a track's places in mm; None: none is driven."""
+        """Values of the external axis at each target (k,), deg, of a track mm; tilt and turntable (k, 2)."""
         if self.postures is None or not self.postures.has_turntable:
             return None
         return self.postures.turntable[self.point] / DEG

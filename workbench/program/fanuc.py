@@ -5,10 +5,11 @@ Rz(R) Ry(P) Rx(W) with W, P, R in deg, in a user frame, for a tool: the controll
 cell names them ("UTOOL[3]"), else declared by way of a position register. The configuration string has F or N (wrist
 flipped or not), D or U (elbow down or up), B or T (behind or before axis 1), and how often J1, J4, J6 went beyond +-180
 deg. The program begins with J to the first posture, whose J3 counts against the ground (`level_joint_3`). The turntable
-is motion group 2, a track E1 of group 1. Speeds are mm/sec in tenths, rounded down. A target is FINE, or CR with the
-zone in whole mm where the controller has that option, or CNT100 where the cell file says in what time a move reaches
-its feed: the one move's end and the next one's begin then share that time, so the corner is a parabola from feed * time
-/ 2 before the target to as much behind it. Feeds are limited where they are written, and WAIT waits without end.
+is motion group 2 (J1, or J1 and J2: tilt and turntable), a track E1 of group 1. Speeds are mm/sec in tenths, rounded
+down. A target is FINE, or CR with the zone in whole mm where the controller has that option, or CNT100 where the cell
+file says in what time a move reaches its feed: the one move's end and the next one's begin then share that time, so the
+corner is a parabola from feed * time / 2 before the target to as much behind it. Feeds are limited where they are
+written, and WAIT waits without end.
 
 Read back with right line numbers and LINE_COUNT, and every P in the program's own frame and tool, with the groups that
 DEFAULT_GROUP names.
@@ -29,7 +30,7 @@ from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
 from workbench.errors import InputError
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.krl import euler_deg
-from workbench.program.reading import Reading, euler_pose, one_file
+from workbench.program.reading import Reading, euler_pose, one_file, one_or_all
 from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.collision import sliding
@@ -63,10 +64,11 @@ SPACE = ",\n\t".join(
     ",\t".join(f"{axis} = {{{field}[{i}]:.{DIGITS}f}} {unit}" for i, axis in enumerate(axes))
     for axes, field, unit in (("XYZ", "at", "mm"), ("WPR", "wpr", "deg"))
 )
-SECOND = f"\n   GP2:\n\tUF : {{frame_2:d}}, UT : {{tool_2:d}},\n\tJ1= {{turntable:.{DIGITS}f}} deg"
-EXTENDED = f",\n\tE1= {{turntable:.{DIGITS}f}} mm"
-GROUPS = {"1,*,*,*,*": "", "1,1,*,*,*": "_2"}
-MORE = {"": "", "_2": SECOND, "_e": EXTENDED}  # of a position, by the form's ending
+SECOND = f"\n   GP2:\n\tUF : {{frame_2:d}}, UT : {{tool_2:d}},\n\tJ1= {{turntable[0]:.{DIGITS}f}} deg"
+THIRD = f",\tJ2= {{turntable[1]:.{DIGITS}f}} deg"
+EXTENDED = f",\n\tE1= {{turntable[0]:.{DIGITS}f}} mm"
+ALONE, BOTH = "1,*,*,*,*", "1,1,*,*,*"  # motion groups
+MORE = {"": "", "_3": SECOND + THIRD, "_2": SECOND, "_e": EXTENDED}  # of a position, by the form's ending
 BODY: tuple[str, ...] = (
     "straight",
     "circular",
@@ -108,7 +110,7 @@ PROGRAM = Language(
         "end": (),
     },
     kinds={
-        "groups": "|".join(map(re.escape, GROUPS)),
+        "groups": "|".join(map(re.escape, (ALONE, BOTH))),
         "element": rf"\(-{NUMBER}\)|{NUMBER}",
         "place": r"(?:UFRAME|UTOOL)\[[0-9]+\]",
         "register": r"PR\[[0-9]+\]",
@@ -245,11 +247,11 @@ class Fanuc(CellDialect):
     def documents(self, text: str) -> dict[str, str]:
         """Attributes, numbered lines, positions."""
         lines = list(self._numbered(text.splitlines()))
-        track = sliding(self.cell)
-        group = "1,*,*,*,*" if self.job.turntable_deg is None or track else "1,1,*,*,*"
+        ending = "" if self.job.turntable_deg is None else _ending(self.cell)
+        group = BOTH if ending in ("_2", "_3") else ALONE
         count, name = sum(not line.startswith("    :") for line in lines), self.job.name.upper()
         header = PROGRAM.say("header", name=name, lines=count, groups=group)
-        content = "\n".join([header, *lines, "/POS", *self._positions("_e" if track else GROUPS[group]), "/END", ""])
+        content = "\n".join([header, *lines, "/POS", *self._positions(ending), "/END", ""])
         return {f"{name}.ls": content.replace("\n", "\r\n")}
 
     def _numbered(self, lines: list[str]) -> Iterator[str]:
@@ -273,20 +275,20 @@ class Fanuc(CellDialect):
         here = place(moves.position_mm, moves.quaternion_wxyz)
         via = place(moves.via_position_mm, moves.via_quaternion_wxyz)
         table = np.zeros(len(here)) if turned is None else turned
-        half, last = np.append(table[:1], (table[1:] + table[:-1]) / 2), self.numbers[-1]
+        half, last = np.concatenate([table[:1], (table[1:] + table[:-1]) / 2]), self.numbers[-1]
 
-        def said(form: str, number: int, angle: float | None, **more: Any) -> str:
+        def said(form: str, number: int, angle: Float | None, **more: Any) -> str:
             frame, tool = self.frame
-            seen = 0.0 if angle is None else round(float(angle), DIGITS) + 0.0
+            seen = np.atleast_1d(np.round(0.0 if angle is None else angle, DIGITS) + 0.0).tolist()
             same = {"frame": frame, "frame_2": frame, "tool": tool, "tool_2": tool, "turntable": seen}
             return POSITIONS.say(f"{form}{group}", number=number, **same, **more)
 
-        def axes(number: int, joints_deg: Float, angle: float | None) -> str:
+        def axes(number: int, joints_deg: Float, angle: Float | None) -> str:
             level = levelled(self.cell)
             shown = level_joint_3(self.cell.chain, joints_deg[None])[0] if level else joints_deg
             return said("axes", number, angle, joints=(np.round(shown, DIGITS) + 0.0).tolist())
 
-        def target(number: int, values: Float, posture: dict[str, Any], angle: float) -> str:
+        def target(number: int, values: Float, posture: dict[str, Any], angle: Float) -> str:
             return said("target", number, angle, at=values[:3], wpr=values[3:], **posture)
 
         yield axes(1, *((moves.joints_deg[0], table[0]) if skeleton is None else skeleton.start_deg))
@@ -310,6 +312,11 @@ def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> list[str
     numbers = [f"{value:.{DIGITS}f}" for value in place(position_mm[None], quaternion_wxyz[None])[0].tolist()]
     element = [f"({one})" if one.startswith("-") else one for one in numbers]
     return PROGRAM.say("declare", element=element, place=name).split("\n")
+
+
+def _ending(cell: Cell) -> str:
+    """Of the forms that positions have with the cell's external axes."""
+    return "_e" if sliding(cell) else "_3" if len(cell.axes) > 1 else "_2"
 
 
 def levelled(cell: Cell) -> bool:
@@ -356,12 +363,12 @@ def cut(text: str, longest: int) -> list[str]:
 
 
 class Position(NamedTuple):
-    """One P: joint angles in rad or a pose; the turntable in rad."""
+    """One P: joint angles in rad or a pose; the external axes in rad."""
 
     joints: Float | None
     pose: Float | None
     configuration: tuple[int, ...] | None
-    turntable: float | None
+    turntable: Float | float | None
     numbers: tuple[int, int]  # of frame and tool
 
 
@@ -383,16 +390,16 @@ class _Positions(Reading):
         said = coded(*(more.pop(key) for key in ("flip", "elbow", "back", "turns")))
         self._add(number, (frame, tool), (None, euler_pose(at, wpr[::-1]), said), **more)
 
-    axes_2, target_2 = axes_e, target_e = axes, target
+    axes_2, target_2 = axes_3, target_3 = axes_e, target_e = axes, target
 
     def _add(self, number: int, numbers: tuple[int, int], values: tuple[Any, Any, Any], **second: Any) -> None:
         if number in self.found:
             self.refuse("a position that is not there yet", f"P[{number}]")
-        if second and ("frame_2" in second) == sliding(self.cell):
-            self.refuse("E1 in mm where the robot stands on a track, else J1 of group 2")
+        if second and self.said.form[-2:] != _ending(self.cell):
+            self.refuse("E1 in mm where the robot stands on a track, else J1 of group 2, and J2 where it tilts")
         if "frame_2" in second and (second["frame_2"], second["tool_2"]) != numbers:
             self.refuse("the same UF and UT of both groups")
-        turntable = second["turntable"] * DEG if second else None
+        turntable = one_or_all([value * DEG for value in second.get("turntable", ())])
         self.found[number] = Position(*values, turntable, numbers)
 
 
@@ -411,8 +418,8 @@ class _Program(Reading):
     def header(self, name: str, lines: int, groups: str) -> None:
         if lines != self.count:
             self.refuse(f"LINE_COUNT {self.count} in /ATTR", str(lines))
-        self.second = bool(GROUPS[groups]) or sliding(self.cell)
-        if GROUPS[groups] and sliding(self.cell):
+        self.second = groups == BOTH or sliding(self.cell)
+        if groups == BOTH and sliding(self.cell):
             self.refuse("group 1 alone, whose E1 is the track", groups)
 
     def declare(self, element: list[str], place: str) -> None:

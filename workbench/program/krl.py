@@ -1,12 +1,12 @@
 """KRL, KUKA's language: the path as `.src` (moves) and `.dat` (targets).
 
-(KUKA System Software, Operating and Programming Instructions for System Integrators.) Targets are E6POS in $BASE: X,
-Y, Z in mm, and R = Rz(A) Ry(B) Rx(C) with A, B, C in deg; STATUS (S) and TURN (T) of the robot's posture; E1, the
-turntable, in deg. The program begins with PTP to the first posture (E6AXIS), as KRL asks. Feeds are $VEL.CP in m/s.
-Circular moves turn the tool in the frame of the base ($ORI_TYPE = #VAR, $CIRC_TYPE = #BASE), as `path.simplify`
-assumes. With C_DIS the next move blends in $APO.CDIS mm before the target. STATUS: bit 0, the wrist's centre is
-behind axis 1; bit 1, the elbow is up; bit 2, A5 is negative. TURN: bit i, axis i + 1 is negative. All events stop the
-advance run; WAIT FOR waits without end; feeds are limited where they are written.
+(KUKA System Software, Operating and Programming Instructions for System Integrators.) Targets are E6POS in $BASE: X, Y,
+Z in mm, and R = Rz(A) Ry(B) Rx(C) with A, B, C in deg; STATUS (S) and TURN (T) of the robot's posture; E1, the
+turntable, in deg; E1 and E2 are tilt and turntable. The program begins with PTP to the first posture (E6AXIS), as KRL
+asks. Feeds are $VEL.CP in m/s. Circular moves turn the tool in the frame of the base ($ORI_TYPE = #VAR, $CIRC_TYPE =
+#BASE), as `path.simplify` assumes. With C_DIS the next move blends in $APO.CDIS mm before the target. STATUS: bit 0,
+the wrist's centre is behind axis 1; bit 1, the elbow is up; bit 2, A5 is negative. TURN: bit i, axis i + 1 is negative.
+All events stop the advance run; WAIT FOR waits without end; feeds are limited where they are written.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from workbench.dialect import rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import NAME, NUMBER, Language, reading, row
-from workbench.program.reading import Reading, euler_pose, numbers_in, one_file
+from workbench.program.reading import Reading, euler_pose, numbers_in, one_file, one_or_all
 from workbench.program.skeleton import CellDialect, check_words, limited
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
@@ -94,7 +94,7 @@ DATA = Language(
         "end": "ENDDAT",
     },
     order={"": ("header", "begin"), "begin": ("target", "axes", "via", "end"), "end": ()},
-    kinds={"header": r"&[^\r\n]*", "e1": f"(?:,E1 {NUMBER})?"},
+    kinds={"header": r"&[^\r\n]*", "e1": f"(?:,E1 {NUMBER}(?:,E2 {NUMBER})?)?"},
     comment=";",
 )
 
@@ -195,8 +195,8 @@ class Krl(CellDialect):
         """The data list: first posture, targets, middles of arcs."""
         moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
         assert moves.joints_deg is not None
-        joints, first = moves.joints_deg, None if turned is None else float(turned[0])
-        external = [_e1(None)] * len(joints) if turned is None else [_e1(angle) for angle in turned.tolist()]
+        joints, first = moves.joints_deg, None if turned is None else turned[0]
+        external = [_e1(None)] * len(joints) if turned is None else [_e1(angle) for angle in turned]
         yield from ("&ACCESS RVP", DATA.say("begin", name=self.job.name))
         targets = frames(moves.position_mm, moves.quaternion_wxyz)
         said = status_and_turn(self.cell, joints * DEG).tolist()
@@ -222,12 +222,13 @@ def _frame(position_mm: Float, quaternion_wxyz: Float) -> str:
     return FRAME.format(frame=frames(position_mm[None], quaternion_wxyz[None])[0])
 
 
-def _e1(turntable_deg: float | None) -> str:
+def _e1(turntable_deg: Float | None) -> str:
     """What an aggregate does not name stays where it is."""
-    return "" if turntable_deg is None else f",E1 {round(turntable_deg, 4) + 0.0:.4f}"
+    values: list[float] = [] if turntable_deg is None else np.atleast_1d(np.round(turntable_deg, 4) + 0.0).tolist()
+    return "".join(f",E{i} {value:.4f}" for i, value in enumerate(values, 1))
 
 
-def _axes(name: str, joints_deg: Float, turntable_deg: float | None) -> str:
+def _axes(name: str, joints_deg: Float, turntable_deg: Float | None) -> str:
     return DATA.say("axes", name=name, angle=(np.round(joints_deg, 4) + 0.0).tolist(), e1=_e1(turntable_deg))
 
 
@@ -285,9 +286,9 @@ class _Data(Reading):
         self._declare(name, euler_pose(frame[:3], frame[3:]))
 
 
-def _turntable(e1: str) -> float | None:
-    """E1 in rad; None: it is not commanded."""
-    return float(e1[4:]) * DEG if e1 else None
+def _turntable(e1: str) -> Float | float | None:
+    """E1 in rad, or E1 and E2 (2,); None: it is not commanded."""
+    return one_or_all([float(one.split()[1]) * DEG for one in e1.split(",")[1:]])
 
 
 class _Source(Reading):

@@ -7,8 +7,8 @@ import numpy as np
 from workbench.artefacts import Judgement, Scene, Strokes
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import CollisionScreen
-from workbench.robot.cell import ON_TURNTABLE, Cell
-from workbench.robot.collision import base_from_targets, turntable_pose
+from workbench.robot.cell import Cell
+from workbench.robot.collision import base_from_targets, standing_poses
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.picture import shape_triangles
 from workbench.units import AnyArray, Float
@@ -39,7 +39,8 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
         return None
     joints, table = driven["joints"][at], driven["turntable"][at]
     floor = inverse(base_from_targets(cell, table))
-    links, turned = floor[:, None] @ motions(cell.chain, joints), floor @ turntable_pose(cell, table)
+    links = np.swapaxes(floor[:, None] @ motions(cell.chain, joints), 0, 1)
+    moved = [*links, *(floor @ standing_poses(cell, table))]  # by `Shape.link`
     clearance = CollisionScreen(cell).clearances_mm(joints, table)
     said = tuple(
         f"line {line:.0f} · {time_s:.1f} s · {mm_s:.3g} mm/s"
@@ -56,7 +57,7 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
             lines = edges(shape_triangles(shape) @ shape.pose[:3, :3].T + shape.pose[:3, 3])
             bodies.setdefault((name, shape.link), []).extend(lines)
     strokes = [
-        Strokes(name, tuple(lines), (_colour(name, 2),) * len(lines), moved=_moved(link, links, turned))
+        Strokes(name, tuple(lines), (_colour(name, 2),) * len(lines), moved=moved[max(link, 0)])
         for (name, link), lines in bodies.items()
         if lines
     ]
@@ -66,11 +67,6 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
 
 def _colour(name: str, points: int) -> AnyArray:
     return np.tile(np.array(COLOURS.get(name, AROUND), np.uint8), (points, 1))
-
-
-def _moved(link: int, links: Float, turned: Float) -> Float | None:
-    """Motions (f, 4, 4) of what hangs on a link of the robot, or stands on base or turntable."""
-    return turned if link == ON_TURNTABLE else links[:, max(link, 0)]
 
 
 def edges(triangles_mm: Float) -> list[AnyArray]:

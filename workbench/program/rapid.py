@@ -3,14 +3,14 @@
 Targets in mm and quaternions w x y z, in the work object; unused external axes 9E+09. Positions have 4 decimals,
 quaternions 8: the rounding stays below 0.0001 mm and 0.00001 deg, less than the controller's own single precision.
 Feeds have 3 significant digits, one speeddata each. Where the moves rest on postures the program begins with MoveAbsJ
-to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a. Every
-target says its axis configuration, and the controller monitors it (ConfL\\On): a restart in another posture is stopped.
-Circular moves turn the tool in the frame of the work object (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes.
-A WaitDI that waits longer than its MaxTime stops the program.
+to the first one, the tool is the cell's, targets are in the base, and the turntable is the external axis eax_a, or
+eax_b behind its tilt. Every target says its axis configuration, and the controller monitors it (ConfL\\On): a restart
+in another posture is stopped. Circular moves turn the tool in the frame of the work object
+(`CirPathMode\\ObjectFrame`), as `path.simplify` assumes. A WaitDI that waits longer than its MaxTime stops the program.
 
 Read back is one module, of which one procedure moves. Refused as by a controller on loading, or earlier: names that are
 declared twice, of the wrong type or RAPID's own; quaternions not of unit length; circles that no controller can make;
-external axes other than eax_a; stationary tools, and work objects that the robot holds. A tool, work object or joint
+external axes beyond eax_b; stationary tools, and work objects that the robot holds. A tool, work object or joint
 target that the module does not declare is one that the controller has, and so are signals, units and procedures.
 """
 
@@ -30,7 +30,7 @@ from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.language import NUMBER, Language, reading, row
-from workbench.program.reading import Reading, numbers_in
+from workbench.program.reading import Reading, numbers_in, one_or_all
 from workbench.program.skeleton import CellDialect, check_words
 from workbench.program.words import PREDEFINED, SPEEDS, TAKEN, ZONES, free_name
 from workbench.robot.cell import Cell
@@ -227,7 +227,7 @@ class Rapid(CellDialect):
         job, skeleton = self.job, self.skeleton
         if skeleton is None:
             assert job.moves.joints_deg is not None
-            first = None if job.turntable_deg is None else float(job.turntable_deg[0])
+            first = None if job.turntable_deg is None else job.turntable_deg[0]
             yield joint_target("jStart", job.moves.joints_deg[0], first)
             return
         if not skeleton.process.home.controller_name:
@@ -296,15 +296,16 @@ def configurations(cell: Cell, joints: Float) -> Int:
     return np.column_stack([quarters, sides @ np.array([4, 2, 1])])
 
 
-def joint_target(name: str, joints_deg: Float, turntable_deg: float | None) -> str:
+def joint_target(name: str, joints_deg: Float, turntable_deg: Float | None) -> str:
     """A declaration."""
     return MODULE.say(
         "jointtarget", scope="CONST", name=name, joints=_tidy(joints_deg, 4), axes=_external(turntable_deg)
     )
 
 
-def _external(turntable_deg: float | None) -> list[str]:
-    return [UNUSED if turntable_deg is None else f"{round(turntable_deg, 4) + 0.0:.4f}", *[UNUSED] * 5]
+def _external(turntable_deg: Float | None) -> list[str]:
+    said = [] if turntable_deg is None else _tidy(np.atleast_1d(turntable_deg), 4)
+    return [*(f"{value:.4f}" for value in said), *[UNUSED] * (6 - len(said))]
 
 
 def _joints_on_arcs(moves: Moves) -> Float:
@@ -318,7 +319,7 @@ def _halfway(job: ProgramJob) -> Float | None:
     """Where the turntable stands at the middle of each move."""
     if job.turntable_deg is None:
         return None
-    return np.append(job.turntable_deg[:1], (job.turntable_deg[1:] + job.turntable_deg[:-1]) / 2)
+    return np.concatenate([job.turntable_deg[:1], (job.turntable_deg[1:] + job.turntable_deg[:-1]) / 2])
 
 
 def _targets(
@@ -327,7 +328,7 @@ def _targets(
     """One declaration a target, numbered from 1."""
     said = zip(indices.tolist(), _tidy(position_mm[indices], 4), _tidy(quaternion[indices], 8), strict=True)
     for i, at, turn in said:
-        axes = _external(None if turntable is None else float(turntable[i]))
+        axes = _external(None if turntable is None else turntable[i])
         cf = configuration[i].tolist()
         yield MODULE.say("robtarget", scope="CONST", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
 
@@ -346,7 +347,7 @@ class _Target(NamedTuple):
 
     pose: Float
     configuration: tuple[int, ...]
-    turntable: float | None
+    turntable: Float | float | None
 
 
 class _Module(Reading):
@@ -425,12 +426,13 @@ class _Module(Reading):
     def jointtarget(self, name: str, joints: list[float], axes: list[str], **_: str) -> None:
         self._declare(name, (np.array(joints) * DEG, self._turntable(axes)))
 
-    def _turntable(self, axes: list[str]) -> float | None:
-        """Angle of eax_a in rad; None: it is not there."""
-        first, *others = map(float, axes)
-        if min(others) < ABSENT:
-            self.refuse("no external axis but eax_a", ",".join(axes))
-        return first * DEG if first < ABSENT else None
+    def _turntable(self, axes: list[str]) -> Float | float | None:
+        """Angle of eax_a in rad, or of eax_a and eax_b (2,); None: there are none."""
+        values = [float(one) for one in axes]
+        there = [value * DEG for value in values if value < ABSENT]
+        if len(there) > 2 or min(values[len(there) :]) < ABSENT:
+            self.refuse("no external axes but eax_a, and eax_b behind it", ",".join(axes))
+        return one_or_all(there)
 
     # Statements.
 
@@ -531,7 +533,8 @@ class _Module(Reading):
 def read_rapid(text: str, name: str = "program", process: ProcessPart | None = None) -> ProgramMoves:
     """Read a RAPID module with one procedure that moves.
 
-    The turntable is the external axis eax_a; it turns what stands in the cell, the work object stays in the base.
+    The turntable is the external axis eax_a, or eax_b on a tilt that is eax_a; it turns what stands on it, the work
+    object stays in the base.
 
     Args:
         text: the module.

@@ -56,7 +56,9 @@ class Reading:
 
     # Moves.
 
-    def by_joints(self, share: float, joints: Float | None, turntable: float | None = None, place: str = "") -> None:
+    def by_joints(
+        self, share: float, joints: Float | None, turntable: Float | float | None = None, place: str = ""
+    ) -> None:
         """By the joints, at a share of their largest speeds: to angles (6,), rad, or a place of the controller's."""
         if self.moves and self.moves[-1].zone_mm > 0:
             self.refuse("a move that reaches its target before this one")
@@ -74,6 +76,9 @@ class Reading:
 
     def move(self, kind: Any, **more: Any) -> None:
         """One move, of the tool and in the frame that hold."""
+        external = (more.get("turntable"), *(move.turntable for move in self.moves[-1:]))
+        if len({np.size(one) for one in external if one is not None}) > 1:
+            self.refuse("as many external axes as in the move before")
         self.moves.append(ProgramMove(self.said.line, kind, self.tool, self.work_object, **more))
 
     # What happens between them.
@@ -134,6 +139,11 @@ def one_file(files: Mapping[str, str], suffix: str) -> tuple[str, str]:
 def numbers_in(text: str) -> list[float]:
     """All of a text whose form was looked at."""
     return [float(one) for one in re.findall(NUMBER, text)]
+
+
+def one_or_all(values: list[float]) -> Float | float | None:
+    """Values of external axes as a `ProgramMove` has them; None: there are none."""
+    return np.array(values) if len(values) > 1 else next(iter(values), None)
 
 
 def euler_pose(at: list[float], abc: list[float]) -> Float:

@@ -65,27 +65,27 @@ class Skeleton:
         return {i - 1 for i in self.layer_starts}
 
     @functools.cached_property
-    def home_deg(self) -> tuple[Float, float | None]:
-        """Joint angles (6,) and the turntable's."""
+    def home_deg(self) -> tuple[Float, Float | None]:
+        """Joint angles (6,) and the external axes'."""
         home, table = self.process.home, self.job.turntable_deg
-        return np.array(home.joints_deg), None if table is None else turntable_at_home(home, float(table[0]))
+        return np.array(home.joints_deg), None if table is None else turntable_at_home(home, table[0])
 
     @functools.cached_property
-    def start_deg(self) -> tuple[Float, float | None]:
+    def start_deg(self) -> tuple[Float, Float | None]:
         """The posture from which the tool goes straight to the first target, and the turntable there."""
         table = self.job.turntable_deg
         found = self._off(0, self.process.approach_mm, "approach_mm") / DEG
-        return found, None if table is None else float(table[0])
+        return found, None if table is None else table[0]
 
     @functools.cached_property
-    def probe_deg(self) -> tuple[Float, float | None] | None:
+    def probe_deg(self) -> tuple[Float, Float | None] | None:
         """The posture in which the operator looks, above the first cutting target, and the turntable; None: no stop."""
         if self.process.probe is None:
             return None
         moves, table = self.job.moves, self.job.turntable_deg
         i = int(np.argmax(moves.cutting))
         found = self._off(i, self.process.probe.distance_mm, "probe.distance_mm") / DEG
-        return found, None if table is None else float(table[i])
+        return found, None if table is None else table[i]
 
     @functools.cached_property
     def retract_joints(self) -> Float:
@@ -287,7 +287,7 @@ def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
             f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why} "
             "(stiffness.posture: turntable_moves false)",
         )
-    if process is not None and abs(turntable_at_home(process.home, float(table[0])) - table[0]) > STANDS_DEG:
+    if process is not None and abs(turntable_at_home(process.home, table[0]) - table[0]) > STANDS_DEG:
         raise InputError(
             f"{cell.source}: $.process.home.turntable_deg",
             f"expected the angle at which the turntable stands along the path, {table[0]:.4f}",

@@ -110,11 +110,12 @@ def write(
             "expected the make of the robot's controller: abb, kuka, "
             "fanuc, ur, yaskawa or trajectory (or the pipeline's input 'controller')",
         )
-    if sliding(cell) and chosen not in DRIVE_TRACKS:
+    if (sliding(cell) or len(cell.axes) > 1) and chosen not in DRIVE_AXES:
+        what, way = ("track", "$.robot.held") if sliding(cell) else ("turntable.tilt", "another base_from_turntable")
         raise InputError(
-            f"{cell.source}: $.track",
-            f"expected none for {chosen}: programs drive a track in the languages of ABB, KUKA and FANUC alone; let it "
-            "stand ($.robot.held)",
+            f"{cell.source}: $.{what}",
+            f"expected none for {chosen}: programs drive it in the languages of ABB, KUKA and FANUC alone; let it "
+            f"stand ({way})",
         )
     if not released(name, moves.toolpath, gate, cell, moves):
         return (gate,)
@@ -181,7 +182,7 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 
 # The chapter of the report on a program: whether it is released, its least margins, what was not checked.
 
-DRIVE_TRACKS = ("abb", "kuka", "fanuc")
+DRIVE_AXES = ("abb", "kuka", "fanuc")  # a track, or two axes of a positioner
 TOLD = 10  # violations in the report; all are in program_check.json
 CHECKED = {
     "root_deflection_mm": "Of the root face, by giving way, mm",

@@ -375,6 +375,7 @@ class PosturePoint(Row):
 
     cutter_rotation_deg: Number
     turntable_deg: Number
+    tilt_deg: Unknown = None
     track_mm: Unknown = None
     joints_deg: Six
     displacement_mm: Any
@@ -386,6 +387,7 @@ class PostureMap(Row):
 
     cutter_rotation_deg: list[Number]
     turntable_deg: list[Number]
+    tilt_deg: list[Number] | None = None
     track_mm: list[Number] | None = None
     mean_displacement_mm: list[list[Unknown]]
     cause: list[list[str | None]]

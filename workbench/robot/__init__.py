@@ -7,7 +7,15 @@ tests. Collision is python-fcl's.
 from workbench.artefacts.showing import shown_all
 from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
-from workbench.robot.collision import Clearance, CollisionModel, base_from_targets, sliding, turntable_pose
+from workbench.robot.collision import (
+    Clearance,
+    CollisionModel,
+    base_from_targets,
+    external_at,
+    sliding,
+    standing_poses,
+    turntable_pose,
+)
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     AngleConvention,
@@ -52,6 +60,7 @@ __all__ = [
     "cell_triangles",
     "clearance_bound_mm",
     "dexterity",
+    "external_at",
     "forward_kinematics",
     "inverse_kinematics",
     "jacobian",
@@ -65,6 +74,7 @@ __all__ = [
     "refuse_contradiction",
     "sliding",
     "spherical_wrist",
+    "standing_poses",
     "turntable_at_home",
     "turntable_pose",
     "within_limits",

@@ -1,7 +1,7 @@
 """The compiled kernels of `workbench.robot.bounds`.
 
 Arrays are passed whole, with indices: a slice of an array costs as much as the arithmetic here. Volumes s: ends
-`at` (S, 2, 3) of a capsule's axis, pose `placed` (S, 3, 4) of a solid, in the base. A cylinder is both.
+`at` (S, 2, 3) of a capsule's axis, pose `placed` (S, 3, 4) of a solid in it, in the base.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Shaped
 
-NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule; a box is none
+NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
 SECTION = 0.6180339887498949  # golden
 FAR_MM = 1e9  # farther apart than anything
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
@@ -22,12 +22,15 @@ STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
 class Scene(NamedTuple):
-    """A robot's axes at zero, the turntable's pose, and the S volumes and P pairs of `BoundingVolumes`."""
+    """A robot's axes at zero, e external axes from the base outwards, and the volumes of `BoundingVolumes`.
+
+    Joint angles are those of the robot and the values of the external axes behind them.
+    """
 
     axes: Shaped[AnyArray, "6 3"]  # unit
     points: Shaped[AnyArray, "6 3"]  # mm
-    table: Shaped[AnyArray, "4 4"]  # at angle 0
-    slides: bool  # it is a track's floor
+    frames: Shaped[AnyArray, "e 4 4"]  # of each axis at 0, in what carries it
+    slides: Shaped[AnyArray, " e"]  # whether it is a track's floor
     link: AnyArray
     solid: AnyArray
     ends: AnyArray
@@ -64,35 +67,36 @@ def _place(standing: Standing, motion: AnyArray, scene: Scene, arm_only: bool) -
 
 @kernel(error_model="numpy")
 def _room(scene: Scene) -> tuple[AnyArray, AnyArray, Standing]:
-    """Room for motions of links, for turns of joints and table, and for what `_place` places."""
-    count = len(scene.link)
-    motion, turn = np.zeros((8, 3, 4)), np.zeros((9, 3, 4))
-    turn[8] = scene.table[:3]
+    """Room for motions of links, for turns of joints and external axes, and for what `_place` places."""
+    count, e = len(scene.link), len(scene.slides)
+    motion, turn = np.zeros((7 + e, 3, 4)), np.zeros((7 + 2 * e, 3, 4))
+    for k in range(e):
+        turn[6 + e + k] = scene.frames[k, :3]
     return motion, turn, Standing(np.empty((count, 2, 3)), np.empty((count, 3, 4)), np.empty((count, 3)))
 
 
 @kernel(error_model="numpy")
-def bound_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, most: float) -> AnyArray:
+def bound_kernel(scene: Scene, joints: AnyArray, most: float) -> AnyArray:
     """See `clearance_bound_mm`; `most` is enough to know."""
     found = np.empty(len(joints))
     motion, turn, standing = _room(scene)
     # Taken out of the scene once: in the loop that would be counted for every posture.
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
+        _move(motion, turn, axes, points, joints, scene.slides, n)
         _place(standing, motion, scene, False)
         found[n] = _smallest(standing, scene, 0, len(scene.pairs), most)
     return found
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyArray, AnyArray]:
+def pairs_kernel(scene: Scene, joints: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
+        _move(motion, turn, axes, points, joints, scene.slides, n)
         _place(standing, motion, scene, False)
         middles[n] = standing.middle
         for i in range(len(scene.pairs)):
@@ -101,13 +105,13 @@ def pairs_kernel(scene: Scene, joints: AnyArray, turned: AnyArray) -> tuple[AnyA
 
 
 @kernel(error_model="numpy")
-def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArray) -> AnyArray:
+def near_kernel(scene: Scene, joints: AnyArray, least: AnyArray) -> AnyArray:
     """Whether each pair (n, P) may come as near as `least` (P,)."""
     found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
     for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, turned[n], scene.slides, n)
+        _move(motion, turn, axes, points, joints, scene.slides, n)
         _place(standing, motion, scene, False)
         for i in range(len(scene.pairs)):
             start = least[i] + 1e-6  # what is farther apart need not be known
@@ -119,7 +123,7 @@ def near_kernel(scene: Scene, joints: AnyArray, turned: AnyArray, least: AnyArra
 def swept_kernel(
     scene: Scene, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
 ) -> AnyArray:
-    """See `Pairs.swept`: which places (c, s) of ways (c, s, 7) stay open; a stretch that is not proven is halved.
+    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6 + e) stay open; a stretch that is not proven is halved.
 
     Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
     proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.
@@ -129,15 +133,18 @@ def swept_kernel(
     found = np.zeros((count, places), np.bool_)
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
-    step, reach, lever = np.zeros((places, 7)), np.zeros(7), np.zeros((6, 2, 3))
+    many_axes = joints.shape[2]
+    step, reach, lever = np.zeros((places, many_axes)), np.zeros(many_axes), np.zeros((6, 2, 3))
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
     asked, many = np.empty((DEPTHS, len(scene.pairs)), np.int64), np.zeros(DEPTHS, np.int64)
     asked[0], many[0] = np.arange(len(scene.pairs)), len(scene.pairs)
-    need = np.empty(len(carried))
+    need, beside = np.empty(len(carried)), np.zeros(len(scene.link))
     for n in range(count):
         _steps(joints, n, step)
-        stands = joints[n, :, 6].max() == joints[n, :, 6].min()
-        _move(motion, turn, axes, points, joints[n], joints[n, 0, 6], scene.slides, 0)
+        stands, beside[:] = True, 0.0
+        for j in range(6, many_axes):
+            stands &= joints[n, :, j].max() == joints[n, :, j].min()
+        _move(motion, turn, axes, points, joints[n], scene.slides, 0)
         _place(standing, motion, scene, False)
         first[0], last[0], depth[0], waiting = 0, places - 1, 0, 1
         while waiting > 0:
@@ -145,16 +152,18 @@ def swept_kernel(
             a, b, d = first[waiting], last[waiting], depth[waiting]
             m = (a + b) // 2
             total, proven = _reach(joints, n, a, b, m, step, reach), 0
-            if scene.slides:
-                total -= reach[6]  # which changes no lever
+            for k in range(len(scene.slides)):
+                if scene.slides[k]:
+                    total -= reach[6 + k]  # which changes no lever
             if total < MOST_SWEPT:
-                _move(motion, turn, axes, points, joints[n], joints[n, m, 6], scene.slides, m)
+                _move(motion, turn, axes, points, joints[n], scene.slides, m)
                 _place(standing, motion, scene, stands)
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
                     moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around)
                     need[w] = moved / (1.0 - total)
-                beside = reach[6] / (1.0 - total)
+                if not stands:
+                    _beside(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), beside)
                 proven = _proven(standing, scene, need, by, least, beside, asked[d], many[d])
             left = many[d] - proven
             if left > 0 and a == b:
@@ -176,20 +185,19 @@ def _proven(
     need: AnyArray,
     by: AnyArray,
     least: AnyArray,
-    beside: float,
+    beside: AnyArray,
     asked: AnyArray,
     many: int,
 ) -> int:
     """How many pairs of `asked[:many]` are farther apart than they need to be, before the first that may not be.
 
-    What stands on the turntable moves by `beside` rad of it besides.
+    What stands on external axes moves by `beside` (S,) mm besides.
     """
-    pairs, around, middle, link = scene.pairs, scene.around, standing.middle, scene.link
+    pairs, around, middle = scene.pairs, scene.around, standing.middle
     for k in range(many):
         i = asked[k]
-        s, t, apart = pairs[i, 0], pairs[i, 1], least[i] + need[by[i]]
-        if beside > 0.0 and (link[s] == 7 or link[t] == 7):
-            apart += beside * _lever_mm(scene, middle, around, s if link[s] == 7 else t)
+        s, t = pairs[i, 0], pairs[i, 1]
+        apart = least[i] + need[by[i]] + beside[s] + beside[t]
         far = apart + 1e-6
         reach = far + around[s] + around[t]
         x, y, z = middle[s, 0] - middle[t, 0], middle[s, 1] - middle[t, 1], middle[s, 2] - middle[t, 2]
@@ -199,26 +207,35 @@ def _proven(
 
 
 @kernel(error_model="numpy")
-def _lever_mm(scene: Scene, middle: AnyArray, around: AnyArray, s: int) -> float:
-    """What a volume on the turntable moves by a rad of it, at most."""
-    if scene.slides:
-        return 1.0 / DEG
-    table = scene.table
-    x, y, z = middle[s, 0] - table[0, 3], middle[s, 1] - table[1, 3], middle[s, 2] - table[2, 3]
-    u, v, w = table[0, 2], table[1, 2], table[2, 2]
-    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-    return float(np.sqrt(cx * cx + cy * cy + cz * cz) + around[s])
+def _beside(motion: AnyArray, scene: Scene, middle: AnyArray, reach: AnyArray, slack: float, beside: AnyArray) -> None:
+    """What each volume (S,) on external axes moves by within their reaches, at most, mm, times `slack`."""
+    e = len(scene.slides)
+    for s in range(len(scene.link)):
+        beside[s] = 0.0
+        for k in range(e):
+            carrier = 6 + e - k
+            if scene.link[s] < 7 or scene.link[s] > carrier:
+                continue
+            if scene.slides[k]:
+                beside[s] += reach[6 + k] / DEG * slack
+                continue
+            x = middle[s, 0] - motion[carrier, 0, 3]
+            y = middle[s, 1] - motion[carrier, 1, 3]
+            z = middle[s, 2] - motion[carrier, 2, 3]
+            u, v, w = motion[carrier, 0, 2], motion[carrier, 1, 2], motion[carrier, 2, 2]
+            cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
+            beside[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around[s]) * slack
 
 
 @kernel(error_model="numpy")
 def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
-    """How far each joint goes (s, 7) from each place halfway to its neighbours, with what it bulges out in between.
+    """How far each joint goes (s, 6 + e) from each place halfway to its neighbours, with what it bulges out in between.
 
     A parabola through three places lies off their chords by an eighth of the second difference; a quarter is taken.
     """
     places = joints.shape[1]
     for k in range(places):
-        for j in range(7):
+        for j in range(joints.shape[2]):
             most = 0.0
             if k > 0:
                 most = abs(joints[n, k, j] - joints[n, k - 1, j])
@@ -234,7 +251,7 @@ def _steps(joints: AnyArray, n: int, step: AnyArray) -> None:
 def _reach(joints: AnyArray, n: int, a: int, b: int, m: int, step: AnyArray, reach: AnyArray) -> float:
     """How far each joint goes from place m between half a step before place a and half a step behind b; their sum."""
     total = 0.0
-    for j in range(7):
+    for j in range(len(reach)):
         far = 0.0
         for k in range(a, b + 1):
             far = max(far, abs(joints[n, k, j] - joints[n, m, j]) + step[k, j])
@@ -287,7 +304,8 @@ def _smallest(
         if x * x + y * y + z * z >= reach * reach:
             continue
         fits = solid[b] == NONE or solid[a] == BOX or radius[a] > radius[b]  # as the capsule around it, of two solids
-        if solid[a] != NONE and solid[b] != BOX and fits:
+        larger = solid[a] == BOX and around[a] > around[b]  # of two boxes the smaller is the capsule around it
+        if larger if solid[b] == BOX else solid[a] != NONE and fits:
             a, b = b, a
         if solid[b] != BOX:
             apart = _between(at, a, b) - radius[a] - radius[b]
@@ -310,19 +328,19 @@ def _move(
     axes: AnyArray,
     points: AnyArray,
     joints: AnyArray,
-    turned: float,
-    slides: bool,
+    slides: AnyArray,
     n: int,
 ) -> None:
-    """Motions of base, six links and turntable: turns about the axes at zero, one after the other (Rodrigues)."""
+    """Motions of base, six links and what external axes carry: one turn after the other about the axes at zero."""
     for r in range(3):
         motion[0, r, r] = 1.0
-    for i in range(7):
+    e = len(slides)
+    for i in range(6 + e):
         x, y, z = (axes[i, 0], axes[i, 1], axes[i, 2]) if i < 6 else (0.0, 0.0, 1.0)
         px, py, pz = (points[i, 0], points[i, 1], points[i, 2]) if i < 6 else (0.0, 0.0, 0.0)
-        angle = joints[n, i] if i < 6 else 0.0 if slides else turned
+        angle = joints[n, i] if i < 6 or not slides[i - 6] else 0.0
         c, s = np.cos(angle), np.sin(angle)
-        v = 1 - c
+        v = 1 - c  # Rodrigues
         turn[i, 0, 0], turn[i, 0, 1], turn[i, 0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
         turn[i, 1, 0], turn[i, 1, 1], turn[i, 1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
         turn[i, 2, 0], turn[i, 2, 1], turn[i, 2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
@@ -331,9 +349,12 @@ def _move(
         turn[i, 2, 3] = pz - turn[i, 2, 0] * px - turn[i, 2, 1] * py - turn[i, 2, 2] * pz
         if i < 6:
             _compose(motion, i + 1, motion, i, turn, i)
-    if slides:
-        turn[6, 2, 3] = turned / DEG
-    _compose(motion, 7, turn, 8, turn, 6)
+            continue
+        if slides[i - 6]:
+            turn[i, 2, 3] = joints[n, i] / DEG
+        carrier = 6 + e - (i - 6)
+        _compose(turn, 6 + 2 * e, motion, 0 if i == 6 else carrier + 1, turn, e + i)
+        _compose(motion, carrier, turn, 6 + 2 * e, turn, i)
 
 
 @kernel(error_model="numpy")

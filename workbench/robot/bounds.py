@@ -1,8 +1,8 @@
 """Collision of very many postures: a lower bound of the clearance; what it calls free is free, fcl decides the rest.
 
-Every shape is put into a capsule, or where it does not hang on the robot into a box: exact for capsules, spheres,
-boxes, and cylinders beside capsules; wider for meshes, and for one of two cylinders. Bounding volumes that keep apart
-prove that the shapes do.
+Every shape is put into a capsule, and where it does not hang on the robot into a box besides: exact for capsules,
+spheres, boxes, and cylinders beside capsules; wider for meshes, and for one of two cylinders or boxes. Bounding volumes
+that keep apart prove that the shapes do.
 
 The bodies of a cell may move against each other while its joints stay within a reach of where they are: a point of a
 body moves by at most its distance from each axis times that joint's reach; the distances themselves change by no more
@@ -12,11 +12,13 @@ than the point moves, hence the division (Schwarzer, Saha, Latombe, IEEE Trans. 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.geometry.blocks import in_order
+from workbench.geometry.poses import inverse
 from workbench.robot.bound_kernels import (
     BOX,
     CYLINDER,
@@ -29,7 +31,7 @@ from workbench.robot.bound_kernels import (
     swept_kernel,
 )
 from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
-from workbench.robot.collision import CollisionModel, checked_pairs, sliding, turntable_pose
+from workbench.robot.collision import CollisionModel, checked_pairs, standing_poses
 from workbench.robot.kinematics import joint_axes, motions
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -44,7 +46,7 @@ class BoundingVolumes:
     """S shapes as capsules (two ends, a radius) and solids (pose and half lengths), and the pairs to look at."""
 
     link: Shaped[Int, " S"]  # as in `Shape`, the fixed ones 0
-    solid: Shaped[Int, " S"]  # 1: a box and no capsule, 2: a cylinder and the capsule around it, 0: a capsule alone
+    solid: Shaped[Int, " S"]  # 1: a box, 2: a cylinder, and the capsule around it, 0: a capsule alone
     ends_mm: Shaped[Float, "S 2 3"]  # at zero, in the base (or the turntable's frame)
     radius_mm: Shaped[Float, " S"]
     pose: Shaped[Float, "S 4 4"]  # of solids, likewise
@@ -59,16 +61,16 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     count = len(made)  # 0: nothing is known of any body
     ends = np.array([one for one, _, _ in made]).reshape(count, 2, 3)
     radius, half = np.array([one for _, one, _ in made]), np.array([one for _, _, one in made]).reshape(count, 3)
-    inside = np.where(radius < 0, np.linalg.norm(half, axis=1), radius)
-    around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + inside
+    solid = np.array([_solid(shape) for shape in cell.shapes], np.int64)
+    around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + radius
     return BoundingVolumes(
         link=np.array([max(shape.link, 0) for shape in cell.shapes], np.int64),
-        solid=np.array([_solid(shape, r) for shape, r in zip(cell.shapes, radius, strict=True)], np.int64),
+        solid=solid,
         ends_mm=ends,
-        radius_mm=np.maximum(radius, 0.0),
+        radius_mm=radius,
         pose=np.array([_centred(shape) for shape in cell.shapes]).reshape(count, 4, 4),
         half_mm=half,
-        around_mm=around,
+        around_mm=np.where(solid == BOX, np.linalg.norm(half, axis=1), around),
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
     )
 
@@ -78,8 +80,8 @@ def scene(cell: Cell, volumes: BoundingVolumes) -> Scene:
     return Scene(
         cell.chain.axes,
         cell.chain.points_mm,
-        turntable_pose(cell, 0.0),
-        sliding(cell),
+        _frames(cell),
+        np.array([axis.slides for axis in cell.axes] or [False]),
         volumes.link,
         volumes.solid,
         volumes.ends_mm,
@@ -91,41 +93,48 @@ def scene(cell: Cell, volumes: BoundingVolumes) -> Scene:
     )
 
 
+def _frames(cell: Cell) -> Float:
+    """Of each external axis at 0 in what carries it (e, 4, 4); one, the base, where there is none."""
+    poses = [np.eye(4), *(axis.base_from_turntable for axis in cell.axes)]
+    return np.array([inverse(a) @ b for a, b in itertools.pairwise(poses)] or [np.eye(4)])
+
+
+def with_externals(cell: Cell, joints: Float, turntable: Float | float) -> Float:
+    """Joint angles (n, 6) and, behind them, values of the external axes (n,) or (n, e): (n, 6 + e)."""
+    shape = (len(joints), len(cell.axes)) if len(cell.axes) > 1 else (len(joints),)
+    return np.ascontiguousarray(np.column_stack([joints, np.broadcast_to(np.asarray(turntable, float), shape)]))
+
+
 def clearance_bound_mm(
     cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM
 ) -> Float:
-    """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and turntable angles (n,), rad.
+    """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and external axes (n,), rad.
 
     Free without further look: more than SAFE_MM and what any pair must keep apart. Negative or small: ask
     `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
     """
-    q = np.ascontiguousarray(joints, float).reshape(-1, 6)
-    table = np.ascontiguousarray(np.broadcast_to(np.asarray(turntable, float), len(q)))
-    return np.asarray(bound_kernel(scene(cell, volumes), q, table, most_mm))
+    q = with_externals(cell, np.asarray(joints, float).reshape(-1, 6), turntable)
+    return np.asarray(bound_kernel(scene(cell, volumes), q, most_mm))
 
 
 def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, least_mm: Float) -> Bool:
-    """Which pairs (n, P) are not proven to keep `least_mm` (P,) apart at joint angles (n, 6) and turntable angles (n,).
+    """Which pairs (n, P) are not proven to keep `least_mm` (P,) apart at joint angles (n, 6) and external axes (n,).
 
     Angles in rad.
     """
-    q, table = np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float)
-    return np.asarray(near_kernel(scene(cell, volumes), q, table, least_mm + SAFE_MM))
+    q = with_externals(cell, joints, turntable)
+    return np.asarray(near_kernel(scene(cell, volumes), q, least_mm + SAFE_MM))
 
 
 def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:
     """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,)."""
-    found, middles = pairs_kernel(
-        scene(cell, volumes), np.ascontiguousarray(joints, float), np.ascontiguousarray(turntable, float)
-    )
+    found, middles = pairs_kernel(scene(cell, volumes), with_externals(cell, joints, turntable))
     return np.asarray(found), np.asarray(middles)
 
 
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
-    """Ends of a capsule's axis and its radius (negative: a box), half lengths of the box."""
+    """Ends of a capsule's axis and its radius, half lengths of the box."""
     half = _half_lengths(shape)
-    if shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6:
-        return np.zeros((2, 3)), -1.0, half
     if shape.kind in ("capsule", "cylinder", "sphere"):
         radius = shape.size_mm[0]
         length = shape.size_mm[1] / 2 if len(shape.size_mm) > 1 else 0.0
@@ -138,8 +147,9 @@ def _volume(shape: Shape) -> tuple[Float, float, Float]:
     return np.array([pose[:3, :3] @ (s * axis) + pose[:3, 3] for s in (-1, 1)]), radius, half
 
 
-def _solid(shape: Shape, radius_mm: float) -> int:
-    return CYLINDER if shape.kind == "cylinder" else BOX if radius_mm < 0 else NONE
+def _solid(shape: Shape) -> int:
+    flat = shape.kind in ("box", "mesh") and not 1 <= shape.link <= 6
+    return CYLINDER if shape.kind == "cylinder" else BOX if flat else NONE
 
 
 def _half_lengths(shape: Shape) -> Float:
@@ -160,7 +170,7 @@ def _centred(shape: Shape) -> Float:
     return np.asarray(shape.pose @ middle)
 
 
-assert ON_TURNTABLE == 7  # the kernel's eighth motion
+assert ON_TURNTABLE == 7  # the kernel's eighth motion; behind it what carries that
 
 
 class Pairs:
@@ -171,35 +181,39 @@ class Pairs:
         self.cell, self.model, self.volumes = cell, CollisionModel(cell), bounding_volumes(cell)
         pairs = np.array(self.model.pairs, int).reshape(-1, 2)
         link = np.array([max(shape.link, 0) for shape in cell.shapes] or [0])[pairs]
-        on_table = link == ON_TURNTABLE
-        arm = np.where(on_table, 0, link)
+        arm = np.where(link >= ON_TURNTABLE, 0, link)
         low, high = arm.min(axis=1), arm.max(axis=1)
         self.outer = np.take_along_axis(pairs, arm.argmax(axis=1)[:, None], axis=1)[:, 0]
         self.joints = (np.arange(1, 7) > low[:, None]) & (np.arange(1, 7) <= high[:, None])  # (P, 6)
         # Many pairs come nearer by the same motion: that of one volume by the same joints.
         motions, self.by = np.unique(np.column_stack([self.outer, self.joints]), axis=0, return_inverse=True)
         self.carried, self.moves = motions[:, 0].astype(np.int64), motions[:, 1:].astype(bool)
-        self.table = on_table.any(axis=1)
-        self.standing = np.take_along_axis(pairs, on_table.argmax(axis=1)[:, None], axis=1)[:, 0]
+        carriers = ON_TURNTABLE + np.arange(len(cell.axes))[::-1]  # from the base outwards
+        carried = (link[:, :, None] >= ON_TURNTABLE) & (link[:, :, None] <= carriers)
+        self.external = carried[:, 0] != carried[:, 1]  # (P, e) axes that move the two against each other
         self.least_mm = self.model.least_mm
 
-    def moved_mm(self, joints: Float, reach: Float, middles: Float) -> Float:
-        """By how much each pair (n, P) may come nearer within reaches (n, 7) of joints and turntable."""
-        slides = sliding(self.cell)
+    def moved_mm(self, joints: Float, turntable: Float, reach: Float, middles: Float) -> Float:
+        """By how much each pair (n, P) may come nearer within reaches (n, 6 + e) of joints and external axes."""
         axes, points = joint_axes(self.cell.chain, joints)
         arm = middles[:, None, :, :] - points[:, :, None, :]  # (n, 6, S, 3)
         radius = np.linalg.norm(np.cross(axes[:, :, None, :], arm), axis=-1) + self.volumes.around_mm
         way = np.einsum("nip,pi,ni->np", radius[:, :, self.outer], self.joints.astype(float), reach[:, :6])
-        if self.table.any():
-            pose = turntable_pose(self.cell, 0.0)
-            from_axis = np.linalg.norm(np.cross(middles - pose[:3, 3], pose[:3, 2]), axis=-1) + self.volumes.around_mm
-            if slides:
-                from_axis = np.full_like(from_axis, 1 / DEG)
-            way += np.where(self.table, from_axis[:, self.standing] * reach[:, 6:], 0.0)
-        slack = 1 - reach[:, : 6 if slides else 7].sum(axis=1, keepdims=True)  # what slides changes no lever
+        beside, link = np.zeros_like(middles[..., 0]), self.volumes.link
+        slack = 1 - reach.sum(axis=1, keepdims=True)
+        for k, (axis, pose) in enumerate(zip(self.cell.axes[::-1], standing_poses(self.cell, turntable), strict=False)):
+            by = reach[:, -1 - k, None]
+            if axis.slides:
+                lever = np.full_like(beside, 1 / DEG)
+                slack += by  # what slides changes no lever
+            else:
+                arm = middles - pose[:, None, :3, 3]
+                lever = np.linalg.norm(np.cross(arm, pose[:, None, :3, 2]), axis=-1) + self.volumes.around_mm
+            beside += np.where((link >= ON_TURNTABLE) & (link <= ON_TURNTABLE + k), lever * by, 0.0)
+        way += beside[:, self.volumes.pairs].sum(axis=2)
         return np.asarray(np.where(slack > 0, way / np.maximum(slack, 1e-9), np.inf))
 
-    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, "c s"]) -> Bool:
+    def swept(self, joints: Shaped[Float, "c s 6"], table: Shaped[Float, "c s ..."]) -> Bool:
         """Which places (c, s) of c ways of the joints are not proven free of collision with what lies around them.
 
         A stretch of a way is proven when every pair of bodies is farther apart in its middle than it must be, and what
@@ -209,7 +223,8 @@ class Pairs:
             joints: (c, s, 6) rad, s places one after the other, so near that a parabola through three tells the way.
             table: (c, s) rad, likewise.
         """
-        ways = np.ascontiguousarray(np.concatenate([joints, table[..., None]], axis=2), float)
+        beside = table if table.ndim > 2 else table[..., None]
+        ways = np.ascontiguousarray(np.concatenate([joints, beside], axis=2), float)
         bodies, least = scene(self.cell, self.volumes), self.least_mm
 
         def some(first: int, last: int) -> Bool:
@@ -242,10 +257,9 @@ class CollisionScreen:
             return found
         near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_], self.model.least_mm)
         moved = motions(self.cell.chain, joints[open_])
-        angles, which = np.unique(turntable[open_], return_inverse=True)
-        tables = [turntable_pose(self.cell, angle) for angle in angles.tolist()]
+        tables = standing_poses(self.cell, turntable[open_])
         for i, n in enumerate(open_.tolist()):
-            found[n] = self.model.first_hit(moved[i], tables[which[i]], np.flatnonzero(near[i]).tolist())
+            found[n] = self.model.first_hit(moved[i], tables[:, i], np.flatnonzero(near[i]).tolist())
         return found
 
     def clearances_mm(self, joints: Float, turntable: Float) -> Float:
@@ -257,12 +271,12 @@ class CollisionScreen:
             return np.full(len(joints), np.nan)
         bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
         moved, out = motions(self.cell.chain, joints), np.full(len(joints), np.inf)
-        for n, angle in enumerate(turntable.tolist()):
-            turned = turntable_pose(self.cell, angle)
+        tables = standing_poses(self.cell, turntable)
+        for n in range(len(joints)):
             for pair in np.argsort(bounds[n]).tolist():
                 if bounds[n, pair] > out[n] + SAFE_MM:
                     break
-                out[n] = min(out[n], *self.model.distances(moved[n], turned, [pair]))
+                out[n] = min(out[n], *self.model.distances(moved[n], tables[:, n], [pair]))
         return out
 
     def tightest(self, joints: Float, turntable: Float) -> tuple[float, int, int] | None:
@@ -278,7 +292,7 @@ class CollisionScreen:
         for one in np.argsort(bounds, axis=None).tolist():
             if bounds.flat[one] > best + SAFE_MM:
                 break
-            turned = turntable_pose(self.cell, float(turntable[one // count]))
+            turned = standing_poses(self.cell, turntable[one // count])
             (distance,) = self.model.distances(moved[one // count], turned, [one % count])
             if distance < best:
                 best, at = distance, one
@@ -295,17 +309,15 @@ class CollisionScreen:
     def always_near(self) -> tuple[str, str] | None:
         """Two bodies that are too near in every posture: one axis at most moves them, and nowhere far enough apart."""
         pairs, cell = self._pairs, self.cell
-        limits = np.vstack([cell.chain.limits, [0.0, 0.0] if cell.turntable is None else cell.turntable.limits])
-        by = np.column_stack([pairs.joints, pairs.table])
+        limits = np.vstack([cell.chain.limits, *(axis.limits for axis in cell.axes)])
+        by = np.column_stack([pairs.joints, pairs.external])
         for pair in np.flatnonzero(by.sum(axis=1) <= 1).tolist():
             axis = int(by[pair].argmax())  # 0 where none moves them: any does
-            seven = np.zeros((LOOKS, 7))
+            seven = np.zeros((LOOKS, len(limits)))
             seven[:, axis] = np.linspace(limits[axis, 0], limits[axis, 1], LOOKS)
             moved = motions(cell.chain, seven[:, :6])
-            if all(
-                self.model.first_hit(links, turntable_pose(cell, angle), [pair]) >= 0
-                for links, angle in zip(moved, seven[:, 6].tolist(), strict=True)
-            ):
+            tables = standing_poses(cell, seven[:, 6:] if len(cell.axes) > 1 else seven[:, 6:].sum(axis=1))
+            if all(self.model.first_hit(links, tables[:, i], [pair]) >= 0 for i, links in enumerate(moved)):
                 return self.pair(pair)
         return None
 

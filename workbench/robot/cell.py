@@ -22,7 +22,8 @@ from workbench.robot.wrist import Side
 from workbench.storage import regular_file
 from workbench.units import DEG, AnyArray, Float, Shaped
 
-ON_BASE, ON_TURNTABLE = -1, 7  # values of `Shape.link` for what is no part of the robot; a track's floor is the latter
+# Values of `Shape.link` for what is no part of the robot; a track's floor is the second, a tilt the third.
+ON_BASE, ON_TURNTABLE, ON_CRADLE = -1, 7, 8
 COVERAGE = 2.0  # times the stated standard uncertainties
 DIGITS = 3  # of mm and deg behind the point, in the programs of the dialect that has the fewest: FANUC's
 ROUNDED = 0.5 * 10.0**-DIGITS  # mm, deg: by which such a number may be off
@@ -38,11 +39,11 @@ COAXIAL = 1e-3  # rad, mm: nearer than this, the cutter's axis is the flange's
 class Shape:
     """A rigid shape on a body of the cell.
 
-    `pose` is where it is with all joints at zero: in the base, or for ON_TURNTABLE in the turntable's own frame.
+    `pose` is where it is with all joints at zero: in the base, or for ON_TURNTABLE and ON_CRADLE in that axis' frame.
     """
 
     body: str  # name of what it belongs to; shapes of one body may touch
-    link: int  # 0 to 6: hangs on that link of the robot, whose base is 0; else ON_BASE or ON_TURNTABLE
+    link: int  # 0 to 6: hangs on that link of the robot, whose base is 0; else ON_BASE, ON_TURNTABLE or ON_CRADLE
     kind: str  # box (x, y, z), sphere (radius), capsule and cylinder (radius, length along z without caps), mesh
     size_mm: tuple[float, ...]
     pose: Shaped[Float, "4 4"]
@@ -199,22 +200,33 @@ def _put_beside_one(matrix: AnyArray, work: AnyArray) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turntable:
-    """The external axis: what moves all that does not stand on the robot's base, against that base.
+    """An external axis: what moves all that does not stand on the robot's base, against that base.
 
-    A turntable turns about the z-axis of its frame. A track under the robot is the same seen from the robot: the floor
-    slides along z, and a millimetre of it counts as a degree does, so that digits, margins and limits hold for both.
+    A turntable turns about the z-axis of its frame, and may stand `on` another one that tilts it. A track under the
+    robot is the same seen from the robot: the floor slides along z, and a millimetre of it counts as a degree does, so
+    that digits, margins and limits hold for both.
+
+    Values of a cell's external axes are one number where there is one axis or none, shape (...), else a vector of them
+    from the base outwards, (..., e).
     """
 
-    base_from_turntable: Shaped[Float, "4 4"]  # at 0
+    base_from_turntable: Shaped[Float, "4 4"]  # with all axes at 0
     limits: Shaped[Float, " 2"]  # rad
     speed: float  # rad/s, largest
     acceleration: float | None = None  # rad/s^2, largest; None: not stated
     slides: bool = False  # it is a track
+    on: Turntable | None = None  # the axis that carries it; None: it stands on the base
+    tilts: bool = False  # it carries a turntable
+
+    @property
+    def axes(self) -> tuple[Turntable, ...]:
+        """All that carry it and itself, from the base outwards."""
+        return (*(self.on.axes if self.on else ()), self)
 
     @property
     def name(self) -> str:
-        """For messages."""
-        return "track" if self.slides else "turntable"
+        """For messages, and of its keys in files."""
+        return "track" if self.slides else "tilt" if self.tilts else "turntable"
 
     @property
     def unit(self) -> str:
@@ -261,7 +273,7 @@ class Cell(RobotCell):
     chain: Chain
     shapes: tuple[Shape, ...]
     flange_from_cutter: Shaped[Float, "4 4"]  # the tool's tip: z along the cutter's axis, from shank to tip
-    turntable: Turntable | None
+    turntable: Turntable | None  # the external axis, of several the outermost
     loading: LoadingSetup | None
     may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
     margin_mm: float  # clearance below which a posture counts as colliding
@@ -292,12 +304,21 @@ class Cell(RobotCell):
 
     @property
     def rated_accelerations(self) -> Float | None:
-        """Largest of the joints and the turntable (7,), rad/s^2, inf where the file states none; None: it states no."""
-        table = self.turntable.acceleration if self.turntable else None
-        if self.accelerations is None and table is None:
-            return None
+        """Largest of joints and external axes (7 or more,), rad/s^2, inf where the file states none; None: no one."""
         joints = np.full(6, np.inf) if self.accelerations is None else self.accelerations
-        return np.append(joints, np.inf if table is None else table)
+        said = [np.inf if axis.acceleration is None else axis.acceleration for axis in self.axes] or [np.inf]
+        found = np.append(joints, said)
+        return found if np.isfinite(found).any() else None
+
+    @property
+    def rated_speeds(self) -> Float:
+        """Largest of joints and external axes (7 or more,), rad/s; inf for a turntable that is not there."""
+        return np.append(self.chain.speeds, [axis.speed for axis in self.axes] or [np.inf])
+
+    @property
+    def axes(self) -> tuple[Turntable, ...]:
+        """The external axes, from the base outwards."""
+        return () if self.turntable is None else self.turntable.axes
 
     @property
     def tool_name(self) -> str | None:
@@ -319,10 +340,10 @@ def within_margins(cell: Cell) -> Cell:
         InputError: a joint or a turntable that is left no range.
     """
     inwards = np.array([1.0, -1.0])
-    limits, table = cell.chain.limits + (cell.margins.limit + WRITTEN_JOINT) * inwards, cell.turntable
-    if table is not None:
-        kept = turntable_margin(cell) + WRITTEN_JOINT
-        table = dataclasses.replace(table, limits=table.limits + kept * inwards)
+    limits, table = cell.chain.limits + (cell.margins.limit + WRITTEN_JOINT) * inwards, None
+    for axis in cell.axes:
+        kept = turntable_margin(cell, axis) + WRITTEN_JOINT
+        table = dataclasses.replace(axis, limits=axis.limits + kept * inwards, on=table)
     if (np.diff(limits) <= 0).any():
         raise InputError(
             f"{cell.source}: $.margins.limit_deg",
@@ -332,9 +353,9 @@ def within_margins(cell: Cell) -> Cell:
     return dataclasses.replace(cell, chain=chain, turntable=table, margin_mm=cell.margin_mm + OFF_MM)
 
 
-def turntable_margin(cell: Cell) -> float:
-    """What the turntable keeps from its limits, rad: the margin, but no more than a quarter of a narrow range."""
-    return 0.0 if cell.turntable is None else float(min(cell.margins.limit, np.ptp(cell.turntable.limits) / 4))
+def turntable_margin(cell: Cell, axis: Turntable) -> float:
+    """What an external axis keeps from its limits, rad: the margin, but no more than a quarter of a narrow range."""
+    return float(min(cell.margins.limit, np.ptp(axis.limits) / 4))
 
 
 def spindle_warning(flange_from_cutter: Float) -> str | None:

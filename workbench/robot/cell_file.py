@@ -7,7 +7,7 @@ passes may still be wrong by what no number shows; what the file leaves open is 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -171,22 +171,34 @@ class ToolPart(_Part):
     shapes: list[ToolShapePart] = Field(default=[], description="collision shapes, in the flange frame")
 
 
-class TurntablePart(_Part):
-    """The turntable under the workpiece."""
+class AxisPart(_Part):
+    """What holds of an axis that turns."""
 
-    base_from_turntable: Pose = Field(description="its frame at 0 deg; it turns about z")
     limits_deg: tuple[float, float] = Field(default=(-180.0, 180.0), description="lowest and highest angle")
     speed_deg_s: float = Field(default=30.0, gt=0, description="largest speed")
     acceleration_deg_s2: float | None = Field(
         default=None, gt=0, le=100000, description="largest acceleration; null: not judged"
     )
-    shapes: list[ShapePart] = Field(default=[], description="collision shapes, in the turntable's frame")
+    shapes: list[ShapePart] = Field(default=[], description="collision shapes, in its frame")
 
     @model_validator(mode="after")
-    def _rising(self) -> TurntablePart:
+    def _rising(self) -> Self:
         if not self.limits_deg[0] < self.limits_deg[1]:
             raise ValueError("expected limits_deg with the lower one first")
         return self
+
+
+class TiltPart(AxisPart):
+    """The axis that tilts the turntable: the first of a two-axis positioner."""
+
+    base_from_tilt: Pose = Field(description="its frame at 0 deg; it turns about z")
+
+
+class TurntablePart(AxisPart):
+    """The turntable under the workpiece."""
+
+    base_from_turntable: Pose = Field(description="its frame with it, and its tilt, at 0 deg; it turns about z")
+    tilt: TiltPart | None = Field(default=None, description="null: it stands on the base")
 
 
 class TrackPart(_Part):
@@ -235,7 +247,7 @@ class FixturePart(ShapePart):
     """Something that stands in the cell."""
 
     name: str = Field(min_length=1, description="for messages")
-    on: Literal["base", "turntable", "carriage"] = Field(
+    on: Literal["base", "turntable", "tilt", "carriage"] = Field(
         default="base", description="what it stands on; the carriage is a track's, and goes along with the robot"
     )
 
@@ -358,15 +370,11 @@ class HomePart(_Part):
         default=None,
         description="of the turntable, at home; null: where the path has it first, or 0 with a controller_name",
     )
+    tilt_deg: Length | None = Field(default=None, description="of its tilt, likewise")
     track_mm: Length | None = Field(default=None, description="of the track, likewise")
     controller_name: Place | None = Field(
         default=None, description="of the joint target on the controller; null: the program declares it"
     )
-
-    @property
-    def external(self) -> float | None:
-        """Of turntable or track."""
-        return self.turntable_deg if self.track_mm is None else self.track_mm
 
 
 class SpindlePart(_Part):
@@ -493,12 +501,30 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
             yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
 
 
+def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart]]:
+    """The axes by their places."""
+    yield "turntable", table
+    if table.tilt is not None:
+        yield "turntable.tilt", table.tilt
+
+
 def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
     yield from _near(table.base_from_turntable, "turntable.base_from_turntable", "robot's base")
-    low, high = table.limits_deg
+    if table.tilt is not None:
+        yield from _near(table.tilt.base_from_tilt, "turntable.tilt.base_from_tilt", "robot's base")
+    for place, axis in _axes(table):
+        yield from _axis(place, axis)
+
+
+def _axis(place: str, axis: AxisPart) -> Iterator[tuple[str, str]]:
+    low, high = axis.limits_deg
     parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
     if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
-        yield "turntable.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+        yield f"{place}.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
+    turned = axis.acceleration_deg_s2
+    if turned is not None and turned < SLOWEST_TABLE_DEG_S2:
+        found = f"found {turned:g}: is it in rad/s^2?"
+        yield f"{place}.acceleration_deg_s2", f"expected at least {SLOWEST_TABLE_DEG_S2:g} deg/s^2, {found}"
 
 
 def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
@@ -571,12 +597,6 @@ def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
     repeats = part.robot.repeatability_mm
     if repeats is not None and repeats < LEAST_U_MM:
         yield "robot.repeatability_mm", f"expected at least {LEAST_U_MM:g} mm, found {repeats:g}: {METRES}"
-    turned = None if part.turntable is None else part.turntable.acceleration_deg_s2
-    if turned is not None and turned < SLOWEST_TABLE_DEG_S2:
-        yield (
-            "turntable.acceleration_deg_s2",
-            f"expected at least {SLOWEST_TABLE_DEG_S2:g} deg/s^2, found {turned:g}: is it in rad/s^2?",
-        )
 
 
 def bare_mm(part: CellPart) -> float:
@@ -670,8 +690,8 @@ def _matrix(pose: Pose) -> Float:
 def _shapes(part: CellPart) -> Iterator[tuple[str, ShapePart]]:
     for i, shape in enumerate(part.tool.shapes):
         yield f"tool.shapes[{i}]", shape
-    for i, other in enumerate(part.turntable.shapes if part.turntable else []):
-        yield f"turntable.shapes[{i}]", other
+    for place, axis in _axes(part.turntable) if part.turntable else ():
+        yield from ((f"{place}.shapes[{i}]", other) for i, other in enumerate(axis.shapes))
     for i, fixture in enumerate(part.fixtures):
         yield f"fixtures[{i}]", fixture
 

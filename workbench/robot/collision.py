@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape
+from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape, Turntable
 from workbench.robot.kinematics import motions
 from workbench.units import DEG, Float, Shaped
 
@@ -48,7 +49,7 @@ class CollisionModel:
         """The cell, and how much is looked at."""
         return f"CollisionModel({self._cell.title!r}, {len(self._objects)} bodies, {len(self.pairs)} pairs)"
 
-    def collision(self, joints: Float, turntable: float = 0.0) -> tuple[str, str] | None:
+    def collision(self, joints: Float, turntable: Float | float = 0.0) -> tuple[str, str] | None:
         """The first pair of bodies that are too near at joint angles (6,), rad; None: the posture is free."""
         self._place(joints, turntable)
         for i, (a, b) in enumerate(self.pairs):
@@ -56,7 +57,7 @@ class CollisionModel:
                 return self.names(a, b)
         return None
 
-    def gaps(self, joints: Float, turntable: float = 0.0) -> list[Clearance]:
+    def gaps(self, joints: Float, turntable: Float | float = 0.0) -> list[Clearance]:
         """The distance of every pair of bodies that must not touch, at joint angles (6,), rad; the nearest first."""
         self._place(joints, turntable)
         least: dict[tuple[str, str], Clearance] = {}
@@ -68,7 +69,7 @@ class CollisionModel:
                 least[pair] = Clearance(distance, pair, points, near)
         return sorted(least.values(), key=lambda gap: gap.distance_mm)
 
-    def clearance(self, joints: Float, turntable: float = 0.0) -> Clearance | None:
+    def clearance(self, joints: Float, turntable: Float | float = 0.0) -> Clearance | None:
         """The smallest distance and its pair at joint angles (6,), rad; None where nothing could touch."""
         self._place(joints, turntable)
         best: Clearance | None = None
@@ -78,12 +79,12 @@ class CollisionModel:
                 best = Clearance(distance, self.names(a, b))
         return best
 
-    def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "4 4"], pairs: list[int]) -> int:
+    def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "a 4 4"], pairs: list[int]) -> int:
         """The first of some pairs (indices into `pairs`) that is nearer than it must keep apart; -1: none.
 
         Args:
             moved: (7, 4, 4) motions of base and links.
-            turned: (4, 4) pose of the turntable.
+            turned: (a, 4, 4) poses of the turntable and of what it stands on (`standing_poses`).
             pairs: to be looked at.
         """
         for shape in {s for i in pairs for s in self.pairs[i]}:
@@ -119,29 +120,64 @@ class CollisionModel:
         fits = abs(np.linalg.norm(points[1] - points[0]) - distance) < POINTS_FIT_MM
         return distance, points if fits else None
 
-    def _place(self, joints: Float, turntable: float) -> None:
+    def _place(self, joints: Float, turntable: Float | float) -> None:
         moved = motions(self._cell.chain, joints)
-        turned = turntable_pose(self._cell, turntable)
+        turned = standing_poses(self._cell, turntable)
         for shape in range(len(self._objects)):
             self._put(shape, moved, turned)
 
     def _put(self, index: int, moved: Float, turned: Float) -> None:
         shape = self._cell.shapes[index]
-        pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
+        carrier = turned[shape.link - ON_TURNTABLE] if shape.link >= ON_TURNTABLE else moved[max(shape.link, 0)]
+        pose = carrier @ shape.pose
         self._objects[index].setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
 
 
 def turntable_pose(cell: Cell, angle: Float | float) -> Float:
-    """`base_from_turntable` (..., 4, 4) at values (...), rad; the base itself where there is no turntable."""
-    moved = np.broadcast_to(np.eye(4), (*np.shape(angle), 4, 4)).copy()
-    if cell.turntable is None:
-        return moved
-    if cell.turntable.slides:
-        moved[..., 2, 3] = np.asarray(angle) / DEG
+    """`base_from_turntable` (..., 4, 4) at values of the external axes, rad; the base itself where there are none."""
+    return np.asarray(standing_poses(cell, angle)[0])
+
+
+def standing_poses(cell: Cell, angle: Float | float) -> Float:
+    """Poses (a, ..., 4, 4) in the base of the external axes at their values, rad: the outermost, what carries it, ...
+
+    One number is the outermost's, with the others at 0.
+    """
+    axes = cell.axes
+    values = np.asarray(angle, float) if np.ndim(angle) else outermost(cell, np.asarray(angle, float))
+    each = np.moveaxis(values, -1, 0) if len(axes) > 1 else values[None]
+    pose, found, before = np.eye(4), [], np.eye(4)
+    for axis, value in zip(axes, each, strict=False):
+        pose = pose @ inverse(before) @ axis.base_from_turntable @ _moved(axis, value)
+        before = axis.base_from_turntable
+        found.append(pose)
+    return np.stack(found[::-1] or [np.broadcast_to(np.eye(4), (*values.shape, 4, 4))])
+
+
+def outermost(cell: Cell, angle: Float) -> Float:
+    """Values of the external axes where the outermost stands at (...), rad, and the others at 0."""
+    many = len(cell.axes)
+    return np.asarray(angle if many < 2 else np.multiply.outer(angle, np.arange(many) == many - 1))
+
+
+def external_at(cell: Cell, turntable_deg: float, tilt_deg: float, where: str) -> Float:
+    """Values of the external axes, rad; InputError, named `where`, for the angle of a tilt that is not there."""
+    if len(cell.axes) > 1:
+        return np.array([tilt_deg, turntable_deg]) * DEG
+    if tilt_deg:
+        raise InputError(where, "expected a tilt of 0 deg: the cell's turntable has none")
+    return np.asarray(turntable_deg * DEG)
+
+
+def _moved(axis: Turntable, value: Float) -> Float:
+    """An axis against where it is at 0 (..., 4, 4)."""
+    moved = np.broadcast_to(np.eye(4), (*value.shape, 4, 4)).copy()
+    if axis.slides:
+        moved[..., 2, 3] = value / DEG
     else:
-        moved[..., 0, 0] = moved[..., 1, 1] = np.cos(angle)
-        moved[..., 1, 0], moved[..., 0, 1] = np.sin(angle), -np.sin(angle)
-    return np.asarray(cell.turntable.base_from_turntable @ moved)
+        moved[..., 0, 0] = moved[..., 1, 1] = np.cos(value)
+        moved[..., 1, 0], moved[..., 0, 1] = np.sin(value), -np.sin(value)
+    return moved
 
 
 def sliding(cell: Cell) -> bool:
@@ -155,7 +191,8 @@ def base_from_targets(cell: Cell, angle: Float | float) -> Float:
     The controller knows a track as the robot's own: targets stay on the floor, where the base is with the track at 0.
     """
     if not sliding(cell):
-        return np.broadcast_to(np.eye(4), (*np.shape(angle), 4, 4))
+        each = np.shape(angle)[:-1] if len(cell.axes) > 1 else np.shape(angle)
+        return np.broadcast_to(np.eye(4), (*each, 4, 4))
     return np.asarray(turntable_pose(cell, angle) @ inverse(turntable_pose(cell, 0.0)))
 
 
@@ -167,8 +204,7 @@ def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
         (a, b)
         for a in range(len(shapes))
         for b in range(a + 1, len(shapes))
-        if _checked(shapes[a], shapes[b], carried=sliding(cell))
-        and frozenset((shapes[a].body, shapes[b].body)) not in free
+        if _checked(shapes[a], shapes[b], cell.axes) and frozenset((shapes[a].body, shapes[b].body)) not in free
     ]
 
 
@@ -190,15 +226,17 @@ def least_mm(cell: Cell) -> Float:
     return np.asarray(cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
 
 
-def _checked(a: Shape, b: Shape, *, carried: bool) -> bool:
-    """Neighbours along the robot touch at their joint; what does not move cannot run into each other.
+def _checked(a: Shape, b: Shape, axes: tuple[Turntable, ...]) -> bool:
+    """Neighbours along the robot touch at their joint, and a turntable what carries it.
 
-    What is `carried` along a track can run into what stands beside it.
+    What external axes move otherwise, along a track or tilted, can run into what stands beside it.
     """
     if a.body == b.body:
         return False
     if not (1 <= a.link <= 6 or 1 <= b.link <= 6):
-        return carried and (a.link == ON_TURNTABLE) != (b.link == ON_TURNTABLE)
+        low, high = sorted(len(axes) - one.link + ON_TURNTABLE if one.link >= ON_TURNTABLE else 0 for one in (a, b))
+        turns = high == len(axes) == low + 1 and not axes[-1].slides
+        return low != high and not turns
     neighbours = abs(a.link - b.link) <= 1
     return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
 

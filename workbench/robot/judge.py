@@ -17,7 +17,7 @@ from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violati
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen, Pairs, pair_bounds_mm
 from workbench.robot.cell import Cell, dexterity, turntable_margin
-from workbench.robot.collision import CollisionModel, sliding, turntable_pose
+from workbench.robot.collision import CollisionModel, sliding, standing_poses, turntable_pose
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
@@ -33,7 +33,6 @@ from workbench.robot.way import (
     first_look,
     flange_among_targets,
     joined,
-    rated,
     timed_faults,
     way_of,
 )
@@ -63,10 +62,10 @@ def judge(
         planned: the path that it is to follow; None: its deviation is not judged, and the judgement says so.
         configuration: of a posture, as the program's dialect counts it.
     """
-    program = placed(program, cell.process)
+    program = placed(program, cell)
     try:
         tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, flange_among_targets(cell), rated(cell))
+        way = way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds)
     except WayError as error:
         return _undriven(program, Violation(error.line, 0.0, "way", str(error)))
     foreign, unknown = frame_faults(cell, program, tools)
@@ -85,7 +84,7 @@ def follows(cell: Cell, program: ProgramMoves) -> tuple[str, tuple[str, str] | N
     """
     try:
         tools, frames = _frames(cell, program)
-        way = way_of(program, tools, frames, flange_among_targets(cell), rated(cell))
+        way = way_of(program, tools, frames, flange_among_targets(cell), cell.rated_speeds)
     except WayError:  # one posture alone
         return None
     found = _proven(cell, *first_look(cell, way), _Findings())
@@ -212,7 +211,7 @@ def _stretches(
     fault(
         wide
         & (np.linalg.norm(after.tool[:, :3, 3] - before.tool[:, :3, 3], axis=1) < 0.01)
-        & ((after.turntable == before.turntable) | (not sliding(cell)))
+        & (not sliding(cell) or three[0, :, 6] == three[2, :, 6])
         & (way.kind[middle.segment] != JOINTS),
         "singular",
         lambda i: (
@@ -265,21 +264,19 @@ def _stretches(
 
 
 def _room(cell: Cell, seven: Float, asked: Float) -> Float:
-    """How far joints and turntable (n, 7) stand from their limits, what errors of tool and part ask for taken off."""
+    """How far joints and external axes (n, m) stand from their limits, what errors of tool and part ask for off."""
     low, high = cell.chain.limits.T
-    room = np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked
-    table = np.full(len(room), np.inf)
-    if cell.turntable is not None:
-        table = np.minimum(seven[:, 6] - cell.turntable.limits[0], cell.turntable.limits[1] - seven[:, 6])
-        table = table + cell.margins.limit - turntable_margin(cell)  # as the others count
-    return np.column_stack([room, table])
+    rooms = [np.minimum(seven[:, :6] - low, high - seven[:, :6]) - asked]
+    for axis, values in zip(cell.axes, seven[:, 6:].T, strict=False):
+        room = np.minimum(values - axis.limits[0], axis.limits[1] - values)
+        rooms.append(room + cell.margins.limit - turntable_margin(cell, axis))  # as the others count
+    return np.column_stack(rooms if cell.axes else [*rooms, np.full(len(seven), np.inf)])
 
 
 def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
-    if which == 6:
-        assert cell.turntable is not None
-        low, high = cell.turntable.limits
-        name, off, unit = f"the {cell.turntable.name}", 0.0, cell.turntable.unit
+    if which >= 6:
+        axis = cell.axes[which - 6]
+        (low, high), name, off, unit = axis.limits, f"the {axis.name}", 0.0, axis.unit
     else:
         (low, high), name, off, unit = cell.chain.limits[which], f"joint {which + 1}", float(asked[which]), "deg"
     angle, margin = float(seven[which]), np.degrees(min(seven[which] - low, high - seven[which]))
@@ -299,14 +296,14 @@ def _collisions(
     if not len(pairs.model.pairs) or not n:
         return open_, hit, np.full(n, np.inf), np.full(n, -1)
     apart, middles = pair_bounds_mm(pairs.cell, pairs.volumes, places.joints, places.turntable)
-    moved = pairs.moved_mm(places.joints, reach, middles)
+    moved = pairs.moved_mm(places.joints, places.turntable, reach, middles)
     need = pairs.least_mm + SAFE_MM
     doubtful = apart - moved <= need
     rows = np.flatnonzero(doubtful.any(axis=1))
     links = motions(pairs.cell.chain, places.joints[rows])
     for i, row in enumerate(rows.tolist()):
         which = np.flatnonzero(doubtful[row])
-        table = turntable_pose(pairs.cell, float(places.turntable[row]))
+        table = standing_poses(pairs.cell, places.turntable[row])
         apart[row, which] = pairs.model.distances(links[i], table, which.tolist())
         short = apart[row, which] < pairs.least_mm[which]
         if short.any():
@@ -528,7 +525,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     moved = np.abs(np.diff(seven, axis=0))
     long_enough = seconds > 1e-9
     rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)
-    asked = np.nan_to_num(rate / rated(cell))
+    asked = np.nan_to_num(rate / cell.rated_speeds)
     asked[way.kind[places.segment[1:]] == JOINTS] = 0.0
     worst = asked.max(axis=1, initial=0.0)
     faults = []
@@ -549,7 +546,7 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
 
 
 def _accelerations(cell: Cell, most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
-    """Within segments and through rounded corners, where the controller does not stop; `most` (7,)."""
+    """Within segments and through rounded corners, where the controller does not stop; `most` (6 + e,)."""
     signed = np.diff(np.column_stack([places.joints, places.turntable]), axis=0)
     rate = np.where(seconds[:, None] > 1e-9, signed / np.maximum(seconds, 1e-9)[:, None], 0.0)
     middle = (seconds[1:] + seconds[:-1]) / 2

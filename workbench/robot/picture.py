@@ -20,8 +20,8 @@ import numpy as np
 from workbench.children import environment
 from workbench.errors import InputError, OutputError, PipelineError
 from workbench.extras import require
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape
-from workbench.robot.collision import Clearance, CollisionModel, turntable_pose
+from workbench.robot.cell import ON_BASE, Cell, Shape
+from workbench.robot.collision import Clearance, CollisionModel, external_at, standing_poses, turntable_pose
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
 from workbench.robot.read import read_cell
 from workbench.robot.wrist import arm_size_mm, spherical_wrist
@@ -38,7 +38,7 @@ RED = "; red: in collision"
 AROUND = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
 
 
-def described(cell: Cell, joints: Float, turntable: float) -> list[str]:
+def described(cell: Cell, joints: Float, turntable: Float | float) -> list[str]:
     """Lines on the cell and on the posture at joint angles (6,) and a turntable angle, rad."""
     return [*_cell(cell), *_posture(cell, joints, turntable)]
 
@@ -77,7 +77,7 @@ def singularities(chain: Chain, joints: Float) -> list[str]:
     return found
 
 
-def check_posture(cell: Cell, joints: Float, turntable: float) -> None:
+def check_posture(cell: Cell, joints: Float, turntable: Float | float) -> None:
     """Refuse a posture (6,), rad, beyond the limits of a joint or of the turntable.
 
     Raises:
@@ -86,13 +86,12 @@ def check_posture(cell: Cell, joints: Float, turntable: float) -> None:
     for name, angle, (low, high) in zip(cell.chain.joint_names, joints, cell.chain.limits, strict=True):
         if not low - OFF_LIMIT <= angle <= high + OFF_LIMIT:
             raise InputError(f"{cell.source}: {name}", f"expected {_span(low, high)}, got {angle / DEG:.6g} deg")
-    if cell.turntable is None:
-        if turntable:
-            raise InputError(cell.source, "expected no turntable angle: the cell has no turntable")
-        return
-    low, high = cell.turntable.limits
-    if not low - OFF_LIMIT <= turntable <= high + OFF_LIMIT:
-        raise InputError(f"{cell.source}: turntable", f"expected {_span(low, high)}, got {turntable / DEG:.6g} deg")
+    if not cell.axes and turntable:
+        raise InputError(cell.source, "expected no turntable angle: the cell has no turntable")
+    for axis, value in zip(cell.axes, np.atleast_1d(turntable), strict=False):
+        low, high = axis.limits
+        if not low - OFF_LIMIT <= value <= high + OFF_LIMIT:
+            raise InputError(f"{cell.source}: {axis.name}", f"expected {_span(low, high)}, got {value / DEG:.6g} deg")
 
 
 def _cell(cell: Cell) -> Iterator[str]:
@@ -109,14 +108,14 @@ def _cell(cell: Cell) -> Iterator[str]:
     angle = np.degrees(np.arctan2(np.hypot(axis[0], axis[1]), axis[2]))
     tip = ", ".join(f"{value:.6g}" for value in at)
     yield f"tool: tip at ({tip}) mm in the flange, cutter's axis {angle:.4g} deg to the flange's z"
-    if cell.turntable is not None:
-        yield f"turntable: {_span(*cell.turntable.limits)}, at most {cell.turntable.speed / DEG:.6g} deg/s"
-    else:
+    for external in cell.axes:
+        yield f"{external.name}: {_span(*external.limits)}, at most {external.speed / DEG:.6g} deg/s"
+    if not cell.axes:
         yield "turntable: none"
     yield from (f"warning: {warning}" for warning in cell.warnings)
 
 
-def _posture(cell: Cell, joints: Float, turntable: float) -> Iterator[str]:
+def _posture(cell: Cell, joints: Float, turntable: Float | float) -> Iterator[str]:
     """Where the bodies are, and how near to each other."""
     yield posture_text(joints, turntable)
     yield from (f"singular: {what}" for what in singularities(cell.chain, joints))
@@ -130,15 +129,16 @@ def _posture(cell: Cell, joints: Float, turntable: float) -> Iterator[str]:
         yield "clearance: no two bodies are to be kept apart"
 
 
-def posture_text(joints: Float, turntable: float) -> str:
+def posture_text(joints: Float, turntable: Float | float) -> str:
     """A posture in words, from angles in rad."""
     angles = ", ".join(f"{angle / DEG:.6g}" for angle in joints)
-    return f"posture, deg: {angles}; turntable {turntable / DEG:.6g}"
+    beside = ", ".join(f"{value / DEG:.6g}" for value in np.atleast_1d(turntable))
+    return f"posture, deg: {angles}; {'tilt and ' if np.ndim(turntable) else ''}turntable {beside}"
 
 
 def nearest_gaps(cell: Cell, gaps: list[Clearance]) -> list[Clearance]:
     """The least of all gaps (nearest first), and the least of arm and tool to what stands around where another."""
-    around = {shape.body for shape in cell.shapes if shape.link in (ON_BASE, ON_TURNTABLE)}
+    around = {shape.body for shape in cell.shapes if not 0 <= shape.link <= 6}
     moves = {shape.body for shape in cell.shapes if 3 <= shape.link <= 6}  # links 1 and 2 stand where they turn
     outer = next((gap for gap in gaps if around.intersection(gap.pair) and moves.intersection(gap.pair)), None)
     return gaps[:1] + ([outer] if outer is not None and outer is not gaps[0] else [])
@@ -148,12 +148,13 @@ def _span(low: float, high: float) -> str:
     return f"{low / DEG:.6g} to {high / DEG:.6g} deg"
 
 
-def cell_triangles(cell: Cell, joints: Float, turntable: float, sides: int = ROUND) -> list[tuple[str, Float]]:
+def cell_triangles(cell: Cell, joints: Float, turntable: Float | float, sides: int = ROUND) -> list[tuple[str, Float]]:
     """Body and triangles (t, 3, 3) of every shape, in the base, at joint angles (6,) and a turntable angle, rad."""
-    moved, turned = motions(cell.chain, joints), turntable_pose(cell, turntable)
+    links, standing = motions(cell.chain, joints), standing_poses(cell, turntable)
+    moved = [*links, *standing]  # by `Shape.link`
     found = []
     for shape in cell.shapes:
-        pose = (turned if shape.link == ON_TURNTABLE else moved[max(shape.link, 0)]) @ shape.pose
+        pose = moved[max(shape.link, 0)] @ shape.pose
         corners = shape_triangles(shape, sides)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         found.append((shape.body, corners[area > 0] @ pose[:3, :3].T + pose[:3, 3]))
@@ -212,7 +213,7 @@ class CellPicture:
     caption: str
 
 
-def cell_picture(cell: Cell, joints: Float, turntable: float) -> bytes:
+def cell_picture(cell: Cell, joints: Float, turntable: Float | float) -> bytes:
     """A PNG of the cell at joint angles (6,) and a turntable angle, rad.
 
     Robot, tool, turntable, workpiece and fixtures as their collision shapes, colliding ones in red; frames; and the
@@ -235,7 +236,7 @@ def cell_picture(cell: Cell, joints: Float, turntable: float) -> bytes:
         return drawn.read_bytes()
 
 
-def _view(cell: Cell, joints: Float, turntable: float) -> CellPicture:
+def _view(cell: Cell, joints: Float, turntable: Float | float) -> CellPicture:
     """Bodies, frames and the gap between the nearest two."""
     gaps = CollisionModel(cell).gaps(joints, turntable)
     hit = {name for gap in gaps if gap.near for name in gap.pair}
@@ -266,7 +267,7 @@ def _colours(cell: Cell, names: tuple[str, ...], hit: set[str]) -> tuple[str, ..
     return tuple(HIT if name in hit else own[name] for name in names)
 
 
-def _frames(cell: Cell, joints: Float, turntable: float) -> dict[str, Float]:
+def _frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str, Float]:
     """`base_from_frame` by name."""
     flange = forward_kinematics(cell.chain, joints)
     found = {"base": np.eye(4), "flange": flange, "cutter": flange @ cell.flange_from_cutter}
@@ -277,7 +278,7 @@ def _frames(cell: Cell, joints: Float, turntable: float) -> dict[str, Float]:
     return found
 
 
-def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str) -> list[str]:
+def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str, tilt_deg: float = 0.0) -> list[str]:
     """Draws the cell of a file to `out` (PNG); the lines to print.
 
     Args:
@@ -285,6 +286,7 @@ def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str) -> l
         posture: six joint angles in deg, the controller's, separated by commas.
         turntable_deg: angle of the turntable.
         out: the picture's name.
+        tilt_deg: angle of its tilt.
 
     Raises:
         WorkbenchError: an unusable file or posture, a picture that cannot be drawn or written; then none is written.
@@ -294,9 +296,10 @@ def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str) -> l
         raise PipelineError(f"--out '{out}'", "expected the name of a picture that ends in .png")
     joints = _angles(posture) * DEG
     cell = read_cell(Path(cell_file))
-    check_posture(cell, joints, turntable_deg * DEG)
-    lines = described(cell, joints, turntable_deg * DEG)
-    _write(picture, cell_picture(cell, joints, turntable_deg * DEG))
+    external = external_at(cell, turntable_deg, tilt_deg, "--tilt-deg")
+    check_posture(cell, joints, external)
+    lines = described(cell, joints, external)
+    _write(picture, cell_picture(cell, joints, external))
     return [*lines, f"picture: {out}"]
 
 

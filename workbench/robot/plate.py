@@ -15,9 +15,9 @@ from workbench.errors import InputError
 from workbench.geometry.grids import fuse
 from workbench.geometry.poses import inverse
 from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Cell, Shape, named_file
-from workbench.robot.collision import sliding, turntable_pose
+from workbench.robot.collision import external_at, sliding, turntable_pose
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, AnyArray, Float
+from workbench.units import AnyArray, Float
 
 GridCell = tuple[int, ...]  # of the grid
 CLOUDS = (".pcd", ".xyz", ".pts")  # hold points only; a PLY file may hold either
@@ -122,6 +122,7 @@ def plate(
     scan: InputFile | None = None,
     voxel_mm: Annotated[float, Field(gt=0, le=100)] = 5.0,
     planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
+    planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
 ) -> Cell | None:
     """Make the scan (plate, clamps, fixtures) a collision body of the cell, as boxes of a grid.
 
@@ -138,6 +139,7 @@ def plate(
             base; null: none.
         voxel_mm: edge of the cubes that hold the scan's points.
         planned_at_deg: turntable angle at which the scan's points hold: where it stood when the part was scanned.
+        planned_tilt_deg: likewise of its tilt.
 
     Raises:
         InputError: points too far from the origin for the grid; a file that is no cloud, or in metres.
@@ -167,7 +169,8 @@ def plate(
         raise InputError(
             "robot.plate.planned_at_deg", "expected 0: the cell has a track, whose base is where it is at 0"
         )
-    pose = inverse(turntable_pose(cell, planned_at_deg * DEG)) if on_table else np.eye(4)
+    planned = external_at(cell, planned_at_deg, planned_tilt_deg, "robot.plate.planned_tilt_deg")
+    pose = inverse(turntable_pose(cell, planned)) if on_table else np.eye(4)
     body = scanned(seen, voxel_mm, ON_TURNTABLE if on_table else ON_BASE, pose, source or "cloud")
     touch = cell.may_touch if CONTACT in cell.may_touch else (*cell.may_touch, CONTACT)
     unchecked = tuple(text for text in cell.unchecked if not text.startswith("collision with the workpiece"))

@@ -15,7 +15,7 @@ from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
 from workbench.geometry.poses import inverse
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import HomePart, ProcessPart
-from workbench.robot.collision import base_from_targets
+from workbench.robot.collision import base_from_targets, outermost
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float, Shaped
@@ -42,16 +42,18 @@ def not_seen(process: ProcessPart, dialect: str) -> Iterator[str]:
         yield "the way to a restart point: lead the robot by hand to the target before its label"
 
 
-def placed(program: ProgramMoves, process: ProcessPart | None) -> ProgramMoves:
+def placed(program: ProgramMoves, cell: Cell) -> ProgramMoves:
     """The program with home filled in where it names the controller's."""
+    process = cell.process
     if process is None or not process.home.controller_name:
         return program
     home, name = process.home, process.home.controller_name.lower()
+    table = turntable_at_home(home, outermost(cell, np.zeros(()))) * DEG
 
     def filled(move: ProgramMove) -> ProgramMove:
         if move.place.lower() != name:
             return move
-        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=(home.external or 0.0) * DEG)
+        return dataclasses.replace(move, joints=np.array(home.joints_deg) * DEG, turntable=table)
 
     return dataclasses.replace(program, moves=tuple(filled(move) for move in program.moves))
 
@@ -93,22 +95,28 @@ def drawn_back(cell: Cell, joints: Shaped[Float, " 6"], distance_mm: float) -> F
     return np.asarray(near[np.nanargmin(away)]) if np.isfinite(away).any() else None
 
 
-def turntable_at_home(home: HomePart, first_deg: float) -> float:
-    """Where it stands at home, deg: as stated, or where the path has it first; a home of the controller has it at 0."""
-    if home.external is not None:
-        return home.external
-    return 0.0 if home.controller_name else first_deg
+def turntable_at_home(home: HomePart, first_deg: Float | float) -> Float:
+    """Values at home of one external axis (), or of tilt and turntable (2,), deg.
+
+    As stated, or where the path has them first; a home of the controller has them at 0.
+    """
+    first = np.asarray(first_deg, float)
+    one = home.turntable_deg if home.track_mm is None else home.track_mm
+    stated = [home.tilt_deg, home.turntable_deg] if first.ndim else [one]
+    free = 0.0 * first if home.controller_name else first
+    said = np.array(stated, float).reshape(first.shape)  # None: NaN
+    return np.asarray(np.where(np.isnan(said), free, said))
 
 
 def refusal(
-    cell: Cell, joints: Shaped[Float, "n 6"], table: Shaped[Float, " n"], feed_mm_s: Shaped[Float, " n"]
+    cell: Cell, joints: Shaped[Float, "n 6"], table: Shaped[Float, "n ..."], feed_mm_s: Shaped[Float, " n"]
 ) -> Refusal | None:
     """What the judge has against postures (n, 6), rad, between them and on the ways from home and back; None: nothing.
 
     Args:
         cell: with its margins; without a `process` the ways home are not looked at.
         joints: one after the other, which the robot goes to by its joints.
-        table: of the turntable.
+        table: of the external axes, rad.
         feed_mm_s: of the path at each.
     """
     from workbench.robot.judge import follows, judge
@@ -120,7 +128,7 @@ def refusal(
         if told.violations:
             kind = told.violations[0].kind
             return kind, told.clearance_pair if kind == "collision" else None
-    return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table.tolist(), strict=True)]))
+    return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table, strict=True)]))
 
 
 def _ways_home(cell: Cell, joints: Float, table: Float, feed_mm_s: Float) -> Iterator[list[ProgramMove] | None]:
@@ -128,21 +136,21 @@ def _ways_home(cell: Cell, joints: Float, table: Float, feed_mm_s: Float) -> Ite
     process = cell.process
     if process is None:
         return
-    turned = turntable_at_home(process.home, float(table[0]) / DEG) * DEG
+    turned = turntable_at_home(process.home, table[0] / DEG) * DEG
     home = _by_joints(np.array(process.home.joints_deg) * DEG, turned)
-    angle, feed = float(table[0]), float(feed_mm_s[0])
+    angle, feed = table[0], float(feed_mm_s[0])
     off = drawn_back(cell, joints[0], process.approach_mm)
     yield None if off is None else [home, _by_joints(off, angle), _straight(cell, joints[0], angle, feed)]
-    angle, feed = float(table[-1]), float(feed_mm_s[-1])
+    angle, feed = table[-1], float(feed_mm_s[-1])
     off = drawn_back(cell, joints[-1], process.retract_mm)
     yield None if off is None else [_by_joints(joints[-1], angle), _straight(cell, off, angle, feed), home]
 
 
-def _by_joints(joints: Float, table: float) -> ProgramMove:
+def _by_joints(joints: Float, table: Float) -> ProgramMove:
     return ProgramMove(1, "J", TOOL, TOOL, joints=joints, turntable=table)
 
 
-def _straight(cell: Cell, joints: Float, table: float, feed_mm_s: float) -> ProgramMove:
+def _straight(cell: Cell, joints: Float, table: Float, feed_mm_s: float) -> ProgramMove:
     flange = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints)
     pose = flange @ cell.flange_from_cutter
     return ProgramMove(1, "L", TOOL, TOOL, pose=pose, feed_mm_s=feed_mm_s, turntable=table)

@@ -13,6 +13,7 @@ from workbench.geometry.poses import inverse, pose_from
 from workbench.parameters import check_parameters
 from workbench.robot.cell import (
     ON_BASE,
+    ON_CRADLE,
     ON_TURNTABLE,
     Cell,
     Controller,
@@ -24,6 +25,7 @@ from workbench.robot.cell import (
     spindle_warning,
 )
 from workbench.robot.cell_file import (
+    AxisPart,
     CellPart,
     ControllerPart,
     EnvelopePart,
@@ -224,6 +226,10 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
             "acceleration of the turntable: the cell file states none ($.turntable.acceleration_deg_s2)",
         ),
         (
+            bool(part.turntable and part.turntable.tilt and part.turntable.tilt.acceleration_deg_s2 is None),
+            "acceleration of the tilt: the cell file states none ($.turntable.tilt.acceleration_deg_s2)",
+        ),
+        (
             part.track is not None and part.track.acceleration_mm_s2 is None,
             "acceleration of the track: the cell file states none ($.track.acceleration_mm_s2)",
         ),
@@ -293,7 +299,8 @@ def _stands(external: Turntable | None) -> dict[str, tuple[int, Float]]:
     if external is None:
         return {"base": (ON_BASE, here)}
     if not external.slides:
-        return {"base": (ON_BASE, here), "turntable": (ON_TURNTABLE, here)}
+        tilt = {} if external.on is None else {"tilt": (ON_CRADLE, here)}
+        return {"base": (ON_BASE, here), "turntable": (ON_TURNTABLE, here), **tilt}
     return {"base": (ON_TURNTABLE, inverse(external.base_from_turntable)), "carriage": (ON_BASE, here)}
 
 
@@ -303,6 +310,8 @@ def _around(part: CellPart, external: Turntable | None, path: Path) -> list[Shap
     found = []
     for i, shape in enumerate(table.shapes if table else []):
         found.append(_shape(shape, "turntable", ON_TURNTABLE, here, f"{path}: $.turntable.shapes[{i}]", path))
+    for i, shape in enumerate(table.tilt.shapes if table and table.tilt else []):
+        found.append(_shape(shape, "tilt", ON_CRADLE, here, f"{path}: $.turntable.tilt.shapes[{i}]", path))
     stands = _stands(external)
     on_floor = stands["base"]
     if part.envelope is not None:
@@ -314,7 +323,7 @@ def _around(part: CellPart, external: Turntable | None, path: Path) -> list[Shap
     for i, fixture in enumerate(part.fixtures):
         where = f"{path}: $.fixtures[{i}]"
         if fixture.on not in stands:
-            missing = "track" if fixture.on == "carriage" else "turntable"
+            missing = "track" if fixture.on == "carriage" else fixture.on
             raise InputError(f"{where}.on", f"expected 'base': the cell has no {missing}")
         found.append(_shape(fixture, fixture.name, *stands[fixture.on], where, path))
     return found
@@ -368,6 +377,9 @@ def _on_floor(shape: Shape, external: Turntable | None) -> Shape:
 
 def _external(part: CellPart, path: Path) -> Turntable | None:
     """The turntable, or the track's floor as the robot sees it: it slides against the track's direction."""
+    home = None if part.process is None else part.process.home
+    if home is not None and home.tilt_deg is not None and (part.turntable is None or part.turntable.tilt is None):
+        raise InputError(f"{path}: $.process.home.tilt_deg", "expected null, the cell's turntable has no tilt")
     if part.track is None:
         return None if part.turntable is None else _turntable(part.turntable, path)
     if part.turntable is not None:
@@ -376,7 +388,6 @@ def _external(part: CellPart, path: Path) -> Turntable | None:
             "expected a turntable or a track, found both: one external axis is planned; let the track stand "
             "($.robot.held), or the table (a fixture)",
         )
-    home = None if part.process is None else part.process.home
     if home is not None and home.turntable_deg is not None:
         raise InputError(f"{path}: $.process.home.turntable_deg", "expected track_mm, the cell has a track")
     track = part.track
@@ -392,6 +403,13 @@ def _external(part: CellPart, path: Path) -> Turntable | None:
 
 def _turntable(part: TurntablePart, path: Path) -> Turntable:
     pose = _pose(part.base_from_turntable, f"{path}: $.turntable.base_from_turntable")
+    if part.tilt is None:
+        return _axis(pose, part)
+    tilt = _axis(_pose(part.tilt.base_from_tilt, f"{path}: $.turntable.tilt.base_from_tilt"), part.tilt)
+    return dataclasses.replace(_axis(pose, part), on=dataclasses.replace(tilt, tilts=True))
+
+
+def _axis(pose: Float, part: AxisPart) -> Turntable:
     fastest = None if part.acceleration_deg_s2 is None else part.acceleration_deg_s2 * DEG
     return Turntable(pose, np.array(part.limits_deg) * DEG, part.speed_deg_s * DEG, fastest)
 

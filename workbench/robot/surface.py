@@ -27,7 +27,7 @@ class Planned:
     """The path that a program is to follow."""
 
     toolpath: Toolpath
-    turntable: float  # where it stood when the path was planned, rad
+    turntable: Float | float  # where it stood when the path was planned, rad
     tolerance_mm: float  # by which the tool may leave it
     flange_from_point: Shaped[Float, "4 4"]  # the path's frames in the flange
 
@@ -45,7 +45,7 @@ def deviations(
     cell: Cell,
     planned: Planned,
     tool: Shaped[Float, "n 4 4"],
-    turntable: Shaped[Float, " n"],
+    turntable: Shaped[Float, "n ..."],
     row: Shaped[Int, " n"],
     seconds: Shaped[Float, " n-1"],
 ) -> Driven:
@@ -55,10 +55,10 @@ def deviations(
     driven from end to end in their order: then what was checked of the path holds for the program.
 
     Args:
-        cell: the turntable.
+        cell: the external axes.
         planned: the path.
         tool: (n, 4, 4) the path's frame on the flange, in the base; so near to each other that chords are the way.
-        turntable: (n,) rad.
+        turntable: (n,) or (n, e) their values, rad.
         row: (n,) index of the move that each place is on.
         seconds: (n - 1,) between places, where the program says times; inf elsewhere.
     """

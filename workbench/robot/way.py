@@ -31,7 +31,8 @@ from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
-ToFlange = Callable[[Float, float], Float]  # the flange (4, 4) among the targets, at joint angles (6,) and turntable
+Values = Float | float  # of the external axes, rad: one number, of several a vector
+ToFlange = Callable[[Float, Values], Float]  # the flange (4, 4) among the targets, at joint angles (6,) and such values
 STRAIGHT, CIRCULAR, CORNER, JOINTS = range(4)
 NO_LENGTH_MM = 1e-6
 MOST_TURN = 170 * DEG  # of a move's orientation: beyond it, controllers may take either way round
@@ -63,7 +64,7 @@ class Way:
     centre_mm: Shaped[Float, "g 3"]  # of arcs
     turn: Shaped[Float, "g 3"]  # rotation axis of arcs, times the sweep
     joints: Shaped[Float, "g 2 6"]  # start and end of joint moves
-    turntable: Shaped[Float, "g 3"]  # start, corner, end
+    turntable: Shaped[Float, "g 3 ..."]  # of the external axes: start, corner, end
     flange_from_tool: Shaped[Float, "g 4 4"]
     duration_s: Shaped[Float, " g"]
     timed: Shaped[Bool, " g"]  # the program says the duration: of joint moves alone
@@ -71,7 +72,7 @@ class Way:
     start_joints: Shaped[Float, " 6"]
 
     def tool(self, segment: Int, share: Float) -> tuple[Float, Float]:
-        """Poses (n, 4, 4) of the tool in the base, NaN on joint moves, and turntable angles (n,)."""
+        """Poses (n, 4, 4) of the tool in the base, NaN on joint moves, and values of the external axes (n,)."""
         f = self.span[segment, 0] + share * (self.span[segment, 1] - self.span[segment, 0])
         kind = self.kind[segment]
         a, corner, b = (self.position_mm[segment, i] for i in range(3))
@@ -82,15 +83,16 @@ class Way:
             position[arc] = centre + _turned(a[arc] - centre, self.turn[s], f[arc])
         q0, qc, q1 = (self.quaternion[segment, i] for i in range(3))
         quaternion = slerp(q0, q1, f)
-        table = self.turntable[segment, 0] + f * (self.turntable[segment, 2] - self.turntable[segment, 0])
+        tables = self.turntable[segment]
+        beside = (-1, *(1,) * (tables.ndim - 2))
+        table = tables[:, 0] + f.reshape(beside) * (tables[:, 2] - tables[:, 0])
         bent = kind == CORNER
         if bent.any():
             v = f[bent][:, None]
             weights = (1 - v) ** 2, 2 * v * (1 - v), v**2
             position[bent] = weights[0] * a[bent] + weights[1] * corner[bent] + weights[2] * b[bent]
             quaternion[bent] = slerp(slerp(q0[bent], qc[bent], f[bent]), slerp(qc[bent], q1[bent], f[bent]), f[bent])
-            three = self.turntable[segment[bent]]
-            table[bent] = sum(w[:, 0] * three[:, i] for i, w in enumerate(weights))
+            table[bent] = sum(w.reshape(beside) * tables[bent, i] for i, w in enumerate(weights))
         return pose_from(rotation_from_quaternion(quaternion), position), table
 
     def joint_move(self, segment: Int, share: Float) -> Float:
@@ -118,7 +120,7 @@ class _Leg:
     tool: Float  # flange_from_tool
     start: Shaped[Float, "4 4"]  # tool in the base
     end: Float
-    tables: tuple[float, float]
+    tables: tuple[Values, Values]
     joints: tuple[Float, Float] | None
     centre: Float
     turn: Float
@@ -126,8 +128,8 @@ class _Leg:
     cut: list[float]  # shares at which it begins and ends
     seconds: float | None = None  # that the program says it takes
 
-    def at(self, share: float) -> tuple[Float, Float, float]:
-        """Position, quaternion and turntable angle on the whole move."""
+    def at(self, share: float) -> tuple[Float, Float, Values]:
+        """Position, quaternion and values of the external axes on the whole move."""
         a, b = self.start[:3, 3], self.end[:3, 3]
         position = a + share * (b - a)
         if self.kind == CIRCULAR:
@@ -152,7 +154,7 @@ def way_of(
     tools: Mapping[str, Float],
     work_objects: Mapping[str, Float],
     flange_at: ToFlange,
-    rated: Shaped[Float, " 7"],
+    rated: Shaped[Float, " m"],
 ) -> Way:
     """The way of a program from its first target on.
 
@@ -161,7 +163,7 @@ def way_of(
         tools: flange_from_tool (4, 4) by name, those of the controller included.
         work_objects: base_from_workobject (4, 4) by name.
         flange_at: function from joint angles (6,) and the turntable's to the flange's pose (4, 4) among the targets.
-        rated: (7,) largest speeds of the joints and the turntable, rad/s.
+        rated: (7 or more,) largest speeds of the joints and the external axes, rad/s.
 
     Raises:
         WayError: a first move without joint angles, an orientation that turns too far, a circle that is none, a joint
@@ -170,8 +172,11 @@ def way_of(
     legs: list[_Leg] = []
     joints: Float | None = None
     flange: Float | None = None
-    table = 0.0
+    table: Values = np.zeros(len(rated) - 6) if len(rated) > 7 else 0.0
     for i, move in enumerate(program.moves):
+        if move.turntable is not None and np.shape(move.turntable) != np.shape(table):
+            said = f"the program drives {np.size(move.turntable)} external axes, the cell has {np.size(table)}"
+            raise WayError(move.line, said)
         end_table = table if move.turntable is None else move.turntable
         if i == 0:
             if move.joints is None:
@@ -211,7 +216,7 @@ def _leg(
     frame: Float | None,
     joints: Float | None,
     flange: Float,
-    tables: tuple[float, float],
+    tables: tuple[Values, Values],
     flange_at: ToFlange,
 ) -> _Leg:
     start, nothing = flange @ tool, np.zeros(3)
@@ -315,7 +320,7 @@ def _row(leg: _Leg, after: _Leg | None, rated: Float) -> tuple[object, ...]:
         moved = np.abs(np.append(joints[1] - joints[0], table[2] - table[0]))
         duration = max(duration, float((np.nan_to_num(moved) / rated).max()) / leg.move.joint_speed)
     elif length < NO_LENGTH_MM:
-        duration = max(duration, turned / TURN_SPEED, abs(table[2] - table[0]) / TURN_SPEED)
+        duration = max(duration, turned / TURN_SPEED, float(np.abs(table[2] - table[0]).max()) / TURN_SPEED)
     return (
         kind,
         leg.move.line,
@@ -344,7 +349,7 @@ class Places:
     segment: Shaped[Int, " n"]
     share: Shaped[Float, " n"]  # of the segment
     joints: Shaped[Float, "n 6"]  # rad; NaN: out of reach
-    turntable: Shaped[Float, " n"]  # rad
+    turntable: Shaped[Float, "n ..."]  # of the external axes, rad
     tool: Shaped[Float, "n 4 4"]  # as in `Way`
 
     def __len__(self) -> int:
@@ -418,7 +423,7 @@ def _grid(way: Way) -> tuple[Int, Float]:
     turn = sum(2 * np.arccos(np.clip(np.abs((q[:, i] * q[:, i + 1]).sum(axis=1)), 0, 1)) for i in (0, 1))
     turn = np.where(way.kind == JOINTS, 0.0, turn)
     joints = np.nan_to_num(np.abs(way.joints[:, 1] - way.joints[:, 0]), nan=np.pi).max(axis=1)
-    table = np.abs(np.diff(way.turntable, axis=1)).sum(axis=1)
+    table = np.abs(np.diff(way.turntable, axis=1)).sum(axis=1).reshape(len(way.kind), -1).max(axis=1)
     steps = np.stack([way.length_mm / STEP_MM, turn / STEP_TURN, joints / STEP_JOINT, table / STEP_TURN])
     count = np.maximum(np.ceil(steps.max(axis=0) - 1e-9), 1).astype(int)
     segment = np.concatenate([[0], np.repeat(np.arange(len(count)), count)])
@@ -462,19 +467,14 @@ def _choose(branches: AnyArray, wanted: AnyArray, found: AnyArray) -> None:
             found[:] = one
 
 
-def rated(cell: Cell) -> Float:
-    """Largest speeds (7,) of the joints and the turntable, rad/s."""
-    return np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else np.inf)
-
-
 def flange_among_targets(cell: Cell) -> ToFlange:
     """For `way_of`."""
     return lambda q, table: inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, q)
 
 
 def axis_name(cell: Cell, i: int) -> str:
-    """Of seven: the joints and the turntable."""
-    return f"the {cell.turntable.name}" if i == 6 and cell.turntable else f"joint {i + 1}"
+    """Of the joints and the external axes."""
+    return f"joint {i + 1}" if i < 6 else f"the {cell.axes[i - 6].name}"
 
 
 def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]], float]:
@@ -487,11 +487,11 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
         return [], 0.0
     moved = np.column_stack([way.joints[:, 1] - way.joints[:, 0], way.turntable[:, 2] - way.turntable[:, 0]])
     rate = np.where(way.timed[:, None], moved / way.duration_s[:, None], 0.0)
-    speed = np.abs(rate) / rated(cell)
+    speed = np.abs(rate) / cell.rated_speeds
     faults = _worst(cell, speed, np.arange(len(rate)), "speed")
     most = cell.rated_accelerations
     if most is not None:
-        still, step = np.zeros((1, 7)), np.where(way.timed, way.duration_s, np.inf)
+        still, step = np.zeros((1, len(most))), np.where(way.timed, way.duration_s, np.inf)
         change = np.abs(np.diff(np.concatenate([still, rate, still]), axis=0))
         before, after = np.append(np.inf, step), np.append(step, np.inf)
         within = np.minimum(before, after) * np.where(np.isinf(before + after), 0.5, 1.0)
@@ -501,7 +501,7 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
 
 
 def _worst(cell: Cell, asked: Float, segment: Int, kind: str) -> list[tuple[int, float, str, str]]:
-    """Where most (n, 7) is asked of a joint, if that is more than it can."""
+    """Where most (n, 6 + e) is asked of a joint, if that is more than it can."""
     i, joint = np.unravel_index(int(asked.argmax()), asked.shape)
     if asked[i, joint] <= 1 + ROUNDING:
         return []

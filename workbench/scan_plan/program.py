@@ -21,6 +21,7 @@ from workbench.program.words import program_name
 from workbench.program.write import Controller
 from workbench.robot import Cell, forward_kinematics, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
+from workbench.robot.collision import outermost
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import Examiner
 from workbench.stage import stage
@@ -220,7 +221,7 @@ def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):
         gate = PathGate(False, reached, toolpath=path, tolerance_mm=TOLERANCE_MM, reached=False)
         return simplify(path), gate
     targets = forward_kinematics(cell.chain, reached.joints) @ flange_from_view
-    table = np.full(count, plan.table)
+    table = outermost(cell, np.full(count, plan.table))
     postures = Postures(
         toolpath=path,
         layer=np.ones(count, np.int64),

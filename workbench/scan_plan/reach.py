@@ -21,12 +21,13 @@ from workbench.robot import (
     dexterity,
     forward_kinematics,
     inverse_kinematics,
+    standing_poses,
     turntable_pose,
     within_limits,
 )
 from workbench.robot.bounds import FREE
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
-from workbench.robot.collision import body_of
+from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape
+from workbench.robot.collision import body_of, outermost
 from workbench.robot.plate import scanned
 from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
@@ -99,7 +100,7 @@ class Examiner:
                     why = fault
                     continue
                 found.append((margin, bool(number), joints))
-        angles = np.full(len(base_from_view), table)
+        angles = outermost(self.cell, np.full(len(base_from_view), table))
         for margin, half, joints in sorted(found, key=lambda one: -one[0]):
             few = np.unique(np.linspace(0, len(joints) - 1, 3).round().astype(int))
             hits = self.screen.hits(joints[few], angles[few])
@@ -130,10 +131,12 @@ class Examiner:
         """
         at_zero = turntable_pose(self.cell, 0.0)
         back = at_zero @ inverse(turntable_pose(self.cell, table))
-        for shape, body in self.rays:
-            pose = (at_zero if shape.link == ON_TURNTABLE else back) @ shape.pose
+        carriers = {ON_TURNTABLE: at_zero, ON_CRADLE: back @ standing_poses(self.cell, 0.0)[-1]}
+        poses = [carriers.get(shape.link, back) for shape, _ in self.rays]
+        for (shape, body), carrier in zip(self.rays, poses, strict=True):
+            pose = carrier @ shape.pose
             body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
-        middles = [(at_zero if s.link == ON_TURNTABLE else back) @ np.append(s.sphere[0], 1.0) for s, _ in self.rays]
+        middles = [one @ np.append(s.sphere[0], 1.0) for one, (s, _) in zip(poses, self.rays, strict=True)]
         self.spheres = np.array([[*m[:3], s.sphere[1]] for m, (s, _) in zip(middles, self.rays, strict=True)]).reshape(
             -1, 4
         )

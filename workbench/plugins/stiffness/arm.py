@@ -178,20 +178,23 @@ class Unsprung:
         shoulder, elbow = BRANCHES[first // 2]
         _, said = traverse(self.arm, NO_SPRINGS, path, angles, shoulder=shoulder, elbow=elbow)
         loaded = np.flatnonzero(np.linalg.norm(path.force_n[0], axis=-1) > 0)
+        weight = len(loaded) / path.base_from_cutter.shape[1]
         rows = loaded[np.unique(np.linspace(0, len(loaded) - 1, min(COMFORT_ROWS, len(loaded))).astype(int))]
+        rows = rows if len(rows) else np.zeros(1, int)  # nothing pushes: the joints' limits hold all the same
         mean, tool = np.full(said.shape, np.inf), turn_about_z(angles) @ inverse(path.flange_from_cutter)
         for flip, table in np.ndindex(said.shape[:2]):
             free = np.flatnonzero(said[flip, table] == FREE)
-            if not len(free) or not len(rows):
+            if not len(free):
                 continue
             flange = (path.base_from_cutter[table, rows, None] @ tool[free]).reshape(-1, 4, 4)
             q = within_limits(self.cell.chain, self.joint_angles(flange, first + flip))
             inside = np.isfinite(q).all(axis=1)
             cost = np.full(len(q), np.inf)
             cost[inside] = awkwardness(self.cell, q[inside])
-            mean[flip, table, free] = cost.reshape(len(rows), -1).mean(axis=0)
-            said[flip, table, free[~np.isfinite(mean[flip, table, free])]] = LIMIT
-        return mean * (len(loaded) / path.base_from_cutter.shape[1]), said
+            found = cost.reshape(len(rows), -1).mean(axis=0)
+            mean[flip, table, free] = np.where(np.isfinite(found), weight * found, np.inf)
+            said[flip, table, free[~np.isfinite(found)]] = LIMIT
+        return mean, said
 
 
 def awkwardness(cell: Cell, joints: Shaped[Float, "n 6"]) -> Float:
@@ -302,6 +305,7 @@ def displacements(
     *,
     shoulder: int = 0,
     elbow: int = 0,
+    flip: int | None = None,
 ) -> tuple[Float, AnyArray]:
     """Length of the tip's displacement (n,), mm, in one branch, and what is said of each posture (n,), see CAUSES.
 
@@ -313,11 +317,13 @@ def displacements(
         force_n: (n, 3) acts there, base axes.
         shoulder: 0: the arm reaches forward, 1: over its back.
         elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
+        flip: of the wrist, 0 or 1, where it matters; None: the better of both.
     """
     if not isinstance(arm, Arm):
         at, acts = (np.broadcast_to(part, (len(base_from_flange), 3)) for part in (tip_mm, force_n))
         one, first, other, second = arm.displacements(stiffness, base_from_flange, at, acts, 4 * shoulder + 2 * elbow)
         better = (first < second) | ((first == second) & (one <= other))
+        better = better if flip is None else np.full(len(one), flip == 0)
         return np.where(better, one, other), np.where(better, first, second)
     turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
     wrist = base_from_flange[:, :3, :3] @ arm.wrist_in_flange_mm + base_from_flange[:, :3, 3]

@@ -6,6 +6,7 @@ windows that move along, over (place on the grid of both angles, last step), wit
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -72,12 +73,12 @@ def relaxed_law(
     cost = _Costs(examiner, stiffness, branch, grid, closed_off)
     n = len(examiner.points.layer)
     value, kept = cost.at(0, np.ones(len(grid.tables), bool)), []
-    for i in range(n - 1):
-        if i % BLOCK == 0:
-            kept.append(value)
-        value = _next(value, grid, cost, i + 1)[0]
+    for i in range(n):
         if not value.min() < most_mm:
             return None
+        if i % BLOCK == 0 and i < n - 1:
+            kept.append(value)
+        value = _next(value, grid, cost, i + 1)[0] if i < n - 1 else value
     way = np.empty((n, 2), np.int64)
     way[-1] = np.unravel_index(int(value.argmin()), value.shape)
     for block in range(len(kept) - 1, -1, -1):
@@ -163,6 +164,17 @@ def constant_law(examiner: Examiner, stiffness: Float, choice: Choice) -> Law:
     rotation, table = np.full(n, choice.rotation), np.full(n, choice.table)
     cost = nodes(examiner, stiffness, choice.configuration, rotation[:, None], table[:, None])[0].sum()
     return Law(rotation, table, choice.configuration, choice.joints, float(cost))
+
+
+def standing(examiner: Examiner, stiffness: Float, law: Law, grid: Grid) -> Law:
+    """A law as one of another axis, which stands; its cost is that of the cutter's steps and of the postures."""
+    still = np.zeros(len(law.rotation))
+    spacing = float(np.diff(grid.rotations[:2]).sum()) or 1.0
+    turn = np.diff(law.rotation)
+    steps = (turn + np.pi) % (2 * np.pi) - np.pi if grid.closed else turn
+    cost = nodes(examiner, stiffness, law.configuration, law.rotation[:, None], still[:, None])[0].sum()
+    whole = float(cost + grid.step_cost_mm * ((steps / spacing) ** 2).sum())
+    return dataclasses.replace(law, table=still, cost_mm=whole)
 
 
 def improved_law(
@@ -259,15 +271,16 @@ def nodes(
     which = np.arange(shape[0]) if which is None else which
     at, alpha = np.repeat(which, rotation[0].size), table.reshape(-1)
     flange = flange_poses(cell, points, at, rotation.reshape(-1), alpha)
-    turned = points.turned(cell, alpha)
+    turned = points.turned(cell, alpha, at)
     tip = np.einsum("nij,nj->ni", turned[:, :3, :3], points.base_from_point[at, :3, 3]) + turned[:, :3, 3]
     force = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
     shoulder, elbow = BRANCHES[configuration.branch]
-    cost, said = displacements(arm, stiffness, flange, tip, force, shoulder=shoulder, elbow=elbow)
+    flip = configuration.flip
+    cost, said = displacements(arm, stiffness, flange, tip, force, shoulder=shoulder, elbow=elbow, flip=flip)
     joints = configuration.joints(arm, flange)
     free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
     free[free] = examiner.poor(joints[free]) == FREE
-    free[free] = examiner.screen.hits(joints[free], (alpha + points.drift[at])[free]) < 0
+    free[free] = examiner.screen.hits(joints[free], points.external(alpha, at)[free]) < 0
     away, _ = examiner.away(configuration, at[free], flange[free], alpha[free], joints[free])
     free[free] = away == FREE
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)

@@ -42,9 +42,9 @@ class Cuts:
         return self.only(np.unique(np.linspace(0, len(self.at) - 1, count).astype(int)))
 
     def turned(self, motion: Float) -> Cuts:
-        """The points of each motion (c, 4, 4) of the part, one motion's after the other's."""
-        frames = (motion[:, None] @ self.base_from_tool).reshape(-1, 4, 4)
-        push = (motion[:, None, :3, :3] @ self.force_n[..., None]).reshape(-1, 3)
+        """The points (m,) in c motions of the part (c, m, 4, 4) or (c, 1, 4, 4), one motion's after the other's."""
+        frames = (motion @ self.base_from_tool).reshape(-1, 4, 4)
+        push = (motion[..., :3, :3] @ self.force_n[..., None]).reshape(-1, 3)
         same = self.only(np.tile(np.arange(len(self.at)), len(motion)))
         return replace(same, base_from_tool=frames, force_n=push)
 
@@ -148,7 +148,7 @@ class Steadiness:
         return self.cuts.only(np.flatnonzero(wide >= 0.98 * wide.max())).spread(FEWER)
 
     def margins(self, joints: Float, motion: Float) -> tuple[Float, Float]:
-        """The least margin (c,) and the same less its U, by the screen, of postures (c, FEWER, 6), motions (c, 4, 4).
+        """The least margin (c,) and the same less its U, by the screen, of postures (c, FEWER, 6) and c motions.
 
         Where the margin itself is too small, U is not looked for: both are the same.
         """

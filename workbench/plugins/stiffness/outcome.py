@@ -72,6 +72,7 @@ class Case:
 
     rotation: float
     table: float
+    external: Shaped[Float, "n ..."]  # of the axes
     joints: Shaped[Float, "n 6"]
     cost: Shaped[Float, " l"]  # of the loaded points, in the found's measure
     cause: int  # index into `traversal.CAUSES`: free or in collision
@@ -132,7 +133,8 @@ def costs(examiner: Examiner, k: Float, joints: Float, table: Float) -> Float:
     points = examiner.points
     if isinstance(examiner.arm, Unsprung):
         return awkwardness(examiner.cell, joints[points.loaded])
-    moved = _displacements(examiner.cell, k, joints, points.turned(examiner.cell, table), points)
+    turned = points.turned(examiner.cell, table, np.arange(len(table)))
+    moved = _displacements(examiner.cell, k, joints, turned, points)
     return np.asarray(np.linalg.norm(moved[points.loaded], axis=1))
 
 
@@ -145,7 +147,8 @@ def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed
         joints, cause, hit = examiner.along(CONFIGURATIONS[which], *angles)
         if cause in (FREE, COLLISION):
             pair = examiner.screen.pair(hit) if cause == COLLISION else None
-            found.append(Case(rotation, table, joints, costs(examiner, k, joints, angles[1]), cause, pair))
+            external = examiner.points.external(angles[1], np.arange(n))
+            found.append(Case(rotation, table, external, joints, costs(examiner, k, joints, angles[1]), cause, pair))
     return min(found, key=lambda case: (case.cause, case.cost.mean()), default=None)
 
 
@@ -159,11 +162,11 @@ def postures(
     """The postures of a law."""
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
-    table = law.table + points.drift
+    table = points.external(law.table, np.arange(len(joints)))
     targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
     moved = np.full((len(joints), 3), np.nan)
     if stiffness is not None:
-        moved = _displacements(cell, stiffness.nm_per_rad, joints, points.turned(cell, law.table), points)
+        moved = _displacements(cell, stiffness.nm_per_rad, joints, points.moved(cell, table), points)
     return Postures(
         toolpath=toolpath,
         layer=points.layer,
@@ -223,11 +226,11 @@ def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
     made = found.postures
     at = found.points.loaded[len(found.points.loaded) // 2]
     before = found.cases["as planned"]
-    views = [] if before is None else [("As planned", before.joints[at], before.table + found.points.drift[at])]
-    views.append(("As chosen", made.joints[at], float(made.turntable[at])))
+    views = [] if before is None else [("As planned", before.joints[at], before.external[at])]
+    views.append(("As chosen", made.joints[at], made.turntable[at]))
     drawn = []
     for name, joints, table in views:
-        turned = found.points.turned(cell, np.array([table]))[0]
+        turned = found.points.moved(cell, table)
         way = found.points.part_mm[found.points.cutting] @ turned[:3, :3].T + turned[:3, 3]
         bodies = cell_triangles(cell, joints, table)
         if not any(body == "workpiece" for body, _ in bodies):
@@ -401,6 +404,11 @@ def _prices(found: Found) -> str:
     return pieces.heading("What a configuration costs, on the map's grid") + pieces.table_html(head, rows)
 
 
+def _sought(made: Postures) -> Float:
+    """Values (n,) of the external axis of the map."""
+    return made.turntable if made.turntable.ndim == 1 else made.turntable[:, -1]
+
+
 def _axis(made: Postures) -> str:
     return "track, mm" if made.on_track else "turntable, °"
 
@@ -426,10 +434,14 @@ def _how(found: Found) -> str:
         line += (
             f" The track goes along with the tool, between {low:.0f} and {high:.0f} mm; its place is that at the start."
         )
+    if made.turntable.ndim > 1:
+        tilt = made.turntable[:, 0] / DEG
+        line += f" The turntable is tilted by {tilt.min():g}°" + (f" to {tilt.max():g}°." if np.ptp(tilt) else ".")
     if found.mode == "along_path":
-        gap = found.law_gap or 0.0
-        line += " A law along the path was found by dynamic programming on the whole grid, in one configuration: "
-        line += "proven the best of all." if gap < 1e-6 else f"at most {100 * gap:.2f} % above the best of them."
+        line += " A law along the path was found by dynamic programming on the whole grid, in one configuration"
+        gap = found.law_gap
+        proven = ": proven the best of all." if gap is not None and gap < 1e-6 else None
+        line += "." if gap is None else proven or f": at most {100 * gap:.2f} % above the best of them."
     return line
 
 
@@ -442,7 +454,7 @@ def _table(found: Found) -> str:
     rows.append(("best, without the collision check", *angles, f"{solved[at]:.4f}", "–", ""))
     if found.mode == "along_path":
         made, moved = found.postures, found.cost
-        spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, made.turntable))
+        spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, _sought(made)))
         rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
     head = (
         "Posture",
@@ -500,7 +512,7 @@ def map_picture(found: Found) -> bytes:
                 angles = over.rotations[at] / DEG, over.tables[table] / DEG
                 right[0].plot(*angles, ".", ms=3, color="white", mec="black", mew=0.3, label="kept less U")
             made, loaded = found.postures, found.points.loaded
-            chosen = (made.cutter_rotation[loaded[0]] / DEG, made.turntable[loaded[0]] / DEG)
+            chosen = (made.cutter_rotation[loaded[0]] / DEG, _sought(made)[loaded[0]] / DEG)
             if len(over.tables) > 1:
                 right[0].plot(*chosen, "*", mfc="white", mec="black", ms=9, label="chosen")
             else:
@@ -544,7 +556,7 @@ def _mark(axes: Any, found: Found) -> None:
     """The chosen law, and the constant pairs that it is compared with."""
     made, flat = found.postures, len(found.map.tables) == 1
     loaded = found.points.loaded
-    height = found.cost if flat else made.turntable[loaded] / DEG
+    height = found.cost if flat else _sought(made)[loaded] / DEG
     axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color=pieces.PURPLE, ms=4, label="chosen, at each point")
     for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
         if case is not None:
@@ -564,7 +576,9 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
     ]
     kept = [row for row in kept if np.isfinite(row[1]).any()]
-    angles = {"cutter rotation": made.cutter_rotation[loaded], _axis(made).split(",")[0]: made.turntable[loaded]}
+    angles = {"cutter rotation": made.cutter_rotation[loaded], _axis(made).split(",")[0]: _sought(made)[loaded]}
+    if made.turntable.ndim > 1:
+        angles["tilt"] = made.turntable[loaded, 0]
     turned = {name: _from_start(angle) for name, angle in angles.items()} if found.mode != "constant" else {}
     rows = len(kept) + bool(turned)
     with pieces.styled():

@@ -37,7 +37,7 @@ Load = Literal["mean", "peak"]
 class PathPoints:
     """n points of travels and layers in the order of motion; frames as in `Layer`, in the base."""
 
-    base_from_point: Shaped[Float, "n 4 4"]  # with the turntable where it was when the path was planned
+    base_from_point: Shaped[Float, "n 4 4"]  # with the external axes where they were when the path was planned
     feed_mm_s: Shaped[Float, " n"]  # towards the point
     force_n: Shaped[Float, "n 3"]  # on the cutter at the point, base axes; 0 in travel moves
     torque_nm: Shaped[Float, " n"]  # of the spindle, mean of a revolution
@@ -45,9 +45,9 @@ class PathPoints:
     cutting: Shaped[Bool, " n"]
     measured: Shaped[Bool, " n"]
     point_from_tip: Shaped[Float, "4 4"]  # the cutter's tip: a radius off along x, its reach along z
-    planned: float  # where the turntable stood, rad
-    part_mm: Shaped[Float, "n 3"]  # of the points, with the turntable there
-    drift: Shaped[Float, " n"]  # rad, from the first point's: by which it stands elsewhere in `base_from_point`
+    planned: Float | float  # where the external axes stood, rad
+    drift: Shaped[Float, "n ..."]  # rad, where the external axes stand as the one that is sought is at 0
+    sought: int  # index of that axis, from the base outwards
     spindle_rpm: float
     source: str  # of the path, for messages
 
@@ -65,7 +65,7 @@ class PathPoints:
     def only(self, indices: Int) -> PathPoints:
         """Some of the points."""
         columns: tuple[str, ...] = ("base_from_point", "feed_mm_s", "force_n", "torque_nm", "layer", "cutting")
-        columns += ("measured", "part_mm", "drift")
+        columns += ("measured", "drift")
         return dataclasses.replace(self, **{name: getattr(self, name)[indices] for name in columns})
 
     def densified(self, step_mm: float) -> PathPoints:
@@ -76,25 +76,32 @@ class PathPoints:
         at = np.append(np.repeat(np.arange(len(way)), pieces) + _shares(pieces), len(way))
         quaternion = quaternion_from_rotation(poses[:, :3, :3])
         between = interpolate_poses(at, np.arange(len(poses), dtype=float), poses[:, :3, 3], quaternion)
+        low, high = np.floor(at).astype(int), np.ceil(at - 1e-9).astype(int)
         return dataclasses.replace(
-            self.only(np.ceil(at - 1e-9).astype(int)),
+            self.only(high),
             base_from_point=between,
-            part_mm=np.column_stack([np.interp(at, np.arange(len(way) + 1), axis) for axis in self.part_mm.T]),
-            drift=np.interp(at, np.arange(len(way) + 1), self.drift),
+            drift=self.drift[low] + ((at - low) * (self.drift[high] - self.drift[low]).T).T,
         )
 
-    def turned(self, cell: Cell, turntable: Float) -> Float:
-        """Motions (..., 4, 4) in the base of what stands on the turntable when it goes to angles (...).
+    @property
+    def part_mm(self) -> Shaped[Float, "n 3"]:
+        """Of the points, where the part was when the path was planned."""
+        return self.base_from_point[:, :3, 3]
 
-        Of one that drifts: its angle at the first point.
-        """
-        return np.asarray(turntable_pose(cell, turntable) @ inverse(turntable_pose(cell, self.planned)))
+    def external(self, table: Float | float, at: Int | int) -> Float:
+        """Values of the external axes at points `at` (...) where the one that is sought stands at `table` (...)."""
+        if self.drift.ndim == 1:
+            return np.asarray(table + self.drift[at])
+        return np.asarray(np.multiply.outer(table, np.arange(self.drift.shape[1]) == self.sought) + self.drift[at])
 
-    def carried(self, cell: Cell, drift: Float) -> PathPoints:
-        """The points (n,) where the turntable brings them as it goes by `drift` (n,), rad, along the path."""
-        moved = self.turned(cell, self.planned + drift)
-        force = (moved[:, :3, :3] @ self.force_n[..., None])[..., 0]
-        return dataclasses.replace(self, base_from_point=moved @ self.base_from_point, force_n=force, drift=drift)
+    def moved(self, cell: Cell, external: Float) -> Float:
+        """Motions (..., 4, 4) in the base of what stands on the external axes when they go to these values, rad."""
+        return np.asarray(turntable_pose(cell, external) @ inverse(turntable_pose(cell, self.planned)))
+
+    def turned(self, cell: Cell, table: Float, at: Int) -> Float:
+        """`moved` at points `at` (...) with the axis that is sought at `table` (...), rad; both broadcast."""
+        steady = bool((self.drift == self.drift[:1]).all())
+        return self.moved(cell, self.external(table, np.zeros((1,) * np.ndim(at), int) if steady else at))
 
 
 def turn_about_z(angles: Float) -> Float:
@@ -106,7 +113,9 @@ def turn_about_z(angles: Float) -> Float:
     return turn
 
 
-def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm: float, planned: float) -> PathPoints:
+def path_points(
+    toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm: float, planned: Float | float
+) -> PathPoints:
     """Gather the points of a path; travels are filled up to one point every AIR_STEP_MM.
 
     Raises:
@@ -136,8 +145,8 @@ def path_points(toolpath: Toolpath, force: MillingForce, *, load: Load, reach_mm
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
         planned=planned,
-        part_mm=there[:, :3, 3],
-        drift=np.zeros(len(there)),
+        drift=np.zeros((len(there), *np.shape(planned))),
+        sought=np.size(planned) - 1,
         spindle_rpm=force.spindle_rpm,
         source=toolpath.source or "milling path",
     )

@@ -19,16 +19,19 @@ from workbench.api import (
     Document,
     Float,
     InputError,
+    Int,
     PathGate,
     PostureFile,
     Postures,
     Progress,
     Side,
     Toolpath,
+    external_at,
     inverse,
     refuse_contradiction,
     sliding,
     stage,
+    turntable_pose,
     within_margins,
 )
 from workbench.plugins.stiffness.arm import NO_SPRINGS, AnyArm, Unsprung, arm_of
@@ -37,9 +40,11 @@ from workbench.plugins.stiffness.law import (
     BAND,
     STEP_COST_MM,
     Grid,
+    Law,
     Limits,
     constant_law,
     improved_law,
+    standing,
 )
 from workbench.plugins.stiffness.margins import Steadiness, cuts_of
 from workbench.plugins.stiffness.outcome import (
@@ -59,11 +64,14 @@ from workbench.plugins.stiffness.traversal import (
     CAUSES,
     CONFIGURATIONS,
     EVERY,
+    FREE,
     JUDGED,
     Choice,
     Examiner,
     PostureMap,
     Price,
+    Share,
+    Traversal,
     lowest,
     mapped,
     sample,
@@ -79,6 +87,7 @@ NO_STIFFNESS = (
     "how far the robot gives way: nobody states its joint stiffness ($.robot.joint_stiffness_nm_per_rad, or "
     "stiffness.identify from loading tests)"
 )
+TILT = 6  # index of the tilt behind the joints
 OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points
 Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-360, le=360)]]
 
@@ -101,6 +110,8 @@ def posture(
         180,
     ),
     turntable_deg: Range | None = None,
+    tilt_deg: Range | None = None,
+    tilt_step_deg: Annotated[float, Field(ge=0.25, le=90)] = 15.0,
     step_deg: Annotated[float, Field(ge=0.25, le=30)] | None = None,
     sampled_points: Annotated[int, Field(ge=2, le=5000)] = 60,
     load: Load = "mean",
@@ -109,6 +120,7 @@ def posture(
         Field(ge=-200, le=500),
     ] = None,
     planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
+    planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
     acceleration_deg_s2: Annotated[float, Field(gt=0, le=10000)] = 100.0,
     step_cost_mm: Annotated[
         float | None,
@@ -123,9 +135,10 @@ def posture(
 
     `constant`: the pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid;
     without known stiffness the least awkwardness (nearness to singular postures and limits). `along_path`: a law of the
-    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. A track
-    stands where one place of it serves the whole path, else it goes along with the tool. All keep the cell's margins
-    and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
+    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. Where the
+    turntable tilts, all of this holds of the best of its tilts too, which turns along the path behind the turntable. A
+    track stands where one place of it serves the path, or goes along with the tool, whatever costs less. All keep the
+    cell's margins and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -136,14 +149,17 @@ def posture(
         modes: of robot, spindle and cutter; None: nobody asks for a margin from chatter.
         configuration: in which the arm is to stay, one word of each pair at most; null: the cell file's.
         mode: one pair of angles for all points, or a law along the path.
-        turntable_moves: along_path: the law turns the turntable too; else it stands at one angle, chosen for the law.
+        turntable_moves: along_path: the law turns the turntable, and its tilt, too; else they stand as chosen for it.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
+        tilt_deg: of the turntable's tilt, likewise.
+        tilt_step_deg: between the tilts that are looked at.
         step_deg: of the grid, both ways; null: 1, or 5 without stiffness or with modes.
         sampled_points: number of loaded points, evenly spread, that the traversal averages; the result holds for all.
         load: the force of a revolution that counts: its mean or its peak.
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
         planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
+        planned_tilt_deg: likewise of its tilt.
         acceleration_deg_s2: along_path: largest of any axis of the law, besides the cell's own.
         step_cost_mm: along_path: what a step costs, displacement of one point times the step's size squared in grid
             steps; a larger one makes a calmer law; null: 1e-4, or 0.01 of awkwardness.
@@ -179,7 +195,8 @@ def posture(
     allowed = _allowed(words, cell.configuration if configuration is None else configuration)
     step_deg = step_deg or (STEP_DEG if stiffness and modes is None else COARSE_DEG)
     reach = toolpath.cutter.flute_length_mm / 2 if reach_mm is None else reach_mm
-    points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned_at_deg * DEG)
+    planned = external_at(cell, planned_at_deg, planned_tilt_deg, "stiffness.posture.planned_tilt_deg")
+    points = path_points(toolpath, force, load=load, reach_mm=reach, planned=planned)
     rotations = grid(cutter_rotation_deg, step_deg)
     at = sample(points, sampled_points)
     keeps = None
@@ -187,17 +204,13 @@ def posture(
         cuts = cuts_of(toolpath, force, points.layer, points.base_from_point)
         keeps = Steadiness(cell, modes, cuts, least_margin, stations)
     _check_apart(Examiner(cell, arm, points, keeps))
-    for way in _ways_of_the_track(cell, points):
-        points = way
-        tables = _tables(cell, turntable_deg, step_deg, points)
-        examiner, some = Examiner(cell, arm, points, keeps), points.only(at)
-        traversed = traversal(arm, kept, k, some, rotations, tables)
-        try:
-            choice, over = search(examiner, traversed, allowed, within(progress, 0.0, 0.3))
-            break
-        except InputError:
-            if not sliding(cell) or points.drift.any():
-                raise
+    ways = [
+        (way, tables, traversal(arm, kept, k, way.only(at), rotations, tables))
+        for way in _ways(cell, points, tilt_deg, tilt_step_deg)
+        if len(tables := _tables(cell, turntable_deg, step_deg, way))
+    ]
+    examiner, traversed, choice, over = _best(cell, arm, keeps, ways, allowed, within(progress, 0.0, 0.3))
+    points, tables, chooser = examiner.points, traversed.tables, examiner
     if whole_map:
         every = max(int(map_step_deg / step_deg + 1e-9), 1)
         thinned = traversed.thinned(every, choice.rotation, choice.table)
@@ -209,7 +222,14 @@ def posture(
         step_cost = (STEP_COST_MM if stiffness else AWKWARD_STEP) if step_cost_mm is None else step_cost_mm
         over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost)
         law, bound = improved_law(examiner, k, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
-        chosen = law if choice.steady and examiner.steady(law.joints, law.table) else chosen
+        if choice.steady and examiner.steady(law.joints, law.table):
+            chosen = law
+            if turntable_moves and len(cell.axes) > 1:
+                bound = None  # of laws of the turntable and the cutter alone
+                limits = _law_limits(cell, acceleration_deg_s2, TILT)
+                bands = np.array([_table_band(cell, points, step_deg, gate, 0), BAND])
+                over_both = Grid(rotations, _angles(cell, 0, tilt_deg, step_deg), bands, step_cost)
+                examiner, chosen = _tilting(examiner, k, chosen, over_both, limits, allowed)
     made = postures(examiner, stiffness, toolpath, chosen, cell.warnings + _unsteady(choice, least_margin))
     worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
@@ -227,8 +247,8 @@ def posture(
         cost=costs(examiner, k, made.joints, chosen.table),
         words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
-        cases=_cases(examiner, k, choice, over),
-        bound=lowest(arm, kept, k, some, rotations, tables).min(axis=1) if stiffness else None,
+        cases=_cases(chooser, k, choice, over),
+        bound=_bound(arm, kept, k, at, rotations, ways) if stiffness else None,
         law_bound=None if bound is None else bound / len(points.loaded),
         law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
         asked=None if keeps is None else keeps.asked,
@@ -302,8 +322,8 @@ def _check_apart(examiner: Examiner) -> None:
         )
 
 
-def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate | None) -> int:
-    """Steps of the grid that the turntable may turn by from point to point.
+def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate | None, which: int = -1) -> int:
+    """Steps of the grid that an external axis may turn by from point to point.
 
     Between them the tool goes straight and the part on a circle, which is r theta^2 / 8 apart: no more than OFF_SHARE
     of what the gate allows, or the program would be refused. A trajectory has rows between the points instead.
@@ -312,25 +332,82 @@ def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate 
         return 0
     if cell.turntable is None or gate is None or (cell.controller and cell.controller.dialect == "trajectory"):
         return BAND
-    table = inverse(cell.turntable.base_from_turntable)
-    there = points.base_from_point[:, :3, 3] @ table[:3, :3].T + table[:3, 3]
-    radius = float(np.linalg.norm(there[:, :2], axis=1).max())
-    most = np.sqrt(8 * OFF_SHARE * gate.tolerance_mm / max(radius, 1.0))
+    on_table = inverse(turntable_pose(cell, points.planned)) @ points.base_from_point
+    at_zero = (cell.turntable.base_from_turntable @ on_table)[:, :3, 3]
+    axis = cell.axes[which].base_from_turntable
+    radius = float(np.linalg.norm(np.cross(at_zero - axis[:3, 3], axis[:3, 2]), axis=1).max())
+    most = np.sqrt(8 * OFF_SHARE * gate.tolerance_mm / max(radius, 1.0)) / len(cell.axes)  # all may turn at once
     return int(min(most / (step_deg * DEG), BAND))
 
 
-def _law_limits(cell: Cell, acceleration_deg_s2: float) -> Limits:
-    """What a law may ask of joints and turntable: the cell's, and no acceleration beyond the stage's own."""
-    stated = np.full(7, np.inf) if cell.rated_accelerations is None else cell.rated_accelerations
-    speeds = np.append(cell.chain.speeds, cell.turntable.speed if cell.turntable else 1.0)
-    return Limits(speeds, np.minimum(stated, acceleration_deg_s2 * DEG))
+def _law_limits(cell: Cell, acceleration_deg_s2: float, sought: int = -1) -> Limits:
+    """What a law may ask of joints and one external axis: the cell's, and no acceleration beyond the stage's own."""
+    speeds = cell.rated_speeds
+    stated = np.full(len(speeds), np.inf) if cell.rated_accelerations is None else cell.rated_accelerations
+    seven = [*range(6), sought]
+    return Limits(speeds[seven], np.minimum(stated, acceleration_deg_s2 * DEG)[seven])
 
 
-def _ways_of_the_track(cell: Cell, points: PathPoints) -> Iterator[PathPoints]:
-    """The points from a track that stands, then from one that goes along with the tool; as they are without one."""
-    yield points
-    if sliding(cell):
-        yield along_track(cell, points)
+Searched = tuple[PathPoints, Float, Traversal]  # a way of the other axes, angles of the sought one, the costs
+
+
+def _ways(cell: Cell, points: PathPoints, tilt_deg: Range | None, step_deg: float) -> Iterator[PathPoints]:
+    """The points from a track that stands, and from one that goes along with the tool; or with each tilt."""
+    if len(cell.axes) < 2:
+        yield points
+        if sliding(cell):
+            yield along_track(cell, points)
+        return
+    for tilt in _angles(cell, 0, tilt_deg, step_deg):
+        yield dataclasses.replace(points, drift=np.tile([tilt, 0.0], (len(points.layer), 1)))
+
+
+def _best(
+    cell: Cell, arm: AnyArm, keeps: Steadiness | None, ways: list[Searched], allowed: Bool, progress: Share
+) -> tuple[Examiner, Traversal, Choice, PostureMap]:
+    """The best free cell of all ways, each of which is searched as far as it may have a better one."""
+    least = [float(np.where(one.said[allowed] == FREE, one.mean[allowed], np.inf).min()) for _, _, one in ways]
+    best: tuple[Examiner, Traversal, Choice, PostureMap] | None = None
+    examined, of, refused = 0, sum(one.said[0].size for _, _, one in ways), list[InputError]()
+    for done, i in enumerate(np.argsort(least, kind="stable").tolist()):
+        points, _, traversed = ways[i]
+        below = best[2].mean if best is not None and best[2].steady else np.inf
+        if best is not None and least[i] >= below:
+            break
+        examiner = Examiner(cell, arm, points, keeps)
+        share = within(progress, done / len(ways), (done + 1) / len(ways))
+        try:
+            choice, over = search(examiner, traversed, allowed, share, below)
+        except InputError as error:
+            refused.append(error)
+            continue
+        examined += choice.examined
+        if best is None or (choice.steady, -choice.mean) > (best[2].steady, -best[2].mean):
+            best = examiner, traversed, choice, over
+    if best is None:
+        raise refused[0]
+    return *best[:2], dataclasses.replace(best[2], examined=examined, of=of), best[3]
+
+
+def _bound(arm: AnyArm, kept: Cell, k: Float, at: Int, rotations: Float, ways: list[Searched]) -> Float:
+    """Least displacement of each sampled loaded point over all grids, collision aside."""
+    found = [lowest(arm, kept, k, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
+    return np.asarray(np.min(found, axis=0))
+
+
+def _tilting(examiner: Examiner, k: Float, law: Law, grid: Grid, limits: Limits, allowed: Bool) -> tuple[Examiner, Law]:
+    """The law with the tilt turning too, never worse: the turntable goes as the law has it, the cutter anew."""
+    points = examiner.points
+    drift = points.external(law.table, np.arange(len(law.table)))
+    points = dataclasses.replace(points, drift=drift, sought=0)
+    step = float(np.diff(grid.tables[:2]).sum()) or 1.0
+    low, high = ((end - drift[0, 0]) / step for end in grid.tables[[0, -1]])
+    tables = step * np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1)  # 0 among them: as it stands
+    tilting = Examiner(examiner.whole, examiner.arm, points, examiner.keeps)
+    over = dataclasses.replace(grid, tables=tables)
+    start = standing(tilting, k, law, over)
+    found, _ = improved_law(tilting, k, start, over, limits, allowed)
+    return tilting, found if tilting.steady(found.joints, found.table) else start
 
 
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathPoints) -> Float:
@@ -343,30 +420,42 @@ def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathP
                 "stiffness.posture", "expected turntable_deg null and planned_at_deg 0: the cell has a track"
             )
         return places(cell, points.drift)
-    low, high = cell.turntable.limits / DEG
+    return _angles(cell, -1, limits_deg, step_deg)
+
+
+def _angles(cell: Cell, which: int, limits_deg: Range | None, step_deg: float) -> Float:
+    """Angles of an external axis within its limits by the margin, and within those asked for."""
+    low, high = cell.axes[which].limits / DEG
     if limits_deg is not None:
         low, high = max(low, limits_deg[0]), min(high, limits_deg[1])
     angles = grid((low, high), step_deg)
-    low, high = within_margins(cell).turntable.limits  # type: ignore[union-attr]  # there is one
+    low, high = within_margins(cell).axes[which].limits
     kept = angles[(angles >= low - 1e-9) & (angles <= high + 1e-9)]
     if not len(kept) and high > low:
         kept = grid((low / DEG, high / DEG), step_deg)
     if not len(kept):
-        why = f"expected turntable angles {cell.margins.limit / DEG:g} deg from its limits, found none"
+        why = f"expected {cell.axes[which].name} angles {cell.margins.limit / DEG:g} deg from its limits, found none"
         raise InputError("stiffness.posture", why)
     return np.asarray(kept)
 
 
 def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:
-    """What the choice is compared with: how the path was planned, and the worst that could have been chosen."""
+    """What the choice is compared with: how the path was planned, and the worst of its map."""
+    as_planned, planned = examiner, examiner.points.planned if examiner.cell.turntable else 0.0
+    if np.ndim(planned):
+        points = dataclasses.replace(examiner.points, drift=np.tile(planned, (len(examiner.points.layer), 1)))
+        as_planned, planned = Examiner(examiner.whole, examiner.arm, points), 0.0
     worst = np.unravel_index(np.nanargmax(over.mean), over.mean.shape)
     places = {
-        "as planned": (0.0, examiner.points.planned if examiner.cell.turntable else 0.0),
+        "as planned": (0.0, float(planned)),
         "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
         "best": (choice.rotation, choice.table),
     }
     chosen = np.array([one == choice.configuration for one in CONFIGURATIONS])
-    return {name: case_at(examiner, k, *at, chosen if name == "best" else EVERY) for name, at in places.items()}
+    return {
+        name: case_at(as_planned if name == "as planned" else examiner, k, *at, chosen if name == "best" else EVERY)
+        for name, at in places.items()
+    }
 
 
 def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate | None:
@@ -399,7 +488,7 @@ def posture_document(found: Found) -> bytes:
             **_measured(found, float(found.cost.mean())),
             "constant": {
                 "cutter_rotation_deg": round(found.choice.rotation / DEG, 6),
-                **_external(made, found.choice.table),
+                **_named(made, found.points.external(found.choice.table, 0)),
                 "configuration": list(found.configuration),
                 **_measured(found, _mean(found.cases["best"])),
                 "cells_examined": found.choice.examined,
@@ -419,14 +508,16 @@ def posture_document(found: Found) -> bytes:
     )
 
 
-def _external(made: Postures, value: Any) -> dict[str, Any]:
-    """Angles of the turntable, rad, or the track's places beside a turntable that is not there."""
-    said = None if value is None else _rounded(np.asarray(value) / DEG, 6)
-    if not made.on_track:
-        return {"turntable_deg": said if said is None or said.ndim else float(said)}
-    still = said if said is None else 0.0 * said
-    named = {"turntable_deg": still, "track_mm": said}
-    return {name: one if one is None or one.ndim else float(one) for name, one in named.items()}
+def _named(made: Postures, external: Float | None) -> dict[str, Any]:
+    """Values of the external axes, rad, by their names; a track's beside a turntable that is not there."""
+    names = (["tilt_deg"] if made.turntable.ndim > 1 else []) + ["turntable_deg"]
+    if external is None:
+        return dict.fromkeys([*names, *(["track_mm"] if made.on_track else [])])
+    said = _rounded(external / DEG, 6)
+    named = dict(zip(names, np.moveaxis(said, -1, 0), strict=True)) if made.turntable.ndim > 1 else {names[0]: said}
+    if made.on_track:
+        named |= {"turntable_deg": 0.0 * said, "track_mm": said}
+    return {name: one if one.ndim else float(one) for name, one in named.items()}
 
 
 def _measured(found: Found, mean: Any) -> dict[str, Any]:
@@ -453,7 +544,7 @@ def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | N
     return {
         "configuration": list(words),
         "cutter_rotation_deg": None if one.rotation is None else round(one.rotation / DEG, 6),
-        **_external(found.postures, one.table),
+        **_named(found.postures, None if one.table is None else found.points.external(one.table, 0)),
         **_measured(found, None if percent is None else one.mean),
         "price_percent": percent,
         "proven": one.proven,
@@ -467,7 +558,7 @@ def _mean(case: Case | None) -> float | None:
 def _case(found: Found, case: Case) -> dict[str, Any]:
     return {
         "cutter_rotation_deg": round(case.rotation / DEG, 6),
-        **_external(found.postures, case.table),
+        **_named(found.postures, case.external[0]),
         **_measured(found, _mean(case)),
         "cause": CAUSES[case.cause],
         "pair": case.pair,
@@ -478,7 +569,7 @@ def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:
     columns = {
         "layer": made.layer,
         "cutter_rotation_deg": _rounded(made.cutter_rotation / DEG, 6),
-        **_external(made, made.turntable),
+        **_named(made, made.turntable),
         "joints_deg": _rounded(made.joints / DEG, 6),
         "displacement_mm": _rounded(np.linalg.norm(made.displacement_mm, axis=1), 6),
         "clearance_mm": _rounded(made.clearance_mm, 3),
@@ -491,7 +582,7 @@ def _map(found: Found) -> dict[str, Any]:
     over = found.map
     return {
         "cutter_rotation_deg": _rounded(over.rotations / DEG, 6),
-        **_external(found.postures, over.tables),
+        **_named(found.postures, found.points.external(over.tables, 0)),
         **_measured(found, _rounded(over.mean, 6)),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],

@@ -8,6 +8,8 @@ nothing rests on the law being the best one; the judge drives what is written.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from workbench.api import DEG, Cell, Float, base_from_targets, within_margins
@@ -25,7 +27,7 @@ def along_track(cell: Cell, points: PathPoints) -> PathPoints:
     way = tool_mm(cell, points)
     room, span = float(np.ptp(kept.limits)) / DEG, float(np.ptp(way))
     share = min(1.0, MOST_SHARE * room / max(span, 1e-9))
-    return points.carried(cell, share * (way - way[0]) * DEG)
+    return dataclasses.replace(points, drift=share * (way - way[0]) * DEG)
 
 
 def tool_mm(cell: Cell, points: PathPoints) -> Float:

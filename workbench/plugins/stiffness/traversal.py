@@ -121,7 +121,7 @@ def lowest(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotati
 
 def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
     """The path where the turntable brings it, for each of its angles (a,)."""
-    turned = points.turned(cell, tables)[:, None]
+    turned = points.turned(cell, tables[:, None], np.arange(len(points.layer))[None])
     at = turned @ points.base_from_point
     force = (turned[..., :3, :3] @ points.force_n[..., None])[..., 0]
     return LoadedPath(cell.flange_from_cutter, at @ points.point_from_tip, at[..., :3, 3], force)
@@ -129,7 +129,7 @@ def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
 
 def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table: Float) -> Float:
     """Poses of the flange (k, 4, 4) at points (k,), with the cutter and the turntable turned by (k,)."""
-    cutter = points.turned(cell, table) @ points.base_from_point[at] @ points.point_from_tip
+    cutter = points.turned(cell, table, at) @ points.base_from_point[at] @ points.point_from_tip
     return np.asarray(cutter @ turn_about_z(rotation) @ inverse(cell.flange_from_cutter))
 
 
@@ -223,7 +223,7 @@ class Examiner:
             _, cause[i], hit[i] = self.along(configuration, np.full(n, rotation[i]), np.full(n, table[i]))
             how[i] = EVERY_POINT
         asked = asked[~fast]
-        open_ = self.screen.swept(joints[asked], table[asked, None] + self.dense.drift[self._stations])
+        open_ = self.screen.swept(joints[asked], self.dense.external(table[asked, None], self._stations[None]))
         how[asked] = np.where(open_.any(axis=1), EVERY_POINT, PROVEN)
         doubtful = np.flatnonzero(open_.any(axis=1))
         some = asked[doubtful]
@@ -237,28 +237,29 @@ class Examiner:
         first, last = open_.argmax(axis=1), open_.shape[1] - 1 - open_[:, ::-1].argmax(axis=1)
         for at in (first, last, (first + last) // 2):  # a hit spares the rest
             rest = np.flatnonzero(found < 0)
-            drift = self.dense.drift[self._stations[at[rest]]]
-            found[rest] = self.screen.hits(joints[rest, at[rest]], table[rest] + drift)
+            external = self.dense.external(table[rest], self._stations[at[rest]])
+            found[rest] = self.screen.hits(joints[rest, at[rest]], external)
         for rest in np.array_split(np.flatnonzero(found < 0), max(len(joints) // 256, 1)):
             which, at = np.nonzero(open_[rest][:, self._owner])
             if not len(which):
                 continue
             of = rest[which]
             flange = flange_poses(self.cell, self.dense, at, rotation[of], table[of])
-            hits = self.screen.hits(configuration.joints(self.arm, flange), table[of] + self.dense.drift[at])
+            hits = self.screen.hits(configuration.joints(self.arm, flange), self.dense.external(table[of], at))
             found[of[hits >= 0]] = hits[hits >= 0]
         return found
 
     def _flange(self, at: Int, rotation: Float, table: Float) -> Float:
         """Poses of the flange (c, p, 4, 4) at points (p,), with cutter and turntable turned by (c,)."""
-        turned = self.points.turned(self.cell, table)[:, None]
+        turned = self.dense.turned(self.cell, table[:, None], at[None])
         tool = turn_about_z(rotation) @ inverse(self.cell.flange_from_cutter)
         return np.asarray(turned @ (self.dense.base_from_point[at] @ self.points.point_from_tip) @ tool[:, None])
 
     @functools.cached_property
     def _stations(self) -> Int:
         """Points of the path, in their order, so near each other that what lies between them is nearly a chord."""
-        poses, lever = self.dense.base_from_point, self.points.point_from_tip[:3, 3]
+        every, lever = np.arange(len(self.dense.layer)), self.points.point_from_tip[:3, 3]
+        poses = self.dense.turned(self.cell, np.zeros(1), every) @ self.dense.base_from_point
         at = poses[:, :3, 3] + poses[:, :3, :3] @ lever
         there = np.column_stack([at, LEVER_MM * poses[:, :3, :3].reshape(-1, 9), self.dense.drift / DEG])
         chosen, n = [0], len(there)
@@ -287,7 +288,7 @@ class Examiner:
             return joints[0], SINGULAR, -1
         if (poor == LIMIT).any():
             return joints[0], LIMIT, -1
-        hits = self.screen.hits(joints[0], table + self.points.drift)
+        hits = self.screen.hits(joints[0], self.points.external(table, np.arange(len(table))))
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
 
     def away(self, configuration: Configuration, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
@@ -316,9 +317,10 @@ class Examiner:
             for share in np.linspace(1.0, 0.0, HOME_PLACES):
                 left = hit[rows] < 0
                 here = rows[left]
-                turned = table[here] + self.points.drift[at[here]]
-                stands = np.array([turntable_at_home(process.home, angle / DEG) for angle in turned.tolist()]) * DEG
-                hit[here] = self.screen.hits(home + share * (joints[left] - home), stands + share * (turned - stands))
+                turned = self.points.external(table[here], at[here])
+                stands = np.array([turntable_at_home(process.home, one / DEG) for one in turned]).reshape(turned.shape)
+                external = stands * DEG + share * (turned - stands * DEG)
+                hit[here] = self.screen.hits(home + share * (joints[left] - home), external)
             said[rows[hit[rows] >= 0]] = COLLISION
         return said, hit
 
@@ -327,7 +329,8 @@ class Examiner:
         joints, cause, hit = self.along(configuration, rotation, table)
         if cause != FREE:
             return joints, cause, hit
-        told = refusal(self.whole, joints, table + self.points.drift, self.points.feed_mm_s)
+        external = self.points.external(table, np.arange(len(table)))
+        told = refusal(self.whole, joints, external, self.points.feed_mm_s)
         if told is None:
             return joints, FREE, -1
         kind, pair = told
@@ -343,12 +346,15 @@ class Examiner:
             angles = (np.repeat(one[some], len(at)) for one in (rotation, table))
             flange = flange_poses(self.cell, self.points, np.tile(at, len(some)), *angles)
             joints = CONFIGURATIONS[which].joints(self.arm, flange).reshape(len(some), len(at), 6)
-            found[:, some] = self.keeps.margins(joints, self.points.turned(self.cell, table[some]))
+            motion = self.points.turned(self.cell, table[some][:, None], at[None])
+            found[:, some] = self.keeps.margins(joints, motion)
         return found
 
     def steady(self, joints: Float, table: Float) -> bool:
         """Whether joints (n, 6) at all points keep the margin from chatter, as its judge sees it."""
-        return self.keeps is None or self.keeps.holds(joints, self.points.turned(self.cell, table))
+        if self.keeps is None:
+            return True
+        return self.keeps.holds(joints, self.points.turned(self.cell, table, np.arange(len(table))))
 
     def poor(self, joints: Float) -> Int:
         """What the margins have against each posture (..., 6): SINGULAR, LIMIT, or FREE; limits are looked at before.
@@ -404,6 +410,7 @@ class Choice:
     table: float
     configuration: Configuration
     joints: Shaped[Float, "n 6"]  # at all points
+    mean: float  # cost over the points that are averaged
     examined: int  # cells that were better or equal, itself included, each configuration by itself
     of: int  # cells of the grid
     steady: bool = True  # the margin from chatter that was asked for is kept
@@ -438,9 +445,9 @@ class PostureMap:
 
 
 def search(
-    examiner: Examiner, grid: Traversal, allowed: Bool = EVERY, progress: Share = silent
+    examiner: Examiner, grid: Traversal, allowed: Bool = EVERY, progress: Share = silent, below: float = np.inf
 ) -> tuple[Choice, PostureMap]:
-    """Cells in a configuration of `allowed` (8,) in the order of their means, each examined until one is free.
+    """Cells in a configuration of `allowed` (8,) in the order of their means, up to one free with a mean `below`.
 
     All better cells are proven infeasible, or too near to chatter, so the choice is the optimum of the grid. The map
     holds what was found on the way: cells that are worse count as free. Where none keeps the margin from chatter, the
@@ -450,6 +457,7 @@ def search(
         InputError: no cell is free; the line says what stands in the way.
     """
     state, ranked, start, size = _State(examiner, grid), grid.ranked(allowed), 0, FIRST_CHUNK
+    ranked = ranked[grid.mean.reshape(-1)[ranked] < below]
     while start < len(ranked):
         flat = ranked[start : start + size]
         flat = flat[state.cause[flat] == FREE]
@@ -559,8 +567,8 @@ class _State:
         """The cell that was driven last."""
         which, rotation, table = self.place(one)
         margin = None if self.examiner.keeps is None else float(self.margin[1, one])
-        joints, of = self.driven, self.grid.said[0].size
-        return Choice(rotation, table, CONFIGURATIONS[which], joints, self.examined, of, margin=margin)
+        joints, of, mean = self.driven, self.grid.said[0].size, float(self.grid.mean.reshape(-1)[one])
+        return Choice(rotation, table, CONFIGURATIONS[which], joints, mean, self.examined, of, margin=margin)
 
     def _spread(self, rotation: Int, found: Verdicts) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""

@@ -14,15 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider, Target
 from workbench import path, program
-from workbench.artefacts import Gate, Layer, Moves, PathGate, Postures, ProgramMoves, Toolpath
+from workbench.artefacts import Gate, Judgement, Layer, Moves, PathGate, Postures, ProgramMoves, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.plugins import stiffness
-from workbench.program.fanuc import read_fanuc
-from workbench.program.krl import read_krl
-from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, read_cell
-from workbench.robot.judge import judge
 from workbench.units import Float
 
 from .paths import Shape, mill_path
@@ -94,18 +89,13 @@ def planned(cell: Cell, plan: Toolpath, springs: Any = None, **more: Any) -> tup
 
 
 def written(cell: Cell, plan: Toolpath, postures: Postures, gate: PathGate) -> tuple[Moves, ProgramMoves, str]:
-    """The moves, the program as its own reader has it, and its text."""
+    """The moves, the program as read back from its files, and their text."""
     moves = path.simplify(plan, postures)
     made = program.write(moves, gate, cell)
+    (judged,) = (one for one in made if isinstance(one, Judgement))
     assert next(one for one in made if isinstance(one, Gate)).passed
-    files = {
-        one.name: one.content.decode() for one in made if getattr(one, "name", "").endswith(("mod", "src", "dat", "ls"))
-    }
-    if cell.controller.dialect == "fanuc":
-        read = read_fanuc(files, cell)
-    else:
-        read = read_krl(files, cell.process) if len(files) == 2 else read_rapid(*files.values(), process=cell.process)
-    return moves, read, "".join(files.values())
+    written = (one for one in made if getattr(one, "name", "").endswith(("mod", "src", "dat", "ls")))
+    return moves, judged.program, "".join(one.content.decode() for one in written)
 
 
 def on_part(cell: Cell, external_deg: Float) -> Float:
@@ -175,7 +165,8 @@ def test_the_outsider_finds_the_law_on_the_edge_and_clear_of_everything(law: Any
     seen = np.linalg.inv(on_part(cell, tables)) @ flange
     axis = seen[:, :3, 3] - plan.cutter.diameter_mm / 2 * seen[:, :3, 0]
     layer = plan.layers[0]
-    wanted = layer.position_mm - plan.cutter.diameter_mm / 2 * rotation_from_quaternion(layer.quaternion_wxyz)[:, :, 0]
+    x = Rotation.from_quat(layer.quaternion_wxyz, scalar_first=True).as_matrix()[:, :, 0]
+    wanted = layer.position_mm - plan.cutter.diameter_mm / 2 * x
     off, share = to_polyline(axis, wanted)
     cutting = (share > 0) & (share < 1) & (off < 5)  # else it comes or goes
     assert cutting.sum() > 200
@@ -209,9 +200,6 @@ def test_every_language_says_both_axes(tmp_path: Path, dialect: str) -> None:
     values = np.degrees([move.turntable for move in read.moves])
     assert values[0] == pytest.approx([5.0, table], abs=1e-3)  # home
     assert values[2:-1] == pytest.approx(np.tile([tilt, table], (len(values) - 3, 1)), abs=1e-3)
-    if dialect == "fanuc":
-        with pytest.raises(InputError, match="J2 where it tilts"):
-            read_fanuc({"a.ls": text}, replace(cell, turntable=replace(cell.turntable, on=None)))
 
 
 def test_the_tilt_is_the_best_of_all_that_were_asked_for(tmp_path: Path) -> None:
@@ -228,22 +216,24 @@ def test_the_tilt_is_the_best_of_all_that_were_asked_for(tmp_path: Path) -> None
 
 def test_what_the_tilt_cannot_do_is_refused_by_its_name(law: Any) -> None:
     cell, plan, postures, gate, _ = law
-    _, read, _ = written(cell, plan, postures, gate)
+    moves, read, _ = written(cell, plan, postures, gate)
     tilt, least = cell.turntable.on, float(postures.turntable[:, 0].min())
     for kind, change in (
         ("limit", {"limits": np.array([least + np.radians(1), 2.0])}),
         ("speed", {"speed": np.radians(0.05)}),
         ("acceleration", {"acceleration": 1e-4}),
     ):
-        found = judge(replace(cell, turntable=replace(cell.turntable, on=replace(tilt, **change))), read)
+        less = replace(cell, turntable=replace(cell.turntable, on=replace(tilt, **change)))
+        found = less.judge(read, moves, gate.tolerance_mm, lambda *_: None)
         assert {one.kind for one in found.violations} == {kind}
         assert all(one.finding.startswith("the tilt") for one in found.violations)
 
 
 def test_a_program_for_another_number_of_axes_is_not_driven(law: Any) -> None:
     cell, plan, postures, gate, _ = law
-    _, read, _ = written(cell, plan, postures, gate)
-    (found,) = judge(replace(cell, turntable=replace(cell.turntable, on=None)), read).violations
+    moves, read, _ = written(cell, plan, postures, gate)
+    alone = replace(cell, turntable=replace(cell.turntable, on=None))
+    (found,) = alone.judge(read, moves, gate.tolerance_mm, lambda *_: None).violations
     assert found.finding == "the program drives 2 external axes, the cell has 1"
 
 

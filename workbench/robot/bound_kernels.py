@@ -152,9 +152,7 @@ def swept_kernel(
             a, b, d = first[waiting], last[waiting], depth[waiting]
             m = (a + b) // 2
             total, proven = _reach(joints, n, a, b, m, step, reach), 0
-            for k in range(len(scene.slides)):
-                if scene.slides[k]:
-                    total -= reach[6 + k]  # which changes no lever
+            total -= reach[6:][scene.slides].sum()  # which changes no lever
             if total < MOST_SWEPT:
                 _move(motion, turn, axes, points, joints[n], scene.slides, m)
                 _place(standing, motion, scene, stands)

@@ -34,6 +34,7 @@ from workbench.robot.cell_file import (
     RobotPart,
     ShapePart,
     ToolPart,
+    TrackPart,
     TurntablePart,
     UncertaintyPart,
     WorkObjectPart,
@@ -390,13 +391,17 @@ def _external(part: CellPart, path: Path) -> Turntable | None:
         )
     if home is not None and home.turntable_deg is not None:
         raise InputError(f"{path}: $.process.home.turntable_deg", "expected track_mm, the cell has a track")
-    track = part.track
+    return _track(part.track)
+
+
+def _track(track: TrackPart) -> Turntable:
     assert track.direction is not None  # or its joint has told them
     assert track.speed_mm_s is not None
     along = np.array(track.direction) / np.linalg.norm(track.direction)
     across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     across /= np.linalg.norm(across)
     floor = pose_from(np.column_stack([across, np.cross(-along, across), -along]), np.zeros(3))
+    assert track.limits_mm is not None
     fastest = None if track.acceleration_mm_s2 is None else track.acceleration_mm_s2 * DEG
     return Turntable(floor, np.array(track.limits_mm) * DEG, track.speed_mm_s * DEG, fastest, slides=True)
 

@@ -95,6 +95,8 @@ def _header(file: Any, recording: Recording) -> None:
     part = {field.name: getattr(recording.part, field.name) for field in fields(PartNames)}
     if recording.part.simulated is not None:
         header["simulated"] = int(recording.part.simulated)
+    if recording.part.scan_plan is not None:
+        header["scan_plan"] = recording.part.scan_plan
     if recording.not_confirmed:
         header["not_confirmed"] = "\n".join(recording.not_confirmed)
     file.attrs.update({**{name: text for name, text in part.items() if text is not None}, **header})

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.scan_plan.test_plan import DATA, SENSOR
 from workbench import cloud, edge, scan, twin
-from workbench.artefacts import PlannedScan
+from workbench.artefacts import Document, PlannedScan
 from workbench.errors import InputError
+from workbench.scan import write
 from workbench.scan_plan import plan
 
 RECIPE = DATA / "synthetic" / "raw_arc.json"
@@ -27,6 +33,43 @@ def test_a_raw_edge_is_scanned_from_end_to_end_as_planned() -> None:
     found = edge.segment_raw(fused, upper_side=(0.0, 0.0, 1.0))
     assert found.arc_length_mm[-1] > 145.0
     assert np.isfinite(found.position_mm).all()
+
+
+def test_what_was_not_done_as_planned_is_told(tmp_path: Path) -> None:
+    part = twin.part(recipe=RECIPE)
+    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, wanted_root_mm=0.02, wanted_bevel_deg=0.1)
+    planned = next(one for one in made if isinstance(one, PlannedScan))
+    content = next(one.content for one in made if isinstance(one, Document))
+    file = tmp_path / "scan-plan.json"
+    file.write_bytes(content)
+    recording = twin.scan(part, planned)
+    write(recording, tmp_path / "recording.h5")
+    fused = scan.fuse(scan.read(recording=tmp_path / "recording.h5"), scan_plan=file)
+    assert fused.part.scan_plan == planned.plan_id
+    assert fused.checks[-1].finding == "done as planned"
+
+    (course,) = planned.courses
+    tilted = course.base_from_profiler[: len(course.base_from_profiler) // 2].copy()
+    tilted[:, :3, :3] = tilted[:, :3, :3] @ Rotation.from_euler("y", 4.0, degrees=True).as_matrix()
+    other = dataclasses.replace(
+        planned, courses=(dataclasses.replace(course, base_from_profiler=tilted, frame_pitch_mm=1.0),)
+    )
+    document = json.loads(content)
+    document["passes"] += [{**one, "index": 2, "elevation_deg": 80.0} for one in json.loads(content)["passes"]]
+    for point in document["passes"][1]["points"]:
+        point["position_mm"][2] += 200.0
+    file.write_text(json.dumps(document))
+    told = scan.fuse(twin.scan(part, other), scan_plan=file).checks[-1]
+    for words in (
+        "elevation off by 4.",
+        "no frame from 7",
+        "a frame every 1 mm, planned 0.",
+        "pass 2 (80 deg): missing",
+        "names plan",
+    ):
+        assert words in told.finding
+    assert told.value == 5
+    assert not told.passed
 
 
 def test_a_plan_needs_to_know_where_the_edge_is() -> None:

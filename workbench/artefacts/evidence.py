@@ -107,6 +107,7 @@ class Part(PartNames):
     __pydantic_config__: ClassVar[Any] = {"extra": "ignore"}  # files may hold more
 
     simulated: bool | None = None  # True: no real part was measured
+    scan_plan: str | None = None  # id of the scan-plan.json that was followed
     hand_eye: str | None = None  # the hand-eye calibration in use: its file, or 'the recording's own'
     hand_eye_calibrated_at: str | None = None  # ISO 8601
     hand_eye_u_mm: float | None = None  # RMS over the field of view, as its file predicts it

@@ -105,6 +105,7 @@ class PlannedScan:
     noise_mm: float
     camera_mm: float | None  # beside the laser, along y; None: unknown
     z_away: bool
+    plan_id: str | None = None  # of its scan-plan.json
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,6 +62,7 @@ class ScanPlanFile(ResultFile):
     wanted_bevel_U_deg: Positive  # noqa: N815  (U is the symbol of GUM)
     reached: bool
     duration_s: NotNegative
+    columns: int | None = Field(default=None, description="of the profiler that it is planned for")
     passes: list[ScanPassRow]
     predicted: PredictedColumns
     binds: list[str] = Field(description="what keeps U from what is wanted, and where")

@@ -24,6 +24,7 @@ def fuse(
     recording: Recording,
     *,
     hand_eye: InputFile | None = None,
+    scan_plan: InputFile | None = None,
     limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
 ) -> Cloud:
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
@@ -36,6 +37,7 @@ def fuse(
     Args:
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
+        scan_plan: the `scan-plan.json` that was to be followed: what was not done as planned is told among the checks.
         limits: limits of checks by name, where the default ones do not fit (docs/checks.md). A check that passes only
             by a wider limit is named in the results, and a path then ends with status 1.
 
@@ -63,7 +65,7 @@ def fuse(
     checks, once = judged(recording, calibration.flange_from_profiler, loosened)
     refuse_failed(checks, recording.source)
     recording = pass_after_pass(once)
-    return Cloud(
+    cloud = Cloud(
         x_mm=_true(recording.x_mm, calibration, 0),
         z_mm=_true(recording.z_mm, calibration, 1),
         keep=_returns(recording),
@@ -79,6 +81,12 @@ def fuse(
         sparse_poses_u=sparse_poses_u(recording),
         only_end_poses=bool((np.unique(recording.robot_pass, return_counts=True)[1] <= 2).any()),
     )
+    if scan_plan is None:
+        return cloud
+    from workbench.scan.followed import followed, plan_id  # pydantic: loaded when there is a plan
+
+    part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
+    return dataclasses.replace(cloud, part=part, checks=(*checks, followed(cloud, scan_plan)))
 
 
 def sparse_poses_u(recording: Recording) -> tuple[float, float]:

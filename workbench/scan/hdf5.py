@@ -298,7 +298,8 @@ def part_of(file: Any, where: str) -> Part:
     if simulated not in (None, 0, 1):
         raise InputError(f"{where}: /@simulated", f"expected 0 or 1, found {_shown(simulated)}")
     try:
-        return Part(**names, simulated=None if simulated is None else bool(simulated))
+        plan = text(file, "scan_plan", f"{where}: /")
+        return Part(**names, simulated=None if simulated is None else bool(simulated), scan_plan=plan)
     except ValueError as error:
         raise InputError(f"{where}: /", str(error)) from None
 

@@ -40,6 +40,7 @@ from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.robot import Cell
 from workbench.scan import read_hand_eye
+from workbench.scan.followed import plan_id
 from workbench.scan_plan.edges import modelled, read_edge, through
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,
@@ -715,6 +716,7 @@ def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
             "wanted_bevel_U_deg": made.wanted.bevel_deg,
             "reached": bool(made.reached.all()),
             "duration_s": round(made.seconds, 3),
+            "columns": made.profiler.columns,
             "passes": [_pass_row(made, k, one, z_away) for k, one in enumerate(made.passes, 1)],
             "predicted": {
                 "arc_length_mm": column(made.arc_length_mm),
@@ -745,6 +747,7 @@ def courses(made: ScanPlan, *, z_away: bool = True) -> PlannedScan:
         profiler.noise_mm,
         side * standoff * math.tan(profiler.triangulation) if known else None,
         z_away,
+        plan_id(written(made, z_away=z_away)),
     )
 
 

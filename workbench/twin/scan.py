@@ -50,7 +50,8 @@ def scan(
     recipe = workpiece.recipe
     if plan is not None:
         led = dataclasses.replace(workpiece, recipe=recipe.model_copy(update={"scanner": _planned_for(plan, recipe)}))
-        return scan_workpiece(led, plan.courses)[0]
+        made = scan_workpiece(led, plan.courses)[0]
+        return dataclasses.replace(made, part=dataclasses.replace(made.part, scan_plan=plan.plan_id))
     changed = {
         name: value for name, value in (("elevation_deg", elevation_deg), ("aim_mm", aim_mm)) if value is not None
     }

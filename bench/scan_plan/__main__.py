@@ -1,4 +1,4 @@
-"""`python -m bench.scan_plan [--parts N] [--docs]`: planned scans, promised against achieved.
+"""`python -m bench.scan_plan [--parts N] [--docs WHEN]`: planned scans, promised against achieved.
 
 One line a part goes to the log; a run that was stopped goes on behind the last one. `--docs`: the table into
 docs/scan_planning.md.
@@ -71,7 +71,9 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=300)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--log", type=Path, default=Path("out/scan_plan.jsonl"), help="a line a part; read on restart")
-    parser.add_argument("--docs", action="store_true", help="the table into docs/scan_planning.md")
+    parser.add_argument(
+        "--docs", metavar="WHEN", help="the table into docs/scan_planning.md; commit and date of the run"
+    )
     arguments = parser.parse_args()
     os.nice(5)
     arguments.log.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +88,8 @@ def main() -> None:
     print(text)
     if arguments.docs:
         before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-        told = f"`python -m bench.scan_plan`, seeds {', '.join(str(row['seed']) for row in rows)}"
+        seeds = [row["seed"] for row in rows]
+        told = f"`python -m bench.scan_plan`, {len(seeds)} seeds from {min(seeds)} to {max(seeds)}; {arguments.docs}"
         PAGE.write_text(f"{before}{BEGIN}\n{told}\n\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
 
 

@@ -53,9 +53,10 @@ def followed(cloud: Cloud, file: Path) -> Check:
     for k, row in enumerate(plan.passes):
         of = f"pass {row.index} ({row.elevation_deg:.0f} deg)"
         frames = np.isin(cloud.pass_index, done.get(k, []))
-        told = _departures(cloud.base_from_profiler[frames], planned[k], row) if k in done else ["missing"]
-        found += [f"{of}: {one}" for one in told]
-    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, "; ".join(found) or "done as planned")
+        wrong = _departures(cloud.base_from_profiler[frames], planned[k], row) if k in done else ["missing"]
+        found += [f"{of}: {one}" for one in wrong]
+    told = "; ".join(found) or "done as planned"
+    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, told)
 
 
 def _poses(row: ScanPassRow) -> Float:

@@ -54,7 +54,7 @@ def test_margin_counts_as_collision(cell_file: Any) -> None:
 
 def test_turntable_carries_its_fixture(cell_file: Any) -> None:
     """A post on the turntable's rim stands in the arm's way at one angle and not at the opposite one."""
-    post = {"name": "post", "on": "turntable", "pose": {"position_mm": [-450, 0, 600]}, "box_mm": [80, 80, 3000]}
+    post = {"name": "post", "on": "turntable", "pose": {"position_mm": [-450, 0, 820]}, "box_mm": [80, 80, 2600]}
     model = CollisionModel(read_cell(cell_file(lambda tree: tree["fixtures"].append(post))))
     assert model.collision(np.zeros(6), 0.0) is not None
     assert "post" in (model.collision(np.zeros(6), 0.0) or ())

@@ -190,6 +190,25 @@ def test_configurations_are_held_against_the_program(cell: Cell) -> None:
     assert kinds(judge(cell, wrong, configuration=quadrants)) == {"configuration"}
 
 
+def test_what_a_turntable_carries_runs_into_nothing_that_stands(cell_file: Callable[..., Path]) -> None:
+    """A beam on the turntable, swung through a post between two places that are free."""
+
+    def found(*fixtures: dict[str, Any]) -> Judgement:
+        def change(tree: Any) -> None:
+            plainly(tree)
+            tree["fixtures"] += fixtures
+
+        cell = read_cell(cell_file(change))
+        return judge(cell, program(cell, to(2, start_pose(cell), turntable=np.radians(-78))))
+
+    beam = {"name": "beam", "on": "turntable", "pose": {"position_mm": [0, 0, 30]}, "box_mm": [100, 1800, 40]}
+    post = {"name": "post", "pose": {"position_mm": [2535, 660, 500]}, "box_mm": [80, 80, 1000]}
+    assert not [fault for fault in found(beam).violations if fault.kind == "collision"]
+    (fault,) = [fault for fault in found(beam, post).violations if fault.kind == "collision"]
+    assert "beam" in fault.finding
+    assert "post" in fault.finding
+
+
 def test_an_axis_that_crosses_a_boundary_within_a_corner_counts_as_both(cell: Cell) -> None:
     """200 laws whose joint 1 crosses 0 about a target that is passed by: what is said of the target itself holds."""
 

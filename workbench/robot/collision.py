@@ -229,14 +229,14 @@ def least_mm(cell: Cell) -> Float:
 def _checked(a: Shape, b: Shape, axes: tuple[Turntable, ...]) -> bool:
     """Neighbours along the robot touch at their joint, and a turntable what carries it.
 
-    What external axes move otherwise, along a track or tilted, can run into what stands beside it.
+    What external axes move otherwise, on a turntable, along a track or tilted, can run into what stands beside it.
     """
     if a.body == b.body:
         return False
     if not (1 <= a.link <= 6 or 1 <= b.link <= 6):
         low, high = sorted(len(axes) - one.link + ON_TURNTABLE if one.link >= ON_TURNTABLE else 0 for one in (a, b))
         turns = high == len(axes) == low + 1 and not axes[-1].slides
-        return low != high and not turns
+        return low != high and not (turns and "turntable" in (a.body, b.body))
     neighbours = abs(a.link - b.link) <= 1
     return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
 

@@ -470,6 +470,7 @@ def packages_around(path: Path) -> dict[str, Path]:
     Around a file in a package: that, those beside it, and those of the repositories beside its own. Around another
     one: those below its folder.
     """
+    regular_file(path)
     own = next((folder for folder in path.resolve().parents if (folder / "package.xml").is_file()), None)
     places = [path.resolve().parent] if own is None else [own.parent, own.parent.parent]
     found: dict[str, Path] = {}

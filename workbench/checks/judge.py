@@ -21,7 +21,6 @@ from workbench.geometry.grids import blind_columns, extent
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Bool, Float
 
-ROUNDED_SHARE = 0.5  # of the noise, from which on steps of the ranges make neighbours equal
 STEP_SHARE = 0.25  # of the columns' distance: coarser steps move returns unevenly
 NOT_JUDGED = Check(
     "recording_judged",
@@ -383,7 +382,6 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
     pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
-    rounded = traces.step_z_mm > ROUNDED_SHARE * noise
     for name, what, step, blurred in (  # noise of the ranges blurs their own steps alone
         ("range_step_mm", "ranges", traces.step_z_mm, 2.0 * noise),
         ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
@@ -403,10 +401,6 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         told = f"the noise that is new from {what} is {left:.2g} of what white noise has: "
         told += "a smoothing filter? switch the sensor's filters off" if left < 1.0 else ALTERNATES
         yield check(name, left, told, given=given)
-    told = f"{100 * traces.equal_share:.0f} % of neighbouring columns on flat faces repeat a value: "
-    told += f"ranges rounded to {traces.step_z_mm:.3g} mm, " if rounded else ""
-    told += "a median filter, or a held value? switch the sensor's filters off"
-    yield check("equal_share", traces.equal_share, told, given=given)
     told = (
         f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "
         "hold one value: a median filter, or lost returns filled? "

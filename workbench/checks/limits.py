@@ -80,14 +80,16 @@ LIMITS: dict[str, Limit] = {
         "columns follow the sensor's pixels, so lateral places are even; ranges have noise",
     ),
     "mean_columns": Limit(
-        1.5,
+        3.5,
         "width of a moving mean over the columns of a profile",
-        "a mean moves the edge of a face by up to half its width, and no residual shows it",
+        "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
+        "over more columns bends narrow faces",
     ),
     "mean_frames": Limit(
-        1.5,
+        3.5,
         "width of a moving mean over the frames of a pass",
-        "a mean over frames shows the part where the scanner was before, and hides what changes from frame to frame",
+        "a mean over frames shows the part where the scanner was before, and hides what changes from frame to frame; "
+        "three frames are in the uncertainty of the face's end, as columns are",
     ),
     "column_smoothing": Limit(
         (0.05, 1e3),
@@ -99,11 +101,6 @@ LIMITS: dict[str, Limit] = {
         (0.05, 1e3),
         "the same from frame to frame",
         "good recordings have 0.5 to 1.3; see mean_frames",
-    ),
-    "equal_share": Limit(
-        0.03,
-        "share of neighbouring columns with one and the same range on flat faces, beyond chance",
-        "noise gives none; a median filter or a held value does, and both move edges",
     ),
     "held_end_share": Limit(
         0.3,

@@ -26,7 +26,6 @@ UNEVEN_SHARE = 0.02
 LEAST_SHARE = 0.6  # of a piece's columns that returned
 OUTLIERS = 6.0  # median misfits
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
-FLAT = 2.0  # standard deviations of the noise by which neighbouring columns of a flat piece differ at most
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
 LEAST_STEPS = 16  # of a profile
 EVEN, EVEN_SHARE = 0.05, 0.9  # by how much steps that are alike differ; and how many of them are
@@ -62,7 +61,6 @@ class SensorTraces:
     mean_frames: float  # likewise from frame to frame
     fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
     fading_frames: float  # likewise from frame to frame
-    equal_share: float  # of neighbouring columns on flat pieces, those of one and the same range, beyond chance
     held_end_share: float  # of faces' ends beside lost returns, those that lie on a line to the digit, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
@@ -85,7 +83,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
     pieces_z = pieces_z[enough]
-    off, used, slope = _off_line(pieces_x[enough], pieces_z)
+    off, used = _off_line(pieces_x[enough], pieces_z)
     straight = used.mean(axis=1) >= LEAST_SHARE
     mean = moving_mean(z)
     nothing = SensorTraces(
@@ -95,7 +93,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         mean_frames,
         np.nan,
         fading_frames,
-        0.0,
         held,
         step_z,
         step_x,
@@ -103,7 +100,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     )
     if straight.sum() < LEAST_PIECES:
         return nothing
-    off, used, slope, pieces_z = off[straight], used[straight], slope[straight], pieces_z[straight]
+    off, used, pieces_z = off[straight], used[straight], pieces_z[straight]
     size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
     plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
     noise = float(np.median(size))
@@ -111,16 +108,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         return nothing
     held = max(held, _filled_share(z, noise, digit), _continued_share(many, digit))
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
-    flat = plain & (np.abs(slope) * pitch < FLAT * noise)  # elsewhere a median changes nothing
-    both = used[flat][:, 1:] & used[flat][:, :-1]
-    equal = 0.0
-    if both.sum() >= LEAST_PAIRS:
-        apart = noise * np.sqrt(2.0 * max(1.0 - correlation[1], 0.05))
-        steps = np.abs(np.diff(pieces_z[flat], axis=1))[both]
-        near = max(float(np.median(steps)) / 2.0, 1.5 * digit)  # noise of heavy tails has more small steps than normal
-        dense = float(((steps > 0.5 * digit) & (steps < near)).mean()) / (2.0 * near - digit)
-        chance = min(digit * max(1.0 / (np.sqrt(2.0 * np.pi) * apart), dense), 1.0)
-        equal = max(float((steps == 0).mean()) - chance, 0.0)
     is_whole = plain & used.all(axis=1)
     whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
     if mean and not (_blind(whole, mean) or _blind(level, mean)):
@@ -128,7 +115,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     left = min(fading(whole, digit), fading(level, digit))
     if fading_frames < 1.0:  # chatter of a few frames adds to longer periods, and to none from column to column
         fading_frames = max(fading_frames, min(_powers(unbent, TOP)[0] / (_white(noise) * len(TOP)), 1.0))
-    return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, equal, held, step_z, step_x, pitch)
+    return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, held, step_z, step_x, pitch)
 
 
 def _held_ends(z: Float, digit_mm: float) -> float:
@@ -356,8 +343,8 @@ def _pieces(grid: Float) -> Float:
     return grid[:, : count * PIECE].reshape(-1, PIECE)
 
 
-def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
-    """Rows of z less their straight line over x, 0 where not used; what was used; slopes. Outliers are left out."""
+def _off_line(x: Float, z: Float) -> tuple[Float, Bool]:
+    """Rows of z less their straight line over x, 0 where not used; and what was used. Outliers are left out."""
     used = np.isfinite(x) & np.isfinite(z)
     x, z = np.where(used, x, 0.0), np.where(used, z, 0.0)
     for last in (False, False, True):
@@ -370,7 +357,7 @@ def _off_line(x: Float, z: Float) -> tuple[Float, Bool, Float]:
             break
         middle = row_medians(np.where(used, np.abs(off), np.nan))
         used = used & (np.abs(off) < OUTLIERS * middle[:, None] + 1e-9)
-    return off, used, slope
+    return off, used
 
 
 def _correlation(scaled: Float, used: Bool) -> Float:

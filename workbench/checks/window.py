@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -84,6 +85,17 @@ def hidden_columns(seen: Bool) -> int:
     seen (n, M): see `fixed_end_share`.
     """
     return widest_blind(seen) if fixed_end_share(seen) > STAYS else 0
+
+
+def hidden_columns_u(checks: Sequence[Check]) -> float:
+    """Standard uncertainty of where a face ends, in columns, by what a recording's checks found (docs/method.md, 3).
+
+    Where its end stays in one column and others are blind elsewhere, it goes on by anything between none and as many
+    of them; a moving mean of the sensor moves it by up to half its width.
+    """
+    found = {check.name: check.value or 0.0 for check in checks}
+    wide = max(found.get("mean_columns", 0.0), found.get("mean_frames", 0.0), 1.0)
+    return math.hypot(found.get("hidden_columns", 0.0), 0.5 * (wide - 1.0)) / math.sqrt(3.0)
 
 
 def returned(recording: Recording) -> Bool:

@@ -60,8 +60,17 @@ NAMES = ("left", "right")
 class GrooveSizes:
     """Sizes and corners of a groove at stations, from both plates' lines in every profile."""
 
-    def __init__(self, source: str, plates: tuple[Plate, Plate], along: Along, lean: float, sensor: Linearity) -> None:
-        """Lean: how far the range axis goes right a mm upwards."""
+    def __init__(
+        self,
+        source: str,
+        plates: tuple[Plate, Plate],
+        along: Along,
+        lean: float,
+        sensor: Linearity,
+        hidden_columns: float = 0.0,
+    ) -> None:
+        """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends."""
+        self.hidden_columns = hidden_columns
         self.source, self.plates, self.along, self.lean = source, list(plates), along, lean
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
@@ -167,7 +176,7 @@ class GrooveSizes:
 
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
-        edge_u = math.hypot(*map(_edge_u, self.plates))
+        edge_u = math.hypot(*map(self._edge_u, self.plates))
         ends = sum(one.edge_step**2 / 12.0 for one in self.plates if one.kind in UNSEEN)
         width = self._course("width_mm", ends)
         self._mm("width_mm", width.value, width.u, edge_u)
@@ -295,7 +304,7 @@ class GrooveSizes:
             depth = self._course(f"{name}:depth", one.fillets.variances()[1])
             run, run_u = self._end(self.each[f"{name}:run"], one.step, one)
             depth_u = np.hypot(depth.u, one.fillets.form_u()[1])
-            end = STEP_SHARE * step if joined is None else end_of
+            end = self._column_u(STEP_SHARE) * step if joined is None else end_of
             return _Root(depth.value, depth_u, 0.0, run, run_u, end, depth.value)
         low, share = self.each[f"{name}:low"], STEP_SHARE
         if self._shows_root_face(one):
@@ -305,7 +314,7 @@ class GrooveSizes:
             far, far_u = self._end(low, one.step, one)
             beyond, share = self._seen_in_part(one, one.last - self.corner[k])
             far = far - (beyond if joined is None else 0.0) * step
-        end, mean = share * step if joined is None else end_of, typical(fall)
+        end, mean = self._column_u(share) * step if joined is None else end_of, typical(fall)
         # The run in the section plane: where the plates do not stand level with each other, no plate's own is that.
         tilt = 0.5 * (self.joint.lines[0].direction(self.along) - self.joint.lines[self.right].direction(self.along))
         face = self.joint.lines[(0, self.right)[k] + 1].direction(self.along) - (1.0, -1.0)[k] * tilt
@@ -318,6 +327,22 @@ class GrooveSizes:
             c * far_u,
             end * math.cos(mean),
             far * d,
+        )
+
+    def _column_u(self, share: float) -> float:
+        """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
+        return math.hypot(share, self.hidden_columns)
+
+    def _edge_u(self, one: Plate) -> float:
+        """u of an upper corner, mm, where nothing is seen below it: the last return's column, and a rounding.
+
+        Of a rounding the returns end where it turns away from the rays; the corner of its faces lies before that or
+        behind, by less than it is seen to go on.
+        """
+        if one.kind not in UNSEEN:
+            return 0.0
+        return math.hypot(
+            self._column_u(END_SHARE) * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0)
         )
 
     def _unseen(
@@ -558,7 +583,7 @@ class GrooveSizes:
             ends = one.edge_step**2 / 12.0 if one.kind in UNSEEN else 0.0
             a, b = self._course(f"{name}_upper:a", ends), self._course(f"{name}_upper:b")
             place = np.stack([a.value, b.value], axis=1)
-            u = np.stack([self._u(f"{name}_upper:a", a.u, _edge_u(one)), self._u(f"{name}_upper:b", b.u)], axis=1)
+            u = np.stack([self._u(f"{name}_upper:a", a.u, self._edge_u(one)), self._u(f"{name}_upper:b", b.u)], axis=1)
             self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
             if one.kind in PREPARED:
                 low = place + np.stack([root.run, -root.down], axis=1)
@@ -642,14 +667,3 @@ def _nearby(lost: Float) -> Float:
     told = np.isfinite(lost)
     total, count = (np.convolve(of, np.ones(LOST_PROFILES), "same") for of in (np.where(told, lost, 0.0), told))
     return np.clip(np.where(count > 0, total / np.maximum(count, 1), LEAST_LOST), LEAST_LOST, MOST_LOST)
-
-
-def _edge_u(one: Plate) -> float:
-    """u of an upper corner, mm, where nothing is seen below it: the last return's column, and a rounding.
-
-    Of a rounding the returns end where it turns away from the rays; the corner of its faces lies before that or behind,
-    by less than it is seen to go on.
-    """
-    if one.kind not in UNSEEN:
-        return 0.0
-    return math.hypot(END_SHARE * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0))

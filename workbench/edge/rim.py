@@ -17,6 +17,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
+from workbench.checks.window import hidden_columns_u
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
@@ -581,13 +582,9 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
 
 
 def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
-    """Standard uncertainty of where a face ends, mm, by what blind columns may hide (docs/method.md, 3).
-
-    Its end stays in one column, and others are blind elsewhere (check hidden_columns): it goes on by anything between
-    none and as many of them.
-    """
-    columns = next((check.value or 0.0 for check in cloud.checks if check.name == "hidden_columns"), 0.0)
+    """Standard uncertainty of where a face ends, mm, by columns that do not show it (`hidden_columns_u`)."""
+    columns = hidden_columns_u(cloud.checks)
     if not columns:
         return 0.0
     lean = float(np.nanmedian(np.hypot(1.0, face.sxz / face.sxx)))
-    return columns * column_pitch_mm(cloud.x_mm) * lean / math.sqrt(3.0)
+    return columns * column_pitch_mm(cloud.x_mm) * lean

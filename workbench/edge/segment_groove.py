@@ -13,6 +13,7 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
+from workbench.checks.window import hidden_columns_u
 from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
@@ -84,7 +85,7 @@ def segment_groove(
         ),
     )
     lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
-    measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor))
+    measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor), hidden_columns_u(cloud.checks))
     measured.measure(groove == "auto")
     checks.extend(_checks(cloud.of_frames(read.frame), read, labels, measured, given))
     refuse_failed(checks, f"{cloud.source}: no groove", "edge.segment_groove.limits")

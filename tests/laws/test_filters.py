@@ -1,0 +1,62 @@
+"""What a sensor's filter does to a recording is within what its inspection says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+
+from workbench import inspect
+from workbench.artefacts import Inspection, Recording
+from workbench.cloud import denoise
+from workbench.edge import segment, segment_groove
+from workbench.scan import fuse, read
+
+MOST = 2.0  # times both u, and the part is another draw of its noise
+
+
+def measured(name: str, scan: Recording) -> Inspection:
+    points = denoise(fuse(scan))
+    return inspect.groove(segment_groove(points)) if name == "groove" else inspect.sections(segment(points))
+
+
+@cache
+def as_it_is(name: str) -> tuple[Recording, Inspection]:
+    scan = read(recording=f"data/synthetic/{name}.h5")
+    return scan, measured(name, scan)
+
+
+def over_columns(z: np.ndarray) -> np.ndarray:
+    """The mean of what returned in three columns."""
+    seen = np.isfinite(z)
+    total, count = (uniform_filter1d(of.astype(float), 3, axis=1) for of in (np.where(seen, z, 0.0), seen))
+    return np.where(seen, total / np.maximum(count, 1e-9), np.nan)
+
+
+def over_frames(z: np.ndarray) -> np.ndarray:
+    before = np.maximum(np.arange(len(z))[:, None] - np.arange(3), 0)
+    return np.mean([z[before[:, k]] for k in range(3)], axis=0)
+
+
+FILTERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mean over three columns": over_columns,
+    "mean over three frames": over_frames,
+    "rounded to 0.02 mm": lambda z: np.round(z / 0.02) * 0.02,
+}
+
+
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in FILTERS for name in ("milled_edge", "groove")])
+def test_a_filter_moves_no_value_by_more_than_its_uncertainty(kind: str, name: str) -> None:
+    scan, before = as_it_is(name)
+    after = measured(name, replace(scan, z_mm=FILTERS[kind](scan.z_mm).astype(np.float32)))
+    for old, new in zip(before.sections, after.sections, strict=True):
+        for quantity in ("gap_mm", "depth_mm") if name == "groove" else ("root_mm", "bevel_deg"):
+            u = quantity.replace("_mm", "_u_mm").replace("_deg", "_u_deg")
+            if None in (old.values[quantity], new.values[quantity]):
+                continue  # beside a tack weld
+            moved = abs(new.values[quantity] - old.values[quantity])
+            assert moved < MOST * np.hypot(new.values[u], old.values[u]), quantity

@@ -22,7 +22,7 @@ from workbench.units import Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
 BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
-OFF_MM, RAGGED_MM = 0.2, 0.02  # usual height off the face; by which ragged heights change from cell to cell
+OFF_MM, RAGGED_MM = 0.2, (0.02, 0.3)  # usual height off the face; by which ragged ones change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.15  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
@@ -61,7 +61,7 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
         return nothing
     plain = fit_course(s, value, u**2)
     sigma = u * math.sqrt(plain.noise_factor)
-    log = _clean(value - plain.value(s), sigma).sum() - 0.5 * plain.spent * math.log(s.size)
+    log = plain.log_evidence - np.log(FULL * sigma[plain.kept]).sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
     share /= share.sum()
@@ -143,8 +143,10 @@ def _told(off: Float, u: Float) -> _Told:
     """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
     below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
     change, beside = np.diff(off, prepend=off[0]), np.sqrt(u**2 + np.append(u[:1], u[:-1]) ** 2)
-    apart = np.hypot(RAGGED_MM, beside)
-    ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
+    # Of Cauchy's distributions whose widths between both are alike likely in their logarithm.
+    least, most = (np.hypot(one, beside) for one in RAGGED_MM)
+    size = np.maximum(np.abs(change), 1e-6)
+    ragged = below + np.log((np.arctan(most / size) - np.arctan(least / size)) / (math.pi * np.log(most / least) * size))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
     longest = min(off.size, LONGEST)

@@ -264,7 +264,7 @@ def _fit(
     for low, problem in problems.items():
         scores[grid[:, 0] == low] = problem.evidence(grid[grid[:, 0] == low, 1:])
     share = np.exp(scores - scores.max())
-    evidence = float(scores.max() + math.log(share.sum()))
+    evidence = float(scores.max() + math.log(share.mean()))
     share /= share.sum()
     counts = share > LEAST_SHARE
     found = np.column_stack([grid[counts], share[counts] / share[counts].sum()])

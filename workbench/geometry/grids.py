@@ -204,7 +204,7 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
     share = keep[:: max(-(-len(keep) // TELLING), 1)].mean(axis=0)
     up, down = np.ones((2, len(share)), np.int64)
     for out, seen in ((up, share), (down[::-1], share[::-1])):
-        for j in np.flatnonzero((seen[:-1] > 0.0) & (seen[1:] == 0.0)):
+        for j in np.flatnonzero((seen[:-1] > LIVE_SHARE) & (seen[1:] == 0.0)):
             after = np.flatnonzero(seen[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
             out[j] = after[0] + 1 if len(after) else 1
     return up, down

@@ -28,6 +28,8 @@ SMALL_BOW_MM, SMALL_BOW = 0.03, 0.03  # no face is straighter for certain; a nar
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
+PARTED_DEG = 8.0  # a face beyond the bevel that turns by more is another face: it bends no line of the bevel
+FURTHER = "further_face_deg"
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
 COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
@@ -158,16 +160,15 @@ def judge_faces(
     scatter, blur = _size_scatter(cloud, labels, rows)
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
-    convex = [BEVEL_FACE] if lies_on else [ROOT_FACE, BEVEL_FACE]
-    hollow = share_of([any(one.beside.get(face, 0.0) < -HOLLOW for face in convex) for one in seen])
-    groove = f"beside the faces the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a bevel "
-    groove += "above a land or a fillet (inspect_preparation.json), or a plate that lies on something (let its lower "
-    groove += "edge stand free by 2 mm)?"
-    on, off, name = max(_goes_on(seen, face) for face in NAMES)
-    goes_on = f"beyond what would be the {name} the surface goes on, {off:.0f} deg off its direction, "
-    goes_on += (
-        f"in {100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
-    )
+    hollow = 0.0 if lies_on else share_of([one.beside.get(ROOT_FACE, 0.0) < -HOLLOW for one in seen])
+    groove = f"beside the root face the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a step "
+    groove += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
+    on, off = _goes_on(seen)
+    goes_on = f"beyond the bevel face the surface goes on, {off:.0f} deg off its direction, in {100 * on:.0f} % of the "
+    goes_on += "frames: "
+    parted = off > PARTED_DEG
+    bent = goes_on + "a bevel that is not straight, or a compound one whose angles hardly differ?"
+    another = goes_on + "a compound bevel (inspect_preparation.json measures both faces), a land or a fillet"
     corner = stands_out(cloud, labels, *NAMES)
     out, close = beyond_bows(corner, bows.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
@@ -179,7 +180,15 @@ def judge_faces(
         _bend_check(cloud, clear, NAMES, given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
-        check("goes_on_share", on, goes_on, given=given),
+        check("goes_on_share", 0.0 if parted else on, bent, given=given),
+        Check(
+            FURTHER,
+            off if parted and on > most("goes_on_share") else 0.0,
+            None,
+            True,
+            "the verdict depends on it",
+            another,
+        ),
         check("corner_stands_out_mm", out, ledge, given=given),
         _ledge_check(close),
     )
@@ -276,16 +285,16 @@ class _Corner(NamedTuple):
     beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
 
 
-def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float, str]:
-    """Share of the frames in which the surface beyond a face is another face and none of the plate; its turn, deg.
+def _goes_on(seen: Sequence[_Corner]) -> tuple[float, float]:
+    """Share of the frames in which the surface beyond the bevel face is another one of the bevel; its turn, deg.
 
-    Upper and lower surface stand upright on the root face.
+    The upper surface stands upright on the root face.
     """
-    upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
-    beyond = [one.beside.get(face, np.inf) for one in seen]
-    goes = [-HOLLOW < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
+    upright = [RIGHT - UPRIGHT - one.turn for one in seen]
+    beyond = [one.beside.get(BEVEL_FACE, np.inf) for one in seen]
+    goes = [turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
-    return share_of([one and off > ON for one in goes]), off / DEG, NAMES[face]  # second returns stand off both ways
+    return share_of([one and off > ON for one in goes]), off / DEG  # second returns stand off both ways
 
 
 class Bow(NamedTuple):

@@ -264,15 +264,14 @@ LIMITS: dict[str, Limit] = {
     ),
     "hollow_share": Limit(
         0.3,
-        "share of the frames in which a surface beside root face and bevel face turns the other way than these do",
-        "a plate's edge is convex all round; grooves, fillets and steps are not",
+        "share of the frames in which a surface beside the root face turns the other way than root face and bevel do",
+        "a plate's edge is convex; grooves and steps of the root face are not",
     ),
     "goes_on_share": Limit(
         0.3,
-        "share of the frames in which the surface beyond the bevel face is more than 2 deg off it, yet leans to the "
-        "root face by less than 75 deg",
-        "the upper surface stands upright on the root face; what leans more is the rest of a bevel that bows or is "
-        "compound",
+        "share of the frames in which the surface beyond the bevel face is 2 to 8 deg off it and no upper surface",
+        "what hardly turns is the rest of a bevel that bows; a face that turns by more is one of its own, and the "
+        "bevel's angle that of the face beside the root face",
     ),
     "corner_stands_out_mm": Limit(
         0.01,

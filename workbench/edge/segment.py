@@ -14,7 +14,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURF
 from workbench.checks import checked_limits
 from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
-from workbench.checks.faces import Shown, require_bevel, require_columns
+from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.window import end_step_check
@@ -47,7 +47,7 @@ from workbench.edge.rim import (
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
 from workbench.edge.steps import readings, waves_u
-from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, unseen_of
+from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
 from workbench.geometry.chains import FaceLines
@@ -136,6 +136,7 @@ def segment(
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
+    doubts += [COMPOUND] if _value(checks, FURTHER) else []
     edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 

@@ -146,7 +146,9 @@ def _told(off: Float, u: Float) -> _Told:
     # Of Cauchy's distributions whose widths between both are alike likely in their logarithm.
     least, most = (np.hypot(one, beside) for one in RAGGED_MM)
     size = np.maximum(np.abs(change), 1e-6)
-    ragged = below + np.log((np.arctan(most / size) - np.arctan(least / size)) / (math.pi * np.log(most / least) * size))
+    ragged = below + np.log(
+        (np.arctan(most / size) - np.arctan(least / size)) / (math.pi * np.log(most / least) * size)
+    )
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
     longest = min(off.size, LONGEST)

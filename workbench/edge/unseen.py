@@ -32,6 +32,13 @@ BY_TABLE = Unseen(
     is_doubt=True,
 )
 
+COMPOUND = Unseen(
+    "compound",
+    "That the face beside the root face is the bevel that is meant: beyond it a further face follows, which "
+    "inspect_preparation.json measures too.",
+    is_doubt=True,
+)
+
 
 def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp: bool) -> tuple[Unseen, ...]:
     """What each may cost root face and bevel angle, of the size that its sentence says; is_sharp: declared so."""

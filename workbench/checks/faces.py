@@ -163,12 +163,6 @@ def judge_faces(
     hollow = 0.0 if lies_on else share_of([one.beside.get(ROOT_FACE, 0.0) < -HOLLOW for one in seen])
     groove = f"beside the root face the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a step "
     groove += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
-    on, off = _goes_on(seen)
-    goes_on = f"beyond the bevel face the surface goes on, {off:.0f} deg off its direction, in {100 * on:.0f} % of the "
-    goes_on += "frames: "
-    parted = off > PARTED_DEG
-    bent = goes_on + "a bevel that is not straight, or a compound one whose angles hardly differ?"
-    another = goes_on + "a compound bevel (inspect_preparation.json measures both faces), a land or a fillet"
     corner = stands_out(cloud, labels, *NAMES)
     out, close = beyond_bows(corner, bows.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
@@ -180,17 +174,23 @@ def judge_faces(
         _bend_check(cloud, clear, NAMES, given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
-        check("goes_on_share", 0.0 if parted else on, bent, given=given),
-        Check(
-            FURTHER,
-            off if parted and on > most("goes_on_share") else 0.0,
-            None,
-            True,
-            "the verdict depends on it",
-            another,
-        ),
+        *_beyond_checks(seen, given),
         check("corner_stands_out_mm", out, ledge, given=given),
         _ledge_check(close),
+    )
+
+
+def _beyond_checks(seen: Sequence[_Corner], given: Mapping[str, Bound]) -> tuple[Check, Check]:
+    """What follows beyond the bevel face: hardly turned, it bends the bevel's line; else it is a face of its own."""
+    on, off = _goes_on(seen)
+    parted = off > PARTED_DEG
+    told = f"beyond the bevel face the surface goes on, {off:.0f} deg off its direction, in {100 * on:.0f} % of the "
+    bent = f"{told}frames: a bevel that is not straight, or a compound one whose angles hardly differ?"
+    another = f"{told}frames: a compound bevel (inspect_preparation.json measures both faces), a land or a fillet"
+    further = off if parted and on > most("goes_on_share") else 0.0
+    return (
+        check("goes_on_share", 0.0 if parted else on, bent, given=given),
+        Check(FURTHER, further, None, True, "the verdict depends on which face is meant", another),
     )
 
 

@@ -140,6 +140,7 @@ def test_every_input_of_the_contract_is_there(command: Run) -> None:
         "edge_condition": "unknown",
         "robot_noise_mm": 0.07,
         "robot_noise_length_mm": None,
+        "scan_plan": None,
         **dict.fromkeys(("sensor_dcc", "thermometer_dcc", "sensor_name")),
         **dict.fromkeys(PART_KEYS),
         **dict.fromkeys(("report_number", "issued_at", "customer", "order", "sensor_certificate", "temperature_c")),

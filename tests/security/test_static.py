@@ -37,6 +37,7 @@ FORBIDDEN_MODULES = {
 MAY = {  # who may do what docs/security.md tells of
     "subprocess": {
         "batch/workers.py",
+        "cad.py",
         "children.py",
         "compare/surface.py",
         "page/jobs.py",

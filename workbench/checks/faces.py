@@ -182,14 +182,18 @@ def judge_faces(
 
 def _beyond_checks(seen: Sequence[_Corner], given: Mapping[str, Bound]) -> tuple[Check, Check]:
     """What follows beyond the bevel face: hardly turned, it bends the bevel's line; else it is a face of its own."""
-    on, off = _goes_on(seen)
-    parted = off > PARTED_DEG
-    told = f"beyond the bevel face the surface goes on, {off:.0f} deg off its direction, in {100 * on:.0f} % of the "
-    bent = f"{told}frames: a bevel that is not straight, or a compound one whose angles hardly differ?"
-    another = f"{told}frames: a compound bevel (inspect_preparation.json measures both faces), a land or a fillet"
-    further = off if parted and on > most("goes_on_share") else 0.0
+    found = {face: _goes_on(seen, face) for face in NAMES}
+    on, off = found[BEVEL_FACE]
+    further = off if off > PARTED_DEG and on > most("goes_on_share") else 0.0
+    another = f"beyond the bevel face a further one follows, {off:.0f} deg off its direction: a compound bevel "
+    another += "(inspect_preparation.json measures both faces), a land or a fillet"
+    if further:
+        found.pop(BEVEL_FACE)
+    face, (on, off) = max(found.items(), key=lambda one: one[1])
+    bent = f"beyond what would be the {NAMES[face]} the surface goes on, {off:.0f} deg off its direction, in "
+    bent += f"{100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
     return (
-        check("goes_on_share", 0.0 if parted else on, bent, given=given),
+        check("goes_on_share", on, bent, given=given),
         Check(FURTHER, further, None, True, "the verdict depends on which face is meant", another),
     )
 
@@ -285,14 +289,15 @@ class _Corner(NamedTuple):
     beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
 
 
-def _goes_on(seen: Sequence[_Corner]) -> tuple[float, float]:
-    """Share of the frames in which the surface beyond the bevel face is another one of the bevel; its turn, deg.
+def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float]:
+    """Share of the frames in which the surface beyond a face is another face and none of the plate; its turn, deg.
 
-    The upper surface stands upright on the root face.
+    Upper and lower surface stand upright on the root face.
     """
-    upright = [RIGHT - UPRIGHT - one.turn for one in seen]
-    beyond = [one.beside.get(BEVEL_FACE, np.inf) for one in seen]
-    goes = [turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
+    upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
+    beyond = [one.beside.get(face, np.inf) for one in seen]
+    least = -np.inf if face == BEVEL_FACE else -HOLLOW  # below the root face what turns up is judged by itself
+    goes = [least < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
     return share_of([one and off > ON for one in goes]), off / DEG  # second returns stand off both ways
 

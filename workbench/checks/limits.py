@@ -269,7 +269,8 @@ LIMITS: dict[str, Limit] = {
     ),
     "goes_on_share": Limit(
         0.3,
-        "share of the frames in which the surface beyond the bevel face is 2 to 8 deg off it and no upper surface",
+        "share of the frames in which the surface beyond the bevel face is 2 to 8 deg off it and no upper surface, or "
+        "beyond the root face more than 2 deg and no lower surface",
         "what hardly turns is the rest of a bevel that bows; a face that turns by more is one of its own, and the "
         "bevel's angle that of the face beside the root face",
     ),

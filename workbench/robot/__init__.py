@@ -34,6 +34,7 @@ from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.process import refusal, turntable_at_home
 from workbench.robot.read import cell, read_cell
+from workbench.robot.report_picture import posture_key, posture_picture
 from workbench.robot.wrist import SIDES, Side, SphericalWrist, arm_sides, refuse_contradiction, spherical_wrist
 
 __all__ = [
@@ -69,6 +70,8 @@ __all__ = [
     "joint_axes",
     "motions",
     "plate",
+    "posture_key",
+    "posture_picture",
     "read_cell",
     "refusal",
     "refuse_contradiction",

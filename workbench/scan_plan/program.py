@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from workbench import pieces
 from workbench.artefacts import Chapter, Cutter, Document, Gate, Layer, PathGate, Postures, RobotCell, Toolpath
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.errors import InputError
@@ -19,7 +20,7 @@ from workbench.program import write
 from workbench.program.limits import NO_FORCE
 from workbench.program.words import program_name
 from workbench.program.write import Controller
-from workbench.robot import Cell, forward_kinematics, sliding
+from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_key, posture_picture, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
 from workbench.scan_plan.plan import ScanPass, ScanPlan
@@ -131,11 +132,23 @@ def program(
                 check = made.name == "program_check.json"
                 out.append(dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made)
             elif isinstance(made, Chapter):
-                out.append(dataclasses.replace(made, title=f"Program of pass {number}"))
+                robot = _robot_html(place, moves.postures)
+                out.append(dataclasses.replace(made, title=f"Program of pass {number}", html=robot + made.html))
             elif isinstance(made, PathGate):
                 slower = "" if share == 1.0 else f", at {share:g} of the planned speed: the joints cannot follow it"
                 gates.append(dataclasses.replace(made, reason=f"{made.reason}{slower}"))
     return (*out, _joined(gates))
+
+
+def _robot_html(cell: Cell, postures: Postures | None) -> str:
+    """The robot at the first, the middle and the last station of a pass; nothing where it is not reached."""
+    if postures is None:
+        return ""
+    drawn = []
+    for name, k in (("first", 0), ("middle", len(postures.joints) // 2), ("last", -1)):
+        bodies = cell_triangles(cell, postures.joints[k], postures.turntable[k])
+        drawn.append((posture_picture(cell, bodies, postures.position_mm), f"At the {name} station"))
+    return pieces.panels_html(drawn) + pieces.key_html(posture_key(cell))
 
 
 def _too_fast(written: Sequence[object]) -> bool:

@@ -15,7 +15,16 @@ from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import Chain, Few, chains, rough_mm
 from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
-from workbench.checks.window import MOVED_MM, PINNED, as_delivered, fixed_end_share, hidden_columns, returned
+from workbench.checks.window import (
+    MOVED_MM,
+    PINNED,
+    as_delivered,
+    dropped_columns,
+    fixed_end_share,
+    hidden_columns,
+    returned,
+    some_frames,
+)
 from workbench.errors import InputError
 from workbench.geometry.grids import blind_columns, extent
 from workbench.geometry.poses import interpolate_poses
@@ -406,6 +415,11 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         "hold one value: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
+    dropped = dropped_columns(some_frames(recording))
+    told = "single losses leave gaps of one column, or too few were seen"
+    if dropped:
+        told = f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much"
+    yield Check("dropped_columns", dropped, None, True, "in the uncertainty of the face's end", told)
     seen = returned(recording)
     yield from _fixed_end(seen)
     yield _blind(seen)

@@ -13,7 +13,7 @@ from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import Chain, chains, sampled
 from workbench.geometry.blocks import is_repeated
 from workbench.geometry.grids import widest_blind
-from workbench.units import Bool, Float, Int
+from workbench.units import AnyArray, Bool, Float, Int
 
 PINNED = 0.7  # share of the frames whose returns end in one and the same column
 PIECES, BEND = 8, np.radians(10.0)  # of a profile, and by how much they differ where its motion shows
@@ -22,6 +22,8 @@ MOVED_MM, MOVED_COLUMNS = 0.2, 1.6  # robust standard deviation, by which the en
 
 BLOCKS, LEAST_ENDS = (32, 16, 8), 20  # columns by which windows move; frames that tell
 IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; and in the third commonest column
+# Of gaps within faces: range step across them, at most; how many, at how many places, and what share as narrow as any.
+FACE_STEP_MM, LEAST_GAPS, LEAST_PLACES, MOST_GAPS = 1.0, 30, 10, 0.5
 STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
@@ -91,18 +93,47 @@ def hidden_columns_u(checks: Sequence[Check]) -> float:
     """Standard uncertainty of where a face ends, in columns, by what a recording's checks found (docs/method.md, 3).
 
     Where its end stays in one column and others are blind elsewhere, it goes on by anything between none and as many
-    of them; a moving mean of the sensor moves it by up to half its width.
+    of them; likewise by the columns that the sensor drops beside lost ones. A moving mean of the sensor moves it by up
+    to half its width.
     """
     found = {check.name: check.value or 0.0 for check in checks}
     wide = max(found.get("mean_columns", 0.0), found.get("mean_frames", 0.0), 1.0)
-    return math.hypot(found.get("hidden_columns", 0.0), 0.5 * (wide - 1.0)) / math.sqrt(3.0)
+    hidden = found.get("hidden_columns", 0.0), found.get("dropped_columns", 0.0), 0.5 * (wide - 1.0)
+    return math.hypot(*hidden) / math.sqrt(3.0)
+
+
+def dropped_columns(z: AnyArray) -> int:
+    """How many columns beside every lost one a sensor drops in rows of ranges (n, M); 0: none.
+
+    Single losses then leave gaps of one width within faces, and no narrower ones.
+    """
+    seen = np.isfinite(z)
+    width, place = [], []
+    for row, values in zip(seen, z, strict=True):
+        on = np.flatnonzero(row)
+        gap = np.diff(on) - 1
+        within = (gap > 0) & (np.abs(np.diff(values[on])) < FACE_STEP_MM)
+        width.append(gap[within])
+        place.append(on[:-1][within])
+    gaps, places = np.concatenate(width), np.concatenate(place)
+    if len(gaps) < LEAST_GAPS:
+        return 0
+    least = int(gaps.min())
+    single = gaps == least
+    spread = len(np.unique(places[single])) >= LEAST_PLACES  # else a few blind columns
+    return (least - 1) // 2 if spread and least % 2 == 1 and single.mean() > MOST_GAPS else 0
+
+
+def some_frames(recording: Recording) -> AnyArray:
+    """Ranges (n, M) of some frames of every pass."""
+    passes = recording.pass_index
+    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
+    return np.asarray(recording.z_mm[frames])
 
 
 def returned(recording: Recording) -> Bool:
     """What returned (n, M) in some frames of every pass."""
-    passes = recording.pass_index
-    frames = np.concatenate([sampled(np.flatnonzero(passes == number)) for number in np.unique(passes)])
-    return np.asarray(np.isfinite(recording.z_mm[frames]))
+    return np.asarray(np.isfinite(some_frames(recording)))
 
 
 def _measured(recording: Recording) -> slice:

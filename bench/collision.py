@@ -24,6 +24,7 @@ from workbench.geometry.poses import inverse, rotation_from_vector
 from workbench.robot import Cell, CollisionScreen, inverse_kinematics, motions, read_cell, turntable_pose, within_limits
 from workbench.robot.bounds import FREE, SAFE_MM, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot.collision import standing_poses
 from workbench.units import Float
 
 CHUNK = 10_000
@@ -91,7 +92,7 @@ def counted(screens: dict[str, CollisionScreen], seed: int, chunk: int) -> dict[
     proven = clearance_bound_mm(cell, bounding_volumes(cell), joints, table) > model.least_mm.max() + SAFE_MM
     free = screen.hits(joints, table) == FREE
     everything, moved = list(range(len(model.pairs))), motions(cell.chain, joints)
-    hits = (model.first_hit(moved[i], turntable_pose(cell, table[i]), everything) for i in np.flatnonzero(free))
+    hits = (model.first_hit(moved[i], standing_poses(cell, table[i]), everything) for i in np.flatnonzero(free))
     counts = (CHUNK, len(near), proven.sum(), free.sum(), CHUNK - free.sum(), sum(hit >= 0 for hit in hits))
     return {
         "cell": name,

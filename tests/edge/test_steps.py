@@ -70,7 +70,7 @@ def test_a_few_lost_cells_turn_no_face() -> None:
 @pytest.mark.parametrize("cells", [0, 2, 7, 20, 30])
 def test_a_chain_of_cells_is_the_same_from_either_end(cells: int) -> None:
     off = noise(cells) + np.where(np.arange(S.size) < cells, 0.3, 0.0) + 0.1 * (S > 90.0) * np.sin(S)
-    forth, back = _told(off, U), _told(off[::-1], U)
+    forth, back = _told(off, U, 0.02), _told(off[::-1], U, 0.02)
     assert forth.evidence == pytest.approx(back.evidence)
     for one, other in zip(forth[1:], back[1:], strict=True):
         assert one == pytest.approx(other[::-1], abs=1e-9)

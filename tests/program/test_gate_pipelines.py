@@ -126,8 +126,8 @@ def test_a_sound_part_in_an_empty_cell(tmp_path):
     ("change", "status", "words"),
     [
         ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
-        ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "'box 0'"),
-        ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "unreachable 100 %"),
+        ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "box 0, workpiece"),
+        ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "envelope, workpiece"),
     ],
 )
 def test_a_fault_gives_no_program_and_the_reason(change, status, words, tmp_path, capsys):

@@ -86,7 +86,7 @@ def require_bevel(
     wide = check("root_over_nominal", over, told, given=limits, default=(narrowest, widest))
     told = f"the faces meet at {shown.bevel_deg:.1f} deg, where {shown.bevel_nominal_deg:g} is nominal, as the upper "
     told += f"surface and a bevel face of {90.0 - shown.bevel_deg:.1f} deg would: is the root face in view, and the "
-    told += "nominal angle the drawing's?"
+    told += "nominal angle the drawing's? or a bevel above a land (inspect_preparation.json)?"
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)

@@ -62,6 +62,7 @@ STEP_MM = 0.15  # between columns of one surface
 STILL = 3.0  # columns: where the end moves by less over the pass, its place within one is not all places in turn
 PLACE_MM, TURN_MM, BOW_MM = 0.3, 0.3, 0.05  # by which the line and a bow may lie off the face without a break
 DEPTH_U_MM, LEAST_MEANS, PATTERN_PLACES = 0.0005, 8, 9
+ROUNDING = 1e-9  # mm; pixels and places within a column meet in their ends: no digit may tell on which side
 UNLIKELY = 1e-3  # share of templates that are not cut finer
 PROOF = 4.5  # log-likelihood over a sharp end from which a break is told by name
 MISFIT, ODD_MM = 5.0, 0.002  # standard deviations of a depth; by which the last columns' are off anyway
@@ -376,12 +377,12 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
             total, count = 0.0, 0
             for q in range(place.shape[2]):
                 middle = place[phase[n], g, q] - past
-                if middle - half > shown:
+                if middle - half > shown + ROUNDING:
                     count += WITHIN.size
                     continue
                 for offset in WITHIN:
                     w = middle + offset * half
-                    if w >= 0.0:
+                    if w >= -ROUNDING:
                         count += 1
                         on = max(shown - w, 0.0)
                         if radius > 0.0 and on > 0.0:
@@ -390,7 +391,7 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
                         else:
                             total += falls * on
             out[n, g] = total / max(count, 1)
-            if total == 0.0 and place[phase[n], g, 0] - past - half > shown:
+            if total == 0.0 and place[phase[n], g, 0] - past - half > shown + ROUNDING:
                 break  # further in lies the face
 
 

@@ -9,6 +9,7 @@ Artificial Intelligence 174 (2010), 215).
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -22,7 +23,8 @@ from workbench.units import Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
 BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
-OFF_MM, RAGGED_MM = 0.2, (0.02, 0.3)  # usual height off the face; by which ragged ones change from cell to cell
+OFF_MM = 0.2  # usual height off the face
+RAGGED_MM = (0.02, 0.08)  # by which ragged heights change from cell to cell, along an edge: either
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.15  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
@@ -56,7 +58,8 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
     nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size))
     if s.size < LEAST_CELLS:
         return nothing
-    found = [one for sense in (1.0, -1.0) if (one := _off_the_face(s, sense * value, u, sense)) is not None]
+    ways = itertools.product((1.0, -1.0), RAGGED_MM)
+    found = [one for sense, ragged in ways if (one := _off_the_face(s, sense * value, u, sense, ragged)) is not None]
     if not found:
         return nothing
     plain = fit_course(s, value, u**2)
@@ -74,26 +77,26 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
     return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
 
 
-def _off_the_face(s: Float, value: Float, u: Float, sense: float) -> _Reading | None:
+def _off_the_face(s: Float, value: Float, u: Float, sense: float, ragged_mm: float) -> _Reading | None:
     """The best reading by which cells lie above the face's own end; None: none does."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
     around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)]
-    if (_told(value - around, u).own > 0.5).all():
+    if (_told(value - around, u, ragged_mm).own > 0.5).all():
         return None
     whole = np.full(value.size, np.quantile(value, LOW))  # a stretch may be longer than what is near
     step = np.diff(value, prepend=value[0])
     jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
     starts = around, whole, value - jumped + np.quantile(jumped, LOW)
-    found = [one for start in starts if (one := _settled(s, value, u, start, sense)) is not None]
+    found = [one for start in starts if (one := _settled(s, value, u, start, sense, ragged_mm)) is not None]
     return max(found, key=lambda one: one.evidence, default=None)
 
 
-def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Reading | None:
+def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, ragged_mm: float) -> _Reading | None:
     """The reading to which the face's own end `face` (c,) leads (expectation maximisation).
 
     Cells that stand off by one height tell the face's shape with its own.
     """
-    told = _told(value - face, u)
+    told = _told(value - face, u, ragged_mm)
     for _ in range(MOST_ROUNDS):
         known = np.maximum(told.own, told.even)
         if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
@@ -101,10 +104,10 @@ def _settled(s: Float, value: Float, u: Float, face: Float, sense: float) -> _Re
         shown = np.where(told.even > told.own, value - told.height, value)
         course = fit_course(s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN))
         before, sigma = told.own, u * math.sqrt(min(course.noise_factor, NOISIER))
-        told = _told(value - course.value(s), u)
+        told = _told(value - course.value(s), u, ragged_mm)
         if np.abs(told.own - before).max() < SETTLED:
             break
-    told = _told(value - course.value(s), sigma)
+    told = _told(value - course.value(s), sigma, ragged_mm)
     if (told.own > 0.5).all() or (told.own > 0.5).mean() < LEAST_SHARE:
         return None
     # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
@@ -139,16 +142,12 @@ class _Told(NamedTuple):
     height: Shaped[Float, " c"]  # that height then, mm
 
 
-def _told(off: Float, u: Float) -> _Told:
+def _told(off: Float, u: Float, ragged_mm: float) -> _Told:
     """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
     below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
     change, beside = np.diff(off, prepend=off[0]), np.sqrt(u**2 + np.append(u[:1], u[:-1]) ** 2)
-    # Of Cauchy's distributions whose widths between both are alike likely in their logarithm.
-    least, most = (np.hypot(one, beside) for one in RAGGED_MM)
-    size = np.maximum(np.abs(change), 1e-6)
-    ragged = below + np.log(
-        (np.arctan(most / size) - np.arctan(least / size)) / (math.pi * np.log(most / least) * size)
-    )
+    apart = np.hypot(ragged_mm, beside)
+    ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
     longest = min(off.size, LONGEST)

@@ -7,8 +7,9 @@ import pytest
 from PIL import Image
 
 from workbench.path import read
-from workbench.plugins.stiffness.outcome import PLATE_MM, plate_triangles, robot_picture, seen
-from workbench.robot import Cell, cell_triangles
+from workbench.plugins.stiffness.outcome import PLATE_MM, plate_triangles
+from workbench.robot import Cell, cell_triangles, posture_picture
+from workbench.robot.report_picture import seen
 from workbench.units import DEG
 
 from .conftest import ROOT
@@ -39,7 +40,7 @@ def test_a_picture_has_no_paper_around_it(cell: Cell) -> None:
     bodies = [(body, one) for body, one in cell_triangles(cell, np.zeros(6), 0.0) if body != "floor"]
     way = np.array([[1500.0, 0.0, 800.0], [1700.0, 0.0, 800.0]])
     for close_up in (None, 250.0):
-        drawn = Image.open(io.BytesIO(robot_picture(bodies, ["#e8a33d"] * len(bodies), way, close_up)))
+        drawn = Image.open(io.BytesIO(posture_picture(cell, bodies, way, close_up)))
         inked = np.argwhere((np.asarray(drawn.convert("RGB")) < 245).any(axis=2))
         assert (inked.min(axis=0) <= 6).all()
         assert (inked.max(axis=0) >= np.array([drawn.height, drawn.width]) - 7).all()

@@ -22,7 +22,6 @@ from workbench.checks.window import (
     dropped_columns,
     fixed_end_share,
     hidden_columns,
-    returned,
     some_frames,
 )
 from workbench.errors import InputError
@@ -415,12 +414,13 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         "hold one value: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    dropped = dropped_columns(some_frames(recording))
+    ranges = some_frames(recording)
+    dropped = dropped_columns(ranges)
     told = "single losses leave gaps of one column, or too few were seen"
     if dropped:
         told = f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much"
     yield Check("dropped_columns", dropped, None, True, "in the uncertainty of the face's end", told)
-    seen = returned(recording)
+    seen = np.isfinite(ranges)
     yield from _fixed_end(seen)
     yield _blind(seen)
 

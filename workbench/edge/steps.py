@@ -9,7 +9,6 @@ Artificial Intelligence 174 (2010), 215).
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import NamedTuple
 
@@ -58,8 +57,7 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
     nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size))
     if s.size < LEAST_CELLS:
         return nothing
-    ways = itertools.product((1.0, -1.0), RAGGED_MM)
-    found = [one for sense, ragged in ways if (one := _off_the_face(s, sense * value, u, sense, ragged)) is not None]
+    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sense)]
     if not found:
         return nothing
     plain = fit_course(s, value, u**2)
@@ -77,18 +75,19 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
     return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
 
 
-def _off_the_face(s: Float, value: Float, u: Float, sense: float, ragged_mm: float) -> _Reading | None:
-    """The best reading by which cells lie above the face's own end; None: none does."""
+def _off_the_face(s: Float, value: Float, u: Float, sense: float) -> list[_Reading]:
+    """The best reading of each raggedness by which cells lie above the face's own end; none where none does."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
     around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)]
-    if (_told(value - around, u, ragged_mm).own > 0.5).all():
-        return None
+    if (_told(value - around, u, RAGGED_MM[0]).own > 0.5).all():
+        return []
     whole = np.full(value.size, np.quantile(value, LOW))  # a stretch may be longer than what is near
     step = np.diff(value, prepend=value[0])
     jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
     starts = around, whole, value - jumped + np.quantile(jumped, LOW)
-    found = [one for start in starts if (one := _settled(s, value, u, start, sense, ragged_mm)) is not None]
-    return max(found, key=lambda one: one.evidence, default=None)
+    settled = ([_settled(s, value, u, start, sense, ragged) for start in starts] for ragged in RAGGED_MM)
+    found = ([one for one in each if one is not None] for each in settled)
+    return [max(each, key=lambda one: one.evidence) for each in found if each]
 
 
 def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, ragged_mm: float) -> _Reading | None:

@@ -77,6 +77,8 @@ def certified_errors(path: Path, words: tuple[str, ...], units: Mapping[str, flo
     if not any(_is_told(one, words) for one in _results(root)):
         return None
     value, u = zip(*_points(_the_one(root, words, path), units, path), strict=True)
+    if units is RATIOS and min(value) > 0.5:  # ratios, not deviations from one
+        value = tuple(one - 1.0 for one in value)
     rms = math.sqrt(sum(one**2 for one in value) / len(value))
     return Errors(max(value, key=abs), rms, max(u), _identifier(root))
 

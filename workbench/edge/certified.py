@@ -46,7 +46,7 @@ def certified(
 
 
 def _with_scale(edge: MilledEdge, certificate: Path) -> MilledEdge:
-    """The edge with the certified error of the profiler's scale in u instead of among what no frame shows.
+    """The edge with the certified error of the profiler's scale in u; that of the other axis stays unshown.
 
     Values are not corrected: the certified error counts in full, beside its uncertainty.
 
@@ -59,9 +59,9 @@ def _with_scale(edge: MilledEdge, certificate: Path) -> MilledEdge:
             expected = f"expected a quantity 'scale' or 'linearity' of the sensor (there: {names_of(certificate)})"
             raise InputError(str(certificate), expected)
         return edge
-    off = errors.largest - 1.0 if errors.largest > 0.5 else errors.largest  # a ratio, or the deviation from one
+    off = errors.largest
     if abs(off) > MOST_SCALE:
-        raise InputError(str(certificate), f"expected a scale within {MOST_SCALE:g} of 1, found {errors.largest:g}")
+        raise InputError(str(certificate), f"expected a scale within {MOST_SCALE:g} of 1, found {1.0 + off:g}")
     u = math.hypot(off, errors.u)
     cost = next((one for one in edge.unseen if one.name == "scale"), None)
     if cost is None:
@@ -72,7 +72,6 @@ def _with_scale(edge: MilledEdge, certificate: Path) -> MilledEdge:
         edge,
         root=_with(edge.root, source, share * (cost.root_mm or 0.0)),
         bevel=_with(edge.bevel, source, share * (cost.bevel_deg or 0.0)),
-        unseen=tuple(one for one in edge.unseen if one is not cost),
     )
 
 

@@ -1,7 +1,8 @@
 """Calibration certificates: values with their uncertainty out of a DCC (PTB's XML, its values in the D-SI).
 
 Schemas 2 and 3: `dcc:measurementResults`, in it `dcc:quantity` with `si:real` or `si:realListXMLList`. What is looked
-for is told by the quantity's `refType` or its names; results only count, not the conditions under which they were made.
+for is what the quantity's `refType` or one of its names speaks of, in whole words: 'scale of z' is a scale, 'scale
+division' is none. Results only count, not the conditions under which they were made.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ UNCERTAINTIES = (  # in the D-SI's second and first version: value, coverage fac
     ("measurementUncertaintyUnivariate/standardMU", "valueStandardMU", None),
     ("expandedUnc", "uncertainty", "coverageFactor"),
 )
+ERRORS = ("error", "deviation", "factor", "fehler", "abweichung", "faktor")  # of what they are told of: scale error
+CAMEL = re.compile("_|(?<=[a-z])(?=[A-Z])")  # between the words of a refType
+OF = "(?:of|in|along|across|at|for|with|der|des|von|in|bei|an|am)"  # begins what a name says of its quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,7 @@ def certified_errors(path: Path, words: tuple[str, ...], units: Mapping[str, flo
     Raises:
         InputError: no such file, no DCC, several such quantities, one without an uncertainty or in another unit.
     """
-    root = _parsed(path)
+    root, words = _parsed(path), (*words, *(f"{word} {error}" for word in words for error in ERRORS))
     if not any(_is_told(one, words) for one in _results(root)):
         return None
     value, u = zip(*_points(_the_one(root, words, path), units, path), strict=True)
@@ -141,8 +145,20 @@ def _names(quantity: ElementTree.Element) -> str:
 
 
 def _is_told(quantity: ElementTree.Element, words: tuple[str, ...]) -> bool:
-    said = _names(quantity).casefold()
-    return any(word in said for word in words)
+    """Whether a `refType` is or ends in one of the words, or a clause of a name speaks of it: 'Lot 3, scale of z' does.
+
+    A standard deviation is a spread, no deviation.
+    """
+    types = quantity.get("refType", "").split()
+    names = [
+        one for each in quantity.iterfind(f"{DCC}name/{DCC}content") for one in re.split("[,;:(]", each.text or "")
+    ]
+    said = [*(CAMEL.sub(" ", one) for one in types), *names]
+    asked = "|".join(map(re.escape, words))
+    told = re.compile(rf"(?:(?!{OF}\b)\w+ )*(?<!standard )(?:{asked})(?: {OF} .*)?", re.IGNORECASE)
+    return any(one.casefold() in words for one in types) or any(
+        told.fullmatch(" ".join(re.findall(r"\w+", one))) for one in said
+    )
 
 
 def _reals(quantity: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:

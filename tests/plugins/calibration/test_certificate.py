@@ -9,6 +9,7 @@ import pytest
 
 from tests.plugins.calibration import conftest as spheres
 from workbench.api import certified_length
+from workbench.certificate import RATIOS, TEMPERATURES, certified_errors
 from workbench.errors import InputError
 from workbench.plugins import calibration
 
@@ -66,6 +67,36 @@ def test_a_diameter_is_read(written: str, tmp_path: Path) -> None:
     found = certified_length(file, ("diameter",))
     assert (found.value_mm, found.u_mm) == pytest.approx((25.4012, 0.0004), rel=1e-9)
     assert found.identifier == "K-17"
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "told"),
+    [
+        ("Scale", "", True),
+        ("scale of z", "", True),
+        ("Scale factor along x", "", True),
+        ("Abmessung (mm), Skalierung von z", "", True),
+        ("z", "optical_axialScale", True),
+        ("scale division", "", False),
+        ("division of the scale", "", False),
+        ("Scaleability", "", False),
+        ("z", "optical_scaleDivision", False),
+    ],
+)
+def test_a_quantity_is_told_by_whole_words(name: str, kind: str, told: bool, tmp_path: Path) -> None:
+    file = tmp_path / "sensor.xml"
+    file.write_text(HEAD + quantity("1.001", r"\one", EXPANDED.format("0.0002"), name, kind) + TAIL)
+    assert (certified_errors(file, ("scale", "skalierung"), RATIOS) is not None) is told
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("Deviation", True), ("mean deviation of the indication", True), ("Experimental standard deviation", False)],
+)
+def test_a_standard_deviation_is_no_deviation(name: str, told: bool, tmp_path: Path) -> None:
+    file = tmp_path / "thermometer.xml"
+    file.write_text(HEAD + quantity("0.1", r"\kelvin", EXPANDED.format("0.02"), name) + TAIL)
+    assert (certified_errors(file, ("error of indication", "deviation"), TEMPERATURES) is not None) is told
 
 
 BAD = {

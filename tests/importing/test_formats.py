@@ -399,7 +399,7 @@ def test_structures_of_matlab_are_read_by_their_fields(tmp_path: Path, imported:
     np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm)
 
 
-REAL = {
+REAL = {  # of 22 foreign sets: SICK's samples are made in a test of their own, cam.txt is a table of numbers
     "vendor/gocator_surface_v2.csv": "428 frames of 452 columns",
     "vendor/gopxl_profile.csv": "single profile",
     "vendor/scancontrol_2925.csv": "140 frames of 1143 columns",
@@ -407,10 +407,19 @@ REAL = {
     "real/vgroove_lds_scan1.csv": "corners in 200 of 200 rows",
     "real/kistler_dynoware_f300.csv": "strongest at 199.98 Hz",
     "real/adaptio_ABW_head.csv": "rows: 836, 836 with the torch's place",
-    "real/trispector_table.pcd": "--input unit=m",
-    "real/nist_SPH105_metres.xyz": "are its coordinates in m?",
+    "real/trispector_table.pcd": "coordinates taken as m: in mm it would be no part; inch would be possible too",
+    "real/nist_SPH105_metres.xyz": "coordinates taken as m: in mm it would be no part",
     "real/akig_ur5_poses.txt": "poses: 27",
+    "real/akig_ur5_joints.txt": "postures: 27, joints: 6",
     "real/akig_tscan_values.txt": "positions: 27 with 130 readings",
+    "real/rabkkk_3smr_joints.csv": "36 with 108 readings of 3 targets",
+    "real/gocator_gage_rr_minitab_ready.csv": "C13A_TP: 0.019 to 0.478, 64 different",
+    "real/edge_calibration/calib_edge.ls": "26 positions of a FANUC program (tool 0, frame 0), fanuc_wpr",
+    "real/edge_calibration/p2.yml": "1109 points of 'profile'",
+    "real/sphere_profiles/18_5.csv": "table: x = 0, z = 1",
+    "real/weld_line/egm.txt": "poses: 4, 5, 6, 1, 2, 3, 0; orientation euler_xyz_extrinsic",
+    "real/weld_line/data.txt": "points: 189",
+    "real/weld_line/data_line.txt": "points: 53",
     "sphere_r12.7.h5": "calibration recording",
 }
 

@@ -20,8 +20,9 @@ Unit = Literal["mm", "m", "inch"]
 
 MM: dict[Unit, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
+OF_A_MAP = b"LASF_Projection"  # who signs the records of a LAS file's reference system, whose unit is then its own
 LEAST_POINTS = 100
-HEAD_BYTES = 4096  # that hold a PCD's header
+HEAD_BYTES = 4096  # that hold a PCD's header, and the first records of a LAS
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
 OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
@@ -42,7 +43,7 @@ def read(
 
     Args:
         file: the cloud; its name's ending tells the format.
-        unit: of the file's coordinates; null: what its format prescribes (E57: m), else mm.
+        unit: of the file's coordinates; null: what its format prescribes (E57, LAS of a map: m), else mm.
         part: who and what was measured with what: no format of clouds says so.
 
     Raises:
@@ -56,13 +57,22 @@ def read(
     suffix = file.suffix.lower()
     if suffix not in READERS:
         raise InputError(str(file), f"expected a cloud as {FORMATS}, found the ending '{file.suffix}'")
-    used: Unit = unit or OF_FORMAT.get(suffix, "mm")
+    used: Unit = unit or unit_stated(file) or "mm"
     points = in_process(file) * MM[used]
     seen = np.flatnonzero(~np.isnan(points).any(axis=1))
     rows, columns = grid_of(file) if suffix == ".pcd" else (0, 0)
     places = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)
     check_size(points[seen], used, str(file))
     return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), *places)
+
+
+def unit_stated(file: Path) -> Unit | None:
+    """What the format prescribes, or a LAS file's reference system on a map; None: nothing tells it."""
+    suffix = file.suffix.lower()
+    if suffix in (".las", ".laz"):
+        with open(file, "rb") as stream:
+            return "m" if OF_A_MAP in stream.read(HEAD_BYTES) else None
+    return OF_FORMAT.get(suffix)
 
 
 def grid_of(file: Path) -> tuple[int, int]:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from workbench.artefacts import Document, PointSet, frozen
 from workbench.children import in_one_thread
-from workbench.cloud.read import MM, OF_FORMAT, Unit, in_process
+from workbench.cloud.read import MM, Unit, in_process, unit_stated
 from workbench.errors import InputError
 from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
@@ -58,8 +58,7 @@ def register(
         >>> document.name, moved.points_mm.shape == thin.points_mm.shape
         ('cloud_registration.json', True)
     """
-    suffix = reference.suffix.lower()
-    target = in_process(reference) * MM[unit or OF_FORMAT.get(suffix, "mm")]
+    target = in_process(reference) * MM[unit or unit_stated(reference) or "mm"]
     target = target[np.isfinite(target).all(axis=1)]
     if min(len(target), len(points.points_mm)) < LEAST_POINTS:
         raise InputError(str(reference), f"expected at least {LEAST_POINTS} points in both clouds")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from markupsafe import Markup
 from workbench import cad, force_file
 from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
-from workbench.cloud.read import LEAST_POINTS, MM, OF_FORMAT, check_size, fitting_units, in_process
+from workbench.cloud.read import LEAST_POINTS, MM, check_size, fitting_units, in_process, unit_stated
 from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
 from workbench.errors import InputError, OutputError, one_line
 from workbench.importing import tracker
@@ -222,44 +222,44 @@ def _model(file: Path) -> Seen:
 
 
 def _cloud(file: Path) -> Seen:
-    """A cloud without a grid, whatever its size."""
-    unit = OF_FORMAT.get(file.suffix.lower(), "mm")
-    points = in_process(file) * MM[unit]
-    points = points[np.isfinite(points).all(axis=1)]
-    if not len(points):
+    """A cloud without a grid, whatever its size, in its format's unit, else the first under which it may be a part."""
+    found = in_process(file)
+    found = found[np.isfinite(found).all(axis=1)]
+    if not len(found):
         raise InputError(str(file), "expected points, found none")
-    checks, kind = [], f"cloud without a grid ({file.suffix[1:].upper()})"
-    units: Sequence[str] = ()
+    stated = unit_stated(file)
+    fits = fitting_units(found)
+    unit = stated or (fits[0] if fits else "mm")
+    others = f"; {' or '.join(fits[1:])} would be possible too" if fits[1:] and unit != "mm" else ""
+    why = "the format tells no unit" if unit == "mm" else f"in mm it would be no part{others}"
+    points = found * MM[unit]
+    checks = []
     try:
         check_size(points, unit, str(file))
     except InputError as error:
         checks.append(failed("size_mm", float(np.ptp(points, axis=0).max()), "what a part may measure", error.expected))
-        units = fitting_units(points / MM[unit])
-    told_unit = f"in {unit}" if file.suffix.lower() in OF_FORMAT else f"taken as {unit}: the format tells no unit"
-    lines = [f"points: {len(points)}, coordinates {told_unit}", f"extent: {box(points)}"]
-    some = chosen_of(points)
+    lines = [f"points: {len(points)}, coordinates {f'in {unit}' if stated else f'taken as {unit}: {why}'}"]
+    some, more = chosen_of(points), "" if unit in (stated, "mm") else f" --input unit={unit}"
+    hint = f"as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE{more} (docs/clouds.md)"
     return Seen(
         str(file),
-        kind,
+        f"cloud without a grid ({file.suffix[1:].upper()})",
         "the frame of the file",
-        tuple(lines),
+        (*lines, f"extent: {box(points)}"),
         some,
         shades_of(some),
         checks=tuple(checks),
-        suggestions=tuple(f"its coordinates are in {one}" for one in units),
-        hints=tuple(
-            f"as a cloud: workbench run pipelines/inspect_cloud.json --input cloud=FILE{more} (docs/clouds.md)"
-            for more in [f" --input unit={one}" for one in units] or [""]
-        ),
+        hints=(hint,),
     )
 
 
 def _cloud_of_text(file: Path) -> Seen:
-    """A cloud whose points stand in a table; a few rows are something else."""
+    """A cloud whose points stand in a table; a few rows are something else, unless they are homogeneous coordinates."""
     form = _form(file)
     found = _cloud(file)
     rows = len(found.points_mm) if form is None else len(form.rows)
-    if rows < LEAST_POINTS:
+    homogeneous = form is not None and form.rows.shape[1] > 3 and bool((form.rows[:, 3] == 1.0).all())
+    if rows < LEAST_POINTS and not homogeneous:
         raise InputError(str(file), f"expected a cloud of at least {LEAST_POINTS} points, found {rows} rows")
     if form is not None and not form.header and "time" in leading(form.rows):
         raise InputError(str(file), "its first column is a time: no cloud; name its columns in a mapping")

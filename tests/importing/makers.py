@@ -58,20 +58,3 @@ def write_gopxl(path: Path, row: int = 1) -> Path:
         lines.append(f"{i},{x:g},{0 if np.isnan(z) else z:g},{100 + i},{int(not np.isnan(z))}")
     path.write_text("\n".join(lines) + "\n")
     return path
-
-
-def write_keyence_text(path: Path, row: int = 1) -> Path:
-    """One profile in 0.01 micrometres, three codes for no return."""
-    codes = iter([-2147483648, -2147483647, -2147483646])
-    z = [next(codes) if np.isnan(v) else round(v * 1e5) for v in heights_mm()[row] - 80.0]
-    path.write_text("".join(f"{round(x * 1e5)}\t{v}\r\n" for x, v in zip(X_MM, z, strict=True)))
-    return path
-
-
-def write_keyence_raw(path: Path, z_unit: int = 80, luminance: bool = False) -> Path:
-    """uint16 heights about 32768, 0 = no return; then the luminance of all."""
-    raw = np.round((heights_mm() - 80.0) * 1e5 / z_unit) + 32768
-    content = np.nan_to_num(raw, nan=0.0).astype("<u2").tobytes()
-    light = np.arange(FRAMES * COLUMNS, dtype="<u2").tobytes() if luminance else b""
-    path.write_bytes(content + light)
-    return path

@@ -261,68 +261,20 @@ def test_joints_are_drafted_without_their_robot(
     np.testing.assert_allclose(read(tmp_path / "a.h5").robot_position_mm, expected[:, :3, 3], atol=1e-3)
 
 
-def test_arrays_of_names_that_tell_nothing_are_told_by_their_values(tmp_path: Path, capsys: Any) -> None:
-    from scipy.io import savemat
-
-    rng = np.random.default_rng(5)
-    frames, poses = 60, 25
-    x = np.tile(np.linspace(-0.02, 0.02, 320), (frames, 1))
-    z = 0.2 + np.where(x > 0, 0.5 * x, 0.0) + rng.normal(0.0, 1e-5, x.shape)
-    quaternion = np.tile([0.96, 0.28, 0.0, 0.0], (poses, 1))
-    place = np.stack([np.linspace(1.0, 1.1, poses), np.full(poses, 0.3), np.full(poses, 0.5)], axis=1)
-    source = tmp_path / "cell.mat"
-    clock = np.linspace(0.0, 5.9, frames)
-    arrays = {"lateral_a": x, "hoehe": z, "stempel": clock, "flansch": place, "orient": quaternion}
-    savemat(source, {**arrays, "ts": np.linspace(-0.1, 6.0, poses), "rest": np.ones((7, 2))})
-    tree, told = drafted(tmp_path, capsys, source)
-    roles = {"x": "lateral_a", "z": "hoehe", "time": "stempel", "position": "flansch", "quaternion_wxyz": "orient"}
-    assert tree["arrays"] == {"files": "cell.mat", "length_unit": "m", "time_unit": "s", "pose_time": "ts"} | roles
-    assert "rest (7, 2)" in told
-    assert "w last" in told
-    out = tmp_path / "cell.h5"
-    assert main(["import", str(source), "--mapping", str(tmp_path / "map.json"), "--out", str(out)]) == 0
-    recording = read(out)
-    assert np.ptp(recording.x_mm) == pytest.approx(40.0, rel=1e-6)
-    assert recording.robot_position_mm[0, 0] == pytest.approx(1000.0, abs=5.0)
-
-
-@pytest.mark.parametrize("form", ["v7.3", "4 x 4 x K", "npz"])
-def test_a_name_counts_where_the_shape_fits(form: str, tmp_path: Path, capsys: Any) -> None:
-    """`T` is no time, `y` no travel, `pose` no motion: what they are is told by shape."""
-    import h5py
-    from scipy.io import savemat
-
-    frames, poses = 60, 25
-    x = np.tile(np.linspace(-20, 20, 320), (frames, 1))
-    motions = np.tile(np.eye(4), (poses, 1, 1))
-    motions[:, :3, 3] = np.linspace([900, 0, 500], [900, 60, 500], poses)
-    arrays = {"Y": x, "pose": np.ones((frames, 6)), "hoehe": 80.0 + 0.01 * x**2, "T": motions, "t": np.arange(25.0)}
-    arrays["stempel"] = np.linspace(0.0, 24.0, frames)
-    source = tmp_path / ("cell.npz" if form == "npz" else "cell.mat")
-    if form == "npz":
-        np.savez(source, **arrays)
-    elif form == "4 x 4 x K":
-        savemat(source, {**arrays, "T": np.moveaxis(motions, 0, 2)})
-    else:
-        with h5py.File(source, "w", userblock_size=512) as file:
-            for name, value in arrays.items():
-                file[name] = value.T
-        with open(source, "r+b") as raw:
-            raw.write(b"MATLAB 7.3 MAT-file")
-    tree, told = drafted(tmp_path, capsys, source)
-    roles = {"x": "Y", "z": "hoehe", "time": "stempel", "base_from_flange": "T", "pose_time": "t"}
-    assert {role: name for role, name in tree["arrays"].items() if role in roles} == roles
-    assert "left out: pose (60, 6)" in told
-    out = tmp_path / "cell.h5"
-    assert main(["import", str(source), "--mapping", str(tmp_path / "map.json"), "--out", str(out)]) == 0
-    np.testing.assert_allclose(read(out).robot_position_mm, motions[:, :3, 3])
-
-
-def test_a_time_of_another_count_is_left_out_and_told(tmp_path: Path, capsys: Any) -> None:
-    x = np.tile(np.linspace(-20, 20, 320), (60, 1))
-    np.savez(tmp_path / "a.npz", x=x, z=80.0 + 0.01 * x**2, t=np.arange(61.0), y=np.arange(60.0))
-    assert main(["import", str(tmp_path / "a.npz"), "--out", str(tmp_path / "a.h5")]) == 0
-    assert "left out, by shape: t (61,)" in capsys.readouterr().out
+@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("m", 1000.0)])
+def test_the_units_of_arrays_are_told_by_their_numbers(
+    unit: str, mm: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = np.tile(np.eye(4), (25, 1, 1))
+    poses[:, :3, 3] = np.linspace([900, 0, 500], [900, 60, 500], 25) / mm
+    np.save(tmp_path / "poses.npy", poses)
+    tree, _ = drafted(tmp_path, capsys, tmp_path / "poses.npy")
+    assert tree["arrays"]["length_unit"] == unit
+    assert any("arrays.length_unit" in text for text in tree["uncertain"])
+    assert main(["look", str(tmp_path / "poses.npy")]) == 0
+    shown = capsys.readouterr().out
+    assert "flange: x 900 to 900 mm, y 0 to 60 mm" in shown
+    assert f"arrays.length_unit: {unit}, by the size of the numbers" in shown
 
 
 def test_arrays_that_hold_no_profile_are_refused_by_what_they_hold(tmp_path: Path, capsys: Any) -> None:

@@ -1,4 +1,4 @@
-"""Height maps, height grids, SICK scans, arrays, joints with stamps, organised clouds: each comes in as it was made."""
+"""SICK scans, arrays, joints with stamps, clouds, trackers: each comes in as it was made."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.io
-import tifffile
-from PIL import Image
 
 from tests.importing.conftest import MAPPING
-from tests.importing.makers import COLUMNS, FRAMES, PITCH_MM, STEP_MM, TRAVEL_MM, X_MM, heights_mm
+from tests.importing.makers import COLUMNS, FRAMES, PITCH_MM, STEP_MM, X_MM, heights_mm
 from workbench.artefacts import Recording
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.scan.read import read
 
 ROOT = Path(__file__).parents[2]
 SYNTHETIC = ROOT / "data" / "synthetic"
@@ -38,82 +34,6 @@ def check(got: Recording, tolerance: float = 1e-4) -> None:
     np.testing.assert_allclose(got.z_mm, heights_mm(), atol=tolerance)
     np.testing.assert_allclose(np.diff(got.x_mm, axis=1)[np.isfinite(np.diff(got.x_mm, axis=1))], PITCH_MM, atol=1e-6)
     np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM)
-
-
-@pytest.mark.parametrize("kind", ["tiff16", "tiff32", "tifff", "png16"])
-def test_height_maps(kind: str, tmp_path: Path, imported: Imported) -> None:
-    z = heights_mm()
-    counts = np.nan_to_num((z - 70.0) / 0.001).round()
-    path = tmp_path / ("a.png" if kind == "png16" else "a.tif")
-    if kind == "png16":
-        Image.fromarray(counts.astype(np.uint16)).save(path)
-    else:
-        tifffile.imwrite(path, z.astype("f4") if kind == "tifff" else counts.astype("u2" if kind == "tiff16" else "i4"))
-    scale = {} if kind == "tifff" else {"z_scale": 0.001, "z_offset": 70.0}
-    part = {"x_pitch": PITCH_MM, "y_pitch": STEP_MM, **scale}
-    check(imported(path, mapping=mapping(tmp_path, height_map=part)), 6e-4)
-
-
-def test_a_height_map_is_drafted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", np.nan_to_num((heights_mm() - 70) * 1000).astype("u2"))
-    assert main(["import", str(tmp_path / "a.tif"), "--out", str(tmp_path / "a.h5")]) == 2
-    assert "expected 'height_map' in the mapping with x_pitch" in capsys.readouterr().err
-    assert main(["import", "--draft", str(tmp_path / "a.tif"), "--out", str(tmp_path / "m.json")]) == 0
-    drafted = json.loads((tmp_path / "m.json").read_text())
-    assert any("x_pitch" in text for text in drafted["uncertain"])
-    sources = [str(tmp_path / "a.tif"), "--mapping", str(tmp_path / "m.json"), "--out", str(tmp_path / "a.h5")]
-    assert main(["import", *sources]) == 0
-    assert "not confirmed: height_map.z_scale" in capsys.readouterr().out
-    assert main(["look", str(tmp_path / "a.tif")]) == 0
-
-
-@pytest.mark.parametrize("kind", ["f8", "f4", "i4"])
-def test_a_height_map_of_numpy(
-    kind: str, tmp_path: Path, imported: Imported, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Heights alone, in mm, metres or counts: as images are, in the draft too."""
-    z, path = np.tile(heights_mm(), (2, 1)), tmp_path / "a.npy"  # rows enough for no column to be a role of its own
-    counts = np.nan_to_num((z - 70.0) / 0.001).round()
-    np.save(path, {"f8": z, "f4": z / 1000, "i4": counts}[kind].astype(kind))
-    assert main(["import", str(path), "--out", str(tmp_path / "a.h5")]) == 2
-    assert "expected 'height_map' in the mapping with x_pitch" in capsys.readouterr().err
-    assert main(["import", "--draft", str(path), "--out", str(tmp_path / "m.json")]) == 0
-    drafted = json.loads((tmp_path / "m.json").read_text())
-    assert any("height_map.x_pitch, height_map.y_pitch" in text for text in drafted["uncertain"])
-    assert any("height_map.z_scale" in text for text in drafted["uncertain"])
-    assert drafted["height_map"]["z_scale"] == {"f8": 1.0, "f4": 1000.0, "i4": 0.001}[kind]
-    assert main(["look", str(path)]) == 0
-    assert "height map" in capsys.readouterr().out
-    scale = {"f4": {"z_scale": 1000.0}, "i4": {"z_scale": 0.001, "z_offset": 70.0}}.get(kind, {})
-    part = {"x_pitch": PITCH_MM, "y_pitch": STEP_MM, **scale}
-    got = imported(path, mapping=mapping(tmp_path, height_map=part))
-    np.testing.assert_allclose(got.z_mm, z, atol=6e-4)
-    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM)
-
-
-@pytest.mark.parametrize("damage", ["cut", "colours", "empty"])
-def test_damaged_images(damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "a.tif"
-    tifffile.imwrite(path, np.zeros((20, 30, 3), "u1") if damage == "colours" else np.ones((200, 300), "u2"))
-    if damage != "colours":
-        path.write_bytes(path.read_bytes()[: 9000 if damage == "cut" else 8])
-    part = {"x_pitch": 1.0, "y_pitch": 1.0}
-    arguments = ["--mapping", str(mapping(tmp_path, height_map=part)), "--out", str(tmp_path / "a.h5")]
-    assert main(["import", str(path), *arguments]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("corner", "delimiter", "decimal"), [("y/x", ",", "."), ("Y\\X", "\t", "."), ("y/x", ";", ",")]
-)
-def test_height_grids(corner: str, delimiter: str, decimal: str, tmp_path: Path, imported: Imported) -> None:
-    def row(first: str, values: Any) -> str:
-        texts = ["-999.999" if np.isnan(v) else f"{v:.3f}" for v in values]
-        return delimiter.join([first, *texts]).replace(".", decimal)
-
-    rows = [row(corner, X_MM), *(row(f"{y:.3f}", z) for y, z in zip(TRAVEL_MM, heights_mm(), strict=True))]
-    (tmp_path / "g.csv").write_text("\n".join(rows) + "\n")
-    check(imported(tmp_path / "g.csv"))
 
 
 def write_sick(folder: Path) -> Path:
@@ -148,7 +68,7 @@ def test_sick_scans(tmp_path: Path, imported: Imported) -> None:
         imported(path.with_suffix(".xml"))
 
 
-@pytest.mark.parametrize("ending", [".npz", ".mat", ".npy"])
+@pytest.mark.parametrize("ending", [".npz", ".npy"])
 def test_arrays(ending: str, tmp_path: Path, milled: Recording, imported: Imported) -> None:
     every = slice(None, None, 20)
     profiles = {"x": milled.x_mm[every], "z": milled.z_mm[every], "time": milled.time_s[every]}
@@ -157,13 +77,10 @@ def test_arrays(ending: str, tmp_path: Path, milled: Recording, imported: Import
         "quaternion_wxyz": milled.robot_quaternion_wxyz,
         "time": milled.robot_time_s,
     }
-    sources = [tmp_path / f"scan{ending}", tmp_path / f"robot{ending if ending != '.npy' else '.npz'}"]
+    sources = [tmp_path / f"scan{ending}", tmp_path / "robot.npz"]
     if ending == ".npz":
         np.savez(sources[0], **profiles)
         np.savez(sources[1], **poses)
-    elif ending == ".mat":
-        scipy.io.savemat(sources[0], profiles)
-        scipy.io.savemat(sources[1], poses)
     else:
         np.save(sources[0], np.stack([profiles["x"], profiles["z"]]))
         np.savez(sources[1], **poses)
@@ -207,7 +124,7 @@ def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, impo
         imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
 
 
-@pytest.mark.parametrize("ending", [".npy", ".npz", ".mat"])
+@pytest.mark.parametrize("ending", [".npy", ".npz"])
 def test_joints_in_arrays(
     ending: str, tmp_path: Path, milled: Recording, imported: Imported, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -221,10 +138,8 @@ def test_joints_in_arrays(
     np.savez(sources[1], x=milled.x_mm, z=milled.z_mm)
     if ending == ".npy":
         np.save(sources[0], joints)
-    elif ending == ".npz":
-        np.savez(sources[0], gelenke=joints, uhr=np.arange(count) * 1e-2)
     else:
-        scipy.io.savemat(sources[0], {"robot": {"Q": joints, "time": np.arange(count) * 1e-2}})
+        np.savez(sources[0], joints=joints, pose_time=np.arange(count) * 1e-2)
     assert main(["import", str(sources[0]), "--out", str(tmp_path / "a.h5")]) == 2
     capsys.readouterr()
     assert main(["import", "--draft", *map(str, sources), "--out", str(tmp_path / "m.json")]) == 0
@@ -261,36 +176,6 @@ def test_a_linear_joint_is_counted_in_its_own_unit(tmp_path: Path, milled: Recor
     parts["joints"] = {**part, "length_unit": "m"}
     with pytest.raises(InputError, match="line 2: joint 'rail': expected -1 to 2 m, found 1200"):
         imported(*sources, mapping=mapping(tmp_path, **parts))
-
-
-@pytest.mark.parametrize("unit", ["mm", "m"])
-def test_an_organised_pcd_keeps_its_grid(unit: str, tmp_path: Path, imported: Imported) -> None:
-    scale = 1.0 if unit == "mm" else 1e-3
-    z = heights_mm()
-    points = np.stack([np.broadcast_to(X_MM, z.shape), np.broadcast_to(TRAVEL_MM[:, None], z.shape), z], axis=2) * scale
-    points[np.isnan(z)] = np.nan
-    head = (
-        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
-        f"WIDTH {COLUMNS}\nHEIGHT {FRAMES}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {z.size}\nDATA binary\n"
-    )
-    (tmp_path / "o.pcd").write_bytes(head.encode() + points.astype("<f4").tobytes())
-    got = imported(tmp_path / "o.pcd")
-    np.testing.assert_allclose(got.z_mm, z, atol=1e-4)
-    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM, atol=1e-5)
-    assert main(["look", str(tmp_path / "o.pcd")]) == 0
-
-
-def test_a_ply_whose_points_stand_profile_after_profile_gets_its_grid(tmp_path: Path, imported: Imported) -> None:
-    z = heights_mm()
-    grid = np.stack([np.broadcast_to(X_MM, z.shape), np.broadcast_to(TRAVEL_MM[:, None], z.shape), z], axis=2)
-    points = grid[np.isfinite(z)]
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
-    (tmp_path / "o.ply").write_bytes(head.encode() + points.astype("<f4").tobytes())
-    got = imported(tmp_path / "o.ply")
-    np.testing.assert_allclose(np.sort(got.z_mm[np.isfinite(got.z_mm)]), np.sort(z[np.isfinite(z)]), atol=1e-4)
-    assert len(got.z_mm) == FRAMES
-    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["c.ply", "c.xyz"])
@@ -386,17 +271,6 @@ def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pyte
     (tmp_path / "t.txt").write_text(text + "Pos 6\nX=1 Y=2\n")
     assert main(["look", str(tmp_path / "t.txt")]) == 2
     assert "line 17: expected 'Pos n', or a reading" in capsys.readouterr().err
-
-
-def test_structures_of_matlab_are_read_by_their_fields(tmp_path: Path, imported: Imported) -> None:
-    milled = read(recording=SYNTHETIC / "milled_edge.h5")
-    scan = {"X": milled.x_mm[::50], "Z": milled.z_mm[::50], "Time": milled.time_s[::50]}
-    poses = {"position": milled.robot_position_mm, "quaternion_wxyz": milled.robot_quaternion_wxyz}
-    robot = {**poses, "pose_time": milled.robot_time_s}
-    scipy.io.savemat(tmp_path / "s.mat", {"scan": scan, "robot": robot})
-    got = imported(tmp_path / "s.mat")
-    np.testing.assert_array_equal(got.z_mm, milled.z_mm[::50])
-    np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm)
 
 
 REAL = {  # of 22 foreign sets: SICK's samples are made in a test of their own, cam.txt is a table of numbers

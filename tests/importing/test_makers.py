@@ -52,35 +52,23 @@ def test_gopxl_files_are_frames_in_the_order_given(tmp_path: Path, imported: Imp
     np.testing.assert_array_equal(made.intensity[3], 100 + np.arange(makers.COLUMNS))
 
 
-def test_keyence_text(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    files = [makers.write_keyence_text(tmp_path / f"{i}.txt", i) for i in range(makers.FRAMES)]
-    made = imported(*files, mapping=mapped(**AXIS, times={"source": "pose_each", "pitch_mm": makers.STEP_MM}))
+def test_a_keyence_profile_by_a_mapping(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """Whole numbers of 0.01 micrometres between tabs; codes for no return in the mapping (docs/importing.md)."""
+    files = [tmp_path / f"{i}.txt" for i in range(makers.FRAMES)]
+    for file, row in zip(files, makers.heights_mm() - 80.0, strict=True):
+        z = [-2147483648 if np.isnan(one) else round(one * 1e5) for one in row]
+        file.write_text("".join(f"{round(x * 1e5)}\t{v}\r\n" for x, v in zip(makers.X_MM, z, strict=True)))
+    part = {"delimiter": "\t", "header": False, "length_unit": "0.01um", "frames": "one", "columns": {"x": 0, "z": 1}}
+    part["missing"] = [-2147483648, -2147483647, -2147483646, -2147483645]
+    times = {"source": "pose_each", "pitch_mm": makers.STEP_MM}
+    made = imported(*files, mapping=mapped(**AXIS, profiles={"files": "*.txt", **part}, times=times))
     assert_is_the_plate(made, z_offset_mm=80.0)
 
 
-@pytest.mark.parametrize("luminance", [False, True])
-def test_keyence_raw(luminance: bool, tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    """Heights in steps of ZUnit: rounding errs by half of it, 0.4 micrometres here."""
-    raw = {"files": "*.bin", "columns": makers.COLUMNS, "x_start": -500_000, "x_pitch": 25_000, "z_unit": 80}
-    mapping = mapped(
-        **AXIS, keyence_raw={**raw, "luminance": luminance}, times={"source": "pose_each", "pitch_mm": makers.STEP_MM}
-    )
-    made = imported(makers.write_keyence_raw(tmp_path / "a.bin", 80, luminance), mapping=mapping)
-    assert_is_the_plate(made, z_offset_mm=80.0, z_error_mm=0.0005)
-    assert (made.intensity is not None) == luminance
-    if made.intensity is not None:
-        np.testing.assert_array_equal(made.intensity.ravel(), np.arange(made.z_mm.size))
-
-
-def test_keyence_raw_worked_example(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    """v = 42768, ZUnit 160: 10000 * 160 / 100 um = 16 mm; XStart -1000000, XPitch 5000: x of point 2 is -9.9 mm."""
-    raw = {"files": "a.bin", "columns": 200, "x_start": -1_000_000, "x_pitch": 5000, "z_unit": 160}
-    np.full((3, 200), 42768, "<u2").tofile(tmp_path / "a.bin")
-    made = imported(
-        tmp_path / "a.bin", mapping=mapped(**AXIS, keyence_raw=raw, times={"source": "pose_each", "pitch_mm": 1})
-    )
-    assert made.z_mm[0, 0] == pytest.approx(16.0)
-    assert made.x_mm[0, 2] == pytest.approx(-9.9)
+def test_arrays_that_another_program_has_made(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
+    """What docs/importing.md says of images, grids, raw heights and clouds: x, z and the travel, as one file."""
+    np.savez(tmp_path / "a.npz", x=makers.X_MM, z=makers.heights_mm(), travel=makers.TRAVEL_MM)
+    assert_is_the_plate(imported(tmp_path / "a.npz", mapping=mapped(**AXIS)))
 
 
 def swapped(path: Path, old: str, new: str) -> Path:
@@ -114,13 +102,6 @@ def test_damage_is_named_by_line(case: str, tmp_path: Path, imported: Import, ma
     with pytest.raises(InputError, match=message):
         imported(swapped(write(tmp_path / "a.csv"), old, new), mapping=mapped(**AXIS))
     assert not (tmp_path / "imported.h5").exists()
-
-
-def test_profiles_side_by_side_are_asked_about(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    path = tmp_path / "a.txt"
-    path.write_text("".join(f"{i * 1000}\t5\t6\n" for i in range(20)))
-    with pytest.raises(InputError, match="2 profiles side by side"):
-        imported(path, mapping=mapped(**AXIS))
 
 
 @pytest.mark.parametrize(

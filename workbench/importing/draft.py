@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, OutputError, one_line
-from workbench.importing import arrays, images, organised, programs
+from workbench.importing import arrays, programs
 from workbench.importing.assemble import assemble, joined
-from workbench.importing.kinds import read_source
+from workbench.importing.kinds import AS_A_CLOUD, read_source
 from workbench.importing.mapping import Mapping, no_mapping
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
 from workbench.importing.neutral import Imported
 from workbench.importing.roles import (
     ANGLES,
@@ -68,17 +68,15 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     doubts: list[str] = []
     lines: list[str] = []
     by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": [], "joints": []}
+    of_arrays = [one for one in sources if one.is_file() and arrays.recognises(one, first_bytes(one), no_mapping())]
     for source in sources:
         try:
             known = read_source(source, no_mapping())
+            if [source] == of_arrays:  # numbers alone: nothing in the file tells their units
+                raise InputError(str(source), "expected 'arrays' in the mapping")
         except InputError as error:
-            if source.is_file() and images.recognises(source, first_bytes(source), no_mapping()):
-                part, more = images.drafted(source)
-                tree["height_map"] = {"files": glob.escape(source.name), **part}
-                doubts += more
-                continue
-            if source.is_file() and arrays.recognises(source, first_bytes(source), no_mapping()):
-                part, more = _arrays(source, error)
+            if source in of_arrays:
+                part, more = _arrays(source)
                 tree["arrays"] = {"files": glob.escape(source.name), **part}
                 doubts += more
                 continue
@@ -108,30 +106,32 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     return tree, lines
 
 
-def _arrays(source: Path, error: InputError) -> tuple[Tree, list[str]]:
-    """The part `arrays`; the reader's own refusal where it tells no profiles and no poses."""
-    names, values, doubts = arrays.drafted(source)
+def _arrays(source: Path) -> tuple[Tree, list[str]]:
+    """The part `arrays` of a file whose names tell what is in it: its units, by the size of the numbers.
+
+    Raises:
+        InputError: names that tell no profiles, poses or joints.
+    """
+    names, values = arrays.told(source, ArraysPart())
+    part: Tree = {"length_unit": "mm"}
+    doubts: list[str] = []
     if {"x", "z"} <= set(names):
-        unit, more = _length("arrays", "", float(np.ptp(values["x"][np.isfinite(values["x"])])), WIDTH_MM)
-    elif {"position", "quaternion_wxyz"} <= set(names):
-        unit, more = _length("arrays", "", float(np.linalg.norm(values["position"], axis=1).max()), USUAL_REACH_MM)
-    elif "base_from_flange" in names:
-        places = values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
-        unit, more = _length("arrays", "", float(np.linalg.norm(places, axis=1).max()), USUAL_REACH_MM)
+        part["length_unit"], doubts = _length(
+            "arrays", "", float(np.nanmax(values["x"]) - np.nanmin(values["x"])), WIDTH_MM
+        )
+    elif {"position", "base_from_flange"} & set(names):
+        places = values["position"] if "position" in names else values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
+        reach = float(np.linalg.norm(np.atleast_2d(places), axis=1).max())
+        part["length_unit"], doubts = _length("arrays", "", reach, USUAL_REACH_MM)
     elif "joints" in names:
-        unit, more = "mm", []
-    else:
-        raise error
-    part: Tree = {"length_unit": unit, **names}
-    if "joints" in names:
         largest = float(np.abs(values["joints"]).max())
         part["angle_unit"] = "rad" if largest <= TURN_RAD else "deg"
-        more.append(f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})")
+        doubts = [f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})"]
     times = {"time": FRAME_S, "pose_time": POSE_S}
     if told := next((role for role in times if role in names), None):
-        part["time_unit"], seconds = _time("arrays", "", np.diff(values[told].astype(float)), times[told])
-        more += seconds
-    return part, doubts + more
+        part["time_unit"], more = _time("arrays", "", np.diff(np.atleast_1d(values[told]).astype(float)), times[told])
+        doubts += more
+    return {**part, **names}, doubts
 
 
 def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
@@ -153,7 +153,7 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
         names = ", ".join(map(repr, form.header[:12])) or f"{form.rows.shape[1]} columns without names"
         known = f" (understood: {', '.join(columns.roles)})" if columns.roles else ""
         if form.rows.shape[1] == 3 or {"x", "y", "z"} <= set(map(str.lower, form.header)):
-            raise InputError(str(source), f"three coordinates a point, in no rows of profiles. {organised.AS_A_CLOUD}")
+            raise InputError(str(source), f"three coordinates a point, in no rows of profiles: {AS_A_CLOUD}")
         raise InputError(
             str(source),
             f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}",

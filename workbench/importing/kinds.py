@@ -10,7 +10,7 @@ from typing import Protocol, cast
 
 from workbench import force_file
 from workbench.errors import InputError
-from workbench.importing import joints, organised, poses, tables, tracker
+from workbench.importing import joints, poses, tables, tracker
 from workbench.importing.mapping import Mapping, claimed_by
 from workbench.importing.mapping_parts import Column, TextPart
 from workbench.importing.neutral import Imported
@@ -21,13 +21,9 @@ KINDS = (  # modules of workbench.importing
     "bags",
     "gocator",
     "gopxl",
-    "keyence",
     "scancontrol",
-    "height_grids",
     "sick",
-    "images",
     "arrays",
-    "organised",
     "tables",
     "poses",
     "joints",
@@ -37,7 +33,11 @@ KINDS = (  # modules of workbench.importing
     "opencv",
 )
 BOTH = {"tracker", "joints"}  # that one file may hold
-CLOUDS = (".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
+CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
+AS_A_CLOUD = (
+    "it is a cloud, and nothing of it goes into a recording: workbench run pipelines/inspect_cloud.json "
+    "--input cloud=FILE, with --input unit=m where it is in metres (docs/clouds.md)"
+)
 
 
 class Reader(Protocol):
@@ -79,7 +79,7 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
 def _other(path: Path, head: bytes) -> str:
     """What a file is that is no source of a recording, and where it goes; '' where nothing is known of it."""
     if path.suffix.lower() in CLOUDS:
-        return organised.AS_A_CLOUD[0].lower() + organised.AS_A_CLOUD[1:]
+        return AS_A_CLOUD
     text = head_text(head)
     return f"{force_file.NAME}: forces over time, no recording" if force_file.recognises(text) else ""
 

@@ -26,7 +26,6 @@ from workbench.importing.mapping_parts import (
     LENGTH_MM,
     ArraysPart,
     BagPart,
-    HeightMapPart,
     JointsPart,
     LengthUnit,
     Matrix,
@@ -34,7 +33,6 @@ from workbench.importing.mapping_parts import (
     PosesPart,
     ProfilesPart,
     ProgramPart,
-    RawPart,
     StampsPart,
     TrackerPart,
     check_convention,
@@ -159,11 +157,9 @@ class Mapping(Part):
     robot: str | None = Field(default=None, description="maker and type")
     robot_serial: str | None = Field(default=None, description="its serial number")
     profiles: ProfilesPart | None = Field(default=None, description="a table of profiles in a text file")
-    keyence_raw: RawPart | None = Field(default=None, description="a Keyence file of raw heights")
     poses: PosesPart | None = Field(default=None, description="a table of poses in a text file")
     program: ProgramPart | None = Field(default=None, description="a robot's program of taught positions")
-    height_map: HeightMapPart | None = Field(default=None, description="an image of heights")
-    arrays: ArraysPart | None = Field(default=None, description="arrays of numpy or MATLAB")
+    arrays: ArraysPart | None = Field(default=None, description="arrays of numpy")
     joints: JointsPart | None = Field(default=None, description="a table of joint positions, and the robot's URDF")
     stamps: StampsPart | None = Field(default=None, description="times in a file of their own")
     tracker: TrackerPart | None = Field(default=None, description="readings of a laser tracker")
@@ -366,17 +362,7 @@ def _path(place: Place) -> str:
     return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
 
 
-Named = (
-    ProfilesPart
-    | PosesPart
-    | RawPart
-    | HeightMapPart
-    | ArraysPart
-    | JointsPart
-    | StampsPart
-    | TrackerPart
-    | ProgramPart
-)
+Named = ProfilesPart | PosesPart | ArraysPart | JointsPart | StampsPart | TrackerPart | ProgramPart
 
 
 def claims(part: Named | None, path: Path) -> bool:
@@ -389,8 +375,6 @@ def claimed_by(path: Path, mapping: Mapping) -> list[str]:
     parts: dict[str, Named | None] = {
         "tables": mapping.profiles,
         "poses": mapping.poses,
-        "keyence": mapping.keyence_raw,
-        "images": mapping.height_map,
         "arrays": mapping.arrays,
         "joints": mapping.joints,
         "stamps": mapping.stamps,

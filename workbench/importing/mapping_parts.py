@@ -1,4 +1,4 @@
-"""What a mapping file may say of tables, height maps, arrays, joints, stamps and bags: known keys, finite numbers."""
+"""What a mapping file may say of tables, arrays, joints, stamps and bags: known keys, finite numbers."""
 
 from __future__ import annotations
 
@@ -88,21 +88,6 @@ class ProfilesPart(TextPart):
         return self
 
 
-class RawPart(Part):
-    """A Keyence file of raw uint16 heights, 0 = no return.
-
-    z = (v - 32768) z_unit / 100 and x = (x_start + i x_pitch) / 100, in micrometres.
-    """
-
-    files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
-    columns: int = Field(ge=2, le=10_000, description="points a profile")
-    x_start: int = Field(description="XStart of the profile information")
-    x_pitch: int = Field(description="XPitch of the profile information")
-    z_unit: int = Field(gt=0, le=65_535, description="ZUnit as the controller gives it")
-    luminance: bool = Field(default=False, description="whether luminance of all profiles follows their heights")
-    byte_order: Literal["little", "big"] = "little"
-
-
 class PosesPart(TextPart):
     """A table of flange poses: one row a pose."""
 
@@ -146,25 +131,6 @@ def check_convention(convention: str, count: int, angle_unit: str | None, what: 
         raise ValueError(f"expected angle_unit for {convention}")
 
 
-class HeightMapPart(Part):
-    """An image of heights, TIFF or PNG: a row a profile."""
-
-    files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
-    length_unit: LengthUnit = Field(default="mm", description="of the pitches, of z_scale and z_offset")
-    x_pitch: float = Field(description="from column to column")
-    y_pitch: float = Field(description="from row to row: the way along the scan")
-    z_scale: float = Field(default=1.0, description="length a count; 1 where the image holds lengths")
-    z_offset: float = Field(default=0.0, description="z of the value 0")
-    missing: list[float] = Field(default=[0.0], description="values of the image that mean no return, besides NaN")
-
-    @model_validator(mode="after")
-    def _steps(self) -> HeightMapPart:
-        for name in ("x_pitch", "y_pitch", "z_scale"):
-            if not getattr(self, name):
-                raise ValueError(f"expected {name} other than 0")
-        return self
-
-
 class Robot(Protocol):
     """A part that names the robot whose joints it tells."""
 
@@ -180,7 +146,7 @@ def check_robot(part: Robot) -> None:
 
 
 class ArraysPart(Part):
-    """Arrays of a .npz or .mat file by name, where their own names do not tell what they are."""
+    """Arrays of a .npz file by name, where their own names do not tell what they are."""
 
     files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
     length_unit: LengthUnit = Field(default="mm", description="of every length in the file")

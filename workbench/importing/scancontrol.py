@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.height_grids import CORNER
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames, gridded
 from workbench.importing.text import cells, decoded, head_text, numbers, read_lines_as_bytes
@@ -31,7 +30,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     first = head_text(head).split("\n", 1)[0]
     row = cells(first, ";")[: -1 if first.count(";") > FEWEST_POINTS else None]
     good = sum(NUMBER.fullmatch(cell) is not None for cell in row)
-    return len(row) >= FEWEST_POINTS and good >= GOOD_SHARE * len(row) and CORNER.match(first) is None
+    return len(row) >= FEWEST_POINTS and good >= GOOD_SHARE * len(row)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:

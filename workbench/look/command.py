@@ -17,7 +17,7 @@ from workbench.cloud import readers
 from workbench.cloud.read import LEAST_POINTS, MM, check_size, fitting_units, in_process, unit_stated
 from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
 from workbench.errors import InputError, OutputError, one_line
-from workbench.importing import tracker
+from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
@@ -128,14 +128,13 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     if suffix in cad.SUFFIXES:
         return _model(file)
     if suffix in readers.READERS and suffix not in TEXTS:
-        try:
-            return _foreign(file, chosen)
-        except InputError:
-            return _cloud(file)
+        return _cloud(file)
     if (other := _other(file)) is not None:
         return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
-    if mapping is None and not tracker.recognises(file, first_bytes(file), chosen):
+    if mapping is None and suffix in arrays.MAGIC:
+        ways = [_drafted]  # numbers alone: their units are drafted
+    elif mapping is None and not tracker.recognises(file, first_bytes(file), chosen):
         ways += [_drafted, *([_cloud_of_text, _numbers] if suffix in TEXTS else [])]
     refused: list[InputError] = []
     for way in ways:

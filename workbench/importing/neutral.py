@@ -184,11 +184,21 @@ class Points:
         self.rows += len(x_mm)
         self.frames += len(self._starts[-1])
 
+    def add_frame(self, x_mm: Float32, z_mm: Float32, intensity: AnyArray) -> None:
+        """A whole frame (r,), perhaps of no points."""
+        self._starts.append(np.array([self.rows]))
+        for values, column in ((self._x, x_mm), (self._z, z_mm), (self._light, intensity)):
+            if len(column):
+                values.add(column)
+        self.rows += len(x_mm)
+        self.frames += 1
+
     def gridded(self, where: str, *, by_spacing: bool = True) -> Grid:
         """The grid; the points are gone from here afterwards.
 
-        Frames of unequal length are laid out by the gaps in x, so that columns stay the sensor's pixels as far as the
-        file shows them; where the gaps tell nothing, or `by_spacing` is False, points are counted from column 0.
+        Frames of unequal length (none is one without returns) are laid out by the gaps in x between returns, so that
+        columns stay the sensor's pixels as far as the file shows them; where the gaps tell nothing, or `by_spacing` is
+        False, points are counted from column 0.
         """
         starts = np.concatenate(self._starts)
         counts = np.diff(np.append(starts, self.rows))
@@ -197,12 +207,18 @@ class Points:
         if counts.min() == counts.max():
             shape = (len(counts), int(counts[0]))
             return Grid(x.reshape(shape), z.reshape(shape), None if light is None else light.reshape(shape), "")
+        if len({*np.unique(counts)} - {0}) == 1:  # frames without returns apart, all are alike
+            by_spacing = False
+        elif not (seen := np.isfinite(x) & np.isfinite(z)).all():
+            counts = np.diff(np.append(0, np.cumsum(seen))[np.append(starts, self.rows)])
+            starts = np.cumsum(counts) - counts
+            x, z, light = x[seen], z[seen], None if light is None else light[seen]
         note = f"frames of {counts.min()} to {counts.max()} points: columns "
         columns = _by_spacing(x, starts, counts) if by_spacing else None
         note += "counted from each frame's first point" if columns is None else "by the gaps in x"
         if columns is None:
             columns = _by_count(starts, counts)
-        width = max(int(each.max()) for each in columns) + 1
+        width = max(int(each.max(initial=0)) for each in columns) + 1
         if len(counts) * width > max(FEW_CELLS, MOST_EMPTY * self.rows):
             raise InputError(where, f"expected frames of alike length, found {counts.min()} to {counts.max()} points")
         into = partial(_filled, (len(counts), width), starts, counts, columns)
@@ -255,9 +271,9 @@ def _blocks(counts: Int) -> Iterator[tuple[int, int]]:
 
 def _firsts(starts: Int, first: int, last: int, begin: int, end: int) -> Bool:
     """(end - begin,) True where the frames from `first` to `last` - 1 begin."""
-    made = np.zeros(end - begin, bool)
+    made = np.zeros(end - begin + 1, bool)  # the last frames may be empty
     made[starts[first:last] - begin] = True
-    return made
+    return made[:-1]
 
 
 def _by_count(starts: Int, counts: Int) -> list[AnyArray]:
@@ -276,12 +292,15 @@ def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | Non
     pitch = origin = None
     for first, last in _blocks(counts):
         begin, end = int(starts[first]), int(ends[last - 1])
+        if begin == end:
+            columns.append(np.zeros(0, np.uint16))
+            continue
         x, at = x_mm[begin:end].astype(np.float64), _firsts(starts, first, last, begin, end)
         if pitch is None:
             pitch = usual_pitch(x, at)
-            if pitch is None or not np.isfinite(x_mm[starts]).all():
+            if pitch is None:
                 return None
-            origin = float((x_mm[starts] / pitch).min())
+            origin = float((x_mm[starts[counts > 0]] / pitch).min())
         found = columns_by_spacing(x, at, pitch_mm=pitch, origin=origin)
         if found is None:
             return None

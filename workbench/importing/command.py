@@ -17,6 +17,7 @@ from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
 from workbench.importing.tracker import joined, write_table
 from workbench.recording_file import write
+from workbench.units import Float32
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
 BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000
@@ -95,26 +96,30 @@ def _check_names(sources: Sequence[str | Path], target: Path) -> None:
         raise InputError(str(twice), "stands twice among the sources")
 
 
-def summary(recording: Recording) -> list[str]:
-    """Frames, columns, pitch, missing share, duration and travel of a recording."""
-    frames, columns = recording.z_mm.shape
-    some = recording.x_mm[:: max(1, frames * columns // PITCH_POINTS)]
-    step_mm = np.abs(np.diff(some, axis=1))
+def grid_told(x_mm: Float32, z_mm: Float32) -> list[str]:
+    """Frames, columns, pitch, missing share of profiles (N, M), and within what they lie."""
+    frames, columns = z_mm.shape
+    step_mm = np.abs(np.diff(x_mm[:: max(1, frames * columns // PITCH_POINTS)], axis=1))
     pitch_mm = float(np.nanmedian(step_mm)) if np.isfinite(step_mm).any() else float("nan")
     seen, ranges = 0, np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
     for at in range(0, frames, BLOCK_FRAMES):
-        x, z = recording.x_mm[at : at + BLOCK_FRAMES], recording.z_mm[at : at + BLOCK_FRAMES]
+        x, z = x_mm[at : at + BLOCK_FRAMES], z_mm[at : at + BLOCK_FRAMES]
         back = np.isfinite(x) & np.isfinite(z)
         seen += int(back.sum())
         for row, grid in zip(ranges, (x, z), strict=True):
             row[0] = min(row[0], np.min(grid, initial=np.inf, where=back))
             row[1] = max(row[1], np.max(grid, initial=-np.inf, where=back))
-    lines = [
+    return [
         f"profiles: {frames} frames of {columns} columns, pitch {pitch_mm:.4g} mm, "
         f"{100 * (1 - seen / (frames * columns)):.1f} % missing",
-        "returns: x {:.4g} to {:.4g} mm, z {:.4g} to {:.4g} mm".format(*ranges.ravel())
-        + ("" if recording.intensity is None else ", with intensity"),
+        "returns: x {:.4g} to {:.4g} mm, z {:.4g} to {:.4g} mm".format(*ranges.ravel()) if seen else "returns: none",
     ]
+
+
+def summary(recording: Recording) -> list[str]:
+    """Frames, columns, pitch, missing share, duration and travel of a recording."""
+    lines = grid_told(recording.x_mm, recording.z_mm)
+    lines[-1] += "" if recording.intensity is None else ", with intensity"
     for number in np.unique(recording.pass_index):
         frame, pose = recording.pass_index == number, recording.robot_pass == number
         time_s, position_mm = recording.time_s[frame], recording.robot_position_mm[pose]

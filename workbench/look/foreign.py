@@ -19,11 +19,12 @@ import numpy as np
 from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing import tracker
+from workbench.importing.command import grid_told
 from workbench.importing.joints import NO_ROBOT
 from workbench.importing.neutral import Imported, JointStream, TrackerReadings
 from workbench.importing.text import Form
 from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
-from workbench.look.seen import Seen, box, even_grid, measured, pitch_mm, shades_of, stacked, told_profile
+from workbench.look.seen import Seen, box, even_grid, measured, shades_of, stacked, told_profile
 from workbench.units import DEG, Bool, Float
 
 STEP_PITCHES = 1.0  # height from pixel to pixel, in pitches: more is a step between regions
@@ -247,16 +248,9 @@ def frames_alone(found: Imported, source: str) -> Seen:
     """Profiles in their own frame; a single one is measured."""
     frames = found.profiles
     assert frames is not None
-    count, columns = frames.z_mm.shape
+    count = len(frames.z_mm)
     seen = np.isfinite(frames.x_mm) & np.isfinite(frames.z_mm)
-    lines = [
-        *found.notes,
-        f"profiles: {count} frames of {columns} columns, pitch {pitch_mm(frames.x_mm):.4g} mm, "
-        f"{100 * (1 - seen.mean()):.1f} % missing",
-    ]
-    if seen.any():
-        x, z = frames.x_mm[seen], frames.z_mm[seen]
-        lines.append(f"returns: x {x.min():.4g} to {x.max():.4g} mm, z {z.min():.4g} to {z.max():.4g} mm")
+    lines = [*found.notes, *grid_told(frames.x_mm, frames.z_mm)]
     if frames.travel_mm is not None:
         t = frames.travel_mm
         lines.append(f"travel: {t[0]:.6g} to {t[-1]:.6g} mm, {abs(t[-1] - t[0]) / max(1, count - 1):.4g} mm a frame")

@@ -8,20 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from bench.harness import ROOT
-from workbench.api import DEG, Chain, Float, Recording, estimator, inverse_kinematics, pose_from, read_cell
+from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import together
 from workbench.plugins.calibration.tracker import Seen, Tracking
-from workbench.recording_file import write
 
 CELL = ROOT / "data" / "robot" / "cell.json"
 TRUE = pose_from(
@@ -228,58 +226,3 @@ def statement(trials: int) -> list[str]:
         "|---|---|---|---|",
         *(f"| {parameter} | {' | '.join(cells)} |" for parameter, cells in rows.items()),
     ]
-
-
-def write_examples(folder: Path) -> None:
-    """tracker.csv, sphere_robot.h5 and sphere_joints.csv: one robot, the errors of seed 1."""
-    rng = np.random.default_rng(1)
-    arm = draw(rng)
-    said = "; ".join(
-        f"{name} {value:.3f} mm" if long else f"{name} {value / DEG:.4f} deg"
-        for name, value, long in zip(arm.errors.names, arm.x, arm.errors.is_length, strict=True)
-    )
-    joints, places, _ = tracked(rng, arm)
-    places[7, 1] += [300.0, 400.0, 0.0]
-    head = ",".join(f"q{k}_deg" for k in range(1, 7))
-    rows = [
-        f"t{k}," + ",".join(f"{v / DEG:.6f}" for v in q) + "," + ",".join(f"{v:.4f}" for v in place)
-        for q, at in zip(joints, places, strict=True)
-        for k, place in enumerate(at)
-    ]
-    (folder / "tracker.csv").write_text(
-        "\n".join(
-            [
-                f"# simulated: {said}; the reading of t1 in posture 8 is off by 500 mm",
-                f"target,{head},tracker_x_mm,tracker_y_mm,tracker_z_mm",
-                *rows,
-            ]
-        )
-        + "\n"
-    )
-    joints, recorded, centre, _ = sphere(rng, arm)
-    rows = [f"{i}," + ",".join(f"{v / DEG:.9f}" for v in q) for i, q in enumerate(joints)]
-    (folder / "sphere_joints.csv").write_text("\n".join([f"# simulated: {said}", f"pass,{head}", *rows]) + "\n")
-    write(_recording(rng, recorded, centre), folder / "sphere_robot.h5")
-
-
-def _recording(rng: np.random.Generator, recorded: Float, centre: Float) -> Recording:
-    """One frame a posture; z counts away from the sensor."""
-    x = np.broadcast_to((np.arange(640) - 320) * PITCH_MM, (len(centre), 640))
-    high = RADIUS_MM**2 - centre[:, 1:2] ** 2 - (x - centre[:, :1]) ** 2
-    steep = high > 0.03 * (RADIUS_MM**2 - centre[:, 1:2] ** 2)
-    z = np.where(steep, centre[:, 2:] - np.sqrt(np.maximum(high, 0.0)) + rng.normal(0, RANGE_MM, x.shape), np.nan)
-    at = np.arange(len(centre), dtype=float)
-    return Recording(
-        source="sphere_robot.h5",
-        time_s=at,
-        x_mm=x.astype(np.float32),
-        z_mm=np.round(z, 4).astype(np.float32),
-        pass_index=np.arange(len(centre)),
-        robot_time_s=at,
-        robot_position_mm=recorded[:, :3, 3],
-        robot_quaternion_wxyz=Rotation.from_matrix(recorded[:, :3, :3]).as_quat(scalar_first=True),
-        robot_pass=np.arange(len(centre)),
-        flange_from_profiler=TRUE
-        @ pose_from(Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([4.0, -3.0, 5.0])),
-        sphere_diameter_mm=2 * RADIUS_MM,
-    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -13,7 +12,6 @@ from bench.tables import markdown
 from workbench.api import DEG, Float, HandEye, InputError, Recording, pose_from, vector_from_rotation
 from workbench.plugins.calibration import hand_eye_faces
 from workbench.plugins.calibration.profile_lines import Target
-from workbench.recording_file import write
 
 TRUE = pose_from(
     Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
@@ -138,9 +136,3 @@ def statement(trials: int) -> Iterator[str]:
         inside, mean, size, refused = coverage(target, trials)
         rows.append((target, f"{100 * inside:.0f} %", f"{mean:.1f}", f"{size:.3f}", str(refused)))
     yield markdown(("target", "within the 95 % region", "chi-square of six", "volume_u_mm, median", "refused"), rows)
-
-
-def write_example(path: Path) -> None:
-    """The sample: an edge from 24 postures."""
-    rng = np.random.default_rng(5)
-    write(still(rng, 24), path, compression="gzip")

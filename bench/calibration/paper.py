@@ -19,7 +19,6 @@ from workbench.units import DEG, Float
 TRUE = pose_from(rotation_from_rpy(*(np.array([60.489, -3.813, -2.024]) * DEG)), np.array([126.92, 9.44, 41.48]))
 CENTER_MM = np.array([1890.33, 241.48, 1079.72])  # the paper's result and its sphere
 RADIUS_MM = 5.0
-REPEATABILITY_MM = 0.2  # of the paper's robot: taken as three standard deviations of the length, 0.07 mm an axis
 POSE_MM, POSE_DEG, CENTRE_MM = 0.07, 0.01, 0.005  # noise: flange an axis, and the circle's centre
 TURN_DEG = 25.0
 

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.calibration.spheres import AXIS, ON_AXIS_MM, TIP_MM
 from bench.tables import markdown
 from workbench.api import DEG, Float, quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.calibration import tcp, turntable
 
+AXIS = np.array([0.02, -0.03, 1.0]) / np.linalg.norm([0.02, -0.03, 1.0])  # of the turntable
+ON_AXIS_MM = np.array([1500.0, 200.0, 400.0])
+TIP_MM = np.array([80.0, -20.0, 250.0])  # on the flange
 NOISE_MM, NOISE_DEG = 0.05, 0.01
 SHANK_MM = TIP_MM - [0.0, 0.0, 50.0]
 REFERENCES_MM = np.array([[1200.0, 100.0, 600.0], [1300.0, -200.0, 650.0]])

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.harness import made_by
 from bench.open.rivals import rival
 from bench.score import triangulated
 from bench.score.parts import ROOT, Drawn
@@ -224,7 +225,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.score.laws", description=__doc__)
     parser.add_argument("--docs", action="store_true", help="write the table into docs/score.md")
     given = parser.parse_args()
-    text = f"`python -m bench.score.laws`\n\n### Laws\n\n{table()}"
+    text = f"`python -m bench.score.laws`{made_by() if given.docs else ''}\n\n### Laws\n\n{table()}"
     print(text)
     if given.docs:
         put(text, "laws")

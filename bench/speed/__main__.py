@@ -14,7 +14,6 @@ from bench.speed.table import cells, document, line
 from bench.speed.timing import Row
 
 PAGE = Path("docs/benchmarks.md")
-PICTURED = 10  # million points
 
 
 def inspecting(sizes: list[int], folder: Path, also_largest: bool, open3d: bool = True) -> Iterator[Row]:
@@ -30,11 +29,9 @@ def inspecting(sizes: list[int], folder: Path, also_largest: bool, open3d: bool 
     yield from rows.memory(sizes[-1], paths[sizes[-1]])
     if not open3d:
         return
-    yield from rows.first_run(paths[sizes[0]], folder / "kernels")
     yield from rows.starting()
     for size in sizes:
         yield from rows.fusing(size)
-    yield from rows.picture(paths[min(sizes, key=lambda size: abs(size - PICTURED))])
     yield from rows.routes(paths, times, also_largest)
 
 
@@ -73,7 +70,7 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=1000, help="of the batches")
     parser.add_argument("--all", action="store_true", help="run Open3D at the largest size too (many minutes, 12 GB)")
     parser.add_argument("--rows", nargs="+", choices=GROUPS, help="only these rows; the page is then not written")
-    parser.add_argument("--without-open3d", action="store_true", help="leave its rows and those on pictures out")
+    parser.add_argument("--without-open3d", action="store_true", help="leave its rows out")
     parser.add_argument("--folder", type=Path, help="keep the recordings here for the next time (1 GB)")
     parser.add_argument("--out", type=Path, help="the page to write (docs/benchmarks.md, if all rows are measured)")
     arguments = parser.parse_args()

@@ -1,4 +1,4 @@
-"""The posture optimiser beside loops over pinocchio. `python -m bench.speed.postures` prints JSON.
+"""The posture optimiser. `python -m bench.speed.postures` prints JSON.
 
 It runs in a process of its own, on one core, on the shipped path and cell; times are the process's own.
 """
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers.clik import OneByOne
 from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.path import read
 from workbench.plugins.stiffness import force
@@ -30,7 +29,7 @@ from workbench.units import Float
 PATH, CELL = Path("data/synthetic/paths/raw_arc.json"), Path("data/robot/cell.json")
 K = np.array(TABLE_2_NM_PER_RAD)
 GRID = np.radians(np.arange(-180, 180.0))
-POINTS, BOXES, LOOPED, BOUNDED, SCREENED = 60, 40, 100, 200_000, 50_000
+POINTS, BOXES, BOUNDED, SCREENED = 60, 40, 200_000, 50_000
 
 
 def cluttered(cell: Cell) -> Cell:
@@ -59,49 +58,6 @@ def timed(action: Callable[[], Any], repeats: int = REPEATS) -> float:
         action()
         taken.append(time.process_time() - start)
     return statistics.median(taken[1:])
-
-
-def one_by_one(cell: Cell, points: PathPoints) -> dict[str, float]:
-    """Seconds a posture of the loops, at random cells of the grid that the robot reaches, and how they end."""
-    rng, peer = np.random.default_rng(2), OneByOne(CELL.parent / "irb6700_150_320.urdf", cell.chain, K)
-    at = points.loaded[rng.integers(len(points.loaded), size=LOOPED)]
-    rotation, table = rng.choice(GRID, LOOPED), rng.choice(GRID, LOOPED)
-    poses = flange_poses(cell, points, at, rotation, table)
-    turned = points.turned(cell, table)
-    load = (turned @ points.base_from_point[at])[:, :3, 3]
-    tip = np.einsum("nji,nj->ni", poses[:, :3, :3], load - poses[:, :3, 3])
-    act = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
-    start = np.radians([0.0, 10.0, 10.0, 10.0, 60.0, 10.0])
-    converged, solved = [], []
-
-    def clik() -> None:
-        for i in range(LOOPED):
-            q = peer.clik(poses[i], start)
-            converged.append(q is not None)
-            if q is not None:
-                peer.displacement_mm(q, tip[i], act[i])
-
-    def closed() -> None:
-        for i in range(LOOPED):
-            q = peer.closed_form(poses[i], 0)
-            if np.isfinite(q[0]):
-                peer.displacement_mm(q, tip[i], act[i])
-
-    def eaik() -> None:
-        for i in range(LOOPED):
-            branches = peer.all_branches(poses[i])
-            solved.append(len(branches))
-            for q in branches:
-                peer.displacement_mm(q, tip[i], act[i])
-
-    found = {
-        "clik_s": timed(clik, 1) / LOOPED,
-        "closed_s": timed(closed, 3) / LOOPED,
-        "converged": float(np.mean(converged)),
-    }
-    if peer.eaik is not None:
-        found |= {"eaik_s": timed(eaik, 5) / LOOPED, "eaik_branches": float(np.mean(solved))}
-    return found
 
 
 def certified(cell: Cell, joints: tuple[Float, Float]) -> dict[str, float]:
@@ -152,7 +108,6 @@ def measure() -> dict[str, Any]:
         "cluttered_cells": optimum(full, arm, points, sampled),
         **certified(cell, joints),
         **along(cell, arm, points),
-        **one_by_one(cell, points),
     }
 
 

@@ -9,7 +9,7 @@ from bench.speed.timing import Row, alone, seconds
 
 
 def postures() -> Iterator[Row]:
-    """Traversal, proven optimum and single postures, beside loops over pinocchio, in a process on one core."""
+    """Traversal, proven optimum and single postures, in a process on one core."""
     yield from traversed(alone("postures"))
 
 
@@ -34,31 +34,6 @@ def traversed(found: dict[str, Any]) -> Iterator[Row]:
         1e-6 / each_s,
         "{:.0f} M",
         goal=20,
-    )
-    yield Row(
-        "a posture; this project's closed-form inverse one at a time and pinocchio",
-        f"{each_s * 1e9:.3g} ns",
-        seconds(found["closed_s"]),
-        found["closed_s"] / each_s,
-        "{:,.0f} x faster",
-    )
-    if "eaik_s" in found:
-        one_s = found["eaik_s"] / found["eaik_branches"]
-        yield Row(
-            f"a posture; EAIK and pinocchio, {found['eaik_branches']:.1f} branches a pose, each counted",
-            f"{each_s * 1e9:.3g} ns",
-            seconds(one_s),
-            one_s / each_s,
-            "{:,.0f} x faster",
-            goal=500,
-        )
-    yield Row(
-        f"a posture; pinocchio's CLIK ({found['converged']:.0%} converged)",
-        f"{each_s * 1e9:.3g} ns",
-        seconds(found["clik_s"]),
-        found["clik_s"] / each_s,
-        "{:,.0f} x faster",
-        goal=5000,
     )
     for name, goal in (("open", 3), ("cluttered", 10)):
         cells = found[f"{name}_cells"]

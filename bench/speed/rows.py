@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
 import sys
 import time
@@ -128,22 +126,6 @@ def memory(million: int, path: Path) -> Iterator[Row]:
     )
 
 
-def picture(path: Path) -> Iterator[Row]:
-    """A picture of a whole cloud, beside VTK's on the processor; from points in memory to pixels in memory."""
-    command = [sys.executable, "-m", "bench.speed.pictures", str(path)]
-    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    ours_s, vtk_s = found["ours_s"], found["vtk_s"]
-    yield Row(
-        f"picture of {found['points'] / 1e6:.1f} M points, 1600 x 900, lit; VTK offscreen",
-        seconds(ours_s),
-        seconds(vtk_s),
-        ours_s,
-        "{:.2f} s",
-        goal=1,
-        at_most=True,
-    )
-
-
 def linearity(times: Times) -> Iterator[Row]:
     """Time a frame of each size beside that of the smallest but one: constant where the cost is linear."""
     per_frame = {million: whole_s / (million * 1000) for million, (whole_s, _) in times.items()}
@@ -179,22 +161,6 @@ def starting() -> Iterator[Row]:
         "{:.2f} x its time",
         goal=4,
         at_most=True,
-    )
-
-
-def first_run(path: Path, cache: Path) -> Iterator[Row]:
-    """The first run after installing, which compiles the kernels, beside the next one."""
-    command = [sys.executable, "-m", "bench.speed.ours", str(path)]
-    times = []
-    for _ in range(2):
-        start = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True, env={**os.environ, "NUMBA_CACHE_DIR": str(cache)})
-        times.append(time.perf_counter() - start)
-    yield Row(
-        "a process that inspects 1 M points, kernels to compile (one run); the next one",
-        *map(seconds, times),
-        times[0] / times[1],
-        "{:.1f} x",
     )
 
 

@@ -101,7 +101,7 @@ def test_plan_is_the_bevel() -> None:
 
 
 def test_a_worn_cutter_leaves_material() -> None:
-    """The part of bench/compare/milled_plan.py: the cutter's radius is 0.032 to 0.04 mm too small in the last layer."""
+    """The scan of a part milled by a cutter whose radius is 0.032 to 0.04 mm too small in the last layer."""
     scan = surface(denoise(fuse(read_recording(recording=DATA / "paths" / "raw_arc_milled.h5"))))
     found = deviation(scan, plan(read(toolpath=DATA / "paths" / "raw_arc.json")), position_u_mm=0.0)[0]
     seen = np.isfinite(found.distance_mm)

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tests.contracts.conftest import values
+
 POSITIONS = {"position_mm", "origin_mm", "robot_position_mm"}
 DIRECTIONS = {"tangent", "normal", "across", "frame_tangent"}
 POSES = {"base_from_profiler"}
@@ -18,9 +20,9 @@ TOLERANCE = 1e-5  # mm, rad, deg: float32 profiles and float64 poses allow no mo
 
 
 def test_sizes_stay_and_positions_move(chain: Any, moved_chain: Any, motion: Any) -> None:
-    rows = zip(chain.values(chain.results.artefacts), moved_chain.values(moved_chain.results.artefacts), strict=True)
+    rows = zip(values(chain.results.artefacts), values(moved_chain.results.artefacts), strict=True)
     compared = {place: expectation(place, here, motion) for (place, here), _ in rows}
-    there = dict(moved_chain.values(moved_chain.results.artefacts))
+    there = dict(values(moved_chain.results.artefacts))
     assert {place.rsplit(".", 1)[-1] for place in compared} >= {
         "position_mm",
         "tangent",

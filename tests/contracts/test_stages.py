@@ -1,21 +1,30 @@
-"""Laws that hold for every registered stage, plug-ins included."""
+"""Laws that hold for every registered stage, plug-ins included; the examples of stages do what they say."""
 
 import dataclasses
+import doctest
+import functools
 import hashlib
 import json
 import re
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic_core import to_jsonable_python
 
+from tests.contracts.conftest import values
 from workbench.pipeline.catalogue import every_stage, families, parameter_texts, said_in_docstring, summary, unit_of
 from workbench.pipeline.run import run_files
 from workbench.result_files import RESULT_FILES
 from workbench.stage import Role, Stage
 
+ROOT = Path(__file__).parents[2]
 STAGES = every_stage()[0]
+OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 WORDS = "number|count|how many|ratio|share|factor|fraction|multiples?|index|direction"
 COUNTED = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
 each_stage = pytest.mark.parametrize("stage", [pytest.param(stage, id=name) for name, stage in STAGES.items()])
@@ -55,34 +64,50 @@ def test_parameters_are_described_in_one_place(stage: Stage) -> None:
     assert [name for name, one in fields.items() if "description" in one and said_in_docstring(stage.doc, name)] == []
 
 
+@pytest.fixture(scope="module")
+def called(calls: Any, chains: Any) -> Callable[[Stage], Any]:
+    """The first call of a stage, in a shipped pipeline or in its example."""
+
+    def first(stage: Stage) -> Any:
+        if not calls[stage.name]:
+            follow_example(stage.name)
+        return calls[stage.name][0]
+
+    return first
+
+
 @each_stage
-def test_parameters_round_trip_through_json(stage: Stage, chains: Any) -> None:
-    given = chains.parameters(stage)
+@pytest.mark.usefixtures("in_the_project")
+def test_parameters_round_trip_through_json(stage: Stage, called: Any) -> None:
+    known = stage.model.model_fields
+    given = {name: one for name, one in called(stage).given.items() if name in known}
     text = json.dumps(to_jsonable_python(given), allow_nan=False)
     assert stage.validate(json.loads(text)) == given
 
 
-SILENT = {"scan.next"}  # of a part that is decided, as that of the chain, there is nothing to tell
+SILENT = {"scan.next"}  # of a part that is decided there is nothing to tell
 
 
 @each_stage
-def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, chains: Any) -> None:
+@pytest.mark.usefixtures("in_the_project")
+def test_inputs_are_unchanged_and_bytes_repeat(stage: Stage, called: Any) -> None:
     """A stage changes none of its inputs, and the same seed gives the same bytes."""
-    before = digest(chains, chains.sources(stage))
-    made = chains.run(stage)
-    assert digest(chains, chains.sources(stage)) == before
-    known = chains.made(stage)
-    assert digest(chains, chains.run(stage) if known is None else known) == digest(chains, made)
-    kinds = [type(one) for one in made]
+    given, first = called(stage)
+    before = digest(given)
+    again = stage.function.__wrapped__(**given)
+    assert digest(given) == before
+    assert digest(first) == digest(again)
+    made = again if isinstance(again, tuple) else () if again is None else (again,)
+    kinds = [type(one) for one in made if one is not None]
     whole = len(kinds) == len(stage.produces) and all(map(issubclass, kinds, stage.produces))
     assert whole or set(kinds) <= set(stage.produces)  # of several ways, one
     assert made or stage.name in SILENT
 
 
-def digest(chain: Any, artefacts: Any) -> str:
+def digest(artefacts: Any) -> str:
     """A digest of all bytes inside artefacts."""
     found = hashlib.sha256()
-    for place, value in chain.values(artefacts):
+    for place, value in values(artefacts):
         content = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
         found.update(f"{place} {getattr(value, 'dtype', '')} {getattr(value, 'shape', '')}".encode() + content)
     return found.hexdigest()
@@ -93,16 +118,47 @@ def test_digest_sees_a_single_bit(chain: Any) -> None:
     recording = chain.results["scan.read"]
     changed = np.array(recording.x_mm)
     changed.view(np.uint32)[0, 0] ^= 1
-    assert digest(chain, recording) == digest(chain, dataclasses.replace(recording))
-    assert digest(chain, recording) != digest(chain, dataclasses.replace(recording, x_mm=changed))
+    assert digest(recording) == digest(dataclasses.replace(recording))
+    assert digest(recording) != digest(dataclasses.replace(recording, x_mm=changed))
 
 
 def test_every_result_file_says_whose_it_is(chains) -> None:
     """Each that a shipped pipeline makes, unless its model says why it is nobody's."""
     found = {}
-    for chain in chains.chains:
+    for chain in chains:
         for name, content in run_files(chain.plan, chain.results).items():
             if name in RESULT_FILES and "part" in RESULT_FILES[name].model_fields:
                 found[name] = found.get(name, True) and {"part_id", "robot"} <= {*json.loads(content).get("part", {})}
     assert [name for name, said in found.items() if not said] == []
     assert {"correction.json", "tcp.json", "deviation.json", "program_check.json", "stiffness.json"} <= {*found}
+
+
+@pytest.fixture
+def in_the_project(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+@each_stage
+@pytest.mark.usefixtures("in_the_project", "calls")
+def test_the_example_of_a_stage(stage: Stage) -> None:
+    follow_example(stage.name)
+
+
+@functools.cache
+def follow_example(name: str) -> None:
+    stage = STAGES[name]
+    module = sys.modules[stage.function.__module__]
+    tests = doctest.DocTestFinder(recurse=False).find(stage.function, name, module, globs={})
+    assert tests
+    for test in tests:
+        assert test.examples
+        assert doctest.DocTestRunner(optionflags=OPTIONS).run(test).failed == 0, name
+
+
+@pytest.mark.usefixtures("in_the_project", "calls")
+@pytest.mark.parametrize("page", ["docs/open3d.md"])
+def test_the_examples_of_a_page(page: str) -> None:
+    test = doctest.DocTestParser().get_doctest((ROOT / page).read_text(), {}, page, page, 0)
+    assert test.examples
+    assert doctest.DocTestRunner(optionflags=OPTIONS).run(test).failed == 0

@@ -105,7 +105,7 @@ def segment(
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
-            beside the faces, or only here and there along the scan.
+            beside the root face, or only here and there along the scan.
 
     Example:
         >>> from workbench import cloud, edge, scan

@@ -35,9 +35,14 @@ def texts(figure):
     return [text.text for axes in figure.axes for text in axes.texts]
 
 
+def chart(edge, inspection, which):
+    profile, what = inspection.profile, inspection.characteristics[which]
+    return along.size_chart(profile.arc_length_mm, profile.sizes[what.name], edge.seen, inspection, what)
+
+
 def test_the_root_chart_draws_the_profile_and_its_band(part, drawn):
     p = part(frames=30, columns=30)
-    along.size_chart(p.edge, p.inspection, p.inspection.characteristics[0])
+    chart(p.edge, p.inspection, 0)
     profile = p.inspection.profile
     measured = np.column_stack([profile.arc_length_mm, profile.root_mm])
     assert any(np.array_equal(xy, measured, equal_nan=True) for xy in lines(drawn[0]))
@@ -49,7 +54,7 @@ def test_the_root_chart_draws_the_profile_and_its_band(part, drawn):
 
 def test_the_angle_chart_has_its_own_limits(part, drawn):
     p = part(frames=30, columns=30)
-    along.size_chart(p.edge, p.inspection, p.inspection.characteristics[1])
+    chart(p.edge, p.inspection, 1)
     assert {"upper limit 41°", "lower limit 39°"} <= set(texts(drawn[0]))
     low, high = drawn[0].axes[0].get_ylim()
     assert low < 39 < 41 < high
@@ -59,7 +64,7 @@ def test_a_value_beyond_its_limits_is_in_the_picture(part, drawn):
     p = part(frames=30, columns=30)
     profile = dataclasses.replace(p.inspection.profile, root_mm=p.inspection.profile.root_mm + 2.0)
     made = dataclasses.replace(p.inspection, profile=profile)
-    along.size_chart(p.edge, made, made.characteristics[0])
+    chart(p.edge, made, 0)
     assert drawn[0].axes[0].get_ylim()[1] > np.nanmax(profile.root_mm)
 
 

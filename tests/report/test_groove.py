@@ -70,14 +70,17 @@ def test_every_size_has_its_largest_u(chapter, judged, elements):
 
 
 def test_the_section_is_drawn_with_its_dimensions(chapter, judged):
-    section, charts = drawings(chapter.html)
+    section, *charts = drawings(chapter.html)
     words = " ".join(section.itertext())
     shown = of_interest(judged)
     for letter, name in (("b", "gap_mm"), ("c₁", "root_face_left_mm"), ("h", "depth_mm"), ("α", "included_deg")):
         value = float(re.search(rf"{letter} = \(?([\d.]+) ±", words)[1])
         assert value == pytest.approx(shown.values[name], abs=6e-3)
     assert "c₂" not in words  # not seen, so not drawn
-    assert "arc length, mm" in " ".join(charts.itertext())
+    sizes = [one.term.lower() for one in judged.characteristics if any(one.pairs)]
+    shown = [" ".join(one.itertext()) for one in charts]
+    assert all("arc length along the groove, mm" in one for one in shown)
+    assert all(any(term in one for one in shown) for term in sizes)
 
 
 def test_without_a_specification_nothing_is_stated(found, elements):

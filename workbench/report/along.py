@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, Section
+from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
 from workbench.report.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
 from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
@@ -175,23 +175,32 @@ def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
     return unit
 
 
-def size_chart(edge: Edge, inspection: Inspection, what: Characteristic) -> bytes:
-    """SVG of a size along the edge, with its tolerance, guard and uncertainty bands and the sections' values."""
-    along = inspection.profile.sizes[what.name]
-    s, unit = inspection.profile.arc_length_mm, "°" if what.is_angle else " mm"
+def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspection, what: Characteristic) -> bytes:
+    """SVG of a size along the edge, with its tolerance, guard and uncertainty bands and the sections' values.
+
+    Args:
+        s: (m,) arc length, mm.
+        along: the size there.
+        seen: (m,) whether it was measured there.
+        inspection: its sections, and how it decided.
+        what: the size as required, and in the sections.
+    """
+    unit, course = "°" if what.is_angle else " mm", "lower edge"
+    if not isinstance(inspection, Inspection):
+        course = "groove" if inspection.WHAT == "groove" else "edge"
     figure = Figure(figsize=(10, 2.8))
     axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
     axes.set_xlim(0.0, float(s[-1]))
     _draw_tolerance(axes, what, unit, s, inspection.guard_factor * along.u)
     mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
-    hatch_hidden(axes, hidden_stretches(edge))
+    hatch_hidden(axes, gaps(s, seen))
     wide = COVERAGE * along.u
     axes.fill_between(s, along.value - wide, along.value + wide, color=MEASURED, alpha=0.25, zorder=2)
     axes.plot(s, along.value, color=MEASURED, linewidth=1.1, zorder=3)
     for section, pair in zip(inspection.sections, what.pairs, strict=True):
         if pair is not None:
             axes.errorbar(section.arc_length_mm, pair[0], COVERAGE * pair[1], color=VERDICTS[section.verdict], zorder=4)
-    axes.set_xlabel("arc length along the lower edge, mm")
+    axes.set_xlabel(f"arc length along the {course}, mm")
     axes.set_ylabel(f"{what.term.lower()}, {unit.strip()}")
     return svg(figure)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.artefacts import (
     Chapter,
+    Characteristic,
     Cloud,
     Groove,
     GrooveInspection,
@@ -19,11 +20,11 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
-from workbench.report.along import TEXT_SIZE, gaps, hatch_hidden, mark_sections, svg
-from workbench.report.marks import GREY, INK, LIMIT, MEASURED, TOLERANCE
+from workbench.report.along import TEXT_SIZE, size_chart, svg
+from workbench.report.marks import GREY, INK, MEASURED
 from workbench.report.plot import Axes, Figure
-from workbench.report.tables import NOT_JUDGED, certificate_html, check_rows, head, section_rows, unit_of
-from workbench.report.text import COVERAGE, data_address, decimals, measured, render
+from workbench.report.tables import NOT_JUDGED, certificate_html, check_rows, head, section_rows
+from workbench.report.text import data_address, decimals, measured, render
 from workbench.stage import stage
 from workbench.units import DEG, Float
 
@@ -36,11 +37,23 @@ def groove_html(cloud: Cloud, groove: Joint, inspection: RecognisedInspection) -
         what=inspection.WHAT,
         section=shown.index,
         drawing=data_address(groove_drawing(cloud, groove, shown)),
-        charts=data_address(groove_charts(groove, inspection)),
+        charts=[(one.term, data_address(_along(groove, inspection, one))) for one in _found(groove, inspection)],
         tables=list(section_tables(inspection)),
+        guard_factor=inspection.guard_factor,
         failed_checks=check_rows(inspection.checks, passed=False),
         passed_checks=check_rows(inspection.checks, passed=True),
     )
+
+
+def _found(groove: Joint, inspection: RecognisedInspection) -> list[Characteristic]:
+    """The sizes that are known all along."""
+    return [one for one in inspection.characteristics if one.name in groove.sizes]
+
+
+def _along(groove: Joint, inspection: RecognisedInspection, what: Characteristic) -> bytes:
+    """SVG of a size along the groove."""
+    size = groove.sizes[what.name]
+    return size_chart(groove.arc_length_mm, size, np.isfinite(size.value) & groove.seen, inspection, what)
 
 
 def of_interest(inspection: RecognisedInspection) -> GrooveSection:
@@ -249,34 +262,6 @@ def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sig
     axes.plot(root[0] + sign * radius * np.sin(turned), root[1] + radius * np.cos(turned), color=GREY, linewidth=0.6)
     end = (float(root[0] + sign * radius * np.sin(turned[-1])), float(root[1] + radius * np.cos(turned[-1])))
     axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
-
-
-def groove_charts(groove: Joint, inspection: RecognisedInspection) -> bytes:
-    """SVG of every size along the groove with ± U, and its limits where it has some."""
-    found = [one for one in inspection.characteristics if one.name in groove.sizes]
-    height = 1.35 * len(found) + 0.7
-    figure = Figure(figsize=(10, height))
-    rows = figure.subplots(len(found), 1, squeeze=False, sharex=True)[:, 0]
-    figure.subplots_adjust(0.09, 0.45 / height, 0.985, 1.0 - 0.2 / height, hspace=0.18)
-    s = groove.arc_length_mm
-    for axes, what in zip(rows, found, strict=True):
-        one = groove.sizes[what.name]
-        wide = COVERAGE * one.u
-        axes.set_xlim(float(s[0]), float(s[-1]))
-        if what.limits is not None:
-            axes.axhspan(*what.limits, color=TOLERANCE, zorder=0.1)
-            for at in what.limits:
-                axes.axhline(at, color=LIMIT, linewidth=1.0)
-        axes.fill_between(s, one.value - wide, one.value + wide, color=MEASURED, alpha=0.25)
-        axes.plot(s, one.value, color=MEASURED, linewidth=1.0)
-        hatch_hidden(axes, gaps(s, np.isfinite(one.value) & groove.seen))
-        short = what.letter if what.letter != "–" else what.term.split()[-1]
-        axes.set_ylabel(f"{short},{unit_of(what)}")
-        axes.y_label_at = -0.075
-    sections = inspection.sections
-    mark_sections(rows[0], [one.arc_length_mm for one in sections], [str(one.index) for one in sections])
-    rows[-1].set_xlabel("arc length, mm")
-    return svg(figure)
 
 
 @stage("report.groove")

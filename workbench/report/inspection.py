@@ -52,10 +52,14 @@ def inspection(
         raise InputError(cloud.source or "inspection", "expected at least one section to report")
     if not np.isfinite(edge.position_mm).all(axis=1).any():
         raise InputError(cloud.source or "edge", "expected an edge of which something was measured")
+    s = inspection.profile.arc_length_mm
     drawn = {
         **pictures(section_views(cloud, edge, inspection, points)),
         "sections": section_drawings(cloud, edge, inspection),
-        **{one.name: size_chart(edge, inspection, one) for one in inspection.characteristics},
+        **{
+            one.name: size_chart(s, inspection.profile.sizes[one.name], edge.seen, inspection, one)
+            for one in inspection.characteristics
+        },
     }
     aside = plan_view(cloud, edge, inspection)
     scene = inspection_scene(cloud, edge, inspection, points)

@@ -200,7 +200,7 @@ class Outsider:
             on_arm = link < ON_TURNTABLE
             own = links[:, link] @ np.linalg.inv(self.at_zero[link]) if on_arm else standing[ON_TURNTABLE - 1 - link]
             poses[:, s] = own @ shape.pose
-        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if _may_hit(cell, a, b)]
+        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if self._may_hit(cell, a, b)]
         around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])
         first = TOGETHER * (np.arange(len(joints)) // TOGETHER)  # bounds hold at one place in eight
         away = np.linalg.norm(poses[..., :3, 3] - poses[first, :, :3, 3], axis=2)
@@ -209,6 +209,34 @@ class Outsider:
         slack = farthest[:, np.array(pairs)].sum(axis=2)
         near = _near(shapes, poses[::TOGETHER], pairs, within_mm + slack)[first // TOGETHER]
         return poses, pairs, near
+
+    def _may_hit(self, cell: Cell, a: int, b: int) -> bool:
+        """Whether an axis moves two shapes against each other, and not by turning one of them within itself.
+
+        Links that share a joint meet at it. An axis' own body is borne where it meets what carries it all around,
+        or where one of the two is round about it.
+        """
+        one, other = cell.shapes[a], cell.shapes[b]
+        between = _under(one, len(cell.axes)) ^ _under(other, len(cell.axes))
+        if len(between) != 1:
+            return bool(between)
+        kind, number = between.pop().split()
+        if kind == "external" and self.floor.any():
+            return True
+        if kind == "joint" and min(one.link, other.link) >= 0 and not {one.body, other.body} & {"tool", "cutter"}:
+            return False
+        line = cell.axes[int(number)].base_from_turntable if kind == "external" else self._line(int(number))
+        own = {"tool", "cutter"} if kind == "joint" else {cell.axes[int(number)].name}
+        seen = [(np.linalg.inv(line) @ _at_zero(cell, shape), shape) for shape in (one, other)]
+        fixed = any(_round_about_z(*two) for two in seen) or _meet_all_around_z(*seen)
+        return not ({one.body, other.body} & own and fixed)
+
+    def _line(self, joint: int) -> Float:
+        """A frame (4, 4) whose z is a joint's axis, all joints at 0."""
+        frame = self.at_zero[joint + 1].copy()
+        turn, _ = Rotation.align_vectors(self.axis[joint], [0, 0, 1])
+        frame[:3, :3] = frame[:3, :3] @ turn.as_matrix()
+        return frame
 
     def least(self, cell: Cell, joints: Float, tables: Float, within_mm: float) -> tuple[float, str]:
         """The least distance of all bodies, if it is less than `within_mm`, and whose; 0: they touch."""
@@ -342,14 +370,36 @@ def _length(start: Float, target: Target) -> float:
     return float(np.linalg.norm(start[:3, 3] - centre) * sweep)
 
 
-def _may_hit(cell: Cell, a: int, b: int) -> bool:
-    one, other = cell.shapes[a], cell.shapes[b]
-    if one.body == other.body:
-        return False
-    if not any(1 <= shape.link <= 6 for shape in (one, other)):
-        links = {max(shape.link, 0) for shape in (one, other)}  # a tilted table turns on its cradle
-        return len(cell.axes) > 1 and len(links) == 2 and 0 in links
-    return not (0 <= one.link <= 6 and 0 <= other.link <= 6 and abs(one.link - other.link) <= 1)
+def _under(shape: Shape, externals: int) -> set[str]:
+    """The axes that carry a shape."""
+    if shape.link < ON_TURNTABLE:
+        return {f"joint {i}" for i in range(shape.link)}
+    return {f"external {i}" for i in range(externals - (shape.link - ON_TURNTABLE))}
+
+
+def _round_about_z(seen: Float, shape: Shape) -> bool:
+    """Whether a shape, `seen` (4, 4) in a frame, turned about its z fills the same space."""
+    upright = shape.kind == "sphere" or (shape.kind in ("capsule", "cylinder") and np.hypot(*seen[:2, 2]) < 1e-6)
+    return bool(upright and np.hypot(*seen[:2, 3]) < 1e-3)
+
+
+def _meet_all_around_z(first: tuple[Float, Shape], second: tuple[Float, Shape]) -> bool:
+    """Whether two shapes touch wherever the first is turned to about z, in steps of 15 deg."""
+    turns, solids = Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix(), []
+    for pose, shape in (first, second):
+        solids.append(fcl.CollisionObject(_solid(shape), fcl.Transform(pose[:3, :3], pose[:3, 3])))
+    hits = []
+    for turn in turns:
+        solids[0].setTransform(fcl.Transform(turn @ first[0][:3, :3], turn @ first[0][:3, 3]))
+        hits.append(fcl.collide(*solids, fcl.CollisionRequest(), fcl.CollisionResult()))
+    return all(hits)
+
+
+def _at_zero(cell: Cell, shape: Shape) -> Float:
+    """Pose (4, 4) in the base, all axes at 0."""
+    if shape.link < ON_TURNTABLE:
+        return shape.pose
+    return cell.axes[ON_TURNTABLE - 1 - shape.link].base_from_turntable @ shape.pose
 
 
 def _near(shapes: Sequence[Shape], poses: Float, pairs: Pairs, within_mm: Float) -> Bool:

@@ -130,18 +130,36 @@ def with_boxes(cell: Cell, rng: np.random.Generator, targets: list[Target], tip:
         pose[:3, 3] = near[:3, 3] + rng.normal(size=3) * 150 - near[:3, 2] * rng.uniform(0, 250)
         size = tuple(float(x) for x in np.exp(rng.uniform(np.log(2), np.log(150), 3)))
         boxes.append(Shape(f"box {i}", ON_BASE, "box", size, pose))
+    links = [ON_BASE] * len(boxes)
     if len(cell.axes) > 1:  # half of them on table or cradle
-        links = rng.choice([ON_BASE, ON_BASE, ON_TURNTABLE, ON_CRADLE], len(boxes))
-        frames = {ON_BASE: np.eye(4), ON_TURNTABLE: cell.axes[1].base_from_turntable}
-        frames[ON_CRADLE] = cell.axes[0].base_from_turntable
-        boxes = [
-            dataclasses.replace(one, link=int(link), pose=np.linalg.inv(frames[int(link)]) @ one.pose)
-            for one, link in zip(boxes, links, strict=True)
-        ]
+        links = [int(link) for link in rng.choice([ON_BASE, ON_BASE, ON_TURNTABLE, ON_CRADLE], len(boxes))]
+    if cell.turntable is not None and not cell.turntable.slides and rng.random() < 0.5:
+        beam, post = _beam_and_post(cell, rng, targets[0].table)
+        boxes += [beam, post]
+        links += [ON_TURNTABLE, int(rng.choice([ON_BASE, ON_CRADLE])) if len(cell.axes) > 1 else ON_BASE]
+    frames = dict(zip([ON_TURNTABLE, ON_CRADLE], [axis.base_from_turntable for axis in cell.axes[::-1]], strict=False))
+    boxes = [
+        dataclasses.replace(one, link=link, pose=np.linalg.inv(frames.get(link, np.eye(4))) @ one.pose)
+        for one, link in zip(boxes, links, strict=True)
+    ]
     if cell.turntable is not None and cell.turntable.slides:  # on the floor, or along with the robot
         floor = np.linalg.inv(cell.turntable.base_from_turntable)
         boxes = [dataclasses.replace(one, link=ON_TURNTABLE, pose=floor @ one.pose) for one in boxes]
     return dataclasses.replace(cell, shapes=(*cell.shapes, *boxes), margin_mm=float(rng.choice([0.0, 2.0, 5.0])))
+
+
+def _beam_and_post(cell: Cell, rng: np.random.Generator, table: Float | float) -> tuple[Shape, Shape]:
+    """A beam of the turntable's own, with all axes at 0, and a post beside it where the table stands at first, deg."""
+    assert cell.turntable is not None
+    low = cell.turntable.base_from_turntable.copy()
+    low[:3, 3] -= 130 * low[:3, 2]
+    angle = np.radians(np.atleast_1d(table)[-1] + rng.normal() * 25)
+    stands = low.copy()
+    stands[:3, 3] += rng.uniform(500, 700) * (low[:3, :2] @ [np.cos(angle), np.sin(angle)])
+    return (
+        Shape("turntable", ON_TURNTABLE, "box", (1300.0, 150.0, 60.0), low),
+        Shape("post", ON_BASE, "box", (60.0, 60.0, 400.0), stands),
+    )
 
 
 def on_a_track(cell: Cell, rng: np.random.Generator) -> Cell:
@@ -151,7 +169,9 @@ def on_a_track(cell: Cell, rng: np.random.Generator) -> Cell:
     frame[:3, :3] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
     to_floor = np.linalg.inv(frame) @ cell.turntable.base_from_turntable
     shapes = [
-        dataclasses.replace(one, pose=to_floor @ one.pose) if one.link == ON_TURNTABLE else one for one in cell.shapes
+        dataclasses.replace(one, pose=to_floor @ one.pose) if one.link == ON_TURNTABLE else one
+        for one in cell.shapes
+        if one is not _foot(cell)
     ]
     track = Turntable(frame, np.radians([-400.0, 400.0]), np.radians(1500.0), slides=True)
     return dataclasses.replace(cell, turntable=track, shapes=tuple(shapes))
@@ -165,9 +185,13 @@ def on_a_tilt(cell: Cell, rng: np.random.Generator) -> Cell:
     frame[:3, 3] = cell.turntable.base_from_turntable[:3, 3] + rng.uniform([-200, -200, -300], [200, 200, 100])
     tilt = Turntable(frame, np.radians([-60.0, 60.0]), np.radians(20.0), tilts=True)
     beam = Shape("tilt", ON_CRADLE, "box", (120.0, 120.0, 500.0), np.eye(4))
-    foot = next(one for one in cell.shapes if one.link == ON_TURNTABLE and one.size_mm == (200, 400))
-    shapes = (*(one for one in cell.shapes if one is not foot), beam)
+    shapes = (*(one for one in cell.shapes if one is not _foot(cell)), beam)
     return dataclasses.replace(cell, turntable=dataclasses.replace(cell.turntable, on=tilt), shapes=shapes)
+
+
+def _foot(cell: Cell) -> Shape:
+    """Of the turntable, on the floor."""
+    return next(one for one in cell.shapes if one.link == ON_TURNTABLE and one.size_mm == (200, 400))
 
 
 def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Counter[str]:

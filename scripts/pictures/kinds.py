@@ -14,8 +14,8 @@ from scripts.pictures.panels import MOST_DOTS, Curve, Panel, Picture, plan
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.pieces import BLUE, GREY, INK, ORANGE, PALE, minus
 from workbench.report.planned import layer_colours
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE
-from workbench.robot.collision import turntable_pose
+from workbench.robot.cell import ON_TURNTABLE
+from workbench.robot.collision import standing_poses
 from workbench.units import DEG
 
 ALONG, ARC = "arc length along the lower edge, mm", "arc length, mm"
@@ -341,13 +341,13 @@ def document(made, beside):
 def cell(made, beside):
     from scipy.spatial import ConvexHull
 
-    curves = []
+    curves, standing = [], standing_poses(made, 0.0)
     for shape in made.shapes:
-        pose = (turntable_pose(made, 0.0) if shape.link == ON_TURNTABLE else np.eye(4)) @ shape.pose
+        pose = (standing[shape.link - ON_TURNTABLE] if shape.link >= ON_TURNTABLE else np.eye(4)) @ shape.pose
         seen = (outline(shape) @ pose[:3, :3].T + pose[:3, 3])[:, [0, 2]]
         ring = np.append(hull := ConvexHull(seen).vertices, hull[0])
         if np.ptp(seen, axis=0).max() < LARGE_MM:
-            colour = GREY if shape.link in (0, ON_BASE, ON_TURNTABLE) else BLUE
+            colour = BLUE if 1 <= shape.link <= 6 else GREY
             curves.append(Curve(*seen[ring].T, colour=colour))
     axes = np.vstack([made.chain.points_mm, made.chain.base_from_flange_at_zero[:3, 3]])
     curves.append(Curve(axes[:, 0], axes[:, 2], "points on the joints' axes", how="marks", colour=ORANGE))

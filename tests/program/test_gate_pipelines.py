@@ -90,6 +90,7 @@ def run(case: dict[str, Any], folder: Path) -> tuple[int, list[str] | None]:
     recipe["seed"], recipe["scanner"]["columns"], recipe["passes"][0]["to_mm"] = case["seed"], 400, 38
     cell["robot"]["urdf"] = str(ROOT / "data/robot" / CELL["robot"]["urdf"])
     cell["turntable"]["limits_deg"] = case["limits_deg"]
+    cell["turntable"]["shapes"] += case["table"]
     for i, (off, size) in enumerate(case["boxes"]):
         cell["fixtures"].append({"name": f"box {i}", "pose": {"position_mm": (place + off).tolist()}, "box_mm": size})
     for name, content in (("recipe", recipe), ("cell", cell), ("run", {"version": 1, "stages": stages(case)})):
@@ -111,6 +112,7 @@ SOUND: dict[str, Any] = {
     "seed": 1,
     "limits_deg": [-180, 180],
     "boxes": [],
+    "table": [],
     "root_mm": 1.5,
     "bevel_deg": 40,
     "sink_mm": 0.0,
@@ -128,6 +130,16 @@ def test_a_sound_part_in_an_empty_cell(tmp_path):
         ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
         ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "box 0, workpiece"),
         ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "envelope, workpiece"),
+        # free at 0, which it does not reach, the table is in a post wherever it can turn
+        (
+            {
+                "table": [{"pose": {"position_mm": [0, 0, -130]}, "box_mm": [1600, 200, 60]}],
+                "boxes": [([550, 750, -530], [300, 300, 400])],
+                "limits_deg": [85, 95],
+            },
+            2,
+            "turntable, box 0",
+        ),
     ],
 )
 def test_a_fault_gives_no_program_and_the_reason(change, status, words, tmp_path, capsys):
@@ -238,6 +250,7 @@ CASES = st.fixed_dictionaries(
         "turn_deg": st.floats(0, 70),
         "seed": st.integers(0, 10**6),
         "limits_deg": st.sampled_from([[-180, 180], [-60, 60], [0, 30]]),
+        "table": st.just([]),
         "boxes": st.lists(st.tuples(vectors(-500, 500), vectors(40, 400)), max_size=3),
         "root_mm": st.floats(0.5, 4.5),
         "bevel_deg": st.floats(20, 50),

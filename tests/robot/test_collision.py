@@ -1,8 +1,12 @@
 """Collision and clearance: by hand where shapes are simple, and against our own distance of two capsules."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import open3d
+import pytest
 
 from workbench.robot import Cell, CollisionModel, read_cell
 from workbench.robot.kinematics import motions
@@ -59,6 +63,103 @@ def test_turntable_carries_its_fixture(cell_file: Any) -> None:
     assert model.collision(np.zeros(6), 0.0) is not None
     assert "post" in (model.collision(np.zeros(6), 0.0) or ())
     assert model.collision(np.zeros(6), np.pi) is None
+
+
+LONG = {"pose": {"position_mm": [0, 0, -50]}, "box_mm": [1600, 200, 100]}  # a table along x at 0
+POST = {"name": "post", "pose": {"position_mm": [2000, 700, 450]}, "box_mm": [60, 60, 900]}  # beside it, along y
+
+
+def _table(tree: Any, *bodies: Any, tilts: bool = False, on: str = "base", **more: Any) -> None:
+    """A table with bodies of its own, on a cradle or not, and a post on what carries it."""
+    plainly(tree)
+    tree["turntable"]["shapes"] = list(bodies)
+    tree["fixtures"].append(POST | {"on": on} | more)
+    if tilts:
+        at = tree["turntable"]["base_from_turntable"]["position_mm"]
+        tree["turntable"]["tilt"] = {
+            "base_from_tilt": {"position_mm": [at[0], at[1], at[2] - 100], "quaternion_wxyz": [0.5, 0.5, 0.5, 0.5]},
+            "shapes": [{"box_mm": [80, 80, 80]}],
+        }
+
+
+ON_THE_TILT = {"tilts": True, "on": "tilt", "pose": {"position_mm": [700, 0, 0]}, "box_mm": [60, 400, 60]}
+
+
+@pytest.mark.parametrize("more", [{}, {"tilts": True}, ON_THE_TILT], ids=["one axis", "two axes", "on the tilt"])
+def test_a_long_table_turns_into_a_post(cell_file: Any, more: Any) -> None:
+    model = CollisionModel(read_cell(cell_file(lambda tree: _table(tree, LONG, **more))))
+    assert model.collision(np.zeros(6), 0.0) is None
+    assert set(model.collision(np.zeros(6), np.pi / 2) or ()) == {"turntable", "post"}
+
+
+def told(cell: Cell, *bodies: str) -> list[str]:
+    """What the cell says that it leaves out of the collision of two bodies."""
+    pairs = [f"collision of {a} and {b}" for a, b in (bodies, bodies[::-1])]
+    return [text for text in cell.unchecked if text.startswith(tuple(pairs))]
+
+
+FOOT = {"pose": {"position_mm": [0, 0, -300]}, "box_mm": [200, 200, 400]}  # stands on the floor, however it turns
+
+
+def test_where_a_table_stands_nothing_is_looked_at_nor_told(cell_file: Any) -> None:
+    made = read_cell(cell_file(lambda tree: _table(tree, LONG, FOOT)))
+    assert all(CollisionModel(made).collision(np.zeros(6), angle) is None for angle in (-0.4, 0.0, 0.4))
+    assert not told(made, "turntable", "floor")
+    lower = dict(FOOT, pose={"position_mm": [0, 0, -298]})  # a gap narrower than bodies must keep, however it turns
+    made = read_cell(cell_file(lambda tree: (_table(tree, LONG, lower), tree.update(margin_mm=5))))
+    assert CollisionModel(made).collision(np.zeros(6)) is None
+    assert told(made, "turntable", "floor")
+
+
+def test_a_table_that_meets_a_post_and_leaves_it_is_no_joint(cell_file: Any) -> None:
+    across = LONG | {"box_mm": [200, 1600, 100]}
+    made = read_cell(cell_file(lambda tree: _table(tree, across)))
+    assert CollisionModel(made).collision(np.zeros(6), 0.0) == ("turntable", "post")
+    assert CollisionModel(made).collision(np.zeros(6), np.pi / 2) is None
+
+
+def test_what_may_touch_and_come_apart_is_told(cell_file: Any) -> None:
+    made = read_cell(cell_file(lambda tree: (_table(tree, LONG, FOOT), tree.update(may_touch=[["turntable", "post"]]))))
+    assert CollisionModel(made).collision(np.zeros(6), np.pi / 2) is None
+    assert told(made, "turntable", "post")
+    joint = read_cell(cell_file(lambda tree: (_table(tree, FOOT), tree.update(may_touch=[["base_link", "link_1"]]))))
+    assert not told(joint, "base_link", "link_1")  # neighbours along the arm
+
+
+def test_a_value_for_each_axis_is_asked_for(cell_file: Any) -> None:
+    model = CollisionModel(read_cell(cell_file(lambda tree: _table(tree, LONG, tilts=True))))
+    with pytest.raises(ValueError, match="argument"):
+        model.collision(np.zeros(6), np.zeros(3))
+
+
+def test_a_table_of_a_mesh_may_meet_what_it_stands_on_twice(cell_file: Callable[..., Path]) -> None:
+    foot = open3d.geometry.TriangleMesh.create_box(200, 200, 400).translate((-100, -100, -500))
+    path = cell_file(lambda tree: _table(tree, {"mesh": "foot.stl"}))
+    assert open3d.io.write_triangle_mesh(str(path.parent / "foot.stl"), foot.compute_triangle_normals())
+    made = read_cell(path)
+    assert CollisionModel(made).collision(np.zeros(6), 0.3) is None
+    assert told(made, "turntable", "floor")
+
+
+def test_a_tool_that_turns_into_the_wrist_is_found(cell_file: Any) -> None:
+    """A spindle hung back beside the wrist: apart at one angle of axis 6, in it where the wrist is wider."""
+    back = {"pose": {"position_mm": [0, 140, -150]}, "box_mm": [60, 60, 200]}
+
+    def change(tree: Any) -> None:
+        plainly(tree)
+        tree["tool"]["shapes"].append(back)
+
+    path = cell_file(change)
+    urdf = path.parent / "irb6700_150_320.urdf"
+    wide = '<link name="link_5"><collision><origin xyz="0.1 0.15 0"/><geometry><box size="0.1 0.3 0.1"/></geometry>'
+    text = urdf.read_text()
+    at = text.index('<link name="link_5"')
+    end = text.index("</link>", at)
+    urdf.write_text(text[:at] + wide + "</collision>" + text[end:])
+    model = CollisionModel(read_cell(path))
+    hits = [model.collision(np.array([0, 0, 0, 0, 0, np.radians(deg)])) for deg in range(-180, 180, 15)]
+    assert ("link_5", "tool") in hits
+    assert None in hits
 
 
 def test_capsules_against_our_own_distance(cell: Cell, postures: Any) -> None:

@@ -103,6 +103,12 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
         lambda t: t["turntable"].update(base_from_turntable={"position_mm": [200, 0, 50]}),
         "expected the turntable beside the robot, found it in its base_link",
     ),
+    (  # a tilt in it
+        lambda t: t["turntable"].update(
+            tilt={"base_from_tilt": {"position_mm": [100, 0, 200]}, "shapes": [{"box_mm": [200, 200, 200]}]}
+        ),
+        "$.turntable.tilt.base_from_tilt: expected the tilt beside the robot, found it in its base_link",
+    ),
     (  # turntable_from_base, and a base at axis 2
         lambda t: t["turntable"].update(base_from_turntable={"position_mm": [-2000, 0, -500]}),
         "expected a turntable that reaches into $.envelope",
@@ -181,6 +187,16 @@ def test_units_and_senses_that_cannot_be_are_refused(tmp_path: Path, change: Cha
         read_cell(tmp_path / "cell.json")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_turntable_may_be_let_into_the_robots_base(cell_file: Any) -> None:
+    def change(tree: Any) -> None:
+        tree["turntable"]["shapes"].append({"pose": {"position_mm": [-1700, 0, -300]}, "box_mm": [200, 200, 200]})
+        tree["turntable"]["limits_deg"] = [-1, 1]
+
+    with pytest.raises(InputError, match="may they touch"):
+        read_cell(cell_file(change))
+    assert read_cell(cell_file(lambda t: (change(t), t["may_touch"].append(["turntable", "base_link"]))))
 
 
 @pytest.mark.parametrize("limits", [[-180, 180], [-1, 1], [0, 30], [-90, 90.5], [-360, 360], [179, 180]])

@@ -31,14 +31,13 @@ from workbench.robot.bound_kernels import (
     swept_kernel,
 )
 from workbench.robot.cell import ON_TURNTABLE, Cell, Shape
-from workbench.robot.collision import CollisionModel, checked_pairs, standing_poses
+from workbench.robot.collision import LOOKS, CollisionModel, checked_pairs, standing_poses
 from workbench.robot.kinematics import joint_axes, motions
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 WAYS_A_BLOCK = 8  # some 20 ms
 FREE = -1
-LOOKS = 73  # places of an axis at which a pair of bodies is looked at that it alone moves: 5 deg of a full turn
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,9 @@ fcl gets copies built here: objects of pin's own geometry crash it. Its quaterni
 
 from __future__ import annotations
 
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,8 +16,8 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import COVERAGE, ON_TURNTABLE, Cell, Shape, Turntable
-from workbench.robot.kinematics import motions
+from workbench.robot.cell import COVERAGE, ON_BASE, ON_CRADLE, ON_TURNTABLE, Cell, Shape, Turntable
+from workbench.robot.kinematics import Chain, motions
 from workbench.units import DEG, Float, Shaped
 
 if TYPE_CHECKING:
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
 else:
     fcl = Extra("fcl")
 
+LOOKS = 73  # places of an axis at which a pair of bodies is looked at that it alone moves: 5 deg of a full turn
+ALIKE_MM = 1.0  # by which a distance may change that is the same: bodies are stated to the mm
+TOOL = ("tool", "cutter")  # bodies of the tool
+CUTS = frozenset(("cutter", "workpiece"))  # may touch: nothing is left out by that
 POINTS_FIT_MM = 0.1  # how exactly fcl's nearest points have to fit its distance
 
 
@@ -43,7 +50,7 @@ class CollisionModel:
         self._cell = cell
         self._objects = [fcl.CollisionObject(body_of(shape)) for shape in cell.shapes]
         self.pairs = checked_pairs(cell)
-        self.least_mm = least_mm(cell)
+        self.least_mm = least_mm(cell, self.pairs)
 
     def __repr__(self) -> str:
         """The cell, and how much is looked at."""
@@ -74,7 +81,7 @@ class CollisionModel:
         self._place(joints, turntable)
         best: Clearance | None = None
         for a, b in self.pairs:
-            distance = 0.0 if self._touch(a, b) else self._distance(a, b)
+            distance = self._apart(a, b)
             if best is None or distance < best.distance_mm:
                 best = Clearance(distance, self.names(a, b))
         return best
@@ -95,8 +102,7 @@ class CollisionModel:
         """The distance of some pairs (indices into `pairs`), 0 where they touch; arguments as in `first_hit`."""
         for shape in {s for i in pairs for s in self.pairs[i]}:
             self._put(shape, moved, turned)
-        at = (self.pairs[i] for i in pairs)
-        return [0.0 if self._touch(a, b) else self._distance(a, b) for a, b in at]
+        return [self._apart(*self.pairs[i]) for i in pairs]
 
     def names(self, a: int, b: int) -> tuple[str, str]:
         """Of two bodies by the indices of their shapes."""
@@ -107,7 +113,10 @@ class CollisionModel:
         return self._touch(a, b) or bool(least > 0 and self._distance(a, b) < least)
 
     def _touch(self, a: int, b: int) -> bool:
-        return bool(fcl.collide(self._objects[a], self._objects[b], fcl.CollisionRequest(), fcl.CollisionResult()))
+        return _touching(self._objects[a], self._objects[b])
+
+    def _apart(self, a: int, b: int) -> float:
+        return _apart(self._objects[a], self._objects[b])
 
     def _distance(self, a: int, b: int) -> float:
         return max(float(fcl.distance(self._objects[a], self._objects[b], fcl.DistanceRequest())), 0.0)
@@ -129,8 +138,7 @@ class CollisionModel:
     def _put(self, index: int, moved: Float, turned: Float) -> None:
         shape = self._cell.shapes[index]
         carrier = turned[shape.link - ON_TURNTABLE] if shape.link >= ON_TURNTABLE else moved[max(shape.link, 0)]
-        pose = carrier @ shape.pose
-        self._objects[index].setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+        _put_at(self._objects[index], carrier @ shape.pose)
 
 
 def turntable_pose(cell: Cell, angle: Float | float) -> Float:
@@ -145,9 +153,9 @@ def standing_poses(cell: Cell, angle: Float | float) -> Float:
     """
     axes = cell.axes
     values = np.asarray(angle, float) if np.ndim(angle) else outermost(cell, np.asarray(angle, float))
-    each = np.moveaxis(values, -1, 0) if len(axes) > 1 else values[None]
+    each = list(np.moveaxis(values, -1, 0)) if len(axes) > 1 else [values][: len(axes)]
     pose, found, before = np.eye(4), [], np.eye(4)
-    for axis, value in zip(axes, each, strict=False):
+    for axis, value in zip(axes, each, strict=True):
         pose = pose @ inverse(before) @ axis.base_from_turntable @ _moved(axis, value)
         before = axis.base_from_turntable
         found.append(pose)
@@ -197,19 +205,23 @@ def base_from_targets(cell: Cell, angle: Float | float) -> Float:
 
 
 def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
-    """Indices of the cell's shapes that must not touch each other."""
-    free = {frozenset(pair) for pair in cell.may_touch}
-    shapes = cell.shapes
+    """Indices of the cell's shapes that must not touch each other: all that any axis moves against each other.
+
+    But for links that are neighbours along the arm, which their joint's limits keep apart, for what `may_touch` names,
+    and for an axis' own body where it stands to what carries it alike however the axis turns: where it is borne, or is
+    round about it.
+    """
+    free, borne = {frozenset(pair) for pair in cell.may_touch}, _borne(cell.shapes, cell.turntable, cell.chain)
+    bodies = [shape.body for shape in cell.shapes]
     return [
         (a, b)
-        for a in range(len(shapes))
-        for b in range(a + 1, len(shapes))
-        if _checked(shapes[a], shapes[b], cell.axes) and frozenset((shapes[a].body, shapes[b].body)) not in free
+        for a, b in _moving_pairs(cell.shapes, cell.axes)
+        if (a, b) not in borne and frozenset((bodies[a], bodies[b])) not in free
     ]
 
 
-def least_mm(cell: Cell) -> Float:
-    """How far each of the checked pairs (P,) must keep apart: the clearance, and what tool and part may be off.
+def least_mm(cell: Cell, pairs: Sequence[tuple[int, int]]) -> Float:
+    """How far each of some pairs (P,) must keep apart: the clearance, and what tool and part may be off.
 
     Coverage 2. A rotation of the tool turns its bodies about the flange, one of the part turns what stands there about
     itself.
@@ -218,27 +230,118 @@ def least_mm(cell: Cell) -> Float:
     off = np.zeros(len(cell.shapes))
     for i, shape in enumerate(cell.shapes):
         middle, radius = shape.sphere
-        if shape.body in ("tool", "cutter"):
+        if shape.body in TOOL:
             off[i] = np.hypot(margins.flange_mm, margins.flange_rad * (np.linalg.norm(middle - flange) + radius))
         elif not 0 <= shape.link <= 6:
             off[i] = np.hypot(margins.part_mm, margins.part_rad * radius)
-    two = off[np.array(checked_pairs(cell), int).reshape(-1, 2)]
+    two = off[np.array(pairs, int).reshape(-1, 2)]
     return np.asarray(cell.margin_mm + COVERAGE * np.hypot(two[:, 0], two[:, 1]))
 
 
-def _checked(a: Shape, b: Shape, axes: tuple[Turntable, ...]) -> bool:
-    """Neighbours along the robot touch at their joint, and a turntable what carries it.
+def left_out(cell: Cell, allowed: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Bodies that could come apart and meet again, or meet elsewhere too, and that nothing looks at.
 
-    What external axes move otherwise, on a turntable, along a track or tilted, can run into what stands beside it.
+    Args:
+        cell: whose bodies are looked at.
+        allowed: pairs of bodies that its file lets touch.
     """
-    if a.body == b.body:
-        return False
-    if not (1 <= a.link <= 6 or 1 <= b.link <= 6):
-        low, high = sorted(len(axes) - one.link + ON_TURNTABLE if one.link >= ON_TURNTABLE else 0 for one in (a, b))
-        turns = high == len(axes) == low + 1 and not axes[-1].slides
-        return low != high and not (turns and "turntable" in (a.body, b.body))
-    neighbours = abs(a.link - b.link) <= 1
-    return not (neighbours and 0 <= a.link <= 6 and 0 <= b.link <= 6)
+    # A scan may become the workpiece.
+    later = Shape("workpiece", ON_TURNTABLE if cell.axes else ON_BASE, "sphere", (1.0,), np.eye(4))
+    shapes, apart = (*cell.shapes, later), set[frozenset[str]]()
+    may = {frozenset(pair) for pair in allowed} - {CUTS}
+    for a, b in _moving_pairs(shapes, cell.axes):
+        names = frozenset((shapes[a].body, shapes[b].body))
+        if names in may - apart and _alike_mm(shapes[a], shapes[b], cell.axes, cell.chain) is None:
+            apart.add(names)
+    for one, other in sorted(map(sorted, apart)):
+        yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
+    yield from dict.fromkeys(_borne_doubtfully(cell))
+
+
+def _borne_doubtfully(cell: Cell) -> Iterator[str]:
+    for (a, b), gap in _borne(cell.shapes, cell.turntable, cell.chain).items():
+        one, other = cell.shapes[a], cell.shapes[b]
+        if "mesh" in (one.kind, other.kind):
+            yield f"collision of {one.body} and {other.body}: one bears the other, and a mesh may meet elsewhere too"
+        elif ALIKE_MM < gap < least_mm(cell, [(a, b)])[0]:
+            yield f"collision of {one.body} and {other.body}: {gap:.1f} mm apart, nearer than bodies must keep"
+
+
+def _carrier(shape: Shape, axes: tuple[Turntable, ...]) -> int:
+    """What carries a shape, along one line: 0 the base, 1 to 6 the links, -1 the first external axis, -2 the second."""
+    return max(shape.link, 0) if shape.link < ON_TURNTABLE else shape.link - ON_TURNTABLE - len(axes)
+
+
+def _moving_pairs(shapes: tuple[Shape, ...], axes: tuple[Turntable, ...]) -> list[tuple[int, int]]:
+    """Indices of shapes that some axis moves against each other, but for the arm's own neighbours."""
+    on = [_carrier(shape, axes) for shape in shapes]
+    arm = [0 <= shape.link <= 6 and shape.body not in TOOL for shape in shapes]
+    pairs = itertools.combinations(range(len(shapes)), 2)
+    return [(a, b) for a, b in pairs if on[a] != on[b] and not (arm[a] and arm[b] and abs(on[a] - on[b]) == 1)]
+
+
+@functools.lru_cache(maxsize=16)
+def _borne(shapes: tuple[Shape, ...], turntable: Turntable | None, chain: Chain) -> dict[tuple[int, int], float]:
+    """Shapes of an axis' own body and of what carries it that stand alike on a whole turn of it, and how far apart."""
+    axes, turn = () if turntable is None else turntable.axes, np.linspace(-np.pi, np.pi, LOOKS)
+    turning = {} if turntable is None or turntable.slides else {"turntable": ON_TURNTABLE, "tilt": ON_CRADLE}
+    own, found = {**turning, **dict.fromkeys(TOOL, 6)}, {}
+    on = [abs(_carrier(shape, axes)) for shape in shapes]
+    for i, j in itertools.permutations(range(len(shapes)), 2):
+        if own.get(shapes[i].body) == shapes[i].link and on[i] > on[j]:
+            gap = _alike_mm(shapes[i], shapes[j], axes, chain, turn)
+            found.update({} if gap is None else {(min(i, j), max(i, j)): gap})
+    return found
+
+
+def _alike_mm(
+    one: Shape, other: Shape, axes: tuple[Turntable, ...], chain: Chain, turn: Float | None = None
+) -> float | None:
+    """The distance of two shapes that is the same wherever the one axis between them stands; None: it is not.
+
+    Of a mesh 0 alone: between two of LOOKS places more may stand out of it than its distance tells. `turn` (LOOKS,):
+    where the axis is looked at, rad; None: within its limits.
+    """
+    inner, outer = sorted((one, other), key=lambda shape: abs(_carrier(shape, axes)))
+    if not (poses := _between(inner, outer, axes, chain, turn)):
+        return None
+    body, beside = fcl.CollisionObject(body_of(outer)), fcl.CollisionObject(body_of(inner))
+    gaps = (_apart(_put_at(body, there), _put_at(beside, here)) for here, there in poses)
+    first = next(gaps)
+    if "mesh" in (one.kind, other.kind) and first > 0:
+        return None
+    return first if all(abs(gap - first) < ALIKE_MM for gap in gaps) else None
+
+
+def _between(
+    inner: Shape, outer: Shape, axes: tuple[Turntable, ...], chain: Chain, turn: Float | None
+) -> list[tuple[Float, Float]]:
+    """Poses of two shapes as the axis between them moves the outer one, all else at 0; none: there is more than one."""
+    on = _carrier(outer, axes)
+    if _carrier(inner, axes) != on - np.sign(on):
+        return []
+    limits = chain.limits[on - 1] if on > 0 else axes[-on - 1].limits
+    values = np.linspace(limits[0], limits[1], LOOKS) if turn is None else turn
+    if on > 0:
+        joints = values[:, None] * (np.arange(1, 7) == on)
+        return [(inner.pose, pose) for pose in motions(chain, joints)[:, on] @ outer.pose]
+    here = np.eye(4) if on == -1 else axes[-on - 2].base_from_turntable
+    moved = axes[-on - 1].base_from_turntable @ _moved(axes[-on - 1], values)
+    return [(here @ inner.pose, pose) for pose in moved @ outer.pose]
+
+
+def _put_at(body: fcl.CollisionObject, pose: Float) -> fcl.CollisionObject:
+    body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+    return body
+
+
+def _touching(one: fcl.CollisionObject, other: fcl.CollisionObject) -> bool:
+    return bool(fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult()))
+
+
+def _apart(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:
+    """The distance, 0 where they touch."""
+    return 0.0 if _touching(one, other) else max(float(fcl.distance(one, other, fcl.DistanceRequest())), 0.0)
 
 
 def body_of(shape: Shape) -> fcl.CollisionGeometry:

@@ -43,7 +43,7 @@ from workbench.robot.cell_file import (
     check_plausible,
     matrix_of,
 )
-from workbench.robot.collision import CollisionModel, sliding
+from workbench.robot.collision import CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
@@ -56,7 +56,6 @@ from workbench.units import DEG, Float
 
 NO_WORKPIECE = "collision with the workpiece: the cell file gives none, and no scan was handed over (robot.plate)"
 HARMLESS = ("Adjacent", "Never")  # an SRDF's reasons by which nothing is left out that could happen
-CUTS = {"cutter", "workpiece"}
 WALL_MM = 2000.0  # thickness of the envelope's walls: what is beyond is within them
 
 
@@ -140,20 +139,22 @@ def read_cell(path: Path) -> Cell:
         controller=_controller(part.controller, path),
     )
     _check_turntable(made, path)
-    return made
+    return dataclasses.replace(made, unchecked=(*made.unchecked, *left_out(made, part.may_touch)))
 
 
 def _check_turntable(cell: Cell, path: Path) -> None:
-    """Refuse a turntable that stands within the robot's base."""
-    own = [shape for shape in cell.shapes if shape.body == "turntable"]
-    if not own or sliding(cell):
-        return
-    as_link = [dataclasses.replace(shape, link=6) for shape in cell.shapes if shape.link == 0]  # so that they count
-    alone = dataclasses.replace(cell, shapes=(*as_link, *own), may_touch=(), margin_mm=0.0, margins=Margins())
-    if touching := CollisionModel(alone).collision(np.zeros(6)):
+    """Refuse a turntable or its tilt that stands within the robot's base, where `may_touch` does not let it."""
+    own = {axis.name: f"base_from_{axis.name}" for axis in cell.axes if not axis.slides}
+    bodies = [shape for shape in cell.shapes if shape.link >= ON_TURNTABLE and shape.body in own]
+    base = [dataclasses.replace(shape, link=6) for shape in cell.shapes if shape.link == 0]  # so that they count
+    touch = (*cell.may_touch, ("turntable", "tilt"))
+    alone = dataclasses.replace(cell, shapes=(*base, *bodies), may_touch=touch, margin_mm=0.0, margins=Margins())
+    if touching := CollisionModel(alone).collision(np.zeros(6)) if bodies else None:
+        where = f"tilt.{own['tilt']}" if touching[1] == "tilt" else own["turntable"]
         raise InputError(
-            f"{path}: $.turntable.base_from_turntable",
-            f"expected the turntable beside the robot, found it in its {touching[0]}: is it in another unit or frame?",
+            f"{path}: $.turntable.{where}",
+            f"expected the {touching[1]} beside the robot, found it in its {touching[0]}: is it in another unit or "
+            "frame, or may they touch ($.may_touch)?",
         )
 
 
@@ -239,7 +240,7 @@ def _not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
 
 
 def _bodies_not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]:
-    """Bodies without a shape, joints that must stand, and bodies that may touch."""
+    """Bodies without a shape, and joints that must stand."""
     bare = [str(link) for link in range(1, 6) if not any(shape.link == link for shape in shapes)]
     if bare:
         yield f"collision of the robot's links {', '.join(bare)}: the URDF gives them no <collision>"
@@ -250,9 +251,6 @@ def _bodies_not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]
         yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
     elif short := bare_mm(part):
         yield f"collision of the cutter: the tool's shapes end {short:.0f} mm from its tip ($.tool.shapes)"
-    for one, other in part.may_touch:
-        if {one, other} != CUTS and {one, other} & {"tool", "cutter"}:
-            yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
 
 
 def _walls(part: EnvelopePart) -> Iterator[Shape]:

@@ -263,9 +263,8 @@ def _parsed(
     if root.tag != "robot":
         raise InputError(str(path), f"expected a URDF (root element 'robot'), found '{root.tag}'")
     if xacro and root.find("link") is None:
-        users = [
-            one.name for one in sorted(path.parent.glob("*.xacro")) if one != path and path.name in one.read_text()
-        ]
+        others = (one for one in sorted(path.parent.glob("*.xacro")) if one != path and one.is_file())
+        users = [one.name for one in others if path.name.encode() in one.read_bytes()]
         raise InputError(
             str(path),
             "expected xacro that makes a robot, found macros that nothing calls: name the file that includes this one"

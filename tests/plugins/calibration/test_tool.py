@@ -192,15 +192,35 @@ def test_the_report_says_whether_it_is_good_enough(tmp_path: Path, tolerance: fl
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        ("ball 0,tip,1,2,3,2,0,0,0", "line 19: expected a quaternion of norm 1"),
-        ("ball 0,tip,1,2,x,1,0,0,0", "line 19: z_mm: expected a number"),
-        ("ball 0,tip,1,2,3,1,0,0", "line 19: expected 9 cells, found 8"),
+        ("1,2,3,1.0011,0,0,0", "line 19: expected a quaternion of norm 1"),
+        ("1,2,x,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("1,2,nan,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("1,2,1.01e6,1,0,0,0", "line 19: z_mm: expected a number of at most 1e\\+06"),
+        ("1,2,,1,0,0,0", "line 19: z_mm: expected a number"),
+        ("1,2,3,1,0,0", "line 19: expected 9 cells, found 8"),
     ],
 )
 def test_unusable_rows_are_named(tmp_path: Path, row: str, words: str) -> None:
-    rows = [*touch_rows(np.random.default_rng(1)), row]
+    rows = [*touch_rows(np.random.default_rng(1)), f"ball 0,tip,{row}"]
     with pytest.raises(InputError, match=words):
         calibrated(touch_file(tmp_path, rows))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: "", "expected a header with the columns reference, x_mm"),
+        (lambda text: text.replace("qz", "q"), "header: expected the column 'qz'"),
+        (lambda text: text.replace("qz", "qy"), "header: expected the column 'qz'"),
+        (lambda text: text.replace("tool_point", "reference"), "header: a column stands twice"),
+        (lambda text: "\n".join(text.splitlines()[:5]), "expected at least 4 rows, found 3"),
+    ],
+)
+def test_tables_that_are_none_are_refused(tmp_path: Path, change: Any, words: str) -> None:
+    path = touch_file(tmp_path, touch_rows(np.random.default_rng(1)))
+    path.write_text(change(path.read_text()))
+    with pytest.raises(InputError, match=words):
+        calibrated(path)
 
 
 def mark_rows(

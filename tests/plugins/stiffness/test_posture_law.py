@@ -1,4 +1,4 @@
-"""Dynamic programming against every way there is; joint angles of the fast kernel against the closed-form inverse."""
+"""Dynamic programming against every way there is."""
 
 import dataclasses
 import itertools
@@ -9,7 +9,7 @@ import pytest
 
 from workbench.path import read
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.arm import displacements, fast_arm, joint_angles
+from workbench.plugins.stiffness.arm import fast_arm
 from workbench.plugins.stiffness.law import (
     STEP_COST_MM,
     Grid,
@@ -26,7 +26,7 @@ from workbench.plugins.stiffness.law import (
 )
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.traversal import Configuration, Examiner, search, traversal
-from workbench.robot import Cell, CollisionModel, Margins, forward_kinematics, inverse_kinematics
+from workbench.robot import Cell, CollisionModel, Margins
 from workbench.units import Float
 
 from .conftest import K
@@ -194,18 +194,3 @@ def test_where_nothing_may_move_the_law_is_the_constant_one(cell: Cell, points: 
     start, law, bound = law_of(cell, points, (2, 2), still)
     assert np.ptp(law.rotation) == np.ptp(law.table) == 0
     assert bound < law.cost_mm <= start.cost_mm
-
-
-@pytest.mark.parametrize("branch", range(8))
-def test_fast_joint_angles_are_the_closed_forms(cell: Cell, branch: int) -> None:
-    rng = np.random.default_rng(3)
-    poses = forward_kinematics(cell.chain, rng.uniform(cell.chain.limits[:, 0], cell.chain.limits[:, 1], (2000, 6)))
-    arm, (shoulder, elbow, flip) = fast_arm(cell.chain), (branch // 4, branch // 2 % 2, branch % 2)
-    found = joint_angles(arm, poses, shoulder=shoulder, elbow=elbow, flip=flip)
-    wanted = inverse_kinematics(cell.chain, poses)[:, branch]
-    there = np.isfinite(wanted[:, 0])
-    assert there.sum() > 500
-    away = (found - wanted + np.pi) % (2 * np.pi) - np.pi
-    assert np.abs(away[there]).max() < 1e-11
-    _, said = displacements(arm, K, poses, poses[:, :3, 3], np.ones((2000, 3)), shoulder=shoulder, elbow=elbow)
-    assert ((said == 3) == ~there).all()

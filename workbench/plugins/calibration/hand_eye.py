@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,11 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from workbench.api import (
-    DEG,
     Document,
     Float,
     HandEye,
-    HandEyeFile,
     InputError,
     InputFile,
     Recording,
@@ -23,7 +20,6 @@ from workbench.api import (
     certified_length,
     frozen,
     pose_from,
-    rpy_from_rotation,
     stage,
 )
 from workbench.plugins.calibration import bundle, methods
@@ -55,6 +51,7 @@ from workbench.plugins.calibration.verdicts import (
     ScaledCircles,
     Scales,
     Sensor,
+    hand_eye_file,
     rejections,
     rescaled,
     scales_of,
@@ -343,32 +340,13 @@ def _point_rms(
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-# `handeye.json` (INTERFACES section 4; docs/pipelines.md): strict JSON, mm, s, degrees only where the name says so.
-
-
 def hand_eye_document(found: Calibration) -> Document:
-    """The calibration as the file that inspection and planning read by their input `hand_eye`."""
-    pose = found.hand_eye.flange_from_profiler
-    content = {
-        "part": asdict(found.part),
-        "flange_from_profiler": pose,
-        "translation_mm": pose[:3, 3],
-        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
-        "covariance": found.covariance,
+    """The calibration as `handeye.json`."""
+    more = {
         "sensor_scale": found.hand_eye.sensor_scale,
         "sensor_middle_mm": found.hand_eye.sensor_middle_mm,
-        "sensor_scale_u": found.sensor_scale_u,
-        "sphere_center_mm": found.sphere_center_mm,
         "sphere_diameter_mm": 2 * found.sphere_radius_mm,
-        "time_offset_s": found.time_offset_s,
-        "time_offset_u_s": found.time_offset_u_s,
-        "volume_u_mm": found.volume_u_mm,
-        "residual_rms_mm": found.residual_rms_mm,
-        "method": found.method,
-        "frames_used": found.frames_used,
-        "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in found.frames_rejected],
-        "good_enough": found.good_enough,
-        "verdict": found.verdict,
-        "warnings": found.warnings,
     }
-    return Document(HandEyeFile.NAME, HandEyeFile.written(content))
+    names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
+    more |= {name: getattr(found, name) for name in (*names, "frames_used", "warnings")}
+    return hand_eye_file(found.hand_eye, found.part, (found.good_enough, found.verdict), found.frames_rejected, more)

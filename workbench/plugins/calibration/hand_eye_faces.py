@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +16,6 @@ from workbench.api import (
     Document,
     Float,
     HandEye,
-    HandEyeFile,
     InputError,
     Int,
     Recording,
@@ -25,7 +24,6 @@ from workbench.api import (
     pieces,
     pose_from,
     refuse_unsound,
-    rpy_from_rotation,
     stage,
 )
 from workbench.plugins.calibration.circles import HARMLESS
@@ -43,7 +41,8 @@ from workbench.plugins.calibration.solve import (
     refuse_undetermined,
 )
 from workbench.plugins.calibration.tables import check_misfit, fit_words, noisy, sentence
-from workbench.plugins.calibration.verdicts import serves
+from workbench.plugins.calibration.values import Rejected
+from workbench.plugins.calibration.verdicts import hand_eye_file, pose_facts, serves
 
 SEEN = {"edge": "edge", "plane": "plane", "points": "point"}
 FIT_ROUNDS = 6  # of leaving out what all others contradict
@@ -219,45 +218,21 @@ def _results(
     eye = replace(eye, sensor_scale=(1.0, 1.0), sensor_middle_mm=(float(part.middle_mm[0]), float(part.middle_mm[1])))
     offset_u = float(np.sqrt(best.covariance[-1, -1])) if part.with_offset else None
     residual = float(np.sqrt(np.mean(best.rows.residual[best.used] ** 2)))
-    document = {
-        "part": asdict(recording.part),
-        "flange_from_profiler": pose,
-        "translation_mm": pose[:3, 3],
-        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
-        "covariance": covariance,
+    clock = None if offset_u is None else (best.at.pose.offset_s, offset_u)
+    more = {
         "sensor_scale": eye.sensor_scale,
         "sensor_middle_mm": eye.sensor_middle_mm,
         "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
-        "sphere_center_mm": None,
-        "sphere_diameter_mm": None,
-        "time_offset_s": best.at.pose.offset_s if part.with_offset else None,
+        "time_offset_s": None if clock is None else clock[0],
         "time_offset_u_s": offset_u,
-        "volume_u_mm": volume,
         "residual_rms_mm": residual,
         "method": part.target,
         "frames_used": np.delete(frames, left_out),
-        "frames_rejected": [
-            *({"frame": one.frame, "cause": one.cause} for one in part.marks.rejected),
-            *({"frame": int(frames[k]), "cause": "all other profiles contradict it"} for k in left_out),
-        ],
-        "good_enough": verdict[0],
-        "verdict": verdict[1],
         "warnings": warned,
     }
-    u = np.sqrt(np.diagonal(covariance))
-    facts = [
-        ("Predicted RMS error of a point over the field of view", f"{volume:.3f} mm"),
-        (
-            "Translation tx, ty, tz",
-            ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True)) + " mm",
-        ),
-        ("Rotation roll, pitch, yaw", ", ".join(f"{a / DEG:.3f}°" for a in rpy_from_rotation(pose[:3, :3]))),
-        ("u of the rotation about the flange's axes", ", ".join(f"{s / DEG:.4f}°" for s in u[3:])),
-        ("Distance from the faces, RMS", f"{residual:.3f} mm"),
-    ]
-    if offset_u is not None:
-        clock = f"{1e3 * best.at.pose.offset_s:.2f} ± {1e3 * offset_u:.2f} ms"
-        facts.append(("Profiler's clock ahead of the robot's", clock))
+    gross = [Rejected(int(frames[k]), "all other profiles contradict it") for k in left_out]
+    document = hand_eye_file(eye, recording.part, verdict, [*part.marks.rejected, *gross], more)
+    facts = [*pose_facts(eye, clock), ("Distance from the faces, RMS", f"{residual:.3f} mm")]
     rows = [(words, f"{size:.3f}") for words, size in directions(covariance, best.at.pose, view)]
     html = "\n".join(
         (
@@ -268,4 +243,4 @@ def _results(
     )
     summary = f"Predicted error over the field of view {volume:.3f} mm (standard uncertainty); {verdict[1]}."
     chapter = Chapter("Hand-eye calibration", html, summary=summary, part=recording.part, warnings=warned)
-    return eye, Document(HandEyeFile.NAME, HandEyeFile.written(document)), chapter
+    return eye, document, chapter

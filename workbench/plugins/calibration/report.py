@@ -12,7 +12,9 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from workbench.api import DEG, Chapter, Float, Part, Recording, pieces, rpy_from_rotation, stage
+from workbench.plugins.calibration.tables import sentence
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
+from workbench.plugins.calibration.verdicts import pose_facts
 
 MOST_ROWS = 40  # of the table of postures
 BLUE, PURPLE, ORANGE = pieces.BLUE, pieces.PURPLE, pieces.ORANGE
@@ -73,32 +75,18 @@ def _named(recording: Recording) -> Part:
 
 def _answer(found: Calibration) -> str:
     """Pose, sphere and clock, each with its uncertainty."""
-    pose, u = found.hand_eye.flange_from_profiler, np.sqrt(np.diagonal(found.covariance))
-    angles = ", ".join(f"{angle / DEG:.3f}°" for angle in rpy_from_rotation(pose[:3, :3]))
+    offset, u = found.time_offset_s, found.time_offset_u_s
     facts = [
-        ("Predicted RMS error of a point over the field of view", f"{found.volume_u_mm:.3f} mm"),
-        (
-            "Translation tx, ty, tz",
-            ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True)) + " mm",
-        ),
-        ("Rotation roll, pitch, yaw", angles),
-        ("u of the rotation about the flange's axes", ", ".join(f"{s / DEG:.4f}°" for s in u[3:])),
+        *pose_facts(found.hand_eye, None if offset is None or u is None else (offset, u)),
         ("Sphere in the base", ", ".join(f"{v:.3f}" for v in found.sphere_center_mm) + " mm"),
         ("Sphere diameter, estimated", f"{2 * found.sphere_radius_mm:.3f} mm"),
         ("Residual of the points, RMS", f"{found.residual_rms_mm:.3f} mm"),
         ("Residuals over the stated noise (chi-square over degrees of freedom)", f"{found.misfit:.2f}"),
         ("Method", found.method),
     ]
-    if found.time_offset_s is not None and found.time_offset_u_s is not None:
-        facts.append(
-            (
-                "Profiler's clock ahead of the robot's",
-                f"{1e3 * found.time_offset_s:.2f} ± {1e3 * found.time_offset_u_s:.2f} ms",
-            )
-        )
     if found.systematic_mm is not None:
         facts.append(("Systematic robot error, each axis", f"{found.systematic_mm:.2f} mm"))
-    return pieces.facts_html(facts) + pieces.paragraph(f"{found.verdict[:1].upper() + found.verdict[1:]}.")
+    return pieces.facts_html(facts) + pieces.paragraph(sentence(found.verdict))
 
 
 def _uncertainty(found: Calibration) -> Iterable[str]:

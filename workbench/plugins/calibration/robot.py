@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +16,6 @@ from workbench.api import (
     Document,
     Float,
     HandEye,
-    HandEyeFile,
     InputError,
     InputFile,
     Recording,
@@ -25,7 +24,6 @@ from workbench.api import (
     frozen,
     inverse,
     pose_from,
-    rpy_from_rotation,
     stage,
     vector_from_rotation,
 )
@@ -52,8 +50,8 @@ from workbench.plugins.calibration.model import (
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Demand, check_determined, solve
 from workbench.plugins.calibration.tables import JOINTS, Table, enough, fit_words, noisy, rms_mm, told
-from workbench.plugins.calibration.values import SphereProfiles
-from workbench.plugins.calibration.verdicts import serves
+from workbench.plugins.calibration.values import Rejected, SphereProfiles
+from workbench.plugins.calibration.verdicts import hand_eye_file, serves
 
 if TYPE_CHECKING:
     from workbench.api import Chain
@@ -213,9 +211,19 @@ def robot(
         (root_tolerance_mm, bevel_tolerance_deg),
         ("the hand-eye pose, with the corrected robot,", "add postures"),
     )
-    causes = {frame: left_out[passes[k]] for k in np.flatnonzero(~kept) for frame in seen.frames[k]}
-    said_of_pose = _hand_eye_document(hand_eye, more, len(arm), recording, profiles, used, causes, serving)
-    return hand_eye, said_of_pose, document, chapter
+    rejected = {one.frame: one.cause for one in profiles.rejected}
+    rejected |= {frame: left_out[passes[k]] for k in np.flatnonzero(~kept) for frame in seen.frames[k]}
+    how = f"beside {len(arm)} joint offsets and lengths: u = {seen_u:.3f} mm of a place with both (robot.json)"
+    of_pose = {
+        **{name: more[name] for name in ("sphere_center_mm", "sphere_diameter_mm", "residual_rms_mm")},
+        "time_offset_s": None,
+        "time_offset_u_s": None,
+        "method": how,
+        "frames_used": sorted(frame for frames in used.frames for frame in frames),
+        "warnings": [*warnings, *([CORRECTED] if len(arm) else [])],
+    }
+    causes = [Rejected(*one) for one in sorted(rejected.items())]
+    return hand_eye, hand_eye_file(hand_eye, recording.part, serving, causes, of_pose), document, chapter
 
 
 def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together], joints: Float, view: View) -> Float:
@@ -240,41 +248,6 @@ def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together
     of = np.r_[0:6, SIZE : SIZE + len(arm)]
     covariance = both @ found.covariance[np.ix_(of, of)] @ both.T
     return np.asarray((covariance + covariance.T) / 2.0)
-
-
-def _hand_eye_document(
-    hand_eye: HandEye,
-    robot_json: dict[str, Any],
-    count: int,
-    recording: Recording,
-    profiles: SphereProfiles,
-    used: Observations,
-    causes: dict[int, str],
-    verdict: tuple[bool, str],
-) -> Document:
-    """`handeye.json`: the pose that goes with the corrected robot, as planning and inspection read it."""
-    pose = hand_eye.flange_from_profiler
-    rejected = {one.frame: one.cause for one in profiles.rejected} | causes
-    u = robot_json["u_mm"]
-    content = {
-        "part": asdict(recording.part),
-        "flange_from_profiler": pose,
-        "translation_mm": pose[:3, 3],
-        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
-        "covariance": hand_eye.covariance,
-        **{name: robot_json[name] for name in ("sphere_center_mm", "sphere_diameter_mm")},
-        "volume_u_mm": hand_eye.volume_u_mm,
-        "time_offset_s": None,
-        "time_offset_u_s": None,
-        "residual_rms_mm": robot_json["residual_rms_mm"],
-        "method": f"beside {count} joint offsets and lengths: u = {u:.3f} mm of a place with both (robot.json)",
-        "frames_used": sorted(frame for frames in used.frames for frame in frames),
-        "frames_rejected": [{"frame": frame, "cause": cause} for frame, cause in sorted(rejected.items())],
-        "good_enough": verdict[0],
-        "verdict": verdict[1],
-        "warnings": [*robot_json["warnings"], *([CORRECTED] if count else [])],
-    }
-    return Document(HandEyeFile.NAME, HandEyeFile.written(content))
 
 
 def _postures(profiles: SphereProfiles, recording: Recording, where: str) -> Observations:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Float, Recording, Shaped
+from workbench.api import DEG, Document, Float, HandEye, HandEyeFile, Part, Recording, Shaped, rpy_from_rotation
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.circles import fit_arc
 from workbench.plugins.calibration.model import Linear, Noise, Sphere, View, place_u
@@ -171,6 +172,42 @@ def serves(
     return enough(
         place_u(covariance, rotation, view), bevel_deg, tolerances[0], *words, turn=(turn_u_deg, tolerances[1])
     )
+
+
+def hand_eye_file(
+    eye: HandEye, part: Part, verdict: tuple[bool, str], rejected: Iterable[Rejected], more: dict[str, Any]
+) -> Document:
+    """`handeye.json`, which inspection and planning read by their input `hand_eye`; `more`: what else was found."""
+    pose = eye.flange_from_profiler
+    content = {
+        "part": asdict(part),
+        "flange_from_profiler": pose,
+        "translation_mm": pose[:3, 3],
+        "rotation_rpy_deg": [angle / DEG for angle in rpy_from_rotation(pose[:3, :3])],
+        "covariance": eye.covariance,
+        "volume_u_mm": eye.volume_u_mm,
+        **more,
+        "frames_rejected": [{"frame": one.frame, "cause": one.cause} for one in rejected],
+        "good_enough": verdict[0],
+        "verdict": verdict[1],
+    }
+    return Document(HandEyeFile.NAME, HandEyeFile.written(content))
+
+
+def pose_facts(eye: HandEye, clock_s: tuple[float, float] | None) -> list[tuple[str, str]]:
+    """Names and values for the report, each with its u; `clock_s`: the clock's offset and its u, where it was found."""
+    pose, u = eye.flange_from_profiler, np.sqrt(np.diagonal(np.asarray(eye.covariance)))
+    place = ", ".join(f"{v:.3f} ± {s:.3f}" for v, s in zip(pose[:3, 3], u[:3], strict=True))
+    facts = [
+        ("Predicted RMS error of a point over the field of view", f"{eye.volume_u_mm:.3f} mm"),
+        ("Translation tx, ty, tz", f"{place} mm"),
+        ("Rotation roll, pitch, yaw", ", ".join(f"{a / DEG:.3f}°" for a in rpy_from_rotation(pose[:3, :3]))),
+        ("u of the rotation about the flange's axes", ", ".join(f"{s / DEG:.4f}°" for s in u[3:])),
+    ]
+    if clock_s is not None:
+        offset, offset_u = clock_s
+        facts.append(("Profiler's clock ahead of the robot's", f"{1e3 * offset:.2f} ± {1e3 * offset_u:.2f} ms"))
+    return facts
 
 
 FEW = 6  # postures below which hardly anything checks the answer

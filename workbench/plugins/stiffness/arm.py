@@ -36,11 +36,10 @@ from workbench.plugins.stiffness.arm_kernels import (
     ArmPath,
     Branch,
     Vector,
-    displacement_kernel,
     joints_kernel,
-    lowest_kernel,
     traverse_kernel,
 )
+from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import turn_about_z
 
 # The posture optimiser's calls for any arm that has an inverse: slower, by joint angles instead of algebra.
@@ -107,38 +106,25 @@ class GeneralArm:
         return np.asarray(np.linalg.svd(slope, compute_uv=False)[:, -1]) if len(q) else np.empty(0)
 
     def joint_angles(self, base_from_flange: Float, branch: int) -> Float:
-        """As `arm.joint_angles`; NaN becomes 0, which `displacements` calls unreachable."""
+        """As `arm.joint_angles`; NaN becomes 0."""
         return np.nan_to_num(self.solutions(base_from_flange)[:, branch])
-
-    def displacements(
-        self, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, first: int
-    ) -> tuple[Float, AnyArray, Float, AnyArray]:
-        """Displacement (n,) and what is said (n,) of two flips, `first` and the next branch; tip and force (n, 3)."""
-        both: list[Float] = []
-        for branch in (first, first + 1):
-            q = self.solutions(base_from_flange)[:, branch]
-            there = np.isfinite(q[:, 0])
-            moved, said = np.full(len(q), np.inf), np.full(len(q), UNREACHABLE)
-            inside = np.isfinite(within_limits(self.chain, q[there])).all(axis=1)
-            singular = self._smallest(q[there]) < STRETCHED
-            said[there] = np.where(singular, SINGULAR, np.where(inside, FREE, LIMIT))
-            slope = jacobian_at(*joint_axes(self.chain, q[there]), tip_mm[there])[:, :3]
-            torque = np.einsum("nri,nr->ni", slope, force_n[there])
-            moved[there] = np.linalg.norm(np.einsum("nri,ni->nr", slope, torque / (1e3 * stiffness)), axis=1)
-            both += [moved, said.astype(float)]
-        return both[0], both[1].astype(np.uint8), both[2], both[3].astype(np.uint8)
 
     def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
         """As `arm.traverse`."""
         tables, points = path.base_from_cutter.shape[:2]
         flange = path.base_from_cutter[:, :, None] @ turn_about_z(angles) @ inverse(path.flange_from_cutter)
         tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (path.load_mm, path.force_n))
-        one, said, other, flipped = (
-            part.reshape(tables, points, len(angles))
-            for part in self.displacements(stiffness, flange.reshape(-1, 4, 4), tip, force, first)
-        )
-        worst = np.stack([said.max(axis=1), flipped.max(axis=1)])
-        return np.stack([one.mean(axis=1), other.mean(axis=1)]), worst.astype(np.uint8)
+        means, worst = [], []
+        for q in np.moveaxis(self.solutions(flange.reshape(-1, 4, 4))[:, first : first + 2], 1, 0):
+            there = np.isfinite(q[:, 0])
+            moved, said = np.full(len(q), np.inf), np.full(len(q), UNREACHABLE)
+            inside = np.isfinite(within_limits(self.chain, q[there])).all(axis=1)
+            singular = self._smallest(q[there]) < STRETCHED
+            said[there] = np.where(singular, SINGULAR, np.where(inside, FREE, LIMIT))
+            moved[there] = np.linalg.norm(pushed(self.chain, stiffness, q[there], tip[there], force[there]), axis=1)
+            means.append(moved.reshape(tables, points, -1).mean(axis=1))
+            worst.append(said.reshape(tables, points, -1).max(axis=1))
+        return np.stack(means), np.stack(worst).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,23 +141,6 @@ class Unsprung:
         """Those of the arm."""
         shoulder, elbow = BRANCHES[branch // 2]
         return joint_angles(self.arm, base_from_flange, shoulder=shoulder, elbow=elbow, flip=branch % 2)
-
-    def displacements(
-        self, stiffness: Float, base_from_flange: Float, tip_mm: Float, force_n: Float, first: int
-    ) -> tuple[Float, AnyArray, Float, AnyArray]:
-        """Awkwardness (n,), 0 where nothing pushes, and what is said (n,) of two flips; else as `GeneralArm` has it."""
-        shoulder, elbow = BRANCHES[first // 2]
-        _, said = displacements(self.arm, NO_SPRINGS, base_from_flange, tip_mm, force_n, shoulder=shoulder, elbow=elbow)
-        loaded = np.broadcast_to(np.linalg.norm(force_n, axis=-1) > 0, said.shape)
-        both: list[AnyArray] = []
-        for branch in (first, first + 1):
-            q = within_limits(self.cell.chain, self.joint_angles(base_from_flange, branch))
-            inside = np.isfinite(q).all(axis=1)
-            cost = np.where(inside, 0.0, np.inf)
-            rows = inside & loaded
-            cost[rows] = awkwardness(self.cell, q[rows])
-            both += [cost, np.where((said == FREE) & ~inside, LIMIT, said).astype(np.uint8)]
-        return both[0], both[1], both[2], both[3]
 
     def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
         """As `arm.traverse`, the mean over the loaded rows."""
@@ -296,51 +265,6 @@ def _window(low: float, high: float) -> tuple[float, float, float]:
     return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
 
 
-def displacements(
-    arm: AnyArm,
-    stiffness: Shaped[Float, " 6"],
-    base_from_flange: Shaped[Float, "n 4 4"],
-    tip_mm: Shaped[Float, "n 3"],
-    force_n: Shaped[Float, "n 3"],
-    *,
-    shoulder: int = 0,
-    elbow: int = 0,
-    flip: int | None = None,
-) -> tuple[Float, AnyArray]:
-    """Length of the tip's displacement (n,), mm, in one branch, and what is said of each posture (n,), see CAUSES.
-
-    Args:
-        arm: the robot.
-        stiffness: (6,) Nm/rad.
-        base_from_flange: (n, 4, 4) poses.
-        tip_mm: (n, 3) the loaded point, in the base.
-        force_n: (n, 3) acts there, base axes.
-        shoulder: 0: the arm reaches forward, 1: over its back.
-        elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
-        flip: of the wrist, 0 or 1, where it matters; None: the better of both.
-    """
-    if not isinstance(arm, Arm):
-        at, acts = (np.broadcast_to(part, (len(base_from_flange), 3)) for part in (tip_mm, force_n))
-        one, first, other, second = arm.displacements(stiffness, base_from_flange, at, acts, 4 * shoulder + 2 * elbow)
-        better = (first < second) | ((first == second) & (one <= other))
-        better = better if flip is None else np.full(len(one), flip == 0)
-        return np.where(better, one, other), np.where(better, first, second)
-    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
-    wrist = base_from_flange[:, :3, :3] @ arm.wrist_in_flange_mm + base_from_flange[:, :3, 3]
-    w, a, p, f = (
-        np.ascontiguousarray(part.T)
-        for part in (
-            wrist @ turn.T + shift,
-            base_from_flange[:, :3, :3] @ arm.axis_in_flange @ turn.T,
-            tip_mm @ turn.T + shift,
-            np.asarray(force_n) @ turn.T,
-        )
-    )
-    found, said = np.empty(len(wrist)), np.empty(len(wrist))
-    displacement_kernel(_branch(arm, stiffness, shoulder, elbow), w, a, p, f, found, said)
-    return found, said.astype(np.uint8)
-
-
 def traverse(
     arm: AnyArm,
     stiffness: Shaped[Float, " 6"],
@@ -357,8 +281,8 @@ def traverse(
         stiffness: (6,) Nm/rad.
         path: for a turntable angles and p points.
         angles: (t,) rotations of the cutter about its axis, rad.
-        shoulder: as in `displacements`; one branch all along the path.
-        elbow: likewise.
+        shoulder: 0: the arm reaches forward, 1: over its back; one branch all along the path.
+        elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
 
     Returns:
         Mean displacement (2, a, t), mm, of both flips of the wrist, each kept all along the path, and the worst that is
@@ -373,16 +297,13 @@ def traverse(
 
 def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
     """The least displacement (a, p), mm, over all rotations and branches; inf: no posture. Arguments as `traverse`."""
-    if not isinstance(arm, Arm):
-        single = LoadedPath(path.flange_from_cutter, *(part.reshape(-1, 1, *part.shape[2:]) for part in path[1:]))
-        found = [arm.traverse(stiffness, single, angles, 4 * s + 2 * e) for s, e in BRANCHES]
-        least = [np.where(said == 0, mean, np.inf).min(axis=(0, 2)) for mean, said in found]
-        return np.asarray(np.min(least, axis=0).reshape(path.base_from_cutter.shape[:2]))
-    told, cosine, sine = _in_arm_frame(arm, path), np.cos(angles), np.sin(angles)
-    best = np.full(path.base_from_cutter.shape[:2], np.inf)
-    for shoulder, elbow in BRANCHES:
-        lowest_kernel(_branch(arm, stiffness, shoulder, elbow), told, cosine, sine, best)
-    return best
+    least = np.full(path.base_from_cutter.shape[:2], np.inf)
+    for row, *each in zip(least, *path[1:], strict=True):
+        single = LoadedPath(path.flange_from_cutter, *(part[:, None] for part in each))
+        for shoulder, elbow in BRANCHES:
+            mean, said = traverse(arm, stiffness, single, angles, shoulder=shoulder, elbow=elbow)
+            np.minimum(row, np.where(said == FREE, mean, np.inf).min(axis=(0, 2)), out=row)
+    return least
 
 
 def _in_arm_frame(arm: Arm, path: LoadedPath) -> ArmPath:
@@ -409,7 +330,7 @@ def _vector(values: Float) -> Vector:
 def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
     """Joint angles (n, 6) in (-pi, pi] at poses (n, 4, 4), in one of the branches of `inverse_kinematics`.
 
-    Meaningless, but finite, where `displacements` says of the posture that it is unreachable or singular.
+    Meaningless, but finite, where the posture is unreachable or singular: forward kinematics tells.
     """
     if not isinstance(arm, Arm):
         return arm.joint_angles(base_from_flange, 4 * shoulder + 2 * elbow + flip)

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.api import AnyArray, kernel
 
-FREE, SINGULAR, LIMIT, UNREACHABLE = 0.0, 1.0, 2.0, 3.0  # indices of `arm.CAUSES`
+FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # indices of `arm.CAUSES`
 
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -57,20 +57,6 @@ def traverse_kernel(
     return total / points, worst.astype(np.uint8), flipped.astype(np.uint8)
 
 
-@kernel(error_model="numpy")
-def lowest_kernel(branch: Branch, path: ArmPath, cosine: AnyArray, sine: AnyArray, best: AnyArray) -> None:
-    """As `traverse_kernel`: the least displacement (a, p) over the rotations that nothing is said of, inf: none."""
-    total, worst, flipped = np.empty(len(cosine)), np.empty(len(cosine)), np.empty(len(cosine))
-    found = PerRotation(total, worst, flipped)
-    for i in range(best.shape[0]):
-        for j in range(best.shape[1]):
-            total[:], worst[:], flipped[:] = 0.0, FREE, FREE
-            _turn_cutter(branch, path, i, j, cosine, sine, found)
-            for t in range(len(cosine)):
-                if min(worst[t], flipped[t]) == FREE:
-                    best[i, j] = min(best[i, j], total[t])
-
-
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _turn_cutter(
     branch: Branch, path: ArmPath, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: PerRotation
@@ -96,18 +82,6 @@ def _turn_cutter(
         moved, said, other = posture(branch, wrist, axis, at, acts)
         total[t] += moved
         worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
-
-
-@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
-def displacement_kernel(
-    branch: Branch, w: AnyArray, a: AnyArray, p: AnyArray, f: AnyArray, found: AnyArray, said: AnyArray
-) -> None:
-    """Columns (3, n) in the arm frame."""
-    for n in range(w.shape[1]):
-        wrist, axis = (w[0, n], w[1, n], w[2, n]), (a[0, n], a[1, n], a[2, n])
-        at, acts = (p[0, n], p[1, n], p[2, n]), (f[0, n], f[1, n], f[2, n])
-        found[n], one, other = posture(branch, wrist, axis, at, acts)
-        said[n] = min(one, other)
 
 
 @kernel(error_model="numpy")

@@ -81,6 +81,13 @@ def give_way(
     return np.asarray(moved), dq
 
 
+def pushed(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, force_n: Float) -> Float:
+    """J K^-1 J^T f (..., 3), mm, of points (..., 3) in the base under forces (..., 3) at joints (..., 6); base axes."""
+    jacobian = jacobian_at(*joint_axes(chain, joints), point_mm)[..., :3, :]
+    torque = np.einsum("...ri,...r->...i", jacobian, force_n) / MM
+    return np.asarray(np.einsum("...ri,...i->...r", jacobian, torque / stiffness))
+
+
 def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> tuple[Float, Float]:
     """Displacement (6,) and joint deflection (6,) at which springs and load are in balance, to 1e-14 rad, by Newton.
 

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.api import AnyArray, Bool, Float, Int, Shaped, kernel, within_limits
-from workbench.plugins.stiffness.arm import BRANCHES, displacements, traverse
+from workbench.api import AnyArray, Bool, Float, Int, Shaped, forward_kinematics, kernel, within_limits
+from workbench.plugins.stiffness.arm import BRANCHES, traverse
 from workbench.plugins.stiffness.traversal import (
     EVERY,
     FREE,
     MOST_STEP,
+    REACHED,
     Choice,
     Configuration,
     Examiner,
@@ -267,24 +268,23 @@ def nodes(
 
     At all points of the path, or at those with indices `which` (n,).
     """
-    points, cell, arm, shape = examiner.points, examiner.cell, examiner.arm, rotation.shape
+    points, cell, shape = examiner.points, examiner.cell, rotation.shape
     which = np.arange(shape[0]) if which is None else which
     at, alpha = np.repeat(which, rotation[0].size), table.reshape(-1)
     flange = flange_poses(cell, points, at, rotation.reshape(-1), alpha)
-    turned = points.turned(cell, alpha, at)
-    tip = np.einsum("nij,nj->ni", turned[:, :3, :3], points.base_from_point[at, :3, 3]) + turned[:, :3, 3]
-    force = np.einsum("nij,nj->ni", turned[:, :3, :3], points.force_n[at])
-    shoulder, elbow = BRANCHES[configuration.branch]
-    flip = configuration.flip
-    cost, said = displacements(arm, stiffness, flange, tip, force, shoulder=shoulder, elbow=elbow, flip=flip)
-    joints = configuration.joints(arm, flange)
-    free = (said == FREE) & np.isfinite(within_limits(cell.chain, joints)).all(axis=1)
+    joints = configuration.joints(examiner.arm, flange)
+    kept = within_limits(cell.chain, joints)
+    free: Bool = np.asarray(np.isfinite(kept).all(axis=1))
+    off = forward_kinematics(cell.chain, joints[free]) - flange[free]
+    free[free] = np.abs(off).max(axis=(1, 2), initial=0.0) < REACHED
     free[free] = examiner.poor(joints[free]) == FREE
     free[free] = examiner.screen.hits(joints[free], points.external(alpha, at)[free]) < 0
     away, _ = examiner.away(configuration, at[free], flange[free], alpha[free], joints[free])
     free[free] = away == FREE
+    cost = np.full(len(at), np.inf)
+    cost[free] = examiner.cost(stiffness, kept[free], alpha[free], at[free])
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
-    return np.where(free, cost, np.inf).reshape(shape), seven, free.reshape(shape)
+    return cost.reshape(shape), seven, free.reshape(shape)
 
 
 def window(

@@ -26,8 +26,6 @@ from workbench.api import (
     cell_triangles,
     forward_kinematics,
     inverse,
-    jacobian_at,
-    joint_axes,
     pieces,
     posture_key,
     posture_picture,
@@ -35,8 +33,7 @@ from workbench.api import (
     rotation_from_quaternion,
     sliding,
 )
-from workbench.plugins.stiffness.arm import Unsprung, awkwardness
-from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import (
@@ -122,12 +119,8 @@ class Found:
 
 def costs(examiner: Examiner, k: Float, joints: Float, table: Float) -> Float:
     """Length of the displacement of the loaded points (l,), or their awkwardness, at joints (n, 6), angles (n,)."""
-    points = examiner.points
-    if isinstance(examiner.arm, Unsprung):
-        return awkwardness(examiner.cell, joints[points.loaded])
-    turned = points.turned(examiner.cell, table, np.arange(len(table)))
-    moved = _displacements(examiner.cell, k, joints, turned, points)
-    return np.asarray(np.linalg.norm(moved[points.loaded], axis=1))
+    loaded = examiner.points.loaded
+    return examiner.cost(k, joints[loaded], table[loaded], loaded)
 
 
 def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed: Bool = EVERY) -> Case | None:
@@ -158,7 +151,9 @@ def postures(
     targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
     moved = np.full((len(joints), 3), np.nan)
     if stiffness is not None:
-        moved = _displacements(cell, stiffness.nm_per_rad, joints, points.moved(cell, table), points)
+        turned = points.moved(cell, table)
+        push = (turned[:, :3, :3] @ points.force_n[:, :, None])[:, :, 0]
+        moved = pushed(cell.chain, stiffness.nm_per_rad, joints, (turned @ points.base_from_point)[:, :3, 3], push)
     return Postures(
         toolpath=toolpath,
         layer=points.layer,
@@ -190,15 +185,6 @@ def _too_fast(cell: Cell, joints: Float, points: PathPoints) -> tuple[str, ...]:
         for j, share in enumerate((speed.max(axis=0) / cell.chain.speeds).tolist(), 1)
         if share > 1
     )
-
-
-def _displacements(cell: Cell, k: Float, joints: Float, turned: Float, points: PathPoints) -> Float:
-    """J K^-1 J^T f (n, 3) of the loaded point, mm, base axes."""
-    at = (turned @ points.base_from_point)[:, :3, 3]
-    force = (turned[:, :3, :3] @ points.force_n[:, :, None])[:, :, 0]
-    jacobian = jacobian_at(*joint_axes(cell.chain, joints), at)[:, :3]
-    torque = np.einsum("nri,nr->ni", jacobian, force) / MM
-    return np.asarray(np.einsum("nri,ni->nr", jacobian, torque / k))
 
 
 def _feeds(points: PathPoints, position_mm: Float) -> Float:
@@ -303,13 +289,7 @@ def _prices(found: Found) -> str:
         more = "no cell is free" if percent is None else f"{'' if one.proven else 'at least '}{percent:+.1f} %"
         chosen = " (chosen)" if words == found.configuration else ""
         rows.append((", ".join(words).replace("_", " ") + chosen, *places, value, more))
-    head = (
-        "Configuration",
-        "Cutter rotation, °",
-        _axis(found.postures).capitalize(),
-        _label(found.measure),
-        "More than the best",
-    )
+    head = ("Configuration", *_heads(found), "More than the best")
     return pieces.heading("What a configuration costs, on the map's grid") + pieces.table_html(head, rows)
 
 
@@ -365,14 +345,7 @@ def _table(found: Found) -> str:
         made, moved = found.postures, found.cost
         spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, _sought(made)))
         rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
-    head = (
-        "Posture",
-        "Cutter rotation, °",
-        _axis(found.postures).capitalize(),
-        _label(found.measure),
-        "Largest",
-        "Remark",
-    )
+    head = ("Posture", *_heads(found), "Largest", "Remark")
     return pieces.table_html(head, rows, text=(5,))
 
 

@@ -16,12 +16,10 @@ from workbench.api import (
     Postures,
     Toolpath,
     forward_kinematics,
-    jacobian_at,
-    joint_axes,
     pose_from,
     stage,
 )
-from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import Load, turn_about_z
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 
@@ -74,7 +72,10 @@ def predict(
         if len(acts.get(layer.index, ())) != here.sum():
             raise InputError("milling force", "expected that of this path, point by point")
         point = base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2)[here]
-        found[layer.index] = _given_way(cell, stiffness.nm_per_rad, postures.joints[here], point, acts[layer.index])
+        turn, at, push = point[:, :3, :3], point[:, :3, 3], acts[layer.index]
+        push = np.einsum("nij,nj->ni", turn, push)
+        moved = pushed(cell.chain, stiffness.nm_per_rad, postures.joints[here], at, push)
+        found[layer.index] = np.einsum("nji,nj->ni", turn, moved)
     return PathDeflection(found), Document("deflections.csv", _table(found))
 
 
@@ -83,14 +84,6 @@ def base_from_point(cell: Cell, postures: Postures, radius_mm: float) -> Float:
     tool = forward_kinematics(cell.chain, postures.joints) @ postures.flange_from_point
     out, back = (pose_from(np.eye(3), np.array([sign * radius_mm, 0.0, 0.0])) for sign in (-1, 1))
     return np.asarray(tool @ out @ turn_about_z(-postures.cutter_rotation) @ back)
-
-
-def _given_way(cell: Cell, k: Float, joints: Float, point: Float, force_n: Float) -> Float:
-    """Displacement (n, 3) in the points' frames (n, 4, 4) under forces (n, 3) in these frames."""
-    rotation = point[:, :3, :3]
-    jacobian = np.swapaxes(rotation, 1, 2) @ jacobian_at(*joint_axes(cell.chain, joints), point[:, :3, 3])[:, :3]
-    torque = np.einsum("nri,nr->ni", jacobian, force_n) / MM
-    return np.asarray(np.einsum("nri,ni->nr", jacobian, torque / k))
 
 
 def _table(found: dict[int, Float]) -> bytes:

@@ -33,7 +33,17 @@ from workbench.api import (
     turntable_at_home,
     within_margins,
 )
-from workbench.plugins.stiffness.arm import BRANCHES, AnyArm, LoadedPath, joint_angles, lowest_displacements, traverse
+from workbench.plugins.stiffness.arm import (
+    BRANCHES,
+    AnyArm,
+    LoadedPath,
+    Unsprung,
+    awkwardness,
+    joint_angles,
+    lowest_displacements,
+    traverse,
+)
+from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.margins import Steadiness
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
@@ -48,6 +58,7 @@ STATION_MM, LEVER_MM, CHORD_MM = 12.0, 150.0, 0.2  # of stations: their step, wh
 STEEPEST = 0.25
 HOME_PLACES = 12  # on the way between home and the path, before the judge drives it
 SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are looked at
+REACHED = 1e-6  # of a pose, mm and direction cosines, that joint angles must lead to
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
@@ -355,6 +366,16 @@ class Examiner:
         if self.keeps is None:
             return True
         return self.keeps.holds(joints, self.points.turned(self.cell, table, np.arange(len(table))))
+
+    def cost(self, stiffness: Float, joints: Float, table: Float, at: Int) -> Float:
+        """Displacement (m,), or awkwardness where no springs are known, at points `at` (m,) with joints (m, 6)."""
+        points, chain = self.points, self.cell.chain
+        if isinstance(self.arm, Unsprung):
+            return np.where(np.isin(at, points.loaded), awkwardness(self.cell, joints), 0.0)
+        turned = points.turned(self.cell, table, at)
+        push = (turned[:, :3, :3] @ points.force_n[at, :, None])[:, :, 0]
+        place = (turned @ points.base_from_point[at])[:, :3, 3]
+        return np.asarray(np.linalg.norm(pushed(chain, stiffness, joints, place, push), axis=1))
 
     def poor(self, joints: Float) -> Int:
         """What the margins have against each posture (..., 6): SINGULAR, LIMIT, or FREE; limits are looked at before.

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from bench.scan_plan.achieved import examine
+from bench.scan_plan.achieved import LIGHT_MM, examine
+from bench.tables import put_into
 
 PAGE = Path(__file__).parents[2] / "docs" / "scan_planning.md"
-BEGIN, END = "<!-- scan_plan: begin -->", "<!-- scan_plan: end -->"
 SIMULATORS, QUANTITIES = ("analytic", "triangulated"), (("root", "root face"), ("bevel", "bevel angle"))
 Row = dict[str, Any]
 
@@ -53,13 +53,15 @@ def summary(rows: list[Row]) -> Iterator[str]:
     clamped = [row for row in made if row["clamped"]]
     written = [row for row in made if row["collision"] is not None and not row["collision"].startswith("none")]
     missed = sum(row["missed"]["free"] > 0.0 for row in clamped)
+    beside = sum(row["missed"]["beside"] > 0.0 for row in clamped)
     hit = sum(bool(row["collision"]) for row in written)
     refused = sum("refused" in one for row in made for one in row["simulators"].values())
     seconds = [row["seconds"] for row in made]
     yield (
         f"{len(rows)} parts, {len(rows) - len(made)} without any pass; all of the edge promised in "
         f"{sum(row['promised'] == 1.0 for row in made)}. Clamped: {len(clamped)}, of these {missed} with a stretch "
-        f"missed to which light is free from somewhere. Programs driven by the outsider: of {len(written)} plans, "
+        f"missed to which light is free from somewhere, {beside} of them with {LIGHT_MM:g} mm "
+        f"beside it. Programs driven by the outsider: of {len(written)} plans, "
         f"{hit} with a collision. Recordings that the engine refuses: {refused}. Planning: median "
         f"{np.median(seconds):.1f} s of a core, at most {max(seconds):.1f} s."
     )
@@ -87,10 +89,9 @@ def main() -> None:
     text = "\n".join(summary(rows))
     print(text)
     if arguments.docs:
-        before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
         seeds = [row["seed"] for row in rows]
         told = f"`python -m bench.scan_plan`, {len(seeds)} seeds from {min(seeds)} to {max(seeds)}; {arguments.docs}"
-        PAGE.write_text(f"{before}{BEGIN}\n{told}\n\n{text}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+        put_into(PAGE, f"{told}\n\n{text}", "scan_plan")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from workbench.units import DEG, Bool, Float
 HAND_EYE = CELL.parent.parent / "calibration" / "handeye.json"
 TAUGHT_MM = 0.3  # error of a taught point
 ENDS_MM = 4.0  # of the edge, where passes begin
-NEAR_MM = 6.0  # a station with the shadow's end so near may count as either
+LIGHT_MM = 0.5  # beside a ray: the line's half width, and more than a point is taught wrong
 
 
 def examine(seed: int) -> dict[str, Any]:
@@ -89,22 +89,26 @@ def _clamp(cell: Cell, drawn: Drawn, one: Any) -> Shape:
 
 
 def _missed(drawn: Drawn, task: Task, made: ScanPlan) -> dict[str, float]:
-    """Stations that no pass sees: share; and share of those to which light is free from somewhere, by another test."""
+    """Stations that no pass sees, and those to which light is free from somewhere, by another test: shares.
+
+    beside: the same with `LIGHT_MM` beside each ray.
+    """
     sees = np.any([one.sees for one in made.passes], axis=0)
     if drawn.clamp_mm is None or sees.all():
-        return {"unseen": float((~sees).mean()), "free": 0.0}
-    return {"unseen": float((~sees).mean()), "free": float((~sees & _free(drawn, task)).mean())}
+        return {"unseen": float((~sees).mean()), "free": 0.0, "beside": 0.0}
+    free, beside = (float((~sees & _free(drawn, task, mm)).mean()) for mm in (0.0, LIGHT_MM))
+    return {"unseen": float((~sees).mean()), "free": free, "beside": beside}
 
 
-def _free(drawn: Drawn, task: Task) -> Bool:
-    """Stations whose whole section laser and camera reach past the clamp, from any of many views."""
+def _free(drawn: Drawn, task: Task, beside_mm: float) -> Bool:
+    """Stations whose whole section laser and camera reach past the clamp by so much, from any of many views."""
     (one,) = drawn.recipe.part.clamps
     part = drawn.recipe.part
     middle = edge_frames(build_surface(part, 0), np.array([0.5 * (one.from_mm + one.to_mm)]))[0]
     back = inverse(pose(part.base_from_part) @ middle)
     half = 0.5 * (one.to_mm - one.from_mm)
-    low = np.array([-one.reach_in_mm, -half, -2.0])
-    high = np.array([one.reach_out_mm, half, part.thickness_mm.highest + one.height_mm])
+    low = np.array([-one.reach_in_mm, -half, -2.0]) - beside_mm
+    high = np.array([one.reach_out_mm, half, part.thickness_mm.highest + one.height_mm]) + beside_mm
     at = task.edge.at(task.stations)
     n, m = task.joint.section_mm.T
     points = at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None]

@@ -71,6 +71,11 @@ def test_what_was_not_done_as_planned_is_told(tmp_path: Path) -> None:
     assert told.value == 5
     assert not told.passed
 
+    document["passes"] = document["passes"][1:]
+    file.write_text(json.dumps(document))
+    nameless = dataclasses.replace(recording, part=dataclasses.replace(recording.part, scan_plan=None))
+    assert scan.fuse(nameless, scan_plan=file).part.scan_plan is None  # nothing of that plan was driven
+
 
 def test_a_plan_needs_to_know_where_the_edge_is() -> None:
     with pytest.raises(InputError, match="where the edge is"):

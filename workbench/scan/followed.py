@@ -27,8 +27,10 @@ def plan_id(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
 
 
-def followed(cloud: Cloud, file: Path) -> Check:
+def followed(cloud: Cloud, file: Path) -> tuple[Check, bool]:
     """The passes of a cloud against those of a scan-plan.json: how many things were not done as planned, and which.
+
+    And whether any of its passes was driven at all.
 
     Raises:
         InputError: no such file.
@@ -56,7 +58,7 @@ def followed(cloud: Cloud, file: Path) -> Check:
         wrong = _departures(cloud.base_from_profiler[frames], planned[k], row) if k in done else ["missing"]
         found += [f"{of}: {one}" for one in wrong]
     told = "; ".join(found) or "done as planned"
-    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, told)
+    return Check("scan_plan_departures", float(len(found)), 0.0, not found, REASON, told), bool(done)
 
 
 def _poses(row: ScanPassRow) -> Float:

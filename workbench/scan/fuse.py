@@ -85,8 +85,10 @@ def fuse(
         return cloud
     from workbench.scan.followed import followed, plan_id  # pydantic: loaded when there is a plan
 
-    part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
-    return dataclasses.replace(cloud, part=part, checks=(*checks, followed(cloud, scan_plan)))
+    told, some = followed(cloud, scan_plan)
+    if some:
+        part = dataclasses.replace(part, scan_plan=part.scan_plan or plan_id(scan_plan.read_bytes()))
+    return dataclasses.replace(cloud, part=part, checks=(*checks, told))
 
 
 def sparse_poses_u(recording: Recording) -> tuple[float, float]:

@@ -1,9 +1,8 @@
 """What a scanning pass will tell of a bevel: predicted standard uncertainties by source, before anything moves.
 
 The terms and sensitivities are those of the budget (docs/method.md, 5), and so are the engine's own functions where it
-has them: what a view does not see of the broken edge, on average over the edges of the prior (`edge.rim`; expected
-posterior variance: Chaloner and Verdinelli, Statistical Science 10 (1995), 273), and the form of the faces by the
-sensor's linearity (`edge.residual_image`). What averages along the edge does so over a length that was measured on
+has them: what a view does not see of the broken edge, for edges of the prior (`edge.rim`), and the form of the faces by
+the sensor's linearity (`edge.residual_image`). What averages along the edge does so over a length that was measured on
 simulated parts (docs/scan_planning.md). Several passes are one likelihood.
 """
 
@@ -46,7 +45,7 @@ from workbench.units import DEG, Float, Shaped
 CORNER_MM, DIRECTION_MM = 6.0, 30.0
 MOST_INCIDENCE = 70.0 * DEG  # of a ray on a face that is to be measured
 LEAST_COLUMNS = 12  # on a face that is to be measured
-DRAWS = 4  # of noise, over which what the residual image will say is averaged
+DRAWS = 2  # of noise, over which what the residual image will say is averaged
 DEPTH_U_MM = 0.0005  # of the engine's own depths (edge.rim)
 
 UNDECLARED = Linearity()
@@ -142,6 +141,8 @@ class Predicted(NamedTuple):
 
     root: Quantity
     bevel: Quantity
+    rounding_most_mm: float  # of the edges of the prior, where the rounding's term is the median
+    u_most: tuple[float, float]  # of root face, mm, and bevel angle, deg, with that
 
 
 def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
@@ -286,17 +287,17 @@ def _edges(condition: EdgeCondition, radius_mm: float | None) -> tuple[tuple[flo
     """Radii of edges that stand for the prior's, and their shares: a sharp one, and quantiles of the rounded ones."""
     if radius_mm is not None:
         return ((radius_mm, 1.0),)
-    prior, templates = PRIORS[condition], _templates(condition)
+    prior, templates = PRIORS[condition], end_templates(PRIORS[condition])
     round_ = (templates.turn == 0.0) & (templates.size_mm > 0.0)
     size, share = templates.size_mm[round_], np.exp(templates.log_prior[round_])
     along = np.cumsum(share) / share.sum()
-    levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    broken = 1.0 - prior.sharp
     found = [(0.0, prior.sharp)] if prior.sharp > 0.0 else []
-    return (*found, *((float(one), broken / QUANTILES) for one in size[np.searchsorted(along, levels)]))
+    radii = np.interp(LEVELS, along, size)
+    return (*found, *((float(one), (1.0 - prior.sharp) / len(LEVELS)) for one in radii))
 
 
-QUANTILES = 2  # of the rounded edges' radii
+LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99)  # of the rounded edges' radii
+LIKELY = 0.9  # of scans are to keep a promise
 PIXEL = int(np.abs(PIXELS - [0.0, 0.5]).sum(axis=1).argmin())  # a column wide, that returns where half of it is filled
 
 
@@ -337,12 +338,10 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     """Root face and bevel angle by all passes together, as the engine fuses them."""
     root_u = _parallel([one.root / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
     bevel_u = _parallel([one.bevel / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
-    hidden = _hidden_u_mm(known, passes)
     count = np.array([one.per_mm for one in passes])
-    share = weights(np.zeros(len(passes)), hidden)
+    rounding, rounding_most, share = _rounding(known, passes, count)
     each = [_end_u_mm(one) for one in passes]
     end = _parallel([u / math.sqrt(max(w, 1e-12)) for u, w in zip(each, share, strict=True)])
-    rounding = float((share * count * hidden).sum() / (share * count).sum())
     course = math.sqrt(12.0 / (count.sum() * min(length_mm, DIRECTION_MM) ** 3))  # of frames that err each for itself
     by_robot = known.robot_noise_mm * math.hypot(math.sqrt(2.0) / length_mm, course)
     tangent = math.hypot(by_robot, known.hand_eye_turn)
@@ -373,7 +372,9 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
         TANGENT: tangent * leverage / DEG,
         FORM: math.hypot(root_form[0], bevel_form[0]) / DEG,
     }
-    return Predicted(Quantity.of("root_mm", joint.root_mm, of_root), Quantity.of("bevel_deg", beta / DEG, of_bevel))
+    root, bevel = Quantity.of("root_mm", joint.root_mm, of_root), Quantity.of("bevel_deg", beta / DEG, of_bevel)
+    far = math.sqrt(float(root.u) ** 2 + rounding_most**2 - rounding**2)
+    return Predicted(root, bevel, rounding_most, (far, float(bevel.u)))
 
 
 def _parallel(u: Sequence[float]) -> float:
@@ -390,22 +391,36 @@ def _end_u_mm(one: PassInformation) -> float:
     return math.sqrt(one.end_mm**2 + one.end_mm * one.step_mm) / math.sqrt(one.per_mm * CORNER_MM)
 
 
-def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation]) -> Float:
-    """What each pass leaves open of the broken end, given all: (k,), rms over the edges of the prior."""
-    variance = np.zeros(len(passes))
+def _rounding(known: Knowledge, passes: Sequence[PassInformation], count: Float) -> tuple[float, float, Float]:
+    """What passes with `count` (k,) frames leave open of the broken end: the median over edges, and the most, mm.
+
+    And the passes' weights (k,).
+    """
     edges = _edges(known.edge_condition, known.radius_mm)
+    chance = np.array([weight for _, weight in edges])
+    hidden = _hidden_u_mm(known, passes, len(edges))
+    share = weights(np.zeros(len(passes)), np.sqrt(chance @ hidden**2 / chance.sum()))
+    left = hidden @ (share * count) / (share * count).sum()
+    order = np.argsort(left, kind="stable")
+    upto = np.cumsum(chance[order]) / chance.sum()
+    return float(left[order[np.searchsorted(upto, 0.5 - 1e-9)]]), float(left.max()), share
+
+
+def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation], edges: int) -> Float:
+    """What each pass leaves open of the broken end, given all, for each edge of the prior: (e, k)."""
+    out = np.zeros((edges, len(passes)))
     blind = [k for k, one in enumerate(passes) if one.seen]
     if not blind:
-        return variance
+        return out
     prior = _templates(known.edge_condition).log_prior
-    for number, (_, weight) in enumerate(edges):
+    for number in range(edges):
         seen = [passes[k].seen[number] for k in blind]
         log = prior + np.sum([one.log for one in seen], axis=0)
         share = np.exp(log - log.max())
         share /= share.sum()
         for k, one in zip(blind, seen, strict=True):
-            variance[k] += weight * beyond_of(share, one)[1] ** 2
-    return np.sqrt(variance / sum(weight for _, weight in edges))
+            out[number, k] = beyond_of(share, one)[1]
+    return out
 
 
 def _mean_form(form: Sequence[FaceForm], weight: Shaped[Float, " k"]) -> Float:

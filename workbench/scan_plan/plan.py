@@ -18,7 +18,6 @@ from pydantic import Field
 from workbench.artefacts import (
     DIRECTIONS,
     END,
-    FORM,
     ROUNDING,
     Chapter,
     Document,
@@ -65,7 +64,6 @@ ELEVATION_STEP = 10.0 * DEG  # at most, between candidates
 LEADS_DEG = (0.0, -15.0, 15.0)
 PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest speed
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
-AGAIN = 2  # further choices, where a rehearsal says that the one before does not reach what is wanted
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
 PASS_S = 15.0  # from home to a pass, and back
@@ -76,6 +74,7 @@ NO_CAMERA = "shadows of the camera: the sensor file tells no triangulation_deg"
 NO_HAND_EYE = "reach and collisions: no hand_eye tells where the scanner sits on the flange"
 NO_ROUGHNESS = "roughness of the root face, which is taken for smooth: roughness_mm, or a coarse recording as edge"
 MOST_ROUGH_MM = 0.3  # that can be rehearsed
+SOME_REFUSED = "whether the engine takes such a recording: of the rehearsed it refused some: "
 HALF = 0.5
 TOLD = 4
 
@@ -108,14 +107,20 @@ class ScanPlan:
     arc_length_mm: Shaped[Float, " s"]
     root: Quantity  # (s,) NaN: no pass sees it
     bevel: Quantity
+    promised_root_mm: Shaped[Float, " s"]  # U that nine of ten scans stay within, whatever the rounding
+    promised_bevel_deg: Shaped[Float, " s"]
     wanted: Wanted
-    reached: Shaped[Bool, " s"]
     binds: tuple[str, ...]
     would_help: tuple[str, ...]
     table: float  # rad
     scan_cell: ScanCell | None
     unchecked: tuple[str, ...]
     refused: str | None = None  # why the engine would refuse the recording
+
+    @property
+    def reached(self) -> Shaped[Bool, " s"]:
+        """Stations at which what is wanted is promised."""
+        return (self.promised_root_mm <= self.wanted.root_mm) & (self.promised_bevel_deg <= self.wanted.bevel_deg)
 
     @property
     def seconds(self) -> float:
@@ -363,10 +368,11 @@ def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ())
             continue
         search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates, together)
         chosen, reach = search.best(task.passes)
-        rank = (float((~search.visible).sum() + reach.short), reach.excess, reach.seconds, reach.over)
+        hidden = int((~search.visible).sum())
+        rank = (hidden + reach.unseen, hidden + reach.short, reach.excess, reach.seconds, reach.over)
         if best is None or rank < best[0]:
             best = (rank, table, looked, chosen)
-        if rank[0] == 0.0 or not (looked.refused or looked.by_base):  # else another angle of the table may serve
+        if rank[1] == 0 or not (looked.refused or looked.by_base):  # else another angle of the table may serve
             break
     if best is None:
         assert first is not None
@@ -384,19 +390,16 @@ def _rehearsed_plan(
 ) -> ScanPlan:
     """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
     search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
-    made = last = _made(task, place, unchecked, table, looked, search, chosen)
-    _learn(last, search, chosen)
-    tried = {chosen}
+    made = _made(task, place, unchecked, table, looked, search, chosen)
+    _learn(made, search, chosen)
     # A rough face's directions are no matter of views, and its rehearsals take long.
-    for _ in range(0 if task.known.roughness_mm else AGAIN):
+    if not task.known.roughness_mm and not made.reached[search.visible].all():
         again = search.best(task.passes)[0]
-        if made.reached[search.visible].all() or again in tried:
-            break
-        tried.add(again)
-        last = _made(task, place, unchecked, table, looked, search, again)
-        _learn(last, search, again)
-        if _shortfall(last) < _shortfall(made):
-            made, chosen = last, again
+        if again != chosen:
+            other = _made(task, place, unchecked, table, looked, search, again)
+            _learn(other, search, again)
+            if _shortfall(other) < _shortfall(made):
+                made, chosen = other, again
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, looked, search, chosen))
@@ -404,13 +407,13 @@ def _rehearsed_plan(
 
 
 def _shortfall(made: ScanPlan) -> tuple[int, float]:
-    """Stations that miss what is wanted, and the largest U over it."""
-    over = np.fmax(made.root.u / made.wanted.root_mm, made.bevel.u / made.wanted.bevel_deg)
+    """Stations that miss what is wanted, and the largest promised U over it."""
+    over = np.fmax(made.promised_root_mm / made.wanted.root_mm, made.promised_bevel_deg / made.wanted.bevel_deg)
     return int((~made.reached).sum()), float(np.nanmax(over, initial=0.0))
 
 
 def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
-    """Keep what the rehearsal of these passes said over what the search thinks of them."""
+    """Keep what the rehearsal of these passes promised over what the search thinks of them."""
     if made.refused is not None:
         return
     groups, which = search.patterns(chosen)
@@ -418,8 +421,11 @@ def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
         here = (which == number) & np.isfinite(made.bevel.u)
         if group and here.any():
             told = search.predicted(group)
-            root, bevel = (np.median(one.u[here]) / of.u for one, of in zip((made.root, made.bevel), told, strict=True))
-            search.times[search.kind(group)] = float(root), float(bevel)
+            root, bevel = (
+                float(np.median(one[here])) / (RESERVE * COVERAGE * u)
+                for one, u in zip((made.promised_root_mm, made.promised_bevel_deg), told.u_most, strict=True)
+            )
+            search.times[search.kind(group)] = root, bevel
 
 
 def _told(task: Task, view: View, told: dict[View, PassInformation]) -> PassInformation:
@@ -517,8 +523,9 @@ def _made(
         task.stations,
         Quantity.of("root_mm", unknown, {END: unknown}),
         Quantity.of("bevel_deg", unknown, {DIRECTIONS: unknown}),
+        unknown,
+        unknown,
         task.wanted,
-        np.zeros(task.stations.size, bool),
         (),
         (),
         table,
@@ -537,25 +544,22 @@ def _made(
         return dataclasses.replace(made, refused=told)
     groups, which = search.patterns(chosen)
     each = [search.predicted(group) if group else None for group in groups]
-
-    def beside(quantity: Quantity, source: str) -> Float:
-        """What the search thinks of a source, at the stations."""
-        of = [np.nan if c is None else float(getattr(c, quantity.name.split("_")[0]).u_by_source[source]) for c in each]
-        return np.array(of)[which]
-
-    root, bevel = (
-        Quantity.of(
-            one.name,
-            one.value,
-            # one draw of noise tells what lasts badly: not below the mean over several
-            {**one.u_by_source, FORM: np.maximum(one.u_by_source[FORM], beside(one, FORM))},
-        )
-        for one in told
+    rounding, most = (
+        np.array([math.nan if one is None else get(one) for one in each])[which]
+        for get in (lambda one: float(one.root.u_by_source[ROUNDING]), lambda one: one.rounding_most_mm)
     )
-    root = Quantity.of(root.name, root.value, {**root.u_by_source, ROUNDING: beside(root, ROUNDING)})
-    promised = RESERVE * COVERAGE
-    reached = (promised * root.u <= task.wanted.root_mm) & (promised * bevel.u <= task.wanted.bevel_deg)
-    return dataclasses.replace(made, root=root, bevel=bevel, reached=reached)
+    root = Quantity.of(told.root.name, told.root.value, {**told.root.u_by_source, ROUNDING: rounding})
+    spread = np.maximum(told.spread, RESERVE)
+    far = np.sqrt(root.u**2 - rounding**2 + most**2)
+    unsure = () if not told.refused else (f"{SOME_REFUSED}{told.refused}",)
+    return dataclasses.replace(
+        made,
+        root=root,
+        bevel=told.bevel,
+        promised_root_mm=COVERAGE * spread[0] * far,
+        promised_bevel_deg=COVERAGE * spread[1] * told.bevel.u,
+        unchecked=(*unchecked, *unsure),
+    )
 
 
 def _along_nominal(made: ScanPlan) -> PlannedScan:
@@ -595,16 +599,20 @@ def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
         names = Counter(name for _, row in looked.shadows for name in row[first : last + 1] if name)
         by = " and ".join(name for name, _ in names.most_common(2)) or "no pass that the robot can drive"
         yield f"shadow of {by} from {stations[first]:.0f} to {stations[last]:.0f} mm: no pass sees the edge there"
-    for quantity, most in ((root, task.wanted.root_mm), (bevel, task.wanted.bevel_deg)):
-        short = ~unseen & (RESERVE * COVERAGE * quantity.u > most)
+    for quantity, promised, most in (
+        (root, made.promised_root_mm, task.wanted.root_mm),
+        (bevel, made.promised_bevel_deg, task.wanted.bevel_deg),
+    ):
+        short = ~unseen & (promised > most)
         if short.any():
-            worst = int(np.nanargmax(np.where(short, quantity.u, np.nan)))
+            worst = int(np.nanargmax(np.where(short, promised, np.nan)))
             source = max(quantity.u_by_source, key=lambda name: quantity.u_by_source[name][worst])
             first, last = _stretches(short)[0][0], _stretches(short)[-1][1]
             told = f"{COVERAGE * quantity.u[worst]:.3g} {quantity.unit}"
             yield (
-                f"U of {quantity.name} is predicted as {told}, wanted {most:.3g} with a reserve of a quarter, from "
-                f"{stations[first]:.0f} to {stations[last]:.0f} mm: most of it by the {source}"
+                f"U of {quantity.name} is predicted as {told}, by what noise and edge leave open up to "
+                f"{promised[worst]:.3g}, wanted {most:.3g}, from {stations[first]:.0f} to {stations[last]:.0f} mm: "
+                f"most of it by the {source}"
             )
     if looked.refused:
         yield f"the robot cannot take {_summary(looked.refused)}"

@@ -2,7 +2,8 @@
 
 The joint is straight, sharp and of the edge's length; its root face is as rough as declared. Each pass is led along it
 as planned and sees it where the plan says so. What the engine then says of it is what it will say of the part: its own
-windows, priors and ways to put passes together. What a broken edge hides it does not show: that term stays as
+windows, priors and ways to put passes together. Noise alone makes its u differ from scan to scan: the median is
+predicted, what `LIKELY` of the draws stay within is promised. What a broken edge hides is not shown: that term stays as
 `information.combined` has it.
 """
 
@@ -10,20 +11,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench import cloud, edge, scan, twin
 from workbench.artefacts import ROUNDING, MilledEdge, PlannedScan, Quantity, Recording
 from workbench.errors import WorkbenchError
-from workbench.scan_plan.information import Joint, Knowledge, Profiler
+from workbench.scan_plan.information import LIKELY, Joint, Knowledge, Profiler
 from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic import Recipe
 from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Robot, Scanner
 from workbench.synthetic.workpiece import Workpiece
-from workbench.units import DEG, Bool, Float, Shaped
+from workbench.units import DEG, Bool, Float, Int, Shaped
 
-DRAWS, ROUGH_DRAWS = 3, 2  # of noise; of a rough face's waves: how they lie decides what is taken for the face's own
+DRAWS, ROUGH_DRAWS = 4, 2  # of noise; of a rough face's waves, whose rehearsals take long
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
@@ -36,6 +38,15 @@ def straight(length_mm: float) -> EdgeLine:
     return EdgeLine.through(ends, np.array([0.0, 0.0, 1.0]), "nominal")
 
 
+class Rehearsed(NamedTuple):
+    """What the engine tells of the rehearsed scans, at s stations; NaN: no pass sees it."""
+
+    root: Quantity
+    bevel: Quantity
+    spread: tuple[float, float]  # of each: what `LIKELY` of the draws stay within, over what is predicted
+    refused: str  # why the engine refused some of the draws; "": none
+
+
 def rehearsed(
     joint: Joint,
     profiler: Profiler,
@@ -43,7 +54,7 @@ def rehearsed(
     way: PlannedScan,
     sees: Shaped[Bool, "p s"],
     stations: Shaped[Float, " s"],
-) -> tuple[Quantity, Quantity] | str:
+) -> Rehearsed | str:
     """Root face and bevel angle at the stations as the engine tells them; or why it refuses such recordings.
 
     way: the passes along `straight`; sees: which of them sees which station.
@@ -84,11 +95,11 @@ def rehearsed(
             why = str(refused)
     if len(found) < ROUGH_DRAWS:
         return why
+    patterns = np.where(sees.any(axis=0), np.unique(sees, axis=1, return_inverse=True)[1].ravel(), -1)
     root, bevel = (
-        _mean([_along(one, getattr(one, name), stations) for one in found], sees, known.roughness_mm > 0.0)
-        for name in ("root", "bevel")
+        _typical([_along(one, getattr(one, name), stations) for one in found], patterns) for name in ("root", "bevel")
     )
-    return root, bevel
+    return Rehearsed(root[0], bevel[0], (root[1], bevel[1]), why)
 
 
 def decay_columns(noise_columns: float) -> float:
@@ -96,21 +107,25 @@ def decay_columns(noise_columns: float) -> float:
     return 1.0 / math.log((noise_columns + 1.0) / (noise_columns - 1.0)) if noise_columns > 1.0 else 0.0
 
 
-def _mean(draws: list[Quantity], sees: Shaped[Bool, "p s"], rough: bool) -> Quantity:
-    """The first of them, with the root mean squares of all their uncertainties.
+def _typical(draws: list[Quantity], patterns: Shaped[Int, " s"]) -> tuple[Quantity, float]:
+    """The median u over draws and stations that the same passes see; and what `LIKELY` of them stay within, over it.
 
-    Where one draw of a rough face is odd says nothing of where the part's is: the medians along all stations that the
-    same passes see.
+    Where one draw is odd says nothing of where the part's scan is. The terms are medians too, drawn to the same sum.
+    patterns: which passes see a station together, by number; -1: none.
     """
-    squares = [{name: np.square(u) for name, u in one.u_by_source.items()} for one in draws]
-    terms = {name: np.sqrt(np.mean([one[name] for one in squares], axis=0)) for name in squares[0]}
-    if rough:
-        patterns = np.unique(sees, axis=1, return_inverse=True)[1].ravel()
-        for which in (patterns == k for k in np.unique(patterns)):
-            for u in terms.values():
-                known = which & np.isfinite(u)
-                u[known] = np.median(u[known])
-    return Quantity.of(draws[0].name, draws[0].value, terms)
+    each = {name: np.array([one.u_by_source[name] for one in draws]) for name in draws[0].u_by_source}
+    u = np.array([one.u for one in draws])
+    terms = {name: np.full(u.shape[1], np.nan) for name in each}
+    over = np.full_like(u, np.nan)
+    for which in (patterns == k for k in np.unique(patterns[patterns >= 0])):
+        if np.isfinite(u[:, which]).any():
+            middle = float(np.nanmedian(u[:, which]))
+            medians = {name: float(np.nanmedian(one[:, which])) for name, one in each.items()}
+            drawn = middle / math.sqrt(sum(one**2 for one in medians.values()))
+            for name, one in medians.items():
+                terms[name][which & np.isfinite(u).any(axis=0)] = drawn * one
+            over[:, which] = u[:, which] / middle
+    return Quantity.of(draws[0].name, draws[0].value, terms), float(np.nanquantile(over, LIKELY))
 
 
 def _masked(recording: Recording, way: PlannedScan, sees: Bool, stations: Float) -> Recording:

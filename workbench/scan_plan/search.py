@@ -1,7 +1,7 @@
 """Which passes: the least time in which every station reaches the wanted uncertainty.
 
 Branch and bound over sets of candidates in order of time: exact for as many passes as are asked for. Where no set
-reaches what is wanted, the one that leaves the fewest stations short, and comes nearest there.
+reaches what is wanted, the one that leaves the fewest stations unseen, of these the fewest short, and comes nearest.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from workbench.scan_plan.information import Joint, Knowledge, PassInformation, P
 from workbench.units import Bool, Int, Shaped
 
 COVERAGE = 2.0  # k of the expanded uncertainties
-RESERVE = 1.25  # what is achieved may be that much more than what was predicted (docs/scan_planning.md)
+RESERVE = 1.25  # what is achieved may be that much more than what was predicted; what a rehearsal promises at the least
 MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
 
 Times = dict[tuple[int, bool], tuple[float, float]]
@@ -43,7 +43,8 @@ class Candidate:
 class Reach(NamedTuple):
     """How a set of passes does: compared in this order."""
 
-    short: int  # stations that miss what is wanted
+    unseen: int  # stations that only other candidates see
+    short: int  # that miss what is wanted, those included
     excess: float  # largest of what they promise over what is wanted, where that is more
     seconds: float
     over: float  # largest of all
@@ -59,7 +60,7 @@ class Search:
     wanted: Wanted
     candidates: Sequence[Candidate]
     told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
-    # What a rehearsal said of root face and bevel over these terms, of passes of the same kind together.
+    # What a rehearsal promised of root face and bevel over that, of passes of the same kind together.
     times: Times = field(default_factory=dict)
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
@@ -73,7 +74,7 @@ class Search:
     def over(self, passes: tuple[int, ...]) -> float:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
-        root, bevel = float(told.root.u) / self.wanted.root_mm, float(told.bevel.u) / self.wanted.bevel_deg
+        root, bevel = told.u_most[0] / self.wanted.root_mm, told.u_most[1] / self.wanted.bevel_deg
         of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
         return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
 
@@ -92,8 +93,10 @@ class Search:
         groups, which = self.patterns(passes)
         over = np.array([self.over(group) if group else math.inf for group in groups])[which][visible]
         short = over > 1.0
-        excess = float(over[short].max()) if short.any() else 0.0
-        return Reach(int(short.sum()), excess, sum(self.candidates[k].seconds for k in passes), over.max())
+        seen = np.isfinite(over)
+        excess = float(over[short & seen].max(initial=0.0))
+        seconds = sum(self.candidates[k].seconds for k in passes)
+        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, over.max())
 
     @property
     def visible(self) -> Bool:
@@ -104,7 +107,7 @@ class Search:
         """The best set of at most so many passes."""
         order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds)
         visible, looked = self.visible, 0
-        best: tuple[tuple[int, ...], Reach] = ((), Reach(int(visible.sum()) + 1, math.inf, math.inf, math.inf))
+        best: tuple[tuple[int, ...], Reach] = ((), Reach(int(visible.sum()) + 1, 0, math.inf, math.inf, math.inf))
 
         def grow(passes: tuple[int, ...], first: int, seconds: float, size: int) -> None:
             nonlocal best, looked
@@ -119,7 +122,7 @@ class Search:
                     grow(grown, place + 1, total, size)
                     continue
                 unseen = visible & ~np.any([self.candidates[one].sees for one in grown], axis=0)
-                if unseen.sum() > best[1].short:
+                if unseen.sum() > best[1].unseen:
                     continue
                 looked += 1
                 found = self.reach(tuple(sorted(grown)), visible)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from workbench.checks.limits import LIMITS, check, checked_limits, least, most, within
+from workbench.checks.limits import LIMITS, check, checked_limits, within
 from workbench.errors import PipelineError
 
 
@@ -26,12 +26,6 @@ from workbench.errors import PipelineError
 )
 def test_a_limit_itself_is_allowed_and_so_is_what_was_not_found(value: Any, bound: Any, allowed: bool) -> None:
     assert within(value, bound) is allowed
-
-
-def test_the_tables_bounds_by_name() -> None:
-    low, high = LIMITS["view_width_mm"].bound  # type: ignore[misc]
-    assert (least("view_width_mm"), most("view_width_mm")) == (low, high)
-    assert (least("range_mm"), most("range_mm")) == (-math.inf, LIMITS["range_mm"].bound)
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,15 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.confidently_wrong.__main__ import inspected, planned
+import bench.confidently_wrong.__main__ as study
+from bench.confidently_wrong.__main__ import NAMED, inspected, planned
 from bench.confidently_wrong.kinds import Kind
 from bench.drawn.plates import random_recipe
 from workbench.artefacts import Recording
@@ -202,3 +204,19 @@ def test_a_variant_is_right_or_refused(k: int, vary: Vary, judge: Callable[[Reco
     spoilt = vary(recording, np.random.default_rng([0, k]))
     outcome = judge(spoilt, truth, Kind(vary, (), UNSEEN.get(vary, "")))
     assert outcome not in ("crashed", "confidently wrong")
+
+
+@pytest.mark.parametrize(
+    ("unseen", "shape_only", "outcome"),
+    [("sensor", True, NAMED), ("sensor", False, "confidently wrong"), ("", True, "confidently wrong")],
+)
+def test_a_path_beside_the_part_is_named_only_as_a_shape_and_of_what_cannot_be_seen(
+    unseen: Any, shape_only: bool, outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, truth = part("raw_straight")
+    edge = SimpleNamespace(position_mm=truth.position_mm + 2.0 * truth.across, checks=())
+    decision = SimpleNamespace(passed=True, shape_only=shape_only)
+    monkeypatch.setattr(study, "plan_as_a_user", lambda *_: (edge, None, decision))
+    assert planned(recording, truth, Kind(moved, (), unseen)) == outcome
+    edge.position_mm = truth.position_mm
+    assert planned(recording, truth, Kind(moved, (), unseen)) == "right"

@@ -156,10 +156,10 @@ def motion() -> Any:
 def moved_file(recording: Recording, folder: Path) -> Path:
     """The same recording with the robot's base elsewhere: positions and orientations of the flange moved by MOTION."""
     turn = Rotation.from_matrix(MOTION[:3, :3])
-    turned = turn * Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True)
+    turned = turn * Rotation.from_quat(np.array(recording.robot_quaternion_wxyz), scalar_first=True)
     moved = dataclasses.replace(
         recording,
-        robot_position_mm=turn.apply(recording.robot_position_mm) + MOTION[:3, 3],
+        robot_position_mm=recording.robot_position_mm @ MOTION[:3, :3].T + MOTION[:3, 3],
         robot_quaternion_wxyz=turned.as_quat(scalar_first=True),
     )
     write(moved, folder / "moved.h5")

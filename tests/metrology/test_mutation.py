@@ -19,8 +19,13 @@ def test_a_mutant_is_killed_by_a_test_that_holds_it_and_survives_others() -> Non
     tests = ["tests/metrology/test_mutation.py::test_the_format_of_a_truth"]
     path = Path("workbench/synthetic/prism_scan.py")
     source = (ROOT / path).read_text(encoding="utf-8")
-    assert fails(path, source.replace("STATION_MM = 0.25", "STATION_MM = 0.5"), tests)
-    assert not fails(path, source.replace("_PAUSE_S = ", "_PAUSE_S = 2.0 * "), tests)
+    killed, survived = (
+        source.replace("STATION_MM = 0.25", "STATION_MM = 0.5"),
+        source.replace("_PAUSE_S = ", "_PAUSE_S = 2 * "),
+    )
+    assert source not in (killed, survived)
+    assert fails(path, killed, tests)
+    assert not fails(path, survived, tests)
 
 
 @pytest.mark.slow

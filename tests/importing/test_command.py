@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -107,6 +109,20 @@ def test_an_earlier_recording_stays_where_the_new_one_fails(tmp_path: Path, mapp
     arguments = ["import", str(source), "--out", str(tmp_path / "out.h5"), "--mapping", str(mapped(**AXIS))]
     assert main(arguments) == 2
     assert (tmp_path / "out.h5").read_bytes() == b"earlier"
+
+
+def test_a_device_that_fails_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Out) -> None:
+    source = makers.write_gocator(tmp_path / "a.csv")
+    plain = open
+
+    def failing(file: Any, *how: Any, **more: Any) -> Any:
+        if str(file) == str(source):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return plain(file, *how, **more)
+
+    monkeypatch.setattr("builtins.open", failing)
+    assert main(["import", str(source), "--out", str(tmp_path / "a.h5")]) == 2
+    assert capsys.readouterr().err == f"error: {source}: cannot be read: Input/output error\n"
 
 
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:

@@ -52,11 +52,16 @@ def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tm
     json.loads((tmp_path / "out/run.json").read_text())
 
 
+@pytest.fixture(scope="module")
+def texts():
+    """Layers of the path by the part's name."""
+    return {}
+
+
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
-def test_a_part_that_is_milled(name, hostile_part, pipeline_file, command, tmp_path):
+def test_a_part_that_is_milled(name, texts, hostile_part, pipeline_file, command, tmp_path):
     """The path is the same; names in programs are comments (tests/program/test_rapid.py)."""
-    texts = {}
-    for part in ("plate", name):
+    for part in {"plate", name} - {*texts}:
         pipeline = pipeline_file(*PLAN, recording=str(hostile_part("raw", part)))
         outcome = command("run", pipeline, "--out", tmp_path / "out")
         assert outcome.status == 1, outcome.err  # nothing shows its place

@@ -78,6 +78,8 @@ def _all_read(sources: Sequence[str | Path], mapping: Mapping) -> list[Imported]
             found.append(read_source(Path(source), mapping))
         except InputError as error:
             errors.append(error)
+        except OSError as error:
+            errors.append(InputError(str(source), f"cannot be read: {error.strerror or one_line(str(error))}"))
     if len(errors) == 1:
         raise errors[0]
     if errors:

@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections import defaultdict
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
-from bench.groove.table import FAR, print_table
+from bench.groove.table import Rows, study
 from bench.simulators.swept import simulate_groove
 from bench.simulators.swept.recipe import GrooveRecipe
 from bench.simulators.swept.sweep import GROOVES
 from workbench.artefacts import SIZES, GrooveInspection, u_name
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
-from workbench.errors import WorkbenchError
 from workbench.inspect import groove as inspect_groove
 from workbench.scan import fuse
 from workbench.synthetic import GrooveTruth
@@ -36,37 +35,17 @@ def main() -> None:
     arguments.add_argument("--types", default=",".join(GROOVES))
     arguments.add_argument("--simulators", default="swept,prism")
     given = arguments.parse_args()
-    chosen = list(
-        product(range(given.seed, given.seed + given.parts), given.simulators.split(","), given.types.split(","))
+    chosen = product(range(given.seed, given.seed + given.parts), given.simulators.split(","), given.types.split(","))
+    study(
+        ((f"{simulator} {kind} {seed}", partial(judged, simulator, kind, seed)) for seed, simulator, kind in chosen),
+        tuple(SIZES),
     )
-    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    refused = excluded = 0
-    for seed, simulator, kind in chosen:
-        name = f"{simulator} {kind} {seed}"
-        try:
-            inspection, truth = measured(simulator, kind, seed)
-        except WorkbenchError as error:
-            refused += 1
-            print(f"{name}: refused: {error}", flush=True)
-            continue
-        if kind not in (inspection.type, *inspection.alternatives):
-            excluded += 1
-            print(f"{name}: taken for {inspection.type}", flush=True)
-            continue
-        for size, pairs in _by_size(errors(inspection, truth)).items():
-            found[size] += pairs
-            z, error = max((abs(error) / u, error) for error, u in pairs)
-            if z > FAR:
-                print(f"{name}: {size} off by {error:.3f}, {z:.1f} u", flush=True)
-    print(f"\n{len(chosen)} parts; {refused} refused; {excluded} taken for a type that they are not\n")
-    print_table(tuple(SIZES), found)
 
 
-def _by_size(rows: list[tuple[str, float, float]]) -> dict[str, list[tuple[float, float]]]:
-    out: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    for size, error, u in rows:
-        out[size].append((error, u))
-    return out
+def judged(simulator: str, kind: str, seed: int) -> tuple[str | None, Rows]:
+    inspection, truth = measured(simulator, kind, seed)
+    known = kind in (inspection.type, *inspection.alternatives)
+    return None if known else inspection.type, errors(inspection, truth)
 
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[GrooveInspection, GrooveTruth]:

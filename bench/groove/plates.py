@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections import defaultdict
+from functools import partial
+from itertools import product
 
 import numpy as np
 
 from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
-from bench.groove.table import FAR, print_table
+from bench.groove.table import Rows, study
 from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
 from bench.outside import FAR_MM, simulate
 from bench.simulators.swept import SweptRecipe, simulate_swept
@@ -23,7 +24,6 @@ from workbench.artefacts import PreparationInspection, Recording, u_name
 from workbench.artefacts.edges import PREPARATION_TERMS
 from workbench.cloud import denoise
 from workbench.edge import segment_preparation
-from workbench.errors import WorkbenchError
 from workbench.inspect import preparation as inspect_preparation
 from workbench.scan import fuse
 from workbench.units import DEG, Float
@@ -171,28 +171,14 @@ def main() -> None:
     arguments.add_argument("--simulators", default="swept,outside")
     given = arguments.parse_args()
     print(f"`python -m bench.groove.plates --parts {given.parts} --seed {given.seed}`\n")
-    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    parts = refused = taken = 0
-    for simulator in given.simulators.split(","):
-        for kind in given.kinds.split(","):
-            for seed in range(given.seed, given.seed + given.parts):
-                parts += 1
-                try:
-                    inspection, rows = measured(simulator, kind, seed)
-                except WorkbenchError as error:
-                    refused += 1
-                    print(f"- {simulator} {kind} {seed} refused: {error}")
-                    continue
-                if inspection.type != kind and {inspection.type, kind} != {"nose", "J"}:
-                    taken += 1
-                    print(f"- {simulator} {kind} {seed}: taken for {inspection.type}")
-                for size, error, u in rows:
-                    found[size].append((error, u))
-                for size in {size for size, error, u in rows if abs(error) > FAR * u}:
-                    z, error = max((abs(e) / u, e) for name, e, u in rows if name == size)
-                    print(f"- {simulator} {kind} {seed}: {size} off by {error:.3f}, {z:.1f} u")
-    print(f"\n{parts} parts; {refused} refused; {taken} taken for a kind that they are not\n")
-    print_table(tuple(PREPARATION_TERMS), found)
+    chosen = product(given.simulators.split(","), given.kinds.split(","), range(given.seed, given.seed + given.parts))
+    study(((" ".join(map(str, one)), partial(judged, *one)) for one in chosen), tuple(PREPARATION_TERMS))
+
+
+def judged(simulator: str, kind: str, seed: int) -> tuple[str | None, Rows]:
+    inspection, rows = measured(simulator, kind, seed)
+    alike = inspection.type == kind or {inspection.type, kind} == {"nose", "J"}
+    return None if alike else inspection.type, rows
 
 
 def measured(simulator: str, kind: str, seed: int) -> tuple[PreparationInspection, list[tuple[str, float, float]]]:

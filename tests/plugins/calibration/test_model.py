@@ -15,22 +15,17 @@ from tests.plugins.calibration.conftest import (
     cell,
     circles,
     postures,
-    scan_recording,
-    scans_over,
-    whole_covariance,
 )
 from workbench.api import rotation_from_vector
-from workbench.plugins import calibration
 from workbench.plugins.calibration.model import (
     Estimate,
     Noise,
     View,
     information,
     linearise,
-    rows_of,
     volume_u,
 )
-from workbench.plugins.calibration.observations import by_pass, from_arrays
+from workbench.plugins.calibration.observations import from_arrays
 
 TRUTH = Estimate(TRUE[:3, :3], TRUE[:3, 3], CENTER, RADIUS)
 EXACT = Noise(0.0, 0.0)
@@ -92,21 +87,3 @@ def test_volume_u_does_not_depend_on_where_z_is_zero(rng: np.random.Generator) -
     assert volume_u(other, there.rotation, View((0.0, 300.0), (16.0, 20.0))) == pytest.approx(
         volume_u(here, TRUTH.rotation, View((0.0, 0.0), (16.0, 20.0))), rel=1e-6
     )
-
-
-@pytest.mark.parametrize("common", [0.0, 0.6, 1.0])
-def test_frames_of_a_scan_share_errors(rng: np.random.Generator, common: float) -> None:
-    """The banded elimination against the plain formula with the whole covariance matrix."""
-    made = scan_recording(rng, scans_over(rng, 2), own=False, rate_hz=5.0, frames=12)
-    seen = by_pass(calibration.circles(made), made).place()
-    noise = Noise(common=common)
-    linear = linearise(TRUTH, seen, noise, with_offset=True)
-    k = len(seen)
-    inverse = np.linalg.inv(whole_covariance(linear, seen, noise))
-    J, r = linear.jacobian.reshape(3 * k, -1), linear.residual.ravel()
-    found = rows_of(linear, seen, noise, RADIUS).normal()
-    expected = J.T @ inverse @ J
-    expected[9, 9] += noise.radius_u_mm**-2
-    np.testing.assert_allclose(found.information, expected, rtol=1e-6, atol=1e-6 * expected.max())
-    np.testing.assert_allclose(found.side, J.T @ inverse @ r, rtol=1e-5, atol=1e-6 * np.abs(found.side).max())
-    assert found.chi2 == pytest.approx(float(r @ inverse @ r), rel=1e-6)

@@ -9,19 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.metrology.calibration.part import information_before, random_postures
 from workbench.api import DEG, InputError, inverse, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye, plan
-from workbench.plugins.calibration.model import Estimate, Noise, View, volume_weight
-from workbench.plugins.calibration.plan import (
-    Limits,
-    Optics,
-    candidate_postures,
-    chosen_postures,
-    circle_covariance,
-    information_gains,
-    volume_after,
-)
 from workbench.synthetic import parse_sphere_recipe, simulate_sphere
 
 CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
@@ -76,40 +65,6 @@ def test_going_there_makes_the_calibration_as_good_as_predicted(made):
     assert better.volume_u_mm == pytest.approx(proposed.volume_u_mm[-1], rel=0.12)
     assert proposed.volume_u_mm[-1] < 0.8 * proposed.volume_u_mm[0]
     assert (np.diff(proposed.volume_u_mm) < 0).all()
-
-
-def test_nine_planned_are_better_than_random_nines():
-    rng = np.random.default_rng(0)
-    estimate = Estimate(np.eye(3), np.array([100.0, 20.0, 50.0]), np.array([1500.0, 0.0, 800.0]), 5.0)
-    limits = Limits(np.diag([1.0, -1.0, -1.0]), 25 * DEG, 25 * DEG, (0.0, 150.0), (10.0, 15.0))
-    noise, optics = Noise(), Optics(0.015, 0.05)
-    weight = volume_weight(estimate.rotation, View((0.0, 150.0), (16.0, 20.0)))
-    start = information_before(noise)
-
-    def volume(flange, centre):
-        return volume_after(start + information_gains(flange, centre, estimate, noise, optics).sum(axis=0), weight)
-
-    flange, centre = candidate_postures(limits, estimate, 400, rng)
-    chosen = chosen_postures(information_gains(flange, centre, estimate, noise, optics), start, 9)
-    assert len(set(chosen.tolist())) == 9
-    random = [volume(*random_postures(limits, estimate, 9, rng)) for _ in range(60)]
-    assert volume(flange[chosen], centre[chosen]) < 0.67 * np.median(random)
-
-
-def test_circles_are_as_uncertain_as_their_scatter():
-    """The predicted covariance against fits of simulated arcs."""
-    recipe = parse_sphere_recipe(
-        {
-            "format": "sphere-recipe",
-            "robot": {"pose_noise_mm": 0, "pose_noise_deg": 0},
-            "passes": [{"sphere_mm": [0.01, 3.0, 0], "repeats": 300}],
-        }
-    )
-    found = circles(simulate_sphere(recipe)[0]).circle
-    predicted = circle_covariance(np.array([16.0]), Optics(0.015, 0.05))[0]
-    assert found.std(axis=0) == pytest.approx(
-        np.sqrt(np.diagonal(predicted)), rel=0.2
-    )  # the fit is robust: it costs a little
 
 
 def test_table_holds_the_poses(made):

@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -335,7 +334,3 @@ def test_force_of_another_path_is_refused(
     idle = dataclasses.replace(acts.layers[0], mean_in_path_n=acts.layers[0].mean_in_path_n * 0)
     with pytest.raises(InputError, match="found none"):
         posture(cell, stiffness, path, MillingForce((idle,), "", 6000.0), **COARSE)
-
-
-def test_shipped_path_is_small() -> None:
-    assert Path(PATH).stat().st_size < 3e5

@@ -34,7 +34,6 @@ UNKNOWN_MM, UNKNOWN_RAD = 1000.0, 100.0  # the same without a design
 
 GROSS = float(scipy.special.chdtri(3, 1e-5))  # squared distance of a posture, left out of the fit, that is no chance
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
-GROSS_SHARE = 0.25  # of the postures: if more are off, it is not they but the model
 
 
 @kernel
@@ -293,7 +292,7 @@ def without_gross(start: Estimate, seen: Observations, noise: Noise) -> Fit:
     it is not some postures that are off, but what is known about all of them.
     """
     count = len(seen)
-    most = int(GROSS_SHARE * count) if count > 6 else 0
+    most = int(estimator.MOST_GROSS * count) if count > 6 else 0
     near = distances(start, seen, noise) < 4 * GATE
     used = near if count - near.sum() <= most else np.ones(count, bool)
     result = fit(start, seen, noise, used=used)

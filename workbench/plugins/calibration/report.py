@@ -17,7 +17,6 @@ from workbench.plugins.calibration.values import Calibration, PosturePlan, Spher
 from workbench.plugins.calibration.verdicts import pose_facts
 
 MOST_ROWS = 40  # of the table of postures
-BLUE, PURPLE, ORANGE = pieces.BLUE, pieces.PURPLE, pieces.ORANGE
 MOST_PROFILES = 12
 AROUND = 1.8  # of a profile's picture: half its width, in sphere radii
 LARGE = 3.0  # standard deviations: a posture beyond is marked
@@ -116,7 +115,7 @@ def _residuals(found: Calibration) -> Iterable[str]:
         residuals_picture(found),
         "Distance of each posture from the fit of the others",
         "Distance of each posture from the fit of all others over its standard uncertainty (profile, robot and fit).",
-        ((ORANGE, f"beyond {LARGE:g}"), (PURPLE, "rejected")),
+        ((pieces.ORANGE, f"beyond {LARGE:g}"), (pieces.PURPLE, "rejected")),
     )
     rows = []
     for i in sorted(np.argsort(-found.distance, kind="stable")[:MOST_ROWS]):
@@ -164,7 +163,11 @@ def _profiles(found: Calibration, profiles: SphereProfiles, recording: Recording
         "Profiles with fitted circles",
         f"{which}; of repeated profiles the first. Standard deviation of the points about their circles along z: "
         f"{profiles.noise_mm:.4f} mm.",
-        ((BLUE, "points on the arc"), (PURPLE, "points left out"), (ORANGE, "circle and its centre")),
+        (
+            (pieces.BLUE, "points on the arc"),
+            (pieces.PURPLE, "points left out"),
+            (pieces.ORANGE, "circle and its centre"),
+        ),
     )
 
 
@@ -219,7 +222,7 @@ def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
         "Left: u after one more posture, over the tilt of the range axis from the mean orientation of the recording, "
         "with the sphere in its best place. Right: the field of view; filled: the centre lies beyond the laser plane "
         "(y > 0).",
-        ((BLUE, "measured"), (ORANGE, "proposed")),
+        ((pieces.BLUE, "measured"), (pieces.ORANGE, "proposed")),
     )
 
 

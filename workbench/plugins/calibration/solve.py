@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
+from workbench.api import DEG, Float, InputError, estimator, inverse, vector_from_rotation
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Estimate, Noise, View, cross_matrix, linearise, view_of, volume_u
@@ -147,7 +147,7 @@ def solve_with_offset(
     seen = passes.place(best.estimate.offset_s)
     for _ in range(GROSS_ROUNDS):
         used = bundle.left_out(best, seen, noise) < bundle.GROSS
-        if (used == best.used).all() or (~used).mean() > bundle.GROSS_SHARE:
+        if (used == best.used).all() or (~used).mean() > estimator.MOST_GROSS:
             break
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
@@ -177,10 +177,10 @@ def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Esti
         for ranked in bundle.candidates(seen, rough, design):
             found += ranked
             apart = bundle.distances(min(ranked, key=lambda pair: pair[0])[1], seen, rough) > bundle.SLACK * bundle.GATE
-            if apart.mean() <= bundle.GROSS_SHARE:
+            if apart.mean() <= estimator.MOST_GROSS:
                 break
         best = sorted(found, key=lambda pair: pair[0])
-        if (bundle.distances(best[0][1], seen, rough) > bundle.SLACK * bundle.GATE).mean() <= bundle.GROSS_SHARE:
+        if (bundle.distances(best[0][1], seen, rough) > bundle.SLACK * bundle.GATE).mean() <= estimator.MOST_GROSS:
             break
     near = [one for score, one in best if score <= 4 * best[0][0] + 2 * bundle.GATE / bundle.SLACK]
     return near[:TRIED]

@@ -30,6 +30,7 @@ from workbench.api import (
     strict_json,
 )
 from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCoefficients, read_coefficients
+from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.values import CuttingProcess, LayerForce, MillingForce
 
 STAND_IN = "al7075_t6"  # of a plate whose material nobody states
@@ -250,6 +251,25 @@ def milling_force(
     feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
     edges = CutterEdges(np.ascontiguousarray(coefficients.table), offset, radius, float(np.tan(teeth.helix)))
     return np.asarray(_revolutions(edges, feed, radial, axial, steps))
+
+
+def mean_matrices(cutter: Cutter, entry: float, exit_: float, chip_mm: Shaped[Float, " k"]) -> Shaped[Float, "k 4 6"]:
+    """Mean force, N, and torque, Nm, of a turn on a mm of depth, linear in the coefficients (order of NAMES).
+
+    Averages of what `milling_force` adds up from `entry` to `exit_`, rad (Altintas 2012, section 2.8), at feeds per
+    tooth `chip_mm` (k,), along y, or against it where the entry is negative (down-milling).
+    """
+    p, q, c = entry, exit_, chip_mm if entry >= 0 else -chip_mm
+    sine, cosine, zero, one = np.cos(p) - np.cos(q), np.sin(q) - np.sin(p), 0.0 * c, np.ones_like(c)
+    square = (q - p) / 2 - (np.sin(2 * q) - np.sin(2 * p)) / 4
+    both, arm = (np.sin(q) ** 2 - np.sin(p) ** 2) / 2, cutter.diameter_mm / 2 / MM
+    rows = [
+        [c * square, -c * both, zero, sine * one, -cosine * one, zero],
+        [-c * both, -c * square, zero, -cosine * one, -sine * one, zero],
+        [zero, zero, c * sine, zero, zero, (q - p) * one],
+        [arm * c * sine, zero, zero, arm * (q - p) * one, zero, zero],
+    ]
+    return np.asarray(cutter.flutes / (2 * np.pi) * np.moveaxis(np.array(rows), -1, 0))
 
 
 class CutterEdges(NamedTuple):

@@ -29,7 +29,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
-from workbench.plugins.stiffness.force import Teeth, milling_force
+from workbench.plugins.stiffness.force import Teeth, mean_matrices, milling_force
 
 LEAST_TURNS = 20
 BLOCKS = 10  # of whole turns, whose scatter tells the noise of the mean
@@ -296,23 +296,8 @@ def _turns(axes: Sequence[str] | None) -> list[Float]:
 
 
 def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:
-    """(3, 6): mean force over a turn, linear in the coefficients; x into the material, y along the feed, z to the tip.
-
-    Averages over the angles of engagement of what `force.milling_force` adds up (Altintas 2012, section 2.8).
-    """
-    p, q = cut.angles
-    sine, cosine = np.cos(p) - np.cos(q), np.sin(q) - np.sin(p)
-    square = (q - p) / 2 - (np.sin(2 * q) - np.sin(2 * p)) / 4
-    both = (np.sin(q) ** 2 - np.sin(p) ** 2) / 2
-    c = per_tooth_mm
-    scale = cut.cutter.flutes * cut.axial_mm / (2 * np.pi)
-    return scale * np.array(
-        [
-            [c * square, -c * both, 0, sine, -cosine, 0],
-            [-c * both, -c * square, 0, -cosine, -sine, 0],
-            [0, 0, c * sine, 0, 0, q - p],
-        ]
-    )
+    """(3, 6): mean force over a turn, linear in the coefficients, in the axes of `force.milling_force`."""
+    return np.asarray(cut.axial_mm * mean_matrices(cut.cutter, *cut.angles, np.array([per_tooth_mm]))[0, :3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,10 @@ from itertools import product
 import numpy as np
 
 from workbench.api import DEG, Cell, Float, Int, Shaped, Toolpath
+from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.force import mean_matrices
 from workbench.plugins.stiffness.margins import COVERAGE, Cuts, judged_limits, screen_limits
-from workbench.plugins.stiffness.stability import MM, Dynamics, Milling, mean_direction
+from workbench.plugins.stiffness.stability import Dynamics, Milling
 
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards
 A_LOBE = 8  # speeds across a lobe of the fastest mode
@@ -91,18 +93,8 @@ def fastest_hz(dynamics: Dynamics) -> float:
 
 def mean_load(cuts: Cuts, cut: Milling, chip_mm: Float, axial_mm: Float) -> tuple[Float, Float]:
     """Mean force (m, 3), N, in the points' axes and torque (m,), Nm, of an even cutter with chips along a path (m,)."""
-    c = cuts.process.coefficients
-    p, q, share = cut.entry, cut.exit, cut.flutes / (2 * np.pi)
-    sense = 1.0 if cut.entry >= 0 else -1.0  # of the feed along y
-    sine, cosine = np.sin(q) - np.sin(p), np.cos(p) - np.cos(q)
-    edge = [
-        c.kte_n_mm * cosine - c.kre_n_mm * sine,
-        -c.kte_n_mm * sine - c.kre_n_mm * cosine,
-        c.kae_n_mm * (q - p),
-    ]
-    force = sense * chip_mm[:, None] * mean_direction(cut)[:, 1] + share * np.array(edge)
-    torque = share * (c.ktc_n_mm2 * chip_mm * abs(cosine) + c.kte_n_mm * (q - p)) * cuts.cutter.diameter_mm / 2 / MM
-    return axial_mm[:, None] * force, axial_mm * torque
+    means = mean_matrices(cuts.cutter, cut.entry, cut.exit, chip_mm) @ cuts.process.coefficients.values
+    return axial_mm[:, None] * means[:, :3], axial_mm * means[:, 3]
 
 
 def choose(

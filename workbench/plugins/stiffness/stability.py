@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from workbench.api import AnyArray, Float, Shaped, kernel
+from workbench.plugins.stiffness.elastic import MM
 
 STEPS = 40  # of a tooth's period, at least
 PER_SWING = 24  # steps of the fastest mode's period, at least
@@ -33,7 +34,6 @@ ROUNDS = 2
 INVARIANT = 1e-13  # of a unit vector, what is left of the next one
 ON_AXIS = 1e-6  # of a mode's frequency: growth that counts for none where nothing damps
 CROSSES = 1e-4  # of a depth, its imaginary part, that is rounding or as good as a crossing
-MM = 1e3
 
 
 class Dynamics(NamedTuple):

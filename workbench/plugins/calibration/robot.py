@@ -49,9 +49,10 @@ from workbench.plugins.calibration.model import (
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.solve import Demand, check_determined, solve
-from workbench.plugins.calibration.tables import JOINTS, Table, enough, fit_words, noisy, rms_mm, told
+from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves
+from workbench.plugins.table import Table
 
 if TYPE_CHECKING:
     from workbench.api import Chain

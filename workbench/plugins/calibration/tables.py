@@ -1,14 +1,8 @@
-"""What calibrations from tables share: reading them, what their fit says, what the result is good for.
-
-Tables are small: CSV with a header, lines that begin with # are comments.
-"""
+"""What calibrations from tables share: poses in them, what their fit says, what the result is good for."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,80 +11,18 @@ from workbench.api import (
     DEG,
     Float,
     InputError,
-    Int,
     estimator,
-    numbered_lines,
     pose_from,
-    read_text,
     rotation_from_quaternion,
 )
+from workbench.plugins.table import Table
 
 POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")  # a flange in the base
 JOINTS = tuple(f"q{k}_deg" for k in range(1, 7))
-MAX_BYTES = 2**24
-MOST = 1e6  # mm or degrees: beyond it lies nobody's cell
 ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain may take
 NOISY = 2.0  # misfit that is told
 MOST_MISFIT = 100.0  # residuals of ten times the stated noise: no noise, and no robot that errs a little
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
-
-
-class Table:
-    """Rows of a CSV file by column name; every error names the line."""
-
-    def __init__(self, path: Path, needed: Sequence[str], least: int) -> None:
-        """Read `path`; InputError where a column of `needed` is missing or there are fewer than `least` rows."""
-        self.path = path
-        numbered = numbered_lines(read_text(path, MAX_BYTES))
-        if not numbered:
-            raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
-        self.header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]
-        missing = [name for name in needed if name not in self.header]
-        if missing or len(set(self.header)) < len(self.header):
-            what = f"expected the column '{missing[0]}'" if missing else "a column stands twice"
-            raise InputError(f"{path}: header", what)
-        self.lines = [line for line, _ in numbered[1:]]
-        self._rows = [next(csv.reader([text])) for _, text in numbered[1:]]
-        for line, row in zip(self.lines, self._rows, strict=True):
-            if len(row) != len(self.header):
-                raise InputError(f"{path}: line {line}", f"expected {len(self.header)} cells, found {len(row)}")
-        if len(self._rows) < least:
-            raise InputError(str(path), f"expected at least {least} rows, found {len(self._rows)}")
-
-    def words(self, name: str, absent: str) -> list[str]:
-        """A column of labels; `absent` in every row where the file has no such column."""
-        if name not in self.header:
-            return [absent] * len(self._rows)
-        k = self.header.index(name)
-        return [row[k].strip() or absent for row in self._rows]
-
-    def labels(self, name: str, absent: str) -> tuple[tuple[str, ...], Int]:
-        """The different labels of a column in the order in which they come, and the number (n,) of each row's."""
-        words = self.words(name, absent)
-        names = tuple(dict.fromkeys(words))
-        return names, np.array([names.index(word) for word in words], np.int64)
-
-    def numbers(self, names: Sequence[str], blank: bool = False) -> Float:
-        """Columns (n, k) of finite numbers; NaN where a cell is empty, if `blank` allows it."""
-        found = np.full((len(self._rows), len(names)), np.nan)
-        for j, name in enumerate(names):
-            if name not in self.header and blank:
-                continue
-            k = self.header.index(name)
-            for i, (line, row) in enumerate(zip(self.lines, self._rows, strict=True)):
-                if blank and not row[k].strip():
-                    continue
-                found[i, j] = self._number(row[k], f"{self.path}: line {line}: {name}")
-        return found
-
-    def _number(self, text: str, where: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not abs(value) <= MOST:
-            raise InputError(where, f"expected a number of at most {MOST:g}, found {text.strip()!r}")
-        return value
 
 
 def poses(table: Table) -> Float:

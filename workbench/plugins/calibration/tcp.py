@@ -35,7 +35,6 @@ from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.scanned import BELIEVED, LEAST_POSTURES, Place, known_hand_eye, seen_by, sphere_place
 from workbench.plugins.calibration.tables import (
     POSE,
-    Table,
     check_misfit,
     enough,
     fit_words,
@@ -47,6 +46,7 @@ from workbench.plugins.calibration.tables import (
     turned_noise,
 )
 from workbench.plugins.calibration.values import SphereProfiles
+from workbench.plugins.table import Table
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
 ASKED = "are poses the flange's, in mm, with the quaternion's w first?"

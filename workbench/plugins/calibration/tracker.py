@@ -38,17 +38,8 @@ from workbench.plugins.calibration.arm_errors import (
     robot_results,
 )
 from workbench.plugins.calibration.model import cross_matrix
-from workbench.plugins.calibration.tables import (
-    JOINTS,
-    POSE,
-    Table,
-    check_misfit,
-    enough,
-    fit_words,
-    noisy,
-    poses,
-    told,
-)
+from workbench.plugins.calibration.tables import JOINTS, POSE, check_misfit, enough, fit_words, noisy, poses, told
+from workbench.plugins.table import Table
 
 if TYPE_CHECKING:
     from workbench.api import Chain

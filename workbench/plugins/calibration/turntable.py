@@ -32,8 +32,9 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
-from workbench.plugins.calibration.tables import Table, check_misfit, enough, fit_words, noisy, rms_mm, sentence, told
+from workbench.plugins.calibration.tables import check_misfit, enough, fit_words, noisy, rms_mm, sentence, told
 from workbench.plugins.calibration.values import SphereProfiles
+from workbench.plugins.table import Table
 
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"

@@ -51,13 +51,22 @@ class CuttingCoefficients:
         return float(np.log([one.ktc_n_mm2 for one in PUBLISHED.values()]).std(ddof=1))
 
 
+def is_covariance(matrix: Float) -> bool:
+    """Symmetric, and its correlations positive semi-definite."""
+    scale = np.sqrt(np.abs(np.diag(matrix))) + 1e-150
+    correlation = matrix / scale / scale[:, None]
+    return bool(
+        np.allclose(matrix, matrix.T, rtol=1e-6)
+        and np.abs(correlation).max() < 1 + 1e-6
+        and np.linalg.eigvalsh(correlation).min() > -1e-6
+    )
+
+
 def read_coefficients(path: Path) -> CuttingCoefficients:
     """Those of a `coefficients.json`; raises InputError with the place and what was expected."""
     found = CoefficientsFile.read(path)
     covariance = np.array(found.covariance)
-    scale = np.sqrt(np.abs(np.diag(covariance))) + 1e-150
-    correlation = covariance / scale / scale[:, None]
-    if not np.allclose(covariance, covariance.T, rtol=1e-6) or np.linalg.eigvalsh(correlation).min() < -1e-6:
+    if not is_covariance(covariance):
         raise InputError(f"{path}: $.covariance", "expected a symmetric positive semi-definite 6x6 matrix")
     source = f"{path} ({found.material}, {found.tool})"
     values = {name: getattr(found, name) for name in NAMES}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from workbench.api import DEG, AnyArray, Float, InputError, Shaped, numbered_lines, read_json, read_text
+from workbench.api import DEG, AnyArray, Float, InputError, Shaped, read_json, read_text
+from workbench.plugins.table import MAX_BYTES, Table
 
-MAX_BYTES = 2**26
 LEAST_COHERENCE = 0.8  # of a line that is used
 LEAST_LINES = 20  # used, of a response
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
@@ -122,7 +121,7 @@ def _unit(direction: str) -> Float:
 def read_responses(path: Path, kind: str | None) -> list[Response]:
     """All frequency responses of a file, UFF 58 by its content, else CSV."""
     text = read_text(path, MAX_BYTES)
-    found = _uff(path, text) if text.lstrip().startswith("-1") else _csv(path, text, kind)
+    found = _uff(path, text) if text.lstrip().startswith("-1") else _csv(path, kind)
     if not found:
         raise InputError(str(path), "expected frequency responses, found none")
     for one in found:
@@ -131,40 +130,21 @@ def read_responses(path: Path, kind: str | None) -> list[Response]:
     return found
 
 
-def _csv(path: Path, text: str, kind: str | None) -> list[Response]:
+def _csv(path: Path, kind: str | None) -> list[Response]:
     """Columns hz, then for each response as xy_re, xy_im and, where known, xy_coherence: x by a force along y."""
     if kind is None:
         raise InputError(str(path), "expected its kind in the list: compliance, mobility or accelerance, in SI units")
-    numbered = numbered_lines(text)
-    header = [name.strip() for name in next(csv.reader([numbered[0][1]]))] if numbered else []
-    pairs = [name[:2] for name in header if re.fullmatch(r"[xyz][xyz]_re", name)]
-    if "hz" not in header or not pairs:
-        raise InputError(
-            f"{path}: header", f"expected hz and columns as xx_re, xx_im, found {', '.join(header)[:60]!r}"
-        )
-    rows = []
-    for line, row in numbered[1:]:
-        try:
-            rows.append([float(cell) for cell in next(csv.reader([row]))])
-        except ValueError:
-            raise InputError(f"{path}: line {line}", f"expected numbers, found {row[:60]!r}") from None
-        if len(rows[-1]) != len(header):
-            raise InputError(f"{path}: line {line}", f"expected {len(header)} cells, found {len(rows[-1])}")
-    table = dict(zip(header, np.array(rows).reshape(-1, len(header)).T, strict=True))
-    missing = [f"{pair}_im" for pair in pairs if f"{pair}_im" not in table]
+    table = Table(path, ("hz",), 0)
+    pairs = [name[:2] for name in table.header if re.fullmatch(r"[xyz][xyz]_re", name)]
+    missing = [f"{pair}_im" for pair in pairs or ["xx"] if f"{pair}_im" not in table.header]
     if missing:
-        raise InputError(f"{path}: header", f"expected the column '{missing[0]}'")
-    return [
-        Response(
-            table["hz"],
-            table[f"{pair}_re"] + 1j * table[f"{pair}_im"],
-            pair[0],
-            pair[1],
-            kind,
-            table.get(f"{pair}_coherence"),
-        )
-        for pair in pairs
-    ]
+        raise InputError(f"{path}: header", f"expected hz and columns as xx_re, xx_im; '{missing[0]}' is missing")
+    (hz,), found = table.numbers(("hz",)).T, []
+    for pair in pairs:
+        real, imaginary = table.numbers((f"{pair}_re", f"{pair}_im")).T
+        known = table.numbers((f"{pair}_coherence",))[:, 0] if f"{pair}_coherence" in table.header else None
+        found.append(Response(hz, real + 1j * imaginary, pair[0], pair[1], kind, known))
+    return found
 
 
 def _uff(path: Path, text: str) -> list[Response]:

@@ -41,12 +41,14 @@ def test_the_numbers_are_the_kernels(cell: Cell, sense: tuple[int, ...]) -> None
     """Displacement, verdict and joint angles by branch, of a robot on its side whose axes may count backwards."""
     side = pose_from(rotation_from_vector(np.array([0.9, -0.5, 1.3])), np.array([300.0, -800, 450]))
     way, old = np.array(sense, float)[:, None], cell.chain
+    limits = np.sort(way * old.limits, axis=1)
+    limits[3] = np.radians([-100, 170])  # to one side less far than to the other
     chain = replace(
         old,
         axes=way * old.axes @ side[:3, :3].T,
         points_mm=old.points_mm @ side[:3, :3].T + side[:3, 3],
         base_from_flange_at_zero=side @ old.base_from_flange_at_zero,
-        limits=np.sort(way * old.limits, axis=1),
+        limits=limits,
     )
     arm, general = arm_of(chain), GeneralArm(chain)
     assert isinstance(arm, Arm)

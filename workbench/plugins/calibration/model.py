@@ -19,6 +19,7 @@ LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a 
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
 MOST_TURN = 0.5  # rad, of a step
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
+POSE = 6  # of these, the first, are the hand-eye pose's
 
 
 @dataclass(frozen=True)

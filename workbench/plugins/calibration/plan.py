@@ -36,13 +36,12 @@ from workbench.api import (
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.circles import LATERAL, STEEP
-from workbench.plugins.calibration.model import Estimate, Noise, information, linearise, volume_weight
+from workbench.plugins.calibration.model import POSE, Estimate, Noise, information, linearise, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.shared_errors import settled
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
-HAND_EYE = 6  # of the ten unknowns
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
 CANDIDATES = 800
@@ -118,7 +117,7 @@ def circle_covariance(w: Float, optics: Optics) -> Float:
 
 def determinant(information: Float) -> Float:
     """Logarithm of the determinant (...) of the hand-eye pose's information, centre and radius eliminated."""
-    rest = information[..., HAND_EYE:, HAND_EYE:]
+    rest = information[..., POSE:, POSE:]
     return np.asarray(np.linalg.slogdet(information)[1] - np.linalg.slogdet(rest)[1])
 
 
@@ -154,7 +153,7 @@ def _in_order(gain: Float, start: Float) -> Int:
 
 def volume_after(information: Float, weight: Float) -> Float:
     """Predicted volume_u (...) in mm of informations (..., 10, 10)."""
-    covariance = np.linalg.inv(information)[..., :HAND_EYE, :HAND_EYE]
+    covariance = np.linalg.inv(information)[..., :POSE, :POSE]
     return np.asarray(np.sqrt(np.einsum("ij,...ji->...", weight, covariance)))
 
 

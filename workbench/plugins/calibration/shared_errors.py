@@ -29,11 +29,10 @@ import scipy
 
 from workbench.api import Float, Shaped, estimator, inverse, vector_from_rotation
 from workbench.plugins.calibration.bundle import Fit, matched, without_gross
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, linearise
+from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
 RIGHT_WITHIN = 1.5  # factor: one standard deviation of a repeatability as stated
-POSE = 6  # unknowns of the hand-eye pose, the first
 WHOLE = np.concatenate([[0.0], np.geomspace(0.1, 10.0, 36)])  # the grid of a whole scan's error, over the stated one
 OWN = np.geomspace(0.01, 10.0, 7)  # of a pose's own error, the coarsest
 FINER = (0.4, 0.14, 0.05)  # distances of its logarithms about the likeliest

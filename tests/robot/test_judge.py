@@ -11,6 +11,7 @@ import pytest
 from workbench.artefacts import Judgement, ProgramMove
 from workbench.robot import Cell, CollisionModel, inverse_kinematics, read_cell
 from workbench.robot.judge import judge
+from workbench.robot.process import refusal
 
 from .conftest import plainly
 from .programs import START, driven, outsiders_least, program, shifted, start_pose, to
@@ -207,6 +208,25 @@ def test_what_a_turntable_carries_runs_into_nothing_that_stands(cell_file: Calla
     (fault,) = [fault for fault in found(beam, post).violations if fault.kind == "collision"]
     assert "beam" in fault.finding
     assert "post" in fault.finding
+
+
+def test_the_ways_to_and_from_where_the_operator_looks_are_driven(cell_file: Callable[..., Path]) -> None:
+    """A clamp where the spindle is 400 mm back from the cut, and not 50."""
+    joints, feed = START + np.radians([[0.0] * 6, [1.0, 0, 0, 0, 0, 0]]), np.full(2, 20.0)
+
+    def found(probe: Any) -> Any:
+        def change(tree: Any) -> None:
+            clamp = {"name": "clamp", "pose": {"position_mm": [2760, -30, 1010]}, "box_mm": [40, 40, 40]}
+            tree["fixtures"].append(clamp)
+            tree["process"]["probe"] = probe
+
+        return refusal(read_cell(cell_file(change)), joints, np.zeros(2), feed, 0)
+
+    assert found(None) is None
+    assert found({"distance_mm": 60}) is None
+    assert found({"distance_mm": 400}) == ("collision", ("tool", "clamp"))
+    kind, _ = found({"distance_mm": 900})
+    assert kind == "unreachable"
 
 
 def test_an_axis_that_crosses_a_boundary_within_a_corner_counts_as_both(cell: Cell) -> None:

@@ -26,7 +26,7 @@ SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a p
 
 def not_seen(process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
-    yield "the way from where the robot stands to home"
+    yield "the way from where the robot and its external axes stand to home"
     yield "the cutter against the plate between the path's ends and the points of approach and retract"
     if process.home.controller_name:
         yield f"that {process.home.controller_name} on the controller is the cell file's home"
@@ -109,7 +109,7 @@ def turntable_at_home(home: HomePart, first_deg: Float | float) -> Float:
 
 
 def refusal(
-    cell: Cell, joints: Shaped[Float, "n 6"], table: Shaped[Float, "n ..."], feed_mm_s: Shaped[Float, " n"]
+    cell: Cell, joints: Shaped[Float, "n 6"], table: Shaped[Float, "n ..."], feed_mm_s: Shaped[Float, " n"], cuts: int
 ) -> Refusal | None:
     """What the judge has against postures (n, 6), rad, between them and on the ways from home and back; None: nothing.
 
@@ -118,10 +118,11 @@ def refusal(
         joints: one after the other, which the robot goes to by its joints.
         table: of the external axes, rad.
         feed_mm_s: of the path at each.
+        cuts: the first that cuts, above which the operator looks where the process has a `probe`.
     """
     from workbench.robot.judge import follows, judge
 
-    for moves in _ways_home(cell, joints, table, feed_mm_s):
+    for moves in _ways_home(cell, joints, table, feed_mm_s, cuts):
         if moves is None:
             return "unreachable", None
         told = judge(dataclasses.replace(cell, process=None), _program(cell, moves))
@@ -131,16 +132,20 @@ def refusal(
     return follows(cell, _program(cell, [_by_joints(*place) for place in zip(joints, table, strict=True)]))
 
 
-def _ways_home(cell: Cell, joints: Float, table: Float, feed_mm_s: Float) -> Iterator[list[ProgramMove] | None]:
-    """From home to the first posture, and from the last one home; None: the point before or behind is out of reach."""
+def _ways_home(
+    cell: Cell, joints: Float, table: Float, feed_mm_s: Float, cuts: int
+) -> Iterator[list[ProgramMove] | None]:
+    """From home to the first posture, and from the last one home; None: a point before or behind is out of reach."""
     process = cell.process
     if process is None:
         return
     turned = turntable_at_home(process.home, table[0] / DEG) * DEG
     home = _by_joints(np.array(process.home.joints_deg) * DEG, turned)
-    angle, feed = table[0], float(feed_mm_s[0])
-    off = drawn_back(cell, joints[0], process.approach_mm)
-    yield None if off is None else [home, _by_joints(off, angle), _straight(cell, joints[0], angle, feed)]
+    begin = [] if process.probe is None else [(drawn_back(cell, joints[cuts], process.probe.distance_mm), table[cuts])]
+    begin.append((drawn_back(cell, joints[0], process.approach_mm), table[0]))
+    there = [_by_joints(off, angle) for off, angle in begin if off is not None]
+    first = _straight(cell, joints[0], table[0], float(feed_mm_s[0]))
+    yield [home, *there, first] if len(there) == len(begin) else None
     angle, feed = table[-1], float(feed_mm_s[-1])
     off = drawn_back(cell, joints[-1], process.retract_mm)
     yield None if off is None else [_by_joints(joints[-1], angle), _straight(cell, off, angle, feed), home]

@@ -341,7 +341,7 @@ class Examiner:
         if cause != FREE:
             return joints, cause, hit
         external = self.points.external(table, np.arange(len(table)))
-        told = refusal(self.whole, joints, external, self.points.feed_mm_s)
+        told = refusal(self.whole, joints, external, self.points.feed_mm_s, int(np.argmax(self.points.cutting)))
         if told is None:
             return joints, FREE, -1
         kind, pair = told

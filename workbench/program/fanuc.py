@@ -31,14 +31,13 @@ from workbench.errors import InputError
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file, one_or_all
-from workbench.program.skeleton import CellDialect, check_words, limited
+from workbench.program.skeleton import SWITCHED, Numbered, check_words, limited
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
 from workbench.units import DEG, Float
 
 DECLARED, REGISTER = 9, 99  # numbers of tool and frame, and of the position register, where a program declares them
-JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 HEADER = """/PROG  {name}
 /ATTR
 OWNER = MNEDITOR;
@@ -69,18 +68,7 @@ THIRD = f",\tJ2= {{turntable[1]:.{DIGITS}f}} deg"
 EXTENDED = f",\n\tE1= {{turntable[0]:.{DIGITS}f}} mm"
 ALONE, BOTH = "1,*,*,*,*", "1,1,*,*,*"  # motion groups
 MORE = {"": "", "_3": SECOND + THIRD, "_2": SECOND, "_e": EXTENDED}  # of a position, by the form's ending
-BODY: tuple[str, ...] = (
-    "straight",
-    "circular",
-    "axes",
-    "home_",
-    "switch_on",
-    "switch_off",
-    "wait_speed",
-    "wait_time",
-    "stop",
-)
-BODY += ("restart", "hook", "end")
+BODY = ("straight", "circular", "axes", "home_", *SWITCHED)
 PROGRAM = Language(
     forms={
         "header": HEADER,
@@ -136,10 +124,11 @@ POSITIONS = Language(
 
 
 @dataclass
-class Fanuc(CellDialect):
+class Fanuc(Numbered):
     """The dialect of FANUC's controllers."""
 
     language = PROGRAM
+    begin, home_as = 1, "register"
 
     def __post_init__(self) -> None:
         """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
@@ -206,25 +195,6 @@ class Fanuc(CellDialect):
         if job.tool_name is None:
             yield from _declared(f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz)
         yield from self._numbers
-
-    @functools.cached_property
-    def numbers(self) -> list[int]:
-        """Of each target's position; an arc's middle has the one before. Behind: home, first, retract, probe."""
-        numbers: list[int] = np.cumsum(1 + self.job.moves.circular.astype(int)).tolist()
-        return numbers
-
-    def axes(self, where: str) -> list[str]:
-        """J."""
-        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
-        if named:
-            return [PROGRAM.say("home_", register=named, percent=JOINT_PERCENT)]
-        target = {
-            "start": 1,
-            "home": self.numbers[-1] + 1,
-            "back": self.numbers[-1] + 1,
-            "probe": self.numbers[-1] + 4,
-        }[where]
-        return [PROGRAM.say("axes", target=target, percent=JOINT_PERCENT)]
 
     def straight_to(self, where: str) -> list[str]:
         """L."""

@@ -31,14 +31,13 @@ from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file
-from workbench.program.skeleton import CellDialect, check_standing_turntable, check_words, limited
+from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, limited
 from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Shaped
 
-JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 SLOWEST_MM_S, FASTEST_MM_S = 0.1, 1500.0  # of the tag V=
 LEAST_CORNER_MM = 1.0  # of the tag CR=
 MOST_POSITIONS = 9999  # of a job: their names have five digits, and a job has as many steps
@@ -49,18 +48,7 @@ WHOLE = 2 * np.pi
 TURNED = [3, 5, 0]  # joints R, T, S
 SAME_POSTURE = 1e-3 * DEG  # branches that coincide
 ARC = "MOVC C{via:05d} V={speeds[0]:.1f}\nMOVC C{target:05d} V={speeds[1]:.1f} {near} FPT"
-BODY: tuple[str, ...] = (
-    "straight",
-    "arc",
-    "axes",
-    "home_",
-    "switch_on",
-    "switch_off",
-    "wait_speed",
-    "wait_time",
-    "stop",
-)
-BODY += ("restart", "hook", "end")
+BODY = ("straight", "arc", "axes", "home_", *SWITCHED)
 JOB = Language(
     forms={
         "header": "/JOB\n//NAME {name}\n//POS\n///NPOS {count:d},0,0,0,0,0{user}\n///TOOL {tool:d}\n"
@@ -110,10 +98,11 @@ JOB = Language(
 
 
 @dataclass
-class Inform(CellDialect):
+class Inform(Numbered):
     """The dialect of Yaskawa's controllers."""
 
     language = JOB
+    begin, home_as = 0, "variable"
 
     def __post_init__(self) -> None:
         """Refuse what a job cannot say."""
@@ -203,19 +192,6 @@ class Inform(CellDialect):
         if self.job.turntable_deg is not None:
             yield from JOB.say("turntable", angle=self.job.turntable_deg[0] + 0.0).split("\n")
 
-    def axes(self, where: str) -> list[str]:
-        """MOVJ."""
-        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
-        if named:
-            return [JOB.say("home_", variable=named, percent=JOINT_PERCENT)]
-        target = {
-            "start": 0,
-            "home": self.numbers[-1] + 1,
-            "back": self.numbers[-1] + 1,
-            "probe": self.numbers[-1] + 4,
-        }[where]
-        return [JOB.say("axes", target=target, percent=JOINT_PERCENT)]
-
     def straight_to(self, where: str) -> list[str]:
         """MOVL."""
         behind, (feed, near) = (2, self.ends[0]) if where == "first" else (3, self.ends[-1])
@@ -233,15 +209,6 @@ class Inform(CellDialect):
     def foot(self) -> list[str]:
         """With a process back, and home; the end."""
         return [*super().foot(), "END"]
-
-    @functools.cached_property
-    def numbers(self) -> list[int]:
-        """Of each target's position, from 0; an arc's middle has the one before. Behind: home, first, retract, probe.
-
-        The first is said twice with a process: the second time by a straight move.
-        """
-        numbers: list[int] = (np.cumsum(1 + self.job.moves.circular.astype(int)) - 1).tolist()
-        return numbers
 
     @property
     def _count(self) -> int:

@@ -25,7 +25,7 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import NAME, NUMBER, Language, reading, row
 from workbench.program.reading import Reading, euler_pose, numbers_in, one_file, one_or_all
-from workbench.program.skeleton import CellDialect, check_words, limited
+from workbench.program.skeleton import SWITCHED, CellDialect, check_words, limited
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
@@ -34,18 +34,7 @@ from workbench.units import DEG, Float, Int
 PTP_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 FRAME = "{{X {frame[0]:.4f},Y {frame[1]:.4f},Z {frame[2]:.4f},A {frame[3]:.6f},B {frame[4]:.6f},C {frame[5]:.6f}}}"
 LOAD = "{{M {mass:g},CM {{X {at[0]:.4f},Y {at[1]:.4f},Z {at[2]:.4f},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}}}"
-BODY: tuple[str, ...] = (
-    "straight",
-    "circular",
-    "feed",
-    "axes",
-    "switch_on",
-    "switch_off",
-    "wait_speed",
-    "wait_time",
-    "stop",
-)
-BODY += ("restart", "hook", "end")
+BODY = ("straight", "circular", "feed", "axes", *SWITCHED)
 SOURCE = Language(
     forms={
         "header": "{header}",

@@ -29,7 +29,9 @@ from workbench.robot.cell_file import ProcessPart
 from workbench.robot.process import drawn_back, turntable_at_home
 from workbench.units import DEG, Float
 
+JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 STANDS_DEG = 1e-4  # a turntable that moves by less stands
+SWITCHED = ("switch_on", "switch_off", "wait_speed", "wait_time", "stop", "restart", "hook", "end")  # forms of events
 Event = tuple[EventKind, str]  # what happens, and the name that it is about
 
 
@@ -241,6 +243,31 @@ class CellDialect(ABC):
         if self.skeleton is None:
             return []
         return [*self.straight_to("retract"), *self.events("off"), *self.axes("back"), *self.events("last")]
+
+
+class Numbered(CellDialect):
+    """A dialect whose positions have numbers: an arc's middle the one before its target's.
+
+    Behind the targets': home, the first target said again, the retract, the probe.
+    """
+
+    begin: ClassVar[int]  # number of the first
+    home_as: ClassVar[str]  # what the form of a move to the controller's own home calls it
+
+    @functools.cached_property
+    def numbers(self) -> list[int]:
+        """Of each target's position."""
+        last: list[int] = (np.cumsum(1 + self.job.moves.circular.astype(int)) - 1 + self.begin).tolist()
+        return last
+
+    def axes(self, where: str) -> list[str]:
+        """By the joints."""
+        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
+        if named:
+            return [self.language.say("home_", percent=JOINT_PERCENT, **{self.home_as: named})]
+        behind = {"home": 1, "back": 1, "probe": 4}
+        target = self.begin if where == "start" else self.numbers[-1] + behind[where]
+        return [self.language.say("axes", target=target, percent=JOINT_PERCENT)]
 
 
 def limited(feed_mm_s: Float, cell: Cell) -> Float:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import glob
 import hashlib
+import io
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import InputError, nearest
+from workbench.errors import InputError, OutputError, nearest
 
 MEGABYTE = 1e6
 SPARE_BYTES = 1_000_000  # for headers and tables beside the grids
@@ -192,6 +194,28 @@ def read_text(path: Path, max_bytes: int) -> str:
         raise InputError(str(path), f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start}", "expected text in UTF-8") from None
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that is never seen half-written. Raises OutputError."""
+    part = beside(path)
+    try:
+        try:
+            part.write_bytes(content)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(str(path), f"cannot be written: {error.strerror}") from None
+
+
+def csv_bytes(rows: Iterable[Mapping[str, object]], names: Sequence[str]) -> bytes:
+    """A table (RFC 4180: commas, lines end in CR LF) in UTF-8, texts as `as_text`; what a row lacks is empty."""
+    out = io.StringIO(newline="")
+    table = csv.DictWriter(out, names, restval="")
+    table.writeheader()
+    table.writerows({name: as_text(value) for name, value in row.items()} for row in rows)
+    return out.getvalue().encode()
 
 
 def numbered_lines(text: str) -> list[tuple[int, str]]:

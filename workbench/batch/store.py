@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from workbench import storage
 from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.extras import not_installed
-from workbench.storage import beside
 
 LOCAL = "file://"
 SCHEMES = ("abfs", "gs", "http", "https", "memory", "s3", "sftp")  # what fsspec opens beyond these is another matter
@@ -84,18 +84,12 @@ def copied(url: str, cache: Path | None) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """A file that is never seen half-written. Raises OutputError."""
+    """A file that is never seen half-written, its folder made first. Raises OutputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = beside(path)
-        try:
-            partial.write_bytes(content)
-            os.replace(partial, path)
-        except BaseException:
-            partial.unlink(missing_ok=True)
-            raise
     except OSError as error:
         raise OutputError(str(path), f"cannot be written: {error.strerror}") from None
+    storage.write_whole(path, content)
 
 
 def write_file(place: str, name: str, content: bytes) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from typing import Any, Literal
 
@@ -10,7 +9,7 @@ from workbench.artefacts import Document, JointInspection, Provenance, u_name
 from workbench.artefacts.edges import named
 from workbench.extras import Extra
 from workbench.stage import stage
-from workbench.storage import as_text
+from workbench.storage import csv_bytes
 
 VERSION = 1
 RECORDED = ("recording", "cloud")  # names of the input that was measured
@@ -80,8 +79,9 @@ def inspection(
     }
     part = {**who, **_recording(provenance), **asked, "part_verdict": inspection.verdict}
     rows = [part | row | {"guard_factor": inspection.guard_factor} for row in inspection.rows()]
-    table = _parquet if format == "parquet" else _csv
-    return Document(f"inspection.{format}", table(rows, columns(inspection), f"{inspection.FORMAT}-rows"))
+    names = columns(inspection)
+    table = csv_bytes(rows, [*names]) if format == "csv" else _parquet(rows, names, f"{inspection.FORMAT}-rows")
+    return Document(f"inspection.{format}", table)
 
 
 def _recording(provenance: Provenance) -> dict[str, str | None]:
@@ -98,14 +98,3 @@ def _parquet(rows: list[dict[str, Any]], names: dict[str, str], form: str) -> by
     out = io.BytesIO()
     parquet.write_table(table, out)
     return out.getvalue()
-
-
-def _csv(rows: list[dict[str, Any]], names: dict[str, str], form: str) -> bytes:
-    """UTF-8, a comma between fields, lines end in CR LF (RFC 4180); numbers as they read back exactly, texts that no
-    spreadsheet takes for formulas.
-    """
-    out = io.StringIO(newline="")
-    table = csv.DictWriter(out, names)
-    table.writeheader()
-    table.writerows({name: as_text(value) for name, value in row.items()} for row in rows)
-    return out.getvalue().encode()

@@ -15,8 +15,9 @@ from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.neutral import Imported
-from workbench.importing.tracker import joined, write_table
+from workbench.importing.tracker import joined
 from workbench.recording_file import write
+from workbench.storage import write_whole
 from workbench.units import Float32
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
@@ -66,7 +67,7 @@ def _tracker_table(found: Sequence[Imported], mapping: Mapping, target: Path) ->
         what = f"is not confirmed: {mapping.uncertain[0]}; a table cannot say so: take the lines out of 'uncertain'"
         raise InputError("mapping", what)
     lines, notes = joined(found, mapping)
-    write_table(lines, target)
+    write_whole(target, "\n".join([*lines, ""]).encode())
     return notes
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.errors import InputError, OutputError, one_line
+from workbench.errors import InputError, one_line
 from workbench.importing import arrays, programs
 from workbench.importing.assemble import assemble, joined
 from workbench.importing.kinds import AS_A_CLOUD, read_source
@@ -33,7 +33,7 @@ from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
 from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
 from workbench.importing.tracker import joined as joined_with_postures
-from workbench.storage import regular_file
+from workbench.storage import regular_file, write_whole
 from workbench.units import Float
 
 FRAME_S, POSE_S = (2e-5, 1.0), (1e-3, 60.0)  # from one frame, or pose, to the next
@@ -54,10 +54,7 @@ def draft_files(sources: Sequence[str | Path], out: str | Path) -> tuple[str, ..
     if target.suffix != ".json":
         raise InputError(str(target), "expected the name of a mapping to write, ending in .json")
     tree, lines = drafted([Path(source) for source in sources])
-    try:
-        target.write_text(json.dumps(tree, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
+    write_whole(target, (json.dumps(tree, indent=2, ensure_ascii=False) + "\n").encode())
     told = [f"{what}: {text}" for what in ("uncertain", "lacking") for text in tree.get(what, ())]
     return tuple(one_line(line) for line in [*lines, *told, f"mapping: {target}"])
 

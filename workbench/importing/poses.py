@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -112,19 +113,25 @@ def _columns(table: Table, role: str, count: int) -> Float:
 def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
     """Unit quaternions out of the table's convention."""
     values = _columns(table, "orientation", len(part.orientation))
-    if components(part.convention) == 3:
-        unit = part.angle_unit or USUAL_ANGLE_UNIT[part.convention]
-        if "angle_unit" not in mapping.accept:
-            check_angles(values, unit, table.where)
-        return quaternions(values * (DEG if unit == "deg" else 1.0), part.convention)
-    quaternion = quaternions(values, part.convention)
+    unit = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention, "rad")
+    if components(part.convention) == 3 and "angle_unit" not in mapping.accept:
+        check_angles(values, unit, table.where)
+    return turned(values, part.convention, unit, lambda row: f"{table.where}: line {table.line[row]}")
+
+
+def turned(values: Float, convention: str, angle_unit: str, place: Callable[[int], str]) -> Float:
+    """Unit quaternions (K, 4) out of a convention's numbers (K, 3 or 4); `place`: what to call a row, from 0.
+
+    Raises:
+        InputError: a quaternion that is not of unit length.
+    """
+    if components(convention) == 3:
+        return quaternions(values * (DEG if angle_unit == "deg" else 1.0), convention)
+    quaternion = quaternions(values, convention)
     norm = np.linalg.norm(np.clip(quaternion, -1e3, 1e3), axis=1)
     wrong = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
     if len(wrong):
-        raise InputError(
-            f"{table.where}: line {table.line[wrong[0]]}",
-            f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}",
-        )
+        raise InputError(place(int(wrong[0])), f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}")
     return np.asarray(quaternion / norm[:, None])
 
 

@@ -15,19 +15,18 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.geometry.poses import USUAL_ANGLE_UNIT, components, quaternions
+from workbench.geometry.poses import USUAL_ANGLE_UNIT, components
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, PoseStream
-from workbench.importing.poses import of_flange_in_base
+from workbench.importing.poses import of_flange_in_base, turned
 from workbench.importing.text import read_lines_as_bytes
 from workbench.language import NUMBER, Language, Said, row
 from workbench.program.fanuc import SPACE
 from workbench.program.krl import FRAME
 from workbench.program.rapid import TARGET
 from workbench.program.urscript import POSE, VIA
-from workbench.scan.checks import UNIT_TOLERANCE
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 NAME = "robot program (.ls, .mod, .src, .dat, .jbi, .script)"
 NOT_TOLD = "not told"
@@ -202,16 +201,9 @@ def read(path: Path, mapping: Mapping) -> Imported:
     part = mapping.program
     if part is None:
         _require_told(path, maker, found)
-    values = found.values[:, 3:] * (DEG if USUAL_ANGLE_UNIT.get(maker.convention) == "deg" else 1.0)
-    quaternion = quaternions(values, maker.convention)
-    norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
-    if (np.abs(norm - 1.0) > UNIT_TOLERANCE).any():
-        worst = int(np.abs(norm - 1.0).argmax())
-        raise InputError(
-            f"{path}: position {worst + 1}", f"expected a quaternion of norm 1, found {norm[worst, 0]:.4g}"
-        )
-    position_mm = found.values[:, :3] * LENGTH_MM[maker.length_unit]
-    place, turn = position_mm, quaternion / norm
+    unit = USUAL_ANGLE_UNIT.get(maker.convention, "rad")
+    turn = turned(found.values[:, 3:], maker.convention, unit, lambda row: f"{path}: position {row + 1}")
+    place = found.values[:, :3] * LENGTH_MM[maker.length_unit]
     if part is not None:
         place, turn = of_flange_in_base(place, turn, part)
     stream = PoseStream(str(path), place, turn, length_unit=maker.length_unit)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.cloud.readers import READING
-from workbench.errors import InputError, OutputError
+from workbench.errors import InputError
 from workbench.importing import joints, poses, tables
 from workbench.importing.mapping import Mapping, claims
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, TrackerPart
@@ -310,17 +310,6 @@ def joined(sources: Sequence[Imported], mapping: Mapping) -> tuple[list[str], tu
         lines.append(",".join([_target(readings, int(rows[0])), *(f"{value:.9g}" for value in numbers)]))
     note = f"joined by {way}: {len(lines) - 1} rows of {sum(len(rows) for rows, _ in pairs.groups)} readings"
     return lines, (note, *pairs.lines)
-
-
-def write_table(lines: Sequence[str], target: Path) -> None:
-    """Write the table, whole or not at all."""
-    part = target.with_name(f".{target.name}.part")
-    try:
-        part.write_text("\n".join([*lines, ""]), encoding="utf-8")
-        part.replace(target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
 
 
 def _target(readings: TrackerReadings, row: int) -> str:

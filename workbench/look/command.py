@@ -16,7 +16,7 @@ from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
 from workbench.cloud.read import LEAST_POINTS, MM, check_size, fitting_units, in_process, unit_stated
 from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
-from workbench.errors import InputError, OutputError, one_line
+from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
@@ -28,7 +28,7 @@ from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
 from workbench.look.seven_corners import read_corners, recognised
 from workbench.scan.read import read as read_recording
-from workbench.storage import regular_file
+from workbench.storage import regular_file, write_whole
 from workbench.units import Float
 
 
@@ -72,7 +72,7 @@ def write_corners(found: Seen, target: Path) -> None:
     lines = [",".join(["row", *names])]
     for number, row in enumerate(table):
         lines.append(",".join([str(number), *("" if np.isnan(v) else f"{v:.2f}" for v in row)]))
-    _written(target, "\r\n".join([*lines, ""]).encode())
+    write_whole(target, "\r\n".join([*lines, ""]).encode())
 
 
 def summary(found: Seen) -> tuple[str, ...]:
@@ -90,18 +90,7 @@ def write_page(found: Seen, target: Path) -> None:
     """The page, whole or not at all."""
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(str(target), "expected the name of a page to write, ending in .html")
-    _written(target, page(found).encode())
-
-
-def _written(target: Path, content: bytes) -> None:
-    """Whole or not at all."""
-    part = target.with_name(f".{target.name}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OutputError(str(target), f"cannot be written: {error.strerror}") from None
+    write_whole(target, page(found).encode())
 
 
 # Any file to what is seen in it: recordings, clouds, other people's profiles and poses.

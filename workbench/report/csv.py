@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv as comma_separated
-import io
-
 from workbench.artefacts import Document, JointInspection
 from workbench.stage import stage
-from workbench.storage import as_text
+from workbench.storage import csv_bytes
 
 
 @stage("report.csv")
@@ -26,12 +23,10 @@ def csv(inspection: JointInspection) -> Document:
         'sections.csv'
     """
     rows = inspection.rows()
-    out = io.StringIO(newline="")
-    table = comma_separated.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), restval="")
-    table.writeheader()
-    table.writerows({name: _text(value) for name, value in row.items()} for row in rows)
-    return Document("sections.csv", out.getvalue().encode())
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    told = [{name: _text(value) for name, value in row.items()} for row in rows]
+    return Document("sections.csv", csv_bytes(told, names))
 
 
-def _text(value: float | str | None) -> str:
-    return "" if value is None else f"{value:.6f}" if isinstance(value, float) else str(as_text(value))
+def _text(value: float | str | None) -> str | None:
+    return f"{value:.6f}" if isinstance(value, float) else value

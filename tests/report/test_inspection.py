@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import io
+import json
 import re
 
 import numpy as np
@@ -112,6 +113,30 @@ def test_a_part_that_is_hidden_in_all_sections_is_drawn(part):
     hidden = tuple(dataclasses.replace(s, **nothing, frames=np.arange(0)) for s in p.inspection.sections)
     measured = dataclasses.replace(p.inspection, sections=hidden, verdict="undecided")
     assert inspection(p.cloud, p.edge, measured).verdict == "undecided"
+
+
+def test_u_along_the_edge_is_drawn_against_the_plan(small, chapter, tmp_path):
+    """What the plan wanted and predicted, and what was achieved: three courses of each size, on one scale."""
+    told = {
+        "arc_length_mm": [0.0, 50.0],
+        "root_U_mm": [0.02, None],
+        "bevel_U_deg": [0.1, 0.1],
+        "reached": [True, False],
+        "root_u_by_source_mm": {},
+        "bevel_u_by_source_deg": {},
+    }
+    plan = {"format": "scan-plan", "version": 1, "frame": "base", "edge": "taught", "thickness_mm": 8, "root_mm": 1.5}
+    plan |= {"bevel_deg": 40, "edge_condition": "unknown", "wanted_root_U_mm": 7.0, "wanted_bevel_U_deg": 90.0}
+    plan |= {"reached": False, "duration_s": 20, "passes": [], "predicted": told}
+    file = tmp_path / "scan-plan.json"
+    file.write_text(json.dumps(plan | {"binds": [], "would_help": [], "not_checked": []}))
+    made = inspection(small.cloud, small.edge, small.inspection, scan_plan=file)
+    source = re.search(r'src="data:image/svg\+xml;base64,([^"]+)" alt="U along the edge', made.html)
+    assert source is not None
+    drawing = base64.b64decode(source[1]).decode()
+    for shown in ("U root face, mm", "U bevel angle", ">6<", ">80<"):  # the scales hold what is wanted
+        assert shown in drawing
+    assert "U along the edge" not in chapter.html
 
 
 def test_no_sections_is_refused(small):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import COVERAGE, alike
 from workbench.units import DEG, Bool, Float, Int
+
+if TYPE_CHECKING:
+    from workbench.result_files import ScanPlanFile
 
 
 def svg(figure: Figure) -> bytes:
@@ -202,6 +206,26 @@ def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspectio
             axes.errorbar(section.arc_length_mm, pair[0], COVERAGE * pair[1], color=VERDICTS[section.verdict], zorder=4)
     axes.set_xlabel(f"arc length along the {course}, mm")
     axes.set_ylabel(f"{what.term.lower()}, {unit.strip()}")
+    return svg(figure)
+
+
+def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
+    """SVG of U = 2 u of root face and bevel angle along the edge: wanted and predicted by a scan plan, achieved."""
+    told, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
+    rows = (
+        ("U root face, mm", told.root_U_mm, plan.wanted_root_U_mm, along["root_mm"].u),
+        ("U bevel angle, °", told.bevel_U_deg, plan.wanted_bevel_U_deg, along["bevel_deg"].u),
+    )
+    figure = Figure(figsize=(10, 3.6))
+    for axes, (name, predicted, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
+        axes.set_xlim(0.0, float(s[-1]))
+        axes.axhline(wanted, color=LIMIT, linewidth=1.2)
+        axes.plot(np.array(told.arc_length_mm), np.array(predicted, float), color=INK, linewidth=1.1, dashes=(5, 3))
+        axes.plot(s, COVERAGE * u, color=MEASURED, linewidth=1.4)
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel(name)
+    figure.axes[-1].set_xlabel("arc length along the lower edge, mm")
+    figure.subplots_adjust(0.068, 0.13, 0.868, 0.97, hspace=0.15)
     return svg(figure)
 
 

@@ -9,12 +9,12 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Inspection
 from workbench.errors import InputError, one_line
-from workbench.report.along import plan_view, size_chart
+from workbench.report.along import plan_view, size_chart, u_chart
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
 from workbench.report.section_drawing import section_drawings, section_views
 from workbench.report.tables import certificate_html, inspection_html
-from workbench.stage import stage
+from workbench.stage import InputFile, stage
 
 
 @stage("report.inspection")
@@ -24,6 +24,7 @@ def inspection(
     inspection: Inspection,
     *,
     points: Annotated[int, Field(ge=10_000, le=1_000_000)] = 300_000,
+    scan_plan: InputFile | None = None,
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
@@ -35,6 +36,7 @@ def inspection(
         edge: its faces, and the lower edge along which everything is laid out.
         inspection: what was measured, required and decided.
         points: about how many points a view in space shows at most.
+        scan_plan: the `scan-plan.json` of this scan: U along the edge as wanted, as predicted and as achieved is drawn.
 
     Raises:
         InputError: no section, or an edge of which nothing was measured.
@@ -61,6 +63,10 @@ def inspection(
             for one in inspection.characteristics
         },
     }
+    if scan_plan is not None:
+        from workbench.result_files import ScanPlanFile  # pydantic: loaded when there is a plan
+
+        drawn["planned"] = u_chart(ScanPlanFile.read(scan_plan), inspection)
     aside = plan_view(cloud, edge, inspection)
     scene = inspection_scene(cloud, edge, inspection, points)
     return Chapter(

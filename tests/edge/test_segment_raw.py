@@ -13,9 +13,12 @@ import pytest
 
 from bench.odd_plates import Drawn
 from bench.outside import Part, Section, Usual, planned, simulate
+from bench.score import triangulated
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Edge, RawEdge
+from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import InputError
+from workbench.scan import fuse
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]
@@ -298,3 +301,15 @@ def test_returns_that_stand_out_all_along_the_lower_end_are_in_its_uncertainty()
     bare, hanging = (planned(simulate(5, True, of))["along m, mm"] for of in (Section(*sizes), Drawn(*sizes, (film,))))
     assert (np.abs(hanging[0]) < 3.0 * hanging[1]).all()
     assert np.median(hanging[1]) > 2.0 * np.median(bare[1])
+
+
+def test_the_tangent_is_that_of_the_edge() -> None:
+    """At an end of an arc the curve between the edge's points once swung by 9 deg, 30 u."""
+    drawn = triangulated.DRAWS["raw"](827)
+    known = {name: drawn.declared[name] for name in ("robot_noise_mm", "robot_noise_length_mm")}
+    edge = segment_raw(denoise(fuse(drawn.recording)), upper_side=tuple(drawn.declared["upper_side"]), **known)
+    chord = np.diff(edge.position_mm, axis=0)
+    chord /= np.linalg.norm(chord, axis=1, keepdims=True)
+    along = edge.tangent[:-1] + edge.tangent[1:]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    assert np.degrees(np.arccos(np.clip((chord * along).sum(axis=1), -1.0, 1.0))).max() < 0.2

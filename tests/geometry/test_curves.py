@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.geometry.curves import GAP_PITCHES, LEAST_GAP_MM, Curve, along_motion, covered, doubtful_slope, fit_curve
+from workbench.geometry.curves import (
+    GAP_PITCHES,
+    LEAST_GAP_MM,
+    Curve,
+    along_motion,
+    covered,
+    curve_through,
+    doubtful_slope,
+    fit_curve,
+)
 from workbench.units import Bool, Float
 
 Course = Callable[[Float], Float]
@@ -97,6 +106,16 @@ def test_noise_averages_out() -> None:
     s = np.linspace(2, 118, 100)
     off = circle(s) - curve.position(curve.project(circle(s), s))
     assert np.sqrt((off**2).sum(axis=1).mean()) < 0.012
+
+
+def test_points_of_a_course_have_no_strays() -> None:
+    """A curve that bends more at its end than elsewhere, by less than any noise: every point counts."""
+    s = np.linspace(0.0, 100.0, 300)
+    bend = np.where(s < 6.0, 1e-4 * (6.0 - s) ** 2, 1e-7 * np.sin(s))
+    points = line(s) + np.outer(bend, [0.0, 1.0, 0.0])
+    curve = curve_through(points, s)
+    off = points - curve.position(curve.project(points, s))
+    assert np.linalg.norm(off, axis=1).max() < 1e-3
 
 
 def test_stray_points_are_left_out() -> None:

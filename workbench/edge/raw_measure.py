@@ -24,7 +24,7 @@ from workbench.edge.sizes import NEAR_MM
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import Course, fit_course, process_told
-from workbench.geometry.curves import POSE_MM, Curve, along_motion, fit_curve
+from workbench.geometry.curves import POSE_MM, Curve, along_motion, curve_through, fit_curve
 from workbench.geometry.end_face import MARGIN_MM
 from workbench.geometry.grids import columns_to_next
 from workbench.geometry.processes import Process, Shared
@@ -167,9 +167,8 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
             counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
             shared = robot.shared(state.s_face, counted, cloud.pass_index)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
-        at = state.lower.s[on]
-        points = curve.position(at) + _offset(state, at)
-        curve = fit_curve(points, at)
+        at = np.linspace(state.lower.s[on].min(), state.lower.s[on].max(), int(on.sum()))
+        curve = curve_through(curve.position(at) + _offset(state, at), at)
     s[seen] = curve.project(middle[seen], s[seen])
     return _state(cloud, found, curve, s, True, condition, shared)
 

@@ -176,6 +176,9 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
         size, step = np.empty(mine.stop - mine.start), np.empty(mine.stop - mine.start - 1)
         _lasting(as_input(off[mine]), size, step)
         limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
+        sure = np.empty_like(size)  # values that know next to nothing depart from nothing
+        _lasting(as_input(off[mine] / np.sqrt(values.variance[mine])[:, None]), sure, step)
+        size[sure < 1.0] = 0.0
         if (size > limit).any():
             station = np.interp(values.s[mine], course.at_mm, np.arange(course.at_mm.size))
             for beside in (np.floor(station), np.ceil(station)):
@@ -253,7 +256,7 @@ def _fit(
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
     weight = 1.0 / (bins.variance * noise_factor)
-    knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
+    knots = even_knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
     covariance = None if together is None else np.diag(1.0 / weight) + together
@@ -365,7 +368,7 @@ def _few_priors(
     values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
 ) -> tuple[Penalised | Correlated, Float, Float, Float, Float]:
     """The equations of the bins' first component y (b,), some strengths (j, 2) of all, and the bins' s, y, weight."""
-    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
+    weight, knots = 1.0 / (bins.variance * noise_factor), even_knots(values.s, 2.0 * values.width_mm)
     s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
     y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
     if process:
@@ -879,7 +882,8 @@ def _bounded_mean(z2: Float) -> float:
     return float(np.minimum(z2, 9.0 * median(z2) / 0.4549).mean())
 
 
-def _knots(s: Float, knots_mm: float) -> Float:
+def even_knots(s: Float, knots_mm: float) -> Float:
+    """Knots of a cubic spline over places s (n,) mm, about so many mm apart."""
     first, last = float(s.min()), float(s.max())
     last = max(last, first + 1e-3)
     pieces = max(LEAST_PIECES, math.ceil((last - first) / knots_mm))

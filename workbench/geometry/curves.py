@@ -10,7 +10,7 @@ import scipy
 
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import Course, fit_course, stretches
+from workbench.geometry.course import Course, even_knots, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
@@ -198,16 +198,33 @@ def fit_curve(
     for _ in range(2):  # the spline's own parameter becomes its arc length
         course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
         stiffness = course.stiffness
-        dense = np.linspace(*course.spline.ends, 8 * (course.spline.t.size - 7) + 1)
-        speed = np.linalg.norm(course.spline(dense, 1), axis=1)
-        arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
-        if arc[-1] > ENDLESS * (dense[-1] - dense[0]):
-            way = f"through {dense[-1] - dense[0]:.0f} mm of them it would be {arc[-1]:.0f} mm long"
-            raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
-        s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
-        s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
+        s = _in_arc_length(points_mm, s, course.spline)
     course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
     return with_frame(course.spline, s, course)
+
+
+def curve_through(points_mm: Float, s: Float) -> Curve:
+    """The curve through points (n, 3) mm of courses, at rising rough arc lengths s (n,): none of them is a stray."""
+    for _ in range(2):
+        s = _in_arc_length(points_mm, s, _through(points_mm, s))
+    return with_frame(_through(points_mm, s), s)
+
+
+def _through(points_mm: Float, s: Float) -> Spline:
+    found = scipy.interpolate.make_lsq_spline(s, points_mm, even_knots(s, 2.0 * POSE_MM))
+    return Spline(found.t, found.c)
+
+
+def _in_arc_length(points_mm: Float, s: Float, spline: Spline) -> Float:
+    """Arc length (n,) of the feet of points (n, 3) mm on a spline of a rough arc length, s (n,) there."""
+    dense = np.linspace(*spline.ends, 8 * (spline.t.size - 7) + 1)
+    speed = np.linalg.norm(spline(dense, 1), axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
+    if arc[-1] > ENDLESS * (dense[-1] - dense[0]):
+        way = f"through {dense[-1] - dense[0]:.0f} mm of them it would be {arc[-1]:.0f} mm long"
+        raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
+    s = Curve(spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)
+    return np.asarray(np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0))
 
 
 def with_frame(spline: Spline, s: Float, course: Course | None = None) -> Curve:

@@ -408,6 +408,50 @@ def _label(
 
 
 @kernel
+def _follow_from(
+    state: Float,
+    frames: Int,
+    reach: Int,
+    ends: Float,
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    side: float,
+    sigma: Float,
+    names: Int,
+    rim_mm: float,
+    sums: Float,
+    end: Float,
+    seen: Bool,
+    labels: AnyArray,
+) -> None:
+    """Follow the faces from `state`, which moves with them, through frames in their order.
+
+    ends (2, 4, 4): states at frames `reach` (2,), on a line between which it starts again where the edge is lost.
+    """
+    lost = 0
+    for frame in frames:
+        if lost > LOST_AFTER or not _finite(state):
+            w = (frame - reach[0]) / (reach[1] - reach[0])
+            for f in range(4):
+                for k in range(4):
+                    state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
+        trial, row = state.copy(), x[min(frame, len(x) - 1)]
+        seen[frame] = _follow_frame(row, z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame])
+        if seen[frame]:
+            _copy(trial, state)
+            lost = 0
+            _label(row, z[frame], keep[frame], side, state, sigma, names, labels[frame])
+        else:
+            for f in range(4):
+                for k in range(8):
+                    sums[frame, f, k] = 0.0
+            for j in range(z.shape[1]):
+                labels[frame, j] = 0
+            lost += 1
+
+
+@kernel
 def _follow_stretch(
     c: int,
     x: Float32,
@@ -424,32 +468,27 @@ def _follow_stretch(
     seen: Bool,
     labels: AnyArray,
 ) -> None:
-    """Follow the faces from key frame c - 1 to c; stretch 0 runs back from the first key frame to the first frame."""
-    first = 0 if c == 0 else keys[c - 1]
-    last = z.shape[0] if c == keys.size else keys[c]
-    a, b = max(c - 1, 0), min(c, keys.size - 1)
-    state = states[a].copy()
-    lost = 0
-    for i in range(last - first):
-        frame = last - 1 - i if c == 0 else first + i
-        if lost > LOST_AFTER or not _finite(state):
-            w = 0.0 if a == b else (frame - first) / (last - first)
-            for f in range(4):
-                for k in range(4):
-                    state[f, k] = (1.0 - w) * states[a, f, k] + w * states[b, f, k]
-        trial, x_row = state.copy(), x[min(frame, len(x) - 1)]
-        seen[frame] = _follow_frame(x_row, z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame])
-        if seen[frame]:
-            _copy(trial, state)
-            lost = 0
-            _label(x_row, z[frame], keep[frame], side, state, sigma, names, labels[frame])
-        else:
-            for f in range(4):
-                for k in range(8):
-                    sums[frame, f, k] = 0.0
-            for j in range(z.shape[1]):
-                labels[frame, j] = 0
-            lost += 1
+    """Follow the faces between key frames c - 1 and c from both to the middle, and in key frame c: alike either way.
+
+    A frame in the middle starts from the mean of its neighbours. Stretch 0 lies before the first key frame.
+    """
+    reach = np.array([-1 if c == 0 else keys[c - 1], z.shape[0] if c == keys.size else keys[c]])
+    ends = np.stack((states[max(c - 1, 0)], states[min(c, keys.size - 1)]))
+    between = reach[1] - reach[0] - 1
+    ahead = between if c == keys.size else (0 if c == 0 else between // 2)
+    back = between if c == 0 else (0 if c == keys.size else between // 2)
+    low, high, own = ends[0].copy(), ends[1].copy(), ends[1].copy()
+    runs = (
+        (low, np.arange(reach[0] + 1, reach[0] + 1 + ahead)),
+        (high, np.arange(reach[1] - 1, reach[1] - 1 - back, -1)),
+        (own, reach[1:] if c < keys.size else reach[:0]),
+    )
+    for state, frames in runs:
+        _follow_from(state, frames, reach, ends, x, z, keep, side, sigma, names, rim_mm, sums, end, seen, labels)
+    middle = np.arange(reach[0] + 1 + ahead, reach[1] - back)
+    _follow_from(
+        0.5 * (low + high), middle, reach, ends, x, z, keep, side, sigma, names, rim_mm, sums, end, seen, labels
+    )
 
 
 class Profiles(NamedTuple):

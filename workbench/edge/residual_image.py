@@ -9,6 +9,7 @@ their restricted likelihood (Harville, JASA 72 (1977), 320), and their part in t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -173,28 +174,41 @@ def _together(left: Float) -> float:
 def forms(images: tuple[FaceImage | None, ...], at: Float, sensor: Linearity) -> tuple[FaceForm, ...]:
     """The form of each face at arc lengths `at` (m,) mm.
 
-    The walk's strength is one for all faces, as a sensor's is, or each face's own: weighed by what the images say.
+    A walk's strength, along the faces or over the sensor's columns, is one for all faces, as a sensor's is, or each
+    face's own: weighed by what the images say.
     """
     tables = [None if one is None else _likelihoods(one) for one in images]
-    known = [one for one in tables if one is not None]
-    walk_logs = [np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in known]
-    own = [log - np.logaddexp.reduce(log) for log in walk_logs]
-    before = _log_prior(WALKS)
-    together = np.sum(walk_logs, axis=0) - (len(known) - 1) * before if known else before
-    apart = sum(float(np.logaddexp.reduce(log)) for log in walk_logs)
-    one_for_all = float(np.logaddexp.reduce(together))
-    share = 1.0 / (1.0 + math.exp(np.clip(apart - one_for_all, -50.0, 50.0)) / SENSOR)
-    shared = np.exp(together - np.logaddexp.reduce(together))
-    out, number = [], 0
-    for image, table in zip(images, tables, strict=True):
-        if image is None or table is None:
-            nothing = np.zeros(at.size)
+    columns = [None if one is None or one.of_columns is None else _likelihoods(one.of_columns) for one in images]
+    nothing, out = np.zeros(at.size), []
+    for image, *known in zip(images, tables, _walks(tables), columns, _walks(columns), strict=True):
+        if image is None:
             out.append(FaceForm(nothing, nothing, nothing, 1.0))
             continue
-        walk = share * shared + (1.0 - share) * np.exp(own[number])
-        number += 1
-        out.append(_form(image, table, walk, at, sensor))
+        table, walk, by_column, column_walk = known
+        beside = np.zeros((image.place_mm.size,) * 2)
+        if by_column is not None:
+            beside = _lasting(image, by_column[0], column_walk)
+        out.append(_form(image, [_lasting(image, one, walk) + beside for one in table], at, sensor))
     return tuple(out)
+
+
+def _walks(tables: Sequence[Float | None]) -> list[Float | None]:
+    """Shares (w,) of the walk's strengths for each face: one for all, SENSOR times likelier before, or its own."""
+    known = [None if one is None else np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in tables]
+    logs = [one for one in known if one is not None]
+    before = _log_prior(WALKS)
+    together = np.sum(logs, axis=0) - (len(logs) - 1) * before if logs else before
+    apart, one_for_all = sum(float(np.logaddexp.reduce(one)) for one in logs), float(np.logaddexp.reduce(together))
+    share = 1.0 / (1.0 + math.exp(np.clip(apart - one_for_all, -50.0, 50.0)) / SENSOR)
+    shared = share * np.exp(together - one_for_all)
+    return [None if one is None else shared + (1.0 - share) * np.exp(one - np.logaddexp.reduce(one)) for one in known]
+
+
+def _lasting(image: FaceImage, log: Float, walk: Float) -> Float:
+    """Covariance (p, p) across the face by shares `walk` (w,) of strengths; of single places by log (w, singles)."""
+    single = np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
+    square = float(walk @ (single @ SINGLES**2))
+    return float(walk @ WALKS**2) * _walk(image) + square * np.eye(image.place_mm.size)
 
 
 def _likelihoods(image: FaceImage) -> Float:
@@ -222,8 +236,8 @@ def _walk(image: FaceImage) -> Float:
     return np.where(t[:, None] * t > 0.0, np.minimum(np.abs(t[:, None]), np.abs(t)), 0.0) / image.lean**2
 
 
-def _form(image: FaceImage, table: Float, walk: Float, at: Float, sensor: Linearity) -> FaceForm:
-    """The uncertainties by mean strengths: `walk` (w,) their posterior, of single places by `table` (k, w, singles)."""
+def _form(image: FaceImage, lasting: Sequence[Float], at: Float, sensor: Linearity) -> FaceForm:
+    """The uncertainties by what may last in each stretch: covariances (p, p) across the face."""
     t = image.place_mm
     end = 0.5 * (3.0 * t[-1] - t[-2])
     line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
@@ -231,23 +245,12 @@ def _form(image: FaceImage, table: Float, walk: Float, at: Float, sensor: Linear
     apart = (t[:, None] - t) / sensor.length_mm
     field = sensor.rms_mm**2 * np.exp(-0.5 * apart**2)
     centred = np.eye(t.size) - 1.0 / t.size  # a sensor's or a face's common offset moves nothing
-    beside = np.zeros_like(field)
-    if image.of_columns is not None:
-        log = _likelihoods(image.of_columns)[0]
-        share = np.exp(log - np.logaddexp.reduce(log, axis=None))
-        beside = float(share.sum(axis=1) @ WALKS**2) * _walk(image) + float(share.sum(axis=0) @ SINGLES**2) * np.eye(
-            t.size
-        )
     rows = []
-    for one, mean, noise in zip(table, image.mean, image.noise, strict=True):
-        single = np.exp(one - np.logaddexp.reduce(one, axis=1)[:, None])
-        square = float(walk @ (single @ SINGLES**2))
-        covariance = float(walk @ WALKS**2) * _walk(image) + square * np.eye(t.size) + field + beside
+    for covariance, mean, noise in zip(lasting, image.mean, image.noise, strict=True):
         known = np.einsum("wp,pq,wq->w", weights, noise, weights)
-        aside = np.maximum(
-            (weights @ mean) ** 2 - known, 0.0
-        )  # returns of the face lie along another line than its own
-        rows.append(np.einsum("wp,pq,wq->w", weights, centred @ covariance @ centred, weights) + aside)
+        # returns of the face lie along another line than its own
+        aside = np.maximum((weights @ mean) ** 2 - known, 0.0)
+        rows.append(np.einsum("wp,pq,wq->w", weights, centred @ (covariance + field) @ centred, weights) + aside)
     of_stretch = np.array(rows)
     turn, lower, upper = (np.sqrt(np.interp(at, image.s, of)) for of in of_stretch.T)
     return FaceForm(turn, lower, upper, 2.0 * end)

@@ -180,19 +180,21 @@ def forms(images: tuple[FaceImage | None, ...], at: Float, sensor: Linearity) ->
     tables = [None if one is None else _likelihoods(one) for one in images]
     columns = [None if one is None or one.of_columns is None else _likelihoods(one.of_columns) for one in images]
     nothing, out = np.zeros(at.size), []
-    for image, *known in zip(images, tables, _walks(tables), columns, _walks(columns), strict=True):
-        if image is None:
+    for image, table, walk, by_column, column_walk in zip(
+        images, tables, _walks(tables), columns, _walks(columns), strict=True
+    ):
+        if image is None or table is None:
             out.append(FaceForm(nothing, nothing, nothing, 1.0))
             continue
-        table, walk, by_column, column_walk = known
-        beside = np.zeros((image.place_mm.size,) * 2)
+        lasting = [_lasting(image, one, walk) for one in table]
         if by_column is not None:
             beside = _lasting(image, by_column[0], column_walk)
-        out.append(_form(image, [_lasting(image, one, walk) + beside for one in table], at, sensor))
+            lasting = [one + beside for one in lasting]
+        out.append(_form(image, lasting, at, sensor))
     return tuple(out)
 
 
-def _walks(tables: Sequence[Float | None]) -> list[Float | None]:
+def _walks(tables: Sequence[Float | None]) -> list[Float]:
     """Shares (w,) of the walk's strengths for each face: one for all, SENSOR times likelier before, or its own."""
     known = [None if one is None else np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in tables]
     logs = [one for one in known if one is not None]

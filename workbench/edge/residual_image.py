@@ -203,7 +203,7 @@ def _walks(tables: Sequence[Float | None]) -> list[Float]:
     apart, one_for_all = sum(float(np.logaddexp.reduce(one)) for one in logs), float(np.logaddexp.reduce(together))
     share = 1.0 / (1.0 + math.exp(np.clip(apart - one_for_all, -50.0, 50.0)) / SENSOR)
     shared = share * np.exp(together - one_for_all)
-    return [None if one is None else shared + (1.0 - share) * np.exp(one - np.logaddexp.reduce(one)) for one in known]
+    return [shared if one is None else shared + (1.0 - share) * np.exp(one - np.logaddexp.reduce(one)) for one in known]
 
 
 def _lasting(image: FaceImage, log: Float, walk: Float) -> Float:

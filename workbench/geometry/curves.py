@@ -211,7 +211,9 @@ def curve_through(points_mm: Float, s: Float) -> Curve:
 
 
 def _through(points_mm: Float, s: Float) -> Spline:
-    found = scipy.interpolate.make_lsq_spline(s, points_mm, even_knots(s, 2.0 * POSE_MM))
+    knots, order = even_knots(s, 2.0 * POSE_MM), np.argsort(s, kind="stable")
+    inside = np.clip(s[order], knots[3], knots[-4])
+    found = scipy.interpolate.make_lsq_spline(inside, points_mm[order], knots)
     return Spline(found.t, found.c)
 
 

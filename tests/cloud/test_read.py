@@ -109,6 +109,85 @@ def test_a_part_in_inches_is_no_small_part(tmp_path: Path, points: Float) -> Non
         read(file=path)
 
 
+WKT1 = 'PROJCS["x",GEOGCS["g",DATUM["d",SPHEROID["s",6378137,298.257]],UNIT["degree",0.0174532925199433]],UNIT[{}]]'
+WKT2 = (
+    'PROJCRS["x",BASEGEOGCRS["g",DATUM["d",ELLIPSOID["s",6378137,298.257,LENGTHUNIT["metre",1]]]],'
+    'CS[Cartesian,2],AXIS["(E)",east],LENGTHUNIT[{}]]'
+)
+
+
+def las_of_a_map(path: Path, *records: Any, points: Float, scale: float) -> Path:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 1e-6)
+    header.vlrs.append(laspy.VLR("someone", 7, "first", b"x" * 5000))
+    header.vlrs.extend(records)
+    las = laspy.LasData(header)
+    las.xyz = (points - points.mean(axis=0)) * scale
+    las.write(str(path))
+    return path
+
+
+def geo_keys(*pairs: tuple[int, int]) -> laspy.VLR:
+    rows = [(1, 1, 0, len(pairs)), *((key, 0, 1, value) for key, value in pairs)]
+    return laspy.VLR("LASF_Projection", 34735, "", np.array(rows, "<u2").tobytes())
+
+
+def wkt(text: str) -> laspy.VLR:
+    return laspy.VLR("LASF_Projection", 2112, "", text.encode() + b"\0")
+
+
+@pytest.mark.parametrize(
+    ("record", "mm"),
+    [
+        (wkt(WKT1.format('"metre",1')), 1000.0),
+        (wkt(WKT2.format('"metre",1.0')), 1000.0),
+        (wkt(WKT1.format('"millimetre",0.001')), 1.0),
+        (geo_keys((1024, 1), (3076, 9001), (4099, 9001)), 1000.0),
+    ],
+)
+def test_a_map_has_the_unit_of_its_record(tmp_path: Path, points: Float, record: laspy.VLR, mm: float) -> None:
+    found = read(file=las_of_a_map(tmp_path / "map.las", record, points=points, scale=1.0 / mm))
+    np.testing.assert_allclose(np.ptp(found.points_mm, axis=0), np.ptp(points, axis=0), atol=0.01)
+    assert not found.warnings
+
+
+@pytest.mark.parametrize(
+    ("records", "told"),
+    [
+        ([wkt(WKT1.format('"US survey foot",0.304800609601219'))], "found US survey foot"),
+        ([wkt(WKT2.format('"foot",0.3048'))], "found foot"),
+        ([wkt('GEOGCS["g",UNIT["degree",0.0174532925199433]]')], "found no unit"),
+        ([geo_keys((3076, 9003))], "found US survey foot"),
+        ([geo_keys((3072, 25832))], "found no unit"),
+        ([geo_keys((3076, 9001)), wkt(WKT1.format('"foot",0.3048'))], "found foot and metre"),
+    ],
+)
+def test_a_map_in_another_unit_or_none_is_refused_until_one_is_stated(
+    tmp_path: Path, points: Float, records: list[laspy.VLR], told: str
+) -> None:
+    file = las_of_a_map(tmp_path / "map.las", *records, points=points, scale=1.0)
+    with pytest.raises(InputError, match=f"{told}: state the .unit."):
+        read(file=file)
+    assert np.ptp(read(file=file, unit="mm").points_mm, axis=0) == pytest.approx(np.ptp(points, axis=0), abs=1e-3)
+
+
+def test_a_map_told_behind_the_points(tmp_path: Path, points: Float) -> None:
+    file = las_of_a_map(tmp_path / "map.las", points=points, scale=1e-3)
+    las = laspy.read(file)
+    las.evlrs = laspy.vlrs.vlrlist.VLRList([wkt(WKT1.format('"metre",1'))])
+    las.write(str(file))
+    assert np.ptp(read(file=file).points_mm, axis=0) == pytest.approx(np.ptp(points, axis=0), abs=0.01)
+
+
+def test_what_was_taken_for_granted_is_told(tmp_path: Path, points: Float) -> None:
+    path = tmp_path / "c.xyz"
+    np.savetxt(path, 250.0 * (points - points.mean(axis=0)))  # of 20 m, if in mm: or of 20 km
+    assert "taken as mm, a part of 1.98e+04 mm (state" in read(file=path).warnings[0]
+    np.savetxt(path, points - points.mean(axis=0))
+    assert "taken as mm, a part of 79.1 mm; in inch it would be" in read(file=path).warnings[0]
+    assert not read(file=path, unit="mm").warnings
+
+
 def test_points_without_coordinates_are_left_out(tmp_path: Path, points: Float) -> None:
     path = tmp_path / "cloud.xyz"
     points[7] = np.nan

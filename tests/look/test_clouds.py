@@ -11,7 +11,7 @@ from workbench.cloud import read as read_cloud
 @pytest.mark.parametrize(
     ("unit", "scale", "told"),
     [
-        ("mm", 1.0, "coordinates taken as mm: the format tells no unit"),
+        ("mm", 1.0, "coordinates taken as mm: the format tells no unit; inch would be possible too"),
         ("m", 1e-3, "coordinates taken as m: in mm it would be no part"),
     ],
 )

@@ -180,6 +180,7 @@ class PointSet:
     part: Part = UNKNOWN_PART
     row: Shaped[Int, " n"] | None = None  # of the file's grid, never falling
     column: Shaped[Int, " n"] | None = None  # rising along a row
+    warnings: tuple[str, ...] = ()  # what was taken for granted of the file
 
     def plot(self) -> Any:
         """A PyVista plotter with the points in the base."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -12,17 +11,15 @@ from workbench.artefacts import NO_NAMES, UNKNOWN_PART, PartNames, PointSet, fro
 from workbench.children import read_by
 from workbench.cloud import readers
 from workbench.cloud.readers import READERS
+from workbench.cloud.units import MM, Unit, las_unit
 from workbench.errors import InputError
 from workbench.stage import InputFile, stage
 from workbench.units import Float
 
-Unit = Literal["mm", "m", "inch"]
-
-MM: dict[Unit, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 OF_FORMAT: dict[str, Unit] = {".e57": "m"}  # ASTM E2807 says so; the others do not
-OF_A_MAP = b"LASF_Projection"  # who signs the records of a LAS file's reference system, whose unit is then its own
+IN_HEAD = re.compile(rb"\bunit:? (mm|m|inch)\b")  # as `export.cloud` says it where a format has no field for it
 LEAST_POINTS = 100
-HEAD_BYTES = 4096  # that hold a PCD's header, and the first records of a LAS
+HEAD_BYTES = 4096  # that hold a header
 LEAST_MM, MOST_MM = 12.0, 30_000.0  # longest side of a part's cloud: 300 mm in inches are refused
 FAR_MM = 1e6  # no robot reaches a point a kilometre away
 OPEN3D_SAYS = re.compile(r"\[Open3D (?:WARNING|ERROR)\]\s*(.*?)(?:\x1b\[0;m|$)", re.IGNORECASE | re.MULTILINE)
@@ -43,11 +40,13 @@ def read(
 
     Args:
         file: the cloud; its name's ending tells the format.
-        unit: of the file's coordinates; null: what its format prescribes (E57, LAS of a map: m), else mm.
+        unit: of the file's coordinates; null: what its format prescribes (E57: m), its map (LAS) or its
+            head says, else mm, with a warning.
         part: who and what was measured with what: no format of clouds says so.
 
     Raises:
-        InputError: an unknown or damaged file, no points, or a size that no part has in that unit.
+        InputError: an unknown or damaged file, no points, a map in another unit, or a size that no part
+            has in the unit.
 
     Example:
         >>> from workbench import cloud
@@ -57,22 +56,29 @@ def read(
     suffix = file.suffix.lower()
     if suffix not in READERS:
         raise InputError(str(file), f"expected a cloud as {FORMATS}, found the ending '{file.suffix}'")
-    used: Unit = unit or unit_stated(file) or "mm"
+    stated = unit or unit_stated(file)
+    used: Unit = stated or "mm"
     points = in_process(file) * MM[used]
     seen = np.flatnonzero(~np.isnan(points).any(axis=1))
     rows, columns = grid_of(file) if suffix == ".pcd" else (0, 0)
-    places = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)
+    row, column = np.divmod(seen, columns) if rows > 1 and rows * columns == len(points) else (None, None)
     check_size(points[seen], used, str(file))
-    return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), *places)
+    taken = () if stated else (_taken_for_granted(points[seen], file),)
+    return PointSet(frozen(points[seen]), str(file), UNKNOWN_PART.with_names(part), row, column, taken)
 
 
 def unit_stated(file: Path) -> Unit | None:
-    """What the format prescribes, or a LAS file's reference system on a map; None: nothing tells it."""
+    """What the format prescribes, a LAS file's reference system or the head says; None: nothing tells it.
+
+    Raises:
+        InputError: a LAS whose reference system has another unit, or tells none.
+    """
     suffix = file.suffix.lower()
-    if suffix in (".las", ".laz"):
-        with open(file, "rb") as stream:
-            return "m" if OF_A_MAP in stream.read(HEAD_BYTES) else None
-    return OF_FORMAT.get(suffix)
+    if suffix in (".las", ".laz") and (unit := las_unit(file)):
+        return unit
+    with open(file, "rb") as stream:
+        said = IN_HEAD.search(stream.read(HEAD_BYTES))
+    return OF_FORMAT.get(suffix) or next((one for one in MM if said and one.encode() == said[1]), None)
 
 
 def grid_of(file: Path) -> tuple[int, int]:
@@ -130,6 +136,12 @@ def check_size(points_mm: Float, unit: Unit, where: str) -> None:
 def fitting_units(points: Float) -> list[Unit]:
     """The units under which points (n, 3) as they stand in a file have the size of a part."""
     return [name for name in MM if LEAST_MM <= _size(points) * MM[name] <= MOST_MM]
+
+
+def _taken_for_granted(points_mm: Float, file: Path) -> str:
+    others = [unit for unit in fitting_units(points_mm) if unit != "mm"]
+    fit = f"; in {' or '.join(others)} it would be the size of a part too" if others else ""
+    return f'{file.name} tells no unit: taken as mm, a part of {_size(points_mm):.3g} mm{fit} (state the "unit")'
 
 
 def _size(points: Float) -> float:

@@ -10,7 +10,8 @@ from pydantic import Field
 
 from workbench.artefacts import Document, PointSet, frozen
 from workbench.children import in_one_thread
-from workbench.cloud.read import MM, Unit, in_process, unit_stated
+from workbench.cloud.read import in_process, unit_stated
+from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
 from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation

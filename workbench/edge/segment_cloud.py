@@ -98,7 +98,7 @@ def segment_cloud(
         if recovered is None:
             raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
         recovered = replace(recovered, checks=(NOT_JUDGED,))
-        return recovered, segment_raw(
+        raw = segment_raw(
             recovered,
             upper_side=upper_side,
             robot_noise_mm=robot_noise_mm,
@@ -106,6 +106,7 @@ def segment_cloud(
             edge_condition=edge_condition,
             sensor=sensor,
         )
+        return recovered, replace(raw, warnings=(*points.warnings, *raw.warnings))
     nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
     cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
     cloud = replace(cloud, checks=(NOT_JUDGED,))
@@ -126,7 +127,7 @@ def segment_cloud(
         edge_condition=edge_condition,
         sensor=sensor,
     )
-    edge = replace(edge, unseen=(*edge.unseen, OTHER_SOFTWARE))
+    edge = replace(edge, unseen=(*edge.unseen, OTHER_SOFTWARE), warnings=(*points.warnings, *edge.warnings))
     return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
 
 

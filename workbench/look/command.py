@@ -14,7 +14,8 @@ from markupsafe import Markup
 from workbench import cad, force_file
 from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
-from workbench.cloud.read import LEAST_POINTS, MM, check_size, fitting_units, in_process, unit_stated
+from workbench.cloud.read import LEAST_POINTS, check_size, fitting_units, in_process, unit_stated
+from workbench.cloud.units import MM
 from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
 from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
@@ -218,8 +219,8 @@ def _cloud(file: Path) -> Seen:
     stated = unit_stated(file)
     fits = fitting_units(found)
     unit = stated or (fits[0] if fits else "mm")
-    others = f"; {' or '.join(fits[1:])} would be possible too" if fits[1:] and unit != "mm" else ""
-    why = "the format tells no unit" if unit == "mm" else f"in mm it would be no part{others}"
+    others = f"; {' or '.join(fits[1:])} would be possible too" if fits[1:] else ""
+    why = ("the format tells no unit" if unit == "mm" else "in mm it would be no part") + others
     points = found * MM[unit]
     checks = []
     try:

@@ -1,8 +1,8 @@
 """Calibration certificates: values with their uncertainty out of a DCC (PTB's XML, its values in the D-SI).
 
 Schemas 2 and 3: `dcc:measurementResults`, in it `dcc:quantity` with `si:real` or `si:realListXMLList`. What is looked
-for is what the quantity's `refType` or one of its names speaks of, in whole words: 'scale of z' is a scale, 'scale
-division' is none. Results only count, not the conditions under which they were made.
+for is what the quantity's `refType` or one of its names speaks of in known words alone: 'scale error of z' is a scale,
+'scale division' is none. Results only count, not the conditions under which they were made; those left out are named.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from workbench.errors import InputError
 from workbench.storage import regular_file
@@ -32,8 +33,26 @@ UNCERTAINTIES = (  # in the D-SI's second and first version: value, coverage fac
     ("expandedUnc", "uncertainty", "coverageFactor"),
 )
 ERRORS = ("error", "deviation", "factor", "fehler", "abweichung", "faktor")  # of what they are told of: scale error
+# Words that change nothing in what a name speaks of, as numbers and single letters; those of other quantities.
+BESIDE = (
+    "of|an|the|in|along|across|at|for|with|and|der|des|die|das|von|vom|im|bei|am|axis|axes|achse|direction|"
+    "richtung|relativ|absolut|non|nicht|max|maximum|mean|mittler|measured|calibrated|gemessen|kalibriert|"
+    "reference|referenz|sensor|profiler|laser|scanner|instrument|thermometer|sphere|ball|kugel|range|"
+    "messbereich|lot|nr|mm|basic|math|geometry|optical|axial"
+)
+APART = re.compile(
+    "division|teilung|full|standard|uncertainty|unsicherheit|repeatability|wiederholbar|coefficient|koeffizient"
+)
 CAMEL = re.compile("_|(?<=[a-z])(?=[A-Z])")  # between the words of a refType
-OF = "(?:of|in|along|across|at|for|with|der|des|von|in|bei|an|am)"  # begins what a name says of its quantity
+UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue"})  # the fourth, ß, folds with the case
+
+
+class Asked(NamedTuple):
+    """What is looked for: words (folded: 'massstab') of which a name holds one, others that it may hold beside them."""
+
+    words: tuple[str, ...]
+    beside: tuple[str, ...] = ()
+    stems: tuple[str, ...] = ()  # a name with one of these that is not understood is refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +62,7 @@ class Certified:
     value_mm: float
     u_mm: float  # standard uncertainty
     identifier: str  # of the certificate
+    left_out: tuple[str, ...] = ()  # its other results, each in a sentence
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,29 +82,51 @@ def certified_length(path: Path, words: tuple[str, ...]) -> Certified:
         InputError: no such file, no DCC, no or several such lengths, one without an uncertainty or a unit of length.
     """
     root = _parsed(path)
-    points = _points(_the_one(root, words, path), LENGTHS, path)
+    points = _points(_the_one(root, Asked(words), path), LENGTHS, path)
     value, u = points[0]
     if len(points) > 1 or not value > 0.0:
         raise InputError(f"{path}: {words[0]}", f"expected one length above 0, found {len(points)}, {value:g} mm")
-    return Certified(value, u, _identifier(root))
+    return Certified(value, u, _identifier(root), left_out(path, Asked(words)))
 
 
-def certified_errors(path: Path, words: tuple[str, ...], units: Mapping[str, float]) -> Errors | None:
-    """The errors of an instrument that are told by one of the words; None: its certificate has no such quantity.
+def certified_errors(path: Path, asked: Asked, units: Mapping[str, float]) -> Errors | None:
+    """The errors of an instrument that are asked for; None: its certificate has no such quantity.
 
     units: what each unit of the D-SI is in the unit that is asked for.
 
     Raises:
         InputError: no such file, no DCC, several such quantities, one without an uncertainty or in another unit.
     """
-    root, words = _parsed(path), (*words, *(f"{word} {error}" for word in words for error in ERRORS))
-    if not any(_is_told(one, words) for one in _results(root)):
+    root = _parsed(path)
+    if not any(_is_told(one, asked) for one in _results(root)):
         return None
-    value, u = zip(*_points(_the_one(root, words, path), units, path), strict=True)
+    value, u = zip(*_points(_the_one(root, asked, path), units, path), strict=True)
     if units is RATIOS and min(value) > 0.5:  # ratios, not deviations from one
         value = tuple(one - 1.0 for one in value)
     rms = math.sqrt(sum(one**2 for one in value) / len(value))
     return Errors(max(value, key=abs), rms, max(u), _identifier(root))
+
+
+def left_out(path: Path, *asked: Asked) -> tuple[str, ...]:
+    """Every result of a certificate that is none of what was asked for, with its value.
+
+    Raises:
+        InputError: no such file, no DCC, or a result that may be what was asked for and is not understood.
+    """
+    root = _parsed(path)
+    others = [one for one in _results(root) if not any(_is_told(one, each) for each in asked)]
+    for one in others:
+        said = " ".join(_said(one))
+        if any(stem in said for each in asked for stem in each.stems) and not APART.search(said):
+            expected = f"expected a name in known words, as '{asked[0].words[0]} error': what is '{_names(one)}'?"
+            raise InputError(str(path), f"{expected} It would be left out")
+    return tuple(f"certificate {_identifier(root)}: '{_names(one)}', {_value(one)}, is not used" for one in others)
+
+
+def _value(quantity: ElementTree.Element) -> str:
+    real, many = next(_reals(quantity))
+    told = (real.findtext(f"{SI}{tag}{many}", "").replace("\\", " ").split() for tag in ("value", "unit"))
+    return " ".join(" ".join(words)[:40] for words in told)
 
 
 def names_of(path: Path) -> str:
@@ -96,10 +138,10 @@ def _listed(quantities: list[ElementTree.Element]) -> str:
     return "; ".join(map(_names, quantities[:6])) or "none"
 
 
-def _the_one(root: ElementTree.Element, words: tuple[str, ...], path: Path) -> ElementTree.Element:
-    found = [one for one in _results(root) if _is_told(one, words)]
+def _the_one(root: ElementTree.Element, asked: Asked, path: Path) -> ElementTree.Element:
+    found = [one for one in _results(root) if _is_told(one, asked)]
     if len(found) != 1:
-        expected = f"expected one quantity '{words[0]}' with a real value among the results, found {len(found)}"
+        expected = f"expected one quantity '{asked.words[0]}' with a real value among the results, found {len(found)}"
         raise InputError(str(path), f"{expected} (there: {_listed(found or [*_results(root)])})")
     return found[0]
 
@@ -144,21 +186,23 @@ def _names(quantity: ElementTree.Element) -> str:
     return " / ".join(one.strip() for one in (*told, quantity.get("refType", "")) if one.strip()) or "without a name"
 
 
-def _is_told(quantity: ElementTree.Element, words: tuple[str, ...]) -> bool:
-    """Whether a `refType` is or ends in one of the words, or a clause of a name speaks of it: 'Lot 3, scale of z' does.
+def _is_told(quantity: ElementTree.Element, asked: Asked) -> bool:
+    """Whether a `refType` or a name speaks of what is asked for and of nothing else: 'Lot 3, scale error of z' does.
 
-    A standard deviation is a spread, no deviation.
+    Plurals, cases and compounds of known words are known: 'Maßstabsfehler'.
     """
-    types = quantity.get("refType", "").split()
-    names = [
-        one for each in quantity.iterfind(f"{DCC}name/{DCC}content") for one in re.split("[,;:(]", each.text or "")
-    ]
-    said = [*(CAMEL.sub(" ", one) for one in types), *names]
-    asked = "|".join(map(re.escape, words))
-    told = re.compile(rf"(?:(?!{OF}\b)\w+ )*(?<!standard )(?:{asked})(?: {OF} .*)?", re.IGNORECASE)
-    return any(one.casefold() in words for one in types) or any(
-        told.fullmatch(" ".join(re.findall(r"\w+", one))) for one in said
-    )
+    said = _said(quantity)
+    known = re.compile(f"(?:(?:{'|'.join((*asked.words, *asked.beside, BESIDE))})(?:e?[nrs]|e)?)+")
+    told = (any(word in one for word in asked.words) and all(map(known.fullmatch, one.split())) for one in said)
+    return any(told) and not APART.search(" ".join(said))
+
+
+def _said(quantity: ElementTree.Element) -> list[str]:
+    """The words, folded, of each `refType` and each name; one longer than any known is two."""
+    names = (one.text or "" for one in quantity.iterfind(f"{DCC}name/{DCC}content"))
+    told = (*quantity.get("refType", "").split(), *names)
+    folded = (CAMEL.sub(" ", one).casefold().translate(UMLAUTS) for one in told)
+    return [" ".join(re.findall(r"[^\W\d_]{2,40}", one)) for one in folded]
 
 
 def _reals(quantity: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:

@@ -93,11 +93,37 @@ def test_a_warm_part_is_in_u_of_the_root_face(points: Cloud, tmp_path: Path) -> 
         ("sensor_dcc", ("", "linearity", "1", r"\second", "0.1"), "expected a value in one of"),
         ("thermometer_dcc", ("", "mass", "1", r"\kilogram", "0.1"), "basic_measurementError"),
         ("thermometer_dcc", ("basic_measurementError", "", "1", r"\kelvin", "0.1"), "expected temperature_c"),
+        (
+            "sensor_dcc",
+            ("", "Linearity of the mapped scale", "1", r"\metre", "0.1"),
+            "what is 'Linearity of the mapped",
+        ),
     ],
 )
 def test_what_says_nothing_to_the_budget_is_refused(
     points: Cloud, tmp_path: Path, given: str, quantity: tuple[str, ...], told: str
 ) -> None:
-    warm = {} if "temperature_c" in told else {"temperature_c": 20.0}
+    warm = {} if "temperature_c" in told or given == "sensor_dcc" else {"temperature_c": 20.0}
     with pytest.raises(InputError, match=told):
         edge.segment(points, **{given: certificate(tmp_path / "k.xml", LISTED.format(*quantity))}, **warm)
+
+
+def test_what_a_certificate_holds_beside_is_named(points: Cloud, plain: MilledEdge, tmp_path: Path) -> None:
+    """A scale of 2 % was dropped without a word beside a linearity."""
+    known, other = LISTED.format("", "Linearity", "1 -1", r"\micro\metre", "1"), (r"\one", "0.001")
+    for name in ("Scale factor error", "Maßstabsfehler"):
+        used = edge.segment(
+            points, sensor_dcc=certificate(tmp_path / "s.xml", known, LISTED.format("", name, "1.02", *other))
+        )
+        assert any(source.startswith("scale of the profiler") for source in used.root.u_by_source)
+        assert not set(used.warnings) - set(plain.warnings)
+    beside = certificate(tmp_path / "s.xml", known, LISTED.format("", "Gain", "1.02", *other))
+    assert "certificate K-17: 'Gain', 1.02 one, is not used" in edge.segment(points, sensor_dcc=beside).warnings
+    unclear = certificate(tmp_path / "s.xml", known, LISTED.format("", "Rescaled gain", "1.02", *other))
+    with pytest.raises(InputError, match="what is 'Rescaled gain'"):
+        edge.segment(points, sensor_dcc=unclear)
+
+
+def test_a_temperature_needs_its_thermometer(points: Cloud) -> None:
+    with pytest.raises(InputError, match="expected thermometer_dcc beside it"):
+        edge.segment(points, temperature_c=31.0)

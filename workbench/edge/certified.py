@@ -7,15 +7,27 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.artefacts import MilledEdge, Quantity, Term
-from workbench.certificate import LENGTHS, RATIOS, TEMPERATURES, certified_errors, names_of
+from workbench.certificate import (
+    ERRORS,
+    LENGTHS,
+    RATIOS,
+    TEMPERATURES,
+    Asked,
+    certified_errors,
+    left_out,
+    names_of,
+)
 from workbench.edge.residual_image import Linearity
 from workbench.edge.unseen import SCALE
 from workbench.errors import InputError
 from workbench.units import AnyArray
 
-LINEARITY = ("linearity", "linearität")
-SCALES = ("scale", "skalierung", "maßstab")
-THERMOMETER = ("basic_measurementerror", "error of indication", "deviation", "abweichung", "correction", "korrektion")
+LINEARITY = Asked(("linearity", "linearitaet"), ERRORS, ("linear",))
+SCALES = Asked(("scale", "scaling", "skalierung", "massstab"), ERRORS, ("scal", "skal", "massstab"))
+THERMOMETER = Asked(
+    ("error", "deviation", "fehler", "abweichung", "correction", "korrektion"),
+    ("measurement", "mess", "indication", "anzeige", "temperatur"),
+)
 REFERENCE_C = 20.0  # ISO 1
 STEEL_PER_K, STEEL_U_PER_K = 11.5e-6, 1e-6  # linear expansion, of unalloyed and low-alloyed steels
 MOST_SCALE = 0.05  # that an instrument may be off
@@ -31,18 +43,23 @@ def certified_linearity(declared: Linearity, certificate: Path | None) -> Linear
 def certified(
     edge: MilledEdge, sensor: Path | None, thermometer: Path | None, temperature_c: float | None
 ) -> MilledEdge:
-    """The edge with what the certificates add, as far as there are any.
+    """The edge with what the certificates add, as far as there are any; what they hold beside it is in its warnings.
 
     Raises:
-        InputError: a certificate without what it is for; a thermometer without a temperature.
+        InputError: a certificate without what it is for, or with what may be it; one of thermometer and temperature.
     """
+    if thermometer is None and temperature_c is not None:
+        raise InputError("temperature_c", "expected thermometer_dcc beside it: the certificate of what told it")
+    unused: tuple[str, ...] = ()
     if sensor is not None:
+        unused += left_out(sensor, SCALES, LINEARITY)
         edge = _with_scale(edge, sensor)
-    if thermometer is None:
-        return edge
-    if temperature_c is None:
-        raise InputError(str(thermometer), "expected temperature_c beside it: what the thermometer told")
-    return _with_temperature(edge, temperature_c, thermometer)
+    if thermometer is not None:
+        if temperature_c is None:
+            raise InputError(str(thermometer), "expected temperature_c beside it: what the thermometer told")
+        unused += left_out(thermometer, THERMOMETER)
+        edge = _with_temperature(edge, temperature_c, thermometer)
+    return replace(edge, warnings=(*edge.warnings, *unused))
 
 
 def _with_scale(edge: MilledEdge, certificate: Path) -> MilledEdge:

@@ -99,9 +99,10 @@ def segment(
         edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
             view does not show of a rounding or a chamfer is in value and u by this prior.
         sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
-        sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u.
+        sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u; warnings name what
+            else it holds.
         thermometer_dcc: the certificate of the thermometer, by which the part's temperature enters u of the root face.
-        temperature_c: of the part, of steel, while it was scanned.
+        temperature_c: of the part, of steel, while it was scanned; refused without the thermometer's certificate.
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow

@@ -10,6 +10,7 @@ import pytest
 from tests.plugins.calibration import conftest as spheres
 from workbench.api import certified_length
 from workbench.certificate import RATIOS, TEMPERATURES, certified_errors
+from workbench.edge.certified import SCALES, THERMOMETER
 from workbench.errors import InputError
 from workbench.plugins import calibration
 
@@ -57,6 +58,7 @@ GOOD = quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"))
         quantity("0.0254012", r"\metre", UNIVARIATE.format("0.8e-6")),
         f"<dcc:list>{quantity('25401.2', chr(92) + 'micro' + chr(92) + 'metre', STANDARD.format('0.4'))}</dcc:list>",
         quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "D", "geometry_sphereDiameter"),
+        quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "Kugeldurchmesser"),
         GOOD + quantity("0.0003", r"\milli\metre", EXPANDED.format("0.0001"), "Roundness"),
         GOOD + quantity("7", r"\kilogram", "", "Mass"),
     ],
@@ -64,7 +66,8 @@ GOOD = quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"))
 def test_a_diameter_is_read(written: str, tmp_path: Path) -> None:
     file = tmp_path / "sphere.xml"
     file.write_text(HEAD + written + TAIL)
-    found = certified_length(file, ("diameter",))
+    found = certified_length(file, ("diameter", "durchmesser"))
+    assert len(found.left_out) == written.count("<dcc:quantity") - 1
     assert (found.value_mm, found.u_mm) == pytest.approx((25.4012, 0.0004), rel=1e-9)
     assert found.identifier == "K-17"
 
@@ -75,28 +78,48 @@ def test_a_diameter_is_read(written: str, tmp_path: Path) -> None:
         ("Scale", "", True),
         ("scale of z", "", True),
         ("Scale factor along x", "", True),
-        ("Abmessung (mm), Skalierung von z", "", True),
+        ("Lot 3, Skalierung von z", "", True),
+        ("Scale factor error", "", True),
+        ("Error of the scale", "", True),
+        ("Scale errors", "", True),
+        ("Scale z", "", True),
+        ("Maßstabsfehler", "", True),
+        ("Skalierungsfaktor", "", True),
+        ("Abweichungen des Maßstabs", "", True),
+        ("z", "scaleZ", True),
         ("z", "optical_axialScale", True),
         ("scale division", "", False),
         ("division of the scale", "", False),
         ("Scaleability", "", False),
+        ("Temperature scale", "", False),
+        ("Full scale", "", False),
+        ("No scale", "", False),
         ("z", "optical_scaleDivision", False),
     ],
 )
-def test_a_quantity_is_told_by_whole_words(name: str, kind: str, told: bool, tmp_path: Path) -> None:
+def test_a_quantity_is_told_by_known_words_alone(name: str, kind: str, told: bool, tmp_path: Path) -> None:
     file = tmp_path / "sensor.xml"
     file.write_text(HEAD + quantity("1.001", r"\one", EXPANDED.format("0.0002"), name, kind) + TAIL)
-    assert (certified_errors(file, ("scale", "skalierung"), RATIOS) is not None) is told
+    assert (certified_errors(file, SCALES, RATIOS) is not None) is told
 
 
 @pytest.mark.parametrize(
     ("name", "told"),
-    [("Deviation", True), ("mean deviation of the indication", True), ("Experimental standard deviation", False)],
+    [
+        ("Deviation", True),
+        ("mean deviation of the indication", True),
+        ("Messabweichung", True),
+        ("Indication error", True),
+        ("Experimental standard deviation", False),
+        ("Std deviation", False),
+        ("Permissible deviation", False),
+        ("Bath stability deviation", False),
+    ],
 )
 def test_a_standard_deviation_is_no_deviation(name: str, told: bool, tmp_path: Path) -> None:
     file = tmp_path / "thermometer.xml"
     file.write_text(HEAD + quantity("0.1", r"\kelvin", EXPANDED.format("0.02"), name) + TAIL)
-    assert (certified_errors(file, ("error of indication", "deviation"), TEMPERATURES) is not None) is told
+    assert (certified_errors(file, THERMOMETER, TEMPERATURES) is not None) is told
 
 
 BAD = {

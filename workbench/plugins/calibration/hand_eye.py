@@ -123,8 +123,9 @@ def hand_eye(
         >>> pose.flange_from_profiler.shape
         (4, 4)
     """
+    unused: tuple[str, ...] = ()
     if sphere_certificate is not None:
-        profiles, sphere_radius_u_mm = _certified(profiles, sphere_certificate)
+        profiles, sphere_radius_u_mm, unused = _certified(profiles, sphere_certificate)
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where = f"{recording.source}: /robot"
     sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
@@ -153,17 +154,18 @@ def hand_eye(
         ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
     found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
+    found = dataclasses.replace(found, warnings=(*found.warnings, *unused))
     return found.hand_eye, found, hand_eye_document(found)
 
 
-def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float]:
-    """The circles with the certificate's diameter, and the standard uncertainty of the radius, mm."""
+def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float, tuple[str, ...]]:
+    """The circles with the certificate's diameter, the radius' standard uncertainty, mm, and what is left out."""
     found = certified_length(certificate, ("diameter", "durchmesser"))
     stated = profiles.sphere_diameter_mm
     if abs(found.value_mm / stated - 1.0) > SAME_SPHERE:
         said = f"certifies a diameter of {found.value_mm:g} mm, the recording states {stated:g} mm: another sphere?"
         raise InputError(str(certificate), said)
-    return dataclasses.replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0
+    return dataclasses.replace(profiles, sphere_diameter_mm=found.value_mm), found.u_mm / 2.0, found.left_out
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,6 +7,7 @@ curve, which in the end is the lower edge itself. Roughness and vibration averag
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -167,8 +168,8 @@ def measure_raw_edge(cloud: Cloud, found: RawFaces, condition: EdgeCondition, ro
             counted = state.stands_out_mm + state.out.bend(np.nan_to_num(state.s_face))
             shared = robot.shared(state.s_face, counted, cloud.pass_index)
         on = np.isfinite(state.lower.s) & np.isfinite(state.stands_out_mm)
-        at = np.linspace(state.lower.s[on].min(), state.lower.s[on].max(), int(on.sum()))
-        curve = curve_through(curve.position(at) + _offset(state, at), at)
+        low = state.lower.s[on]
+        curve = curve_through(functools.partial(_lower_edge, state), low.min(), low.max())
     s[seen] = curve.project(middle[seen], s[seen])
     return _state(cloud, found, curve, s, True, condition, shared)
 
@@ -196,10 +197,11 @@ def axes(measured: RawMeasured, at: Float) -> tuple[Float, Float, Float]:
     return t, np.cross(t, m), m
 
 
-def _offset(state: RawMeasured, at: Float) -> Float:
-    """From the reference curve to the lower edge (k, 3) at arc lengths (k,)."""
+def _lower_edge(state: RawMeasured, at: Float) -> Float:
+    """Places of the lower edge (k, 3) at arc lengths (k,) of the reference curve."""
     _, n, m = axes(state, at)
-    return state.out.smooth(at)[:, None] * n + state.lower.value(at)[:, None] * m
+    beside = state.out.smooth(at)[:, None] * n + state.lower.value(at)[:, None] * m
+    return state.curve.position(at) + beside
 
 
 def _state(

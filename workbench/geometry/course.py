@@ -50,7 +50,6 @@ STEPLESS, STEP = 100.0, 0.3  # odds that values of a pass take no step; size of 
 STEP_PRIORS = 8  # one in so many of the priors is asked for steps
 MOST_BINS = 250  # of values that share errors: on longer edges they are longer
 TIE = 0.1234  # which of gaps that are alike wide is taken: the first after this share of a stretch
-RISK = 0.05  # that noise alone is taken for a regular wave
 MOST_WAVES = 400
 POOLED = (1, 2, 4, 8)  # bins, by whose residuals the course is tested
 ALONE = Shared()
@@ -176,10 +175,10 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
         size, step = np.empty(mine.stop - mine.start), np.empty(mine.stop - mine.start - 1)
         _lasting(as_input(off[mine]), size, step)
         limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
-        sure = np.empty_like(size)  # values that know next to nothing depart from nothing
-        _lasting(as_input(off[mine] / np.sqrt(values.variance[mine])[:, None]), sure, step)
-        size[sure < 1.0] = 0.0
         if (size > limit).any():
+            sure = np.empty_like(size)  # values that know next to nothing depart from nothing
+            _lasting(as_input(off[mine] / np.sqrt(values.variance[mine])[:, None]), sure, step)
+            size[sure < 1.0] = 0.0
             station = np.interp(values.s[mine], course.at_mm, np.arange(course.at_mm.size))
             for beside in (np.floor(station), np.ceil(station)):
                 np.maximum.at(departure, beside.astype(np.int64), np.where(size > limit, size, 0.0))
@@ -256,7 +255,7 @@ def _fit(
     alone = 1.0 if stated else noise_factor  # a bin of one value scatters as the value does
     frame_factor = alone if math.isnan(bins.frame_factor) else bins.frame_factor
     weight = 1.0 / (bins.variance * noise_factor)
-    knots = even_knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
+    knots = _knots(values.s, 2.0 * bin_mm)  # bins end before the values do, and outliers have a place
     trend = _trend(bins, weight, orders[0])  # what no prior holds back; taken off, since sums of squares lose digits
     inside = np.clip(bins.s, knots[3], knots[-4])
     covariance = None if together is None else np.diag(1.0 / weight) + together
@@ -368,7 +367,7 @@ def _few_priors(
     values: Values, bins: Bins, noise_factor: float, orders: tuple[int, int], process: Process | None
 ) -> tuple[Penalised | Correlated, Float, Float, Float, Float]:
     """The equations of the bins' first component y (b,), some strengths (j, 2) of all, and the bins' s, y, weight."""
-    weight, knots = 1.0 / (bins.variance * noise_factor), even_knots(values.s, 2.0 * values.width_mm)
+    weight, knots = 1.0 / (bins.variance * noise_factor), _knots(values.s, 2.0 * values.width_mm)
     s, trend = np.clip(bins.s, knots[3], knots[-4]), _trend(bins, weight, orders[0])
     y, covariance, hidden = (bins.y - trend(bins.s))[:, :1], None, 0.0
     if process:
@@ -457,8 +456,9 @@ def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
 
 
 def _regular_wave(s: Float, left: Float, weight: Float) -> float:
-    """Variance of the strongest wave of one length in what the course leaves; 0 where noise would show as much.
+    """Variance of the strongest wave of one length in what the course leaves, by how likely it is none of the noise's.
 
+    As likely before as none, its height known to no more than one bin tells (Kass and Wasserman, JASA 90 (1995), 928).
     Feeds and guides make regular waves. One that is as high as the bins' noise costs a prior of waves of all lengths
     more than it brings, and stays in the residuals.
     """
@@ -471,9 +471,8 @@ def _regular_wave(s: Float, left: Float, weight: Float) -> float:
     _waves(as_input(math.pi / length * (s - s.min())), as_input((weight[:, None] * left).T), 2, squares)
     total, components = float(weight.sum()), left.shape[1]
     strongest = 2.0 * float(squares.max(axis=0).sum())
-    return (
-        strongest / total**2 / components if strongest / total > 2.0 * components * math.log(2 * count / RISK) else 0.0
-    )
+    chance = 2.0 * count * math.exp(-0.5 * strongest / total / components)  # that noise shows as much somewhere
+    return strongest / total**2 / components / (1.0 + s.size * chance)
 
 
 @kernel(fastmath={"reassoc", "contract"})
@@ -882,8 +881,7 @@ def _bounded_mean(z2: Float) -> float:
     return float(np.minimum(z2, 9.0 * median(z2) / 0.4549).mean())
 
 
-def even_knots(s: Float, knots_mm: float) -> Float:
-    """Knots of a cubic spline over places s (n,) mm, about so many mm apart."""
+def _knots(s: Float, knots_mm: float) -> Float:
     first, last = float(s.min()), float(s.max())
     last = max(last, first + 1e-3)
     pieces = max(LEAST_PIECES, math.ceil((last - first) / knots_mm))

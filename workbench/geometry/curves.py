@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import Course, even_knots, fit_course, stretches
+from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
 from workbench.geometry.splines import Spline, derivatives, piece_of
 from workbench.kernels import kernel
@@ -182,6 +183,7 @@ def _course(s: Float, points: Float) -> tuple[Float, Float]:
     return np.bincount(number, s) / count, np.stack([np.bincount(number, p) / count for p in points.T], axis=1)
 
 
+DENSE, LEAST_PLACES = 8, 5  # places on each piece of a spline; steps between places that make a curve
 ENDLESS = 10.0  # times the points' own way: longer is a curve that swings between points that lie on none
 
 
@@ -198,35 +200,36 @@ def fit_curve(
     for _ in range(2):  # the spline's own parameter becomes its arc length
         course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
         stiffness = course.stiffness
-        s = _in_arc_length(points_mm, s, course.spline)
+        dense, arc = _arc_length(course.spline)
+        s = Curve(course.spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)  # at its foot
+        s = np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0)
     course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
     return with_frame(course.spline, s, course)
 
 
-def curve_through(points_mm: Float, s: Float) -> Curve:
-    """The curve through points (n, 3) mm of courses, at rising rough arc lengths s (n,): none of them is a stray."""
+def curve_through(places: Callable[[Float], Float], first: float, last: float) -> Curve:
+    """The curve through places (n, 3) mm of courses, from a first to a last rough arc length: none is a stray."""
+    s = np.linspace(first, last, max(math.ceil((last - first) / POSE_MM), LEAST_PLACES) + 1)
+    points_mm = places(s)
     for _ in range(2):
-        s = _in_arc_length(points_mm, s, _through(points_mm, s))
+        s = np.interp(s, *_arc_length(_through(points_mm, s)))
     return with_frame(_through(points_mm, s), s)
 
 
 def _through(points_mm: Float, s: Float) -> Spline:
-    knots, order = even_knots(s, 2.0 * POSE_MM), np.argsort(s, kind="stable")
-    inside = np.clip(s[order], knots[3], knots[-4])
-    found = scipy.interpolate.make_lsq_spline(inside, points_mm[order], knots)
+    found = scipy.interpolate.make_interp_spline(s, points_mm)
     return Spline(found.t, found.c)
 
 
-def _in_arc_length(points_mm: Float, s: Float, spline: Spline) -> Float:
-    """Arc length (n,) of the feet of points (n, 3) mm on a spline of a rough arc length, s (n,) there."""
-    dense = np.linspace(*spline.ends, 8 * (spline.t.size - 7) + 1)
+def _arc_length(spline: Spline) -> tuple[Float, Float]:
+    """Places (n,) on a spline by its own parameter, and their arc lengths (n,) from its beginning."""
+    dense = np.linspace(*spline.ends, DENSE * (spline.t.size - 7) + 1)
     speed = np.linalg.norm(spline(dense, 1), axis=1)
     arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
     if arc[-1] > ENDLESS * (dense[-1] - dense[0]):
         way = f"through {dense[-1] - dense[0]:.0f} mm of them it would be {arc[-1]:.0f} mm long"
         raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
-    s = Curve(spline, dense, np.zeros((dense.size, 3)), None).project(points_mm, s)
-    return np.asarray(np.interp(s, dense, arc) + np.minimum(s - dense[0], 0.0) + np.maximum(s - dense[-1], 0.0))
+    return dense, arc
 
 
 def with_frame(spline: Spline, s: Float, course: Course | None = None) -> Curve:

@@ -407,94 +407,10 @@ def _label(
         labels[j] = name if on else 0
 
 
-@kernel
-def _follow_from(
-    state: Float,
-    frames: Int,
-    reach: Int,
-    ends: Float,
-    x: Float32,
-    z: Float32,
-    keep: Bool,
-    side: float,
-    sigma: Float,
-    names: Int,
-    rim_mm: float,
-    sums: Float,
-    end: Float,
-    seen: Bool,
-    labels: AnyArray,
-) -> None:
-    """Follow the faces from `state`, which moves with them, through frames in their order.
-
-    ends (2, 4, 4): states at frames `reach` (2,), on a line between which it starts again where the edge is lost.
-    """
-    lost = 0
-    for frame in frames:
-        if lost > LOST_AFTER or not _finite(state):
-            w = (frame - reach[0]) / (reach[1] - reach[0])
-            for f in range(4):
-                for k in range(4):
-                    state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
-        trial, row = state.copy(), x[min(frame, len(x) - 1)]
-        seen[frame] = _follow_frame(row, z[frame], keep[frame], side, trial, sigma, rim_mm, sums[frame], end[frame])
-        if seen[frame]:
-            _copy(trial, state)
-            lost = 0
-            _label(row, z[frame], keep[frame], side, state, sigma, names, labels[frame])
-        else:
-            for f in range(4):
-                for k in range(8):
-                    sums[frame, f, k] = 0.0
-            for j in range(z.shape[1]):
-                labels[frame, j] = 0
-            lost += 1
-
-
-@kernel
-def _follow_stretch(
-    c: int,
-    x: Float32,
-    z: Float32,
-    keep: Bool,
-    side: float,
-    keys: Int,
-    states: Float,
-    sigma: Float,
-    names: Int,
-    rim_mm: float,
-    sums: Float,
-    end: Float,
-    seen: Bool,
-    labels: AnyArray,
-) -> None:
-    """Follow the faces between key frames c - 1 and c from both to the middle, and in key frame c: alike either way.
-
-    A frame in the middle starts from the mean of its neighbours. Stretch 0 lies before the first key frame.
-    """
-    reach = np.array([-1 if c == 0 else keys[c - 1], z.shape[0] if c == keys.size else keys[c]])
-    ends = np.stack((states[max(c - 1, 0)], states[min(c, keys.size - 1)]))
-    between = reach[1] - reach[0] - 1
-    ahead = between if c == keys.size else (0 if c == 0 else between // 2)
-    back = between if c == 0 else (0 if c == keys.size else between // 2)
-    low, high, own = ends[0].copy(), ends[1].copy(), ends[1].copy()
-    runs = (
-        (low, np.arange(reach[0] + 1, reach[0] + 1 + ahead)),
-        (high, np.arange(reach[1] - 1, reach[1] - 1 - back, -1)),
-        (own, reach[1:] if c < keys.size else reach[:0]),
-    )
-    for state, frames in runs:
-        _follow_from(state, frames, reach, ends, x, z, keep, side, sigma, names, rim_mm, sums, end, seen, labels)
-    middle = np.arange(reach[0] + 1 + ahead, reach[1] - back)
-    _follow_from(
-        0.5 * (low + high), middle, reach, ends, x, z, keep, side, sigma, names, rim_mm, sums, end, seen, labels
-    )
-
-
 class Profiles(NamedTuple):
     """The grid of one pass."""
 
-    x: Shaped[Float32, "n M"]
+    x: Shaped[Float32, "r M"]  # one row for all frames, or each frame's own
     z: Shaped[Float32, "n M"]
     keep: Shaped[Bool, "n M"]
 
@@ -507,6 +423,15 @@ class KeyFrames(NamedTuple):
     sigma: Shaped[Float, " 4"]  # range noise of each face, mm
 
 
+class KnownFaces(NamedTuple):
+    """What is known of the faces in all frames."""
+
+    side: float
+    sigma: Shaped[Float, " 4"]  # range noise of each, mm
+    names: Shaped[Int, " 4"]  # label of each
+    rim_mm: float  # rounded end of the root face that its line leaves out
+
+
 class Followed(NamedTuple):
     """What is found in each frame."""
 
@@ -516,17 +441,69 @@ class Followed(NamedTuple):
     labels: Shaped[AnyArray, "n M"]
 
 
+@kernel
+def _follow_from(
+    state: Float, frames: Int, reach: Int, ends: Float, grid: Profiles, faces: KnownFaces, found: Followed
+) -> None:
+    """Follow the faces from `state`, which moves with them, through frames in their order.
+
+    ends (2, 4, 4): states at frames `reach` (2,), on a line between which it starts again where the edge is lost.
+    """
+    side, sigma, names, rim_mm = faces
+    sums, end, seen, labels = found
+    lost = 0
+    for frame in frames:
+        if lost > LOST_AFTER or not _finite(state):
+            w = (frame - reach[0]) / (reach[1] - reach[0])
+            for f in range(4):
+                for k in range(4):
+                    state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
+        trial, x, z, keep = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.keep[frame]
+        seen[frame] = _follow_frame(x, z, keep, side, trial, sigma, rim_mm, sums[frame], end[frame])
+        if seen[frame]:
+            _copy(trial, state)
+            lost = 0
+            _label(x, z, keep, side, state, sigma, names, labels[frame])
+        else:
+            for f in range(4):
+                for k in range(8):
+                    sums[frame, f, k] = 0.0
+            for j in range(z.size):
+                labels[frame, j] = 0
+            lost += 1
+
+
+@kernel
+def _follow_stretch(c: int, keys: Int, states: Float, grid: Profiles, faces: KnownFaces, found: Followed) -> None:
+    """Follow the faces between key frames c - 1 and c from both to the middle, and in key frame c: alike either way.
+
+    A frame in the middle starts from the mean of its neighbours. Stretch 0 lies before the first key frame.
+    """
+    reach = np.array([-1 if c == 0 else keys[c - 1], grid.z.shape[0] if c == keys.size else keys[c]])
+    ends = np.stack((states[max(c - 1, 0)], states[min(c, keys.size - 1)]))
+    between = reach[1] - reach[0] - 1
+    ahead = between if c == keys.size else (0 if c == 0 else between // 2)
+    back = between if c == 0 else (0 if c == keys.size else between // 2)
+    low, high = ends[0].copy(), ends[1].copy()
+    _follow_from(low, np.arange(reach[0] + 1, reach[0] + 1 + ahead), reach, ends, grid, faces, found)
+    _follow_from(high, np.arange(reach[1] - 1, reach[1] - 1 - back, -1), reach, ends, grid, faces, found)
+    middle = np.arange(reach[0] + 1 + ahead, reach[1] - back)
+    _follow_from(0.5 * (low + high), middle, reach, ends, grid, faces, found)
+    if c < keys.size:
+        _follow_from(ends[1].copy(), reach[1:].copy(), reach, ends, grid, faces, found)
+
+
 def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: float, found: Followed) -> None:
     """Follow the faces through the frames between the key frames, on all cores; fill in what is `found`.
 
     names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
     """
-    profiles = as_rows(grid.x), as_input(grid.z), as_input(grid.keep)
-    known = as_input(keys.frames), as_input(keys.states), as_input(keys.sigma), as_input(names)
+    profiles = Profiles(as_rows(grid.x), as_input(grid.z), as_input(grid.keep))
+    frames, states = as_input(keys.frames), as_input(keys.states)
+    faces = KnownFaces(side, as_input(keys.sigma), as_input(names), rim_mm)
 
     def stretch(c: int, _: int) -> None:
-        sums, end, seen, labels = found
-        _follow_stretch(c, *profiles, side, *known, rim_mm, sums, end, seen, labels)
+        _follow_stretch(c, frames, states, profiles, faces, found)
 
     for _ in in_order(stretch, keys.frames.size + 1, 1):
         pass

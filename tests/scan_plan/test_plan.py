@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,29 @@ def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Shipped)
     assert np.nanmax(2.0 * scan.bevel.u) <= 0.1
     assert file.reached
     assert [len(one.points) for one in file.passes] == [len(one.base_from_view) for one in scan.passes]
+
+
+def test_what_is_promised_decides_and_is_written(shipped: Shipped) -> None:
+    columns = shipped[1].predicted
+    root, bevel = np.array(columns.promised_root_U_mm, float), np.array(columns.promised_bevel_U_deg, float)
+    assert (root > 1.2 * np.array(columns.root_U_mm, float)).all()  # nine of ten scans, not the median
+    assert (bevel > 1.2 * np.array(columns.bevel_U_deg, float)).all()
+    assert columns.reached == ((root <= 0.02) & (bevel <= 0.1)).tolist()
+
+
+def test_one_rehearsal_that_the_engine_refuses_promises_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured, count = edge.segment, itertools.count()
+
+    def refused_once(*given: Any, **more: Any) -> Any:
+        if next(count) == 2:
+            raise InputError("scan", "its faces are none")
+        return measured(*given, **more)
+
+    monkeypatch.setattr(edge, "segment", refused_once)
+    _, file, gate = made()
+    assert not gate.passed
+    assert not any(file.predicted.reached)
+    assert "1 of 4 rehearsed: scan: its faces are none" in gate.reason
 
 
 def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped: Shipped) -> None:

@@ -472,7 +472,7 @@ def _regular_wave(s: Float, left: Float, weight: Float) -> float:
     total, components = float(weight.sum()), left.shape[1]
     strongest = 2.0 * float(squares.max(axis=0).sum())
     chance = 2.0 * count * math.exp(-0.5 * strongest / total / components)  # that noise shows as much somewhere
-    return strongest / total**2 / components / (1.0 + s.size * chance)
+    return float(strongest / total**2 / components / (1.0 + s.size * chance))
 
 
 @kernel(fastmath={"reassoc", "contract"})

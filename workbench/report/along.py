@@ -213,15 +213,24 @@ def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
     """SVG of U = 2 u of root face and bevel angle along the edge: wanted and predicted by a scan plan, achieved."""
     told, s, along = plan.predicted, inspection.profile.arc_length_mm, inspection.profile.sizes
     rows = (
-        ("U root face, mm", told.root_U_mm, plan.wanted_root_U_mm, along["root_mm"].u),
-        ("U bevel angle, °", told.bevel_U_deg, plan.wanted_bevel_U_deg, along["bevel_deg"].u),
+        ("U root face, mm", told.root_U_mm, told.promised_root_U_mm, plan.wanted_root_U_mm, along["root_mm"].u),
+        (
+            "U bevel angle, °",
+            told.bevel_U_deg,
+            told.promised_bevel_U_deg,
+            plan.wanted_bevel_U_deg,
+            along["bevel_deg"].u,
+        ),
     )
     figure = Figure(figsize=(10, 3.6))
-    for axes, (name, predicted, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
+    at = np.array(told.arc_length_mm)
+    for axes, (name, predicted, promised, wanted, size) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
         axes.set_xlim(0.0, float(s[-1]))
         axes.axhline(wanted, color=LIMIT, linewidth=1.2)
-        axes.plot(np.array(told.arc_length_mm), np.array(predicted, float), color=INK, linewidth=1.1, dashes=(5, 3))
-        axes.plot(s, COVERAGE * u, color=MEASURED, linewidth=1.4)
+        axes.plot(at, np.array(predicted, float), color=INK, linewidth=1.1, dashes=(5, 3))
+        if promised:
+            axes.plot(at, np.array(promised, float), color=INK, linewidth=0.7, dashes=(1.5, 2))
+        axes.plot(s, COVERAGE * along[size].u, color=MEASURED, linewidth=1.4)
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(name)
     figure.axes[-1].set_xlabel("arc length along the lower edge, mm")

@@ -314,7 +314,7 @@ class ToolpathFile(ResultFile):
     chain: ChainRow | None = None
     refused: list[str] = Field(default_factory=list)
     warnings: list[str] = Field(default_factory=list)
-    evidence: list[Check] = Field(default_factory=list, max_length=100)
+    evidence: list[Check] = Field(default_factory=list, max_length=1000)
     layers: Annotated[list[LayerRow], Field(min_length=1), AfterValidator(_each_once)]
     travels: list[TravelRow] = Field(default_factory=list)
     check: PathClaim | None = None

@@ -36,12 +36,16 @@ class ScanPassRow(Row):
 
 
 class PredictedColumns(Row):
-    """Along the edge; null: no pass sees it."""
+    """Along the edge; null: no pass sees it. Medians over rehearsed scans, and what is promised."""
 
     arc_length_mm: list[Number]
     root_U_mm: list[Unknown]  # noqa: N815  (U is the symbol of GUM)
     bevel_U_deg: list[Unknown]  # noqa: N815  (U is the symbol of GUM)
-    reached: list[bool]
+    promised_root_U_mm: list[Unknown] = Field(  # noqa: N815
+        default=[], description="that nine of ten scans stay within, whatever the rounding"
+    )
+    promised_bevel_U_deg: list[Unknown] = Field(default=[], description="likewise")  # noqa: N815
+    reached: list[bool] = Field(description="whether what is promised is at most what is wanted")
     root_u_by_source_mm: dict[str, list[Unknown]]
     bevel_u_by_source_deg: dict[str, list[Unknown]]
 

@@ -56,7 +56,9 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         "Section with the rays of each pass; dotted: surfaces that it does not measure.",
     )
     text += pieces.figure_html(
-        _along_picture(made), "Predicted U along the edge", "Predicted U = 2 u along the edge; dashed: what is wanted."
+        _along_picture(made),
+        "Predicted U along the edge",
+        "U = 2 u along the edge as predicted; pale: up to what nine of ten scans stay within; dashed: wanted.",
     )
     worst = int(np.nanargmax(made.root.u)) if np.isfinite(made.root.u).any() else 0
     sources = [
@@ -146,11 +148,15 @@ def _along_picture(made: ScanPlan) -> bytes:
 
     with pieces.styled():
         figure = Figure(figsize=(9, 3.6), layout="constrained")
-        rows = ((made.root, made.wanted.root_mm, "U root, mm"), (made.bevel, made.wanted.bevel_deg, "U bevel, °"))
-        for axes, (quantity, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
-            axes.plot(made.arc_length_mm, COVERAGE * quantity.u, color=pieces.BLUE, lw=1.4)
+        rows = (
+            (COVERAGE * made.root.u, made.promised_root_mm, made.wanted.root_mm, "U root, mm"),
+            (COVERAGE * made.bevel.u, made.promised_bevel_deg, made.wanted.bevel_deg, "U bevel, °"),
+        )
+        for axes, (predicted, promised, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
+            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.BLUE, alpha=0.2, lw=0)
+            axes.plot(made.arc_length_mm, predicted, color=pieces.BLUE, lw=1.4)
             axes.axhline(most, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
-            axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(COVERAGE * quantity.u, initial=0.0))))
+            axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(promised, initial=0.0))))
             axes.set_ylabel(name)
         axes.set_xlabel("along the lower edge, mm")
         return pieces.svg(figure)

@@ -9,6 +9,7 @@ simulated parts (docs/scan_planning.md). Several passes are one likelihood.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -293,7 +294,8 @@ def _edges(condition: EdgeCondition, radius_mm: float | None) -> tuple[tuple[flo
     along = np.cumsum(share) / share.sum()
     found = [(0.0, prior.sharp)] if prior.sharp > 0.0 else []
     radii = np.interp(LEVELS, along, size)
-    return (*found, *((float(one), (1.0 - prior.sharp) / len(LEVELS)) for one in radii))
+    share = (1.0 - prior.sharp) * np.diff([0.0, *(0.5 * (a + b) for a, b in itertools.pairwise(LEVELS)), 1.0])
+    return (*found, *zip(radii.tolist(), share.tolist(), strict=True))
 
 
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99)  # of the rounded edges' radii

@@ -74,7 +74,6 @@ NO_CAMERA = "shadows of the camera: the sensor file tells no triangulation_deg"
 NO_HAND_EYE = "reach and collisions: no hand_eye tells where the scanner sits on the flange"
 NO_ROUGHNESS = "roughness of the root face, which is taken for smooth: roughness_mm, or a coarse recording as edge"
 MOST_ROUGH_MM = 0.3  # that can be rehearsed
-SOME_REFUSED = "whether the engine takes such a recording: of the rehearsed it refused some: "
 HALF = 0.5
 TOLD = 4
 
@@ -407,7 +406,9 @@ def _rehearsed_plan(
 
 
 def _shortfall(made: ScanPlan) -> tuple[int, float]:
-    """Stations that miss what is wanted, and the largest promised U over it."""
+    """Stations that miss what is wanted, and the largest promised U over it; infinite: the engine refuses."""
+    if made.refused is not None:
+        return made.arc_length_mm.size, math.inf
     over = np.fmax(made.promised_root_mm / made.wanted.root_mm, made.promised_bevel_deg / made.wanted.bevel_deg)
     return int((~made.reached).sum()), float(np.nanmax(over, initial=0.0))
 
@@ -551,14 +552,12 @@ def _made(
     root = Quantity.of(told.root.name, told.root.value, {**told.root.u_by_source, ROUNDING: rounding})
     spread = np.maximum(told.spread, RESERVE)
     far = np.sqrt(root.u**2 - rounding**2 + most**2)
-    unsure = () if not told.refused else (f"{SOME_REFUSED}{told.refused}",)
     return dataclasses.replace(
         made,
         root=root,
         bevel=told.bevel,
         promised_root_mm=COVERAGE * spread[0] * far,
         promised_bevel_deg=COVERAGE * spread[1] * told.bevel.u,
-        unchecked=(*unchecked, *unsure),
     )
 
 
@@ -688,7 +687,8 @@ def _known(one: PassInformation) -> PassInformation:
 
 
 def _better(what: str, before: float, after: float) -> str:
-    return f"{what}: U from {before:.2f} to {after:.2f} times what is wanted"
+    reached = "what is wanted" if after <= 1.0 else f"{after:.2f} times what is wanted"
+    return f"{what}: U from {before:.2f} times to {reached}"
 
 
 def _gate(made: ScanPlan) -> Gate:
@@ -730,6 +730,8 @@ def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
                 "arc_length_mm": column(made.arc_length_mm),
                 "root_U_mm": column(COVERAGE * made.root.u),
                 "bevel_U_deg": column(COVERAGE * made.bevel.u),
+                "promised_root_U_mm": column(made.promised_root_mm),
+                "promised_bevel_U_deg": column(made.promised_bevel_deg),
                 "reached": made.reached.tolist(),
                 "root_u_by_source_mm": {name: column(u) for name, u in made.root.u_by_source.items()},
                 "bevel_u_by_source_deg": {name: column(u) for name, u in made.bevel.u_by_source.items()},

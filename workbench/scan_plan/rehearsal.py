@@ -44,7 +44,6 @@ class Rehearsed(NamedTuple):
     root: Quantity
     bevel: Quantity
     spread: tuple[float, float]  # of each: what `LIKELY` of the draws stay within, over what is predicted
-    refused: str  # why the engine refused some of the draws; "": none
 
 
 def rehearsed(
@@ -77,8 +76,8 @@ def rehearsed(
         passes=(Pass(from_mm=0.0, to_mm=length),),
     )
     turn = np.diag([0.0, 0.0, 0.0, *3 * [known.hand_eye_turn**2]])
-    found, why = [], ""
-    for seed in range(ROUGH_DRAWS if known.roughness_mm else DRAWS):
+    found, why, draws = [], "", ROUGH_DRAWS if known.roughness_mm else DRAWS
+    for seed in range(draws):
         recording = twin.scan(Workpiece(recipe.model_copy(update={"seed": seed})), way)
         try:
             points = cloud.denoise(scan.fuse(_masked(recording, way, sees, stations)))
@@ -93,13 +92,13 @@ def rehearsed(
             )
         except WorkbenchError as refused:
             why = str(refused)
-    if len(found) < ROUGH_DRAWS:
-        return why
+    if why:
+        return f"{draws - len(found)} of {draws} rehearsed: {why}"
     patterns = np.where(sees.any(axis=0), np.unique(sees, axis=1, return_inverse=True)[1].ravel(), -1)
     root, bevel = (
         _typical([_along(one, getattr(one, name), stations) for one in found], patterns) for name in ("root", "bevel")
     )
-    return Rehearsed(root[0], bevel[0], (root[1], bevel[1]), why)
+    return Rehearsed(root[0], bevel[0], (root[1], bevel[1]))
 
 
 def decay_columns(noise_columns: float) -> float:

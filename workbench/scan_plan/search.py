@@ -75,7 +75,8 @@ class Search:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = told.u_most[0] / self.wanted.root_mm, told.u_most[1] / self.wanted.bevel_deg
-        of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
+        most = (1.0, 1.0) if not self.times else np.max(list(self.times.values()), axis=0)  # of kinds not rehearsed
+        of_root, of_bevel = self.times.get(self.kind(passes), most)
         return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
 
     def kind(self, passes: tuple[int, ...]) -> tuple[int, bool]:

@@ -224,13 +224,13 @@ def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
     )
     figure = Figure(figsize=(10, 3.6))
     at = np.array(told.arc_length_mm)
-    for axes, (name, predicted, promised, wanted, size) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
+    for axes, (name, predicted, promised, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
         axes.set_xlim(0.0, float(s[-1]))
         axes.axhline(wanted, color=LIMIT, linewidth=1.2)
         axes.plot(at, np.array(predicted, float), color=INK, linewidth=1.1, dashes=(5, 3))
         if promised:
             axes.plot(at, np.array(promised, float), color=INK, linewidth=0.7, dashes=(1.5, 2))
-        axes.plot(s, COVERAGE * along[size].u, color=MEASURED, linewidth=1.4)
+        axes.plot(s, COVERAGE * u, color=MEASURED, linewidth=1.4)
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(name)
     figure.axes[-1].set_xlabel("arc length along the lower edge, mm")

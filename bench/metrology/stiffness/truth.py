@@ -50,12 +50,8 @@ def noisy(truth: Known, seed: int) -> LoadingTests:
     """The tests with the cell's noise on wrench and displacement."""
     rng, setup, exact = np.random.default_rng(seed), truth.setup, truth.exact
     wrench = exact.wrench + rng.normal(size=exact.wrench.shape) * _wrench_noise(setup)
-    if exact.targets_mm is not None:
-        moved = exact.targets_mm + rng.normal(size=exact.targets_mm.shape) * setup.target_noise_mm
-        return dataclasses.replace(exact, wrench=wrench, targets_mm=moved)
-    assert exact.displacement is not None
-    moved = exact.displacement + rng.normal(size=exact.displacement.shape) * _row_noise(setup, 0)
-    return dataclasses.replace(exact, wrench=wrench, displacement=moved)
+    moved = exact.moved + rng.normal(size=exact.moved.shape) * _row_noise(setup, exact.points)
+    return dataclasses.replace(exact, wrench=wrench, moved=moved)
 
 
 def _paper(cell: Cell, condition: str) -> tuple[tuple[str, ...], Float, Float]:
@@ -92,10 +88,7 @@ def _bound(cell: Cell, setup: LoadingSetup, exact: LoadingTests, targets: int) -
     """
 
     def moved(k: Float, wrench: Float) -> Float:
-        tests = simulate_tests(cell.chain, setup, k, exact.joints, wrench, exact.labels, targets=targets)
-        rows = tests.displacement if targets == 0 else tests.targets_mm
-        assert rows is not None
-        return rows.reshape(len(exact.joints), -1)
+        return simulate_tests(cell.chain, setup, k, exact.joints, wrench, exact.labels, targets=targets).moved
 
     def difference(j: int) -> Float:
         up, down = K.copy(), K.copy()

@@ -70,13 +70,9 @@ def noisy(cell: Cell, exact: Make) -> Make:
         wrench = clean.wrench + rng.normal(size=clean.wrench.shape) * (
             [setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3
         )
-        if clean.targets_mm is not None:
-            moved = clean.targets_mm + rng.normal(size=clean.targets_mm.shape) * setup.target_noise_mm
-            return dataclasses.replace(clean, wrench=wrench, targets_mm=moved)
-        assert clean.displacement is not None
-        rows = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3
-        moved = clean.displacement + rng.normal(size=clean.displacement.shape) * rows
-        return dataclasses.replace(clean, wrench=wrench, displacement=moved)
+        tool = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3
+        moved = clean.moved + rng.normal(size=clean.moved.shape) * (setup.target_noise_mm if targets else tool)
+        return dataclasses.replace(clean, wrench=wrench, moved=moved)
 
     return make
 

@@ -63,29 +63,29 @@ def test_coverage_over_many_trials(cell: Cell, noisy: Any) -> None:
 
 def test_missing_points_are_no_loss_of_sense(cell: Cell, noisy: Any) -> None:
     tests = noisy(3, 4)
-    holes = tests.targets_mm.copy()
+    holes = tests.vectors.copy()
     holes[::3, 1] = np.nan
     holes[5, :3] = np.nan
-    found = run(cell, dataclasses.replace(tests, targets_mm=holes))
+    found = run(cell, dataclasses.replace(tests, moved=holes.reshape(tests.moved.shape)))
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
     assert (found.u_nm_per_rad > run(cell, tests).u_nm_per_rad).all()
 
 
 def test_a_point_off_the_rigid_body_is_named(cell: Cell, noisy: Any) -> None:
     tests = noisy(4, 4)
-    bad = tests.targets_mm.copy()
-    bad[10, 2] += [0.3, 0, 0]
-    found = run(cell, dataclasses.replace(tests, targets_mm=bad))
+    bad = tests.moved.copy()
+    bad[10, 6] += 0.3
+    found = run(cell, dataclasses.replace(tests, moved=bad))
     assert any("line 12: point p3 does not move with the others" in note for note in found.warnings)
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
 
 
 def test_gross_loads_are_put_aside(cell: Cell, noisy: Any) -> None:
     tests = noisy(5)
-    bad = tests.displacement.copy()
+    bad = tests.moved.copy()
     bad[7, 2] += 1.0
     bad[31, :3] *= -1
-    found = run(cell, dataclasses.replace(tests, displacement=bad))
+    found = run(cell, dataclasses.replace(tests, moved=bad))
     assert found.loads == 70
     assert sum("this load contradicts the others" in note for note in found.warnings) == 2
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
@@ -94,7 +94,7 @@ def test_gross_loads_are_put_aside(cell: Cell, noisy: Any) -> None:
 def test_more_noise_than_stated_widens(cell: Cell, exact: Any) -> None:
     tests, rng = exact(), np.random.default_rng(6)
     noise = rng.normal(size=(72, 6)) * ([0.04] * 3 + [1.4e-4] * 3)
-    found = run(cell, dataclasses.replace(tests, displacement=tests.displacement + noise))
+    found = run(cell, dataclasses.replace(tests, moved=tests.moved + noise))
     assert any("times what the cell's noise predicts" in note for note in found.warnings)
     assert found.loads == 72
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
@@ -103,9 +103,9 @@ def test_more_noise_than_stated_widens(cell: Cell, exact: Any) -> None:
 def test_what_does_not_reverse_is_pointed_out(cell: Cell, noisy: Any) -> None:
     """A drift of 0.05 mm in one posture: pairs cancel it, and it is named."""
     tests = noisy(7)
-    drifted = tests.displacement.copy()
+    drifted = tests.moved.copy()
     drifted[24:48, 0] += 0.05
-    found = run(cell, dataclasses.replace(tests, displacement=drifted))
+    found = run(cell, dataclasses.replace(tests, moved=drifted))
     assert any(note.startswith("posture 2: opposite loads do not give opposite") for note in found.warnings)
     assert (np.abs(found.nm_per_rad - K) < 5 * found.u_nm_per_rad).all()
 
@@ -148,7 +148,7 @@ def test_one_direction_loses_joints(cell: Cell, table_a1: Any, force: Any, lost:
         lines=tuple(range(2, 20)),
         joints=np.vstack([p.joints for p in parts]),
         wrench=np.vstack([p.wrench for p in parts]),
-        displacement=np.vstack([p.displacement for p in parts if p.displacement is not None]),
+        moved=np.vstack([p.moved for p in parts]),
     )
     with pytest.raises(InputError, match="all forces are parallel to its axis") as caught:
         run(cell, tests)

@@ -35,10 +35,8 @@ def lever(mm: float) -> Change:
 
 
 def moved(tests: LoadingTests, by_mm: Any) -> LoadingTests:
-    if tests.targets_mm is not None:
-        return dataclasses.replace(tests, targets_mm=tests.targets_mm + by_mm[:, None])
-    assert tests.displacement is not None
-    return dataclasses.replace(tests, displacement=tests.displacement + np.hstack([by_mm, 0 * by_mm]))
+    rows = np.tile(by_mm, tests.points) if tests.points else np.hstack([by_mm, 0 * by_mm])
+    return dataclasses.replace(tests, moved=tests.moved + rows)
 
 
 def giving(um_per_n: float) -> Change:
@@ -60,8 +58,7 @@ def offset_n(newton: float) -> Change:
 
 def backlash(mm: float) -> Change:
     def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
-        seen = tests.displacement[:, :3] if tests.displacement is not None else np.mean(tests.targets_mm, axis=1)
-        return moved(tests, mm * np.sign(seen))
+        return moved(tests, mm * np.sign(tests.vectors[:, : tests.points or 1].mean(axis=1)))
 
     return change
 
@@ -204,7 +201,7 @@ def test_weights_that_are_written_down_are_no_clipped_readings(cell: Cell, exact
     assert cell.loading is not None
     noise = rng.normal(size=(72, 6)) * ([0.01] * 3 + [0.002] * 3)
     table = np.column_stack(
-        [np.degrees(tests.joints), tests.wrench, tests.displacement * ([1.0] * 3 + [180 / np.pi] * 3) + noise]
+        [np.degrees(tests.joints), tests.wrench, tests.moved * ([1.0] * 3 + [180 / np.pi] * 3) + noise]
     )
     header = (ROOT / "data" / "synthetic" / "loads.csv").read_text().splitlines()[1]
     rows = [f"{label}," + ",".join(f"{v:.6f}" for v in row) for label, row in zip(tests.labels, table, strict=True)]
@@ -229,10 +226,9 @@ def test_a_column_of_zeros_is_named(cell: Cell, written: Any) -> None:
 def test_rounded_figures_are_noise(cell: Cell, noisy: Any, step: float) -> None:
     assert cell.loading is not None
     tests = noisy(64)
-    assert tests.displacement is not None
-    coarse = tests.displacement.copy()
+    coarse = tests.moved.copy()
     coarse[:, :3] = np.round(coarse[:, :3] / step) * step
-    tests = dataclasses.replace(tests, displacement=coarse)
+    tests = dataclasses.replace(tests, moved=coarse)
     assert step_of(coarse[:, 0]) == pytest.approx(step)
     setup = rounded(cell.loading, tests)
     assert setup.displacement_noise_mm == pytest.approx(np.hypot(cell.loading.displacement_noise_mm, step / 6**0.5))
@@ -244,8 +240,7 @@ def test_rounded_figures_are_noise(cell: Cell, noisy: Any, step: float) -> None:
 def test_figures_rounded_more_coarsely_are_refused(cell: Cell, noisy: Any, targets: int) -> None:
     assert cell.loading is not None
     tests = noisy(65, targets)
-    name = "targets_mm" if targets else "displacement"
-    coarse = dataclasses.replace(tests, **{name: np.round(getattr(tests, name), 1) + 0.0})
+    coarse = dataclasses.replace(tests, moved=np.round(tests.moved, 1) + 0.0)
     with pytest.raises(InputError, match=r"rounded to 0\.1 mm, where the cell file states a noise of 0\.01"):
         rounded(cell.loading, coarse)
 

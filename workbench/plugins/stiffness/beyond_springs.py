@@ -7,15 +7,15 @@ by more than chance (docs/stiffness_metrology.md, eq. (L1) to (L3)).
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Chain, Float, LoadingSetup, Shaped, estimator, forward_kinematics, rotation_from_vector
-from workbench.plugins.stiffness.equations import Equations, Loading, equations
+from workbench.api import DEG, Chain, Float, LoadingSetup, Shaped, estimator, forward_kinematics
+from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.values import LoadingTests
 
 SURE_SIGMAS = 5.0  # of a cause: of 40 causes one in 40,000 sound sets of loads has one
@@ -42,7 +42,8 @@ class Cause:
 
     words: str  # "{0}" is replaced by its size
     unit: float  # what 1 of `words` is in the units of `changed`
-    changed: Callable[[float], tuple[LoadingSetup, LoadingTests]]
+    of_tests: dict[str, Float] = field(default_factory=dict)  # what 1 of `unit` adds to their fields
+    of_setup: dict[str, Float] = field(default_factory=dict)
     hidden: tuple[str, str, str] | None = None  # where it may not show: its kind, 1 of it in words, the unit
 
 
@@ -50,9 +51,14 @@ def lack_of_fit(
     chain: Chain, setup: LoadingSetup, tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
 ) -> LackOfFit:
     """Causes that the residuals show, what they do to the compliance, and how much else follows the loads."""
-    modelled = _modelled(tests, loading.eq, found)  # a direction made of what was measured would share its noise
+    eq = loading.eq  # a direction made of what was measured would share its noise
+    modelled = replace(tests, moved=np.where(eq.seen, eq.y - eq.residual(found.at), np.nan))
     causes = list(_causes(chain, setup, modelled))
-    directions = [direction_of(cause, chain, setup, modelled, loading, found) for cause in causes]
+    here = equations(chain, setup, modelled).residual(found.at)
+    directions = []  # (n, d) each: by how much the residuals would be smaller if a cause of size 1 were put right
+    for cause in causes:
+        other = (_changed(setup, cause.of_setup, cause.unit), _changed(modelled, cause.of_tests, cause.unit))
+        directions.append(loading.observed(here - equations(chain, *other).residual(found.at)) / STEP)
     columns = np.stack([*np.moveaxis(found.rows.jacobian, 2, 0), *directions, found.rows.residual], axis=2)
     whole = found.rows.only(found.used).product(columns[found.used])
     repeated, linear = _repeated(tests, loading, found, columns)
@@ -109,19 +115,12 @@ def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, sh
     return tuple(words for _, words in worst.values())
 
 
-def direction_of(
-    cause: Cause,
-    chain: Chain,
-    setup: LoadingSetup,
-    modelled: LoadingTests,
-    loading: Loading,
-    found: estimator.Fit[Float],
-) -> Float:
-    """(n, d): by how much the residuals would be smaller if a cause of size 1 were put right."""
-    here, other = (
-        equations(chain, *one).residual(found.at) for one in ((setup, modelled), cause.changed(STEP * cause.unit))
-    )
-    return loading.observed(here - other) / STEP
+Changed = TypeVar("Changed", LoadingSetup, LoadingTests)
+
+
+def _changed(one: Changed, by: dict[str, Float], unit: float) -> Changed:
+    """With STEP units of a cause in it."""
+    return replace(one, **{name: getattr(one, name) + STEP * unit * change for name, change in by.items()})
 
 
 def _scale(products: Float) -> Float:
@@ -165,142 +164,66 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
     return products, rank
 
 
-def _modelled(tests: LoadingTests, eq: Equations, found: estimator.Fit[Float]) -> LoadingTests:
-    """The loads with the displacements that the springs would have; points that were not seen stay so."""
-    moved = np.where(eq.seen, eq.y - eq.residual(found.at), np.nan)
-    if tests.displacement is not None:
-        return dataclasses.replace(tests, displacement=moved)
-    return dataclasses.replace(tests, targets_mm=moved.reshape(len(moved), -1, 3))
-
-
 def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """What may be other than told. Sizes in words are in mm, deg, N, Nm, % and micrometres per N."""
-    yield from _of_frames(setup, tests)
-    yield from _of_wrench(setup, tests)
+    first_three = np.arange(6) < 3
+    yield from _of_frames(setup)
+    yield Cause("forces that need {0} % against the torques", 0.01, {"wrench": tests.wrench * first_three})
+    for k in range(6):
+        name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
+        words = f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load"
+        yield Cause(words, 1.0, {"wrench": -np.eye(6)[k]})
     yield from _of_displacement(chain, setup, tests)
     for joint in range(1, 6):  # joint 1 is a turn of the displacement's axes
-
-        def turned(v: float, joint: int = joint) -> tuple[LoadingSetup, LoadingTests]:
-            return setup, dataclasses.replace(tests, joints=tests.joints + v * np.eye(6)[joint])
-
+        hidden = "a joint's zero", f"1 deg of joint {joint + 1}", "deg"
         words = f"joint {joint + 1} {{0}} deg off its recorded angle"
-        yield Cause(words, DEG, turned, ("a joint's zero", f"1 deg of joint {joint + 1}", "deg"))
+        yield Cause(words, DEG, {"joints": np.eye(6)[joint]}, hidden=hidden)
 
 
-def _of_frames(setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
+def _of_frames(setup: LoadingSetup) -> Iterator[Cause]:
     """Sensor and tool stand elsewhere on the flange."""
+    sensor, tool = setup.flange_from_sensor, setup.flange_from_tool
     for k, axis in enumerate(AXES):
-
-        def moved(v: float, k: int = k) -> tuple[LoadingSetup, LoadingTests]:
-            return dataclasses.replace(setup, flange_from_sensor=_moved(setup.flange_from_sensor, v, k)), tests
-
-        def turned(v: float, k: int = k) -> tuple[LoadingSetup, LoadingTests]:
-            return dataclasses.replace(setup, flange_from_sensor=_turned(setup.flange_from_sensor, v, k)), tests
-
-        def tool(v: float, k: int = k) -> tuple[LoadingSetup, LoadingTests]:
-            shifted = setup.targets_mm + v * np.eye(3)[k]
-            return dataclasses.replace(
-                setup, flange_from_tool=_moved(setup.flange_from_tool, v, k), targets_mm=shifted
-            ), tests
-
         words, which = f"{{0}} mm along its {axis} axis from its place in the cell file", f"1 mm along its {axis} axis"
-        yield Cause(f"the force sensor {words}", 1.0, moved, ("the force sensor's place", which, "mm"))
-        words_turned = f"the force sensor turned by {{0}} deg about its {axis} axis"
-        yield Cause(words_turned, DEG, turned, ("the force sensor's axes", f"1 deg about its {axis} axis", "deg"))
-        yield Cause(f"what is tracked {words}", 1.0, tool, ("the place of what is tracked", which, "mm"))
-
-
-def _moved(pose: Float, v: float, axis: int) -> Float:
-    out = pose.copy()
-    out[:3, 3] += v * pose[:3, axis]
-    return out
-
-
-def _turned(pose: Float, v: float, axis: int) -> Float:
-    out = pose.copy()
-    out[:3, :3] = pose[:3, :3] @ rotation_from_vector(v * np.eye(3)[axis])
-    return out
-
-
-def _of_wrench(setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
-    """Forces scaled against torques, and a wrench that is not 0 without load."""
-
-    def scaled(v: float) -> tuple[LoadingSetup, LoadingTests]:
-        return setup, dataclasses.replace(tests, wrench=tests.wrench * ([1 + v] * 3 + [1.0] * 3))
-
-    yield Cause("forces that need {0} % against the torques", 0.01, scaled)
-    for k in range(6):
-
-        def offset(v: float, k: int = k) -> tuple[LoadingSetup, LoadingTests]:
-            return setup, dataclasses.replace(tests, wrench=tests.wrench - v * np.eye(6)[k])
-
-        name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
-        yield Cause(f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load", 1.0, offset)
+        along, turn = np.zeros((4, 4)), np.zeros((4, 4))
+        along[k, 3], turn[:3, :3] = 1.0, np.cross(np.eye(3)[k], np.eye(3)).T
+        moved = {"flange_from_sensor": sensor @ along}
+        yield Cause(f"the force sensor {words}", 1.0, {}, moved, ("the force sensor's place", which, "mm"))
+        yield Cause(
+            f"the force sensor turned by {{0}} deg about its {axis} axis",
+            DEG,
+            {},
+            {"flange_from_sensor": sensor @ turn},
+            ("the force sensor's axes", f"1 deg about its {axis} axis", "deg"),
+        )
+        moved = {"flange_from_tool": tool @ along, "targets_mm": np.eye(3)[k]}
+        yield Cause(f"what is tracked {words}", 1.0, {}, moved, ("the place of what is tracked", which, "mm"))
 
 
 def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[Cause]:
     """Axes, scale, drift and backlash of what was tracked, and a base that gives."""
-    force = (_sensor_axes(chain, setup, tests) @ tests.wrench[:, :3, None])[..., 0]
-    forwards = np.linspace(0.0, 1.0, len(tests.lines))
-    sense = np.sign(_shift(tests))
+    sensor = (forward_kinematics(chain, tests.joints) @ setup.flange_from_sensor)[:, :3, :3]
+    force = (sensor @ tests.wrench[:, :3, None])[..., 0]
+    sense = np.sign(np.nanmean(tests.vectors if tests.points else tests.vectors[:, :1], axis=1))
+    ever, forwards = np.ones(len(force)), np.linspace(0.0, 1.0, len(force))
 
-    def added(v: float, along: Float) -> tuple[LoadingSetup, LoadingTests]:
-        return setup, _shifted(tests, v * along)
+    def everywhere(by: Float) -> dict[str, Float]:
+        """All that was tracked moved against `by` (L, 3) mm."""
+        return {"moved": -(np.tile(by, tests.points) if tests.points else np.hstack([by, 0.0 * by]))}
 
     for k, axis in enumerate(AXES):
-        unit = np.eye(3)[k]
-
-        def turned(v: float, unit: Float = unit) -> tuple[LoadingSetup, LoadingTests]:
-            return setup, _changed(tests, lambda d: d @ rotation_from_vector(v * unit).T)
-
+        way = np.eye(3)[k]
+        turned = {"moved": np.cross(way, tests.vectors).reshape(tests.moved.shape)}
         yield Cause(f"the displacements' axes turned by {{0}} deg about the base's {axis} axis", DEG, turned)
-        for words, along in (
-            (f"a displacement of {{0}} mm along {axis} in every load", np.ones(len(forwards))),
-            (f"a drift of {{0}} mm along {axis} from the first load to the last", forwards),
-            (f"backlash: {{0}} mm along {axis} either way", sense[:, k]),
+        for words, unit, size in (
+            (f"a displacement of {{0}} mm along {axis} in every load", 1.0, ever),
+            (f"a drift of {{0}} mm along {axis} from the first load to the last", 1.0, forwards),
+            (f"backlash: {{0}} mm along {axis} either way", 1.0, sense[:, k]),
+            (f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, force[:, k]),
         ):
-            column = np.outer(along, -unit)
-            yield Cause(words, 1.0, lambda v, column=column: added(v, column))  # type: ignore[misc]
-        give = np.outer(force[:, k], -unit)
-        yield Cause(f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, lambda v, g=give: added(v, g))  # type: ignore[misc]
+            yield Cause(words, unit, everywhere(np.outer(size, way)))
     # an even give as one cause too: along one axis it may look like a joint
-    yield Cause("a base or links that give by {0} µm/N along every axis", 1e-3, lambda v: added(v, -force))
-    if tests.displacement is not None:
-        displacement = tests.displacement
-
-        def scaled(v: float) -> tuple[LoadingSetup, LoadingTests]:
-            return setup, dataclasses.replace(tests, displacement=displacement * ([1 + v] * 3 + [1.0] * 3))
-
+    yield Cause("a base or links that give by {0} µm/N along every axis", 1e-3, everywhere(force))
+    if not tests.points:
+        scaled = {"moved": tests.moved * (np.arange(6) < 3)}
         yield Cause("displacements that need {0} % against the rotations", 0.01, scaled)
-
-
-def _sensor_axes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Float:
-    return np.asarray((forward_kinematics(chain, tests.joints) @ setup.flange_from_sensor)[:, :3, :3])
-
-
-def _shift(tests: LoadingTests) -> Float:
-    """(L, 3) mm: of the tool, or of the tracked points that were seen, on average."""
-    if tests.displacement is not None:
-        return tests.displacement[:, :3]
-    assert tests.targets_mm is not None
-    seen = np.isfinite(tests.targets_mm)
-    return np.asarray(np.where(seen, tests.targets_mm, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
-
-
-def _shifted(tests: LoadingTests, by: Float) -> LoadingTests:
-    """All that was tracked moved by `by` (L, 3) mm."""
-    if tests.displacement is not None:
-        return dataclasses.replace(
-            tests, displacement=tests.displacement + np.column_stack([by, np.zeros((len(by), 3))])
-        )
-    assert tests.targets_mm is not None
-    return dataclasses.replace(tests, targets_mm=tests.targets_mm + by[:, None])
-
-
-def _changed(tests: LoadingTests, change: Callable[[Float], Float]) -> LoadingTests:
-    """Vectors of what was tracked, each changed."""
-    if tests.displacement is not None:
-        halves = [change(tests.displacement[:, :3]), change(tests.displacement[:, 3:])]
-        return dataclasses.replace(tests, displacement=np.concatenate(halves, axis=1))
-    assert tests.targets_mm is not None
-    return dataclasses.replace(tests, targets_mm=change(tests.targets_mm))

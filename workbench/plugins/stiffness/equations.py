@@ -66,43 +66,37 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     wrench = wrench_at(sensor[:, :3, :3], sensor[:, :3, 3] - tip, tests.wrench)
     torque = torques(at_tip, wrench)
     derivative = jacobian_derivative(axes, at_tip)
-    jacobian, curved, y, noise = _rows(tests, setup, axes, points, flange, at_tip, derivative)
-    seen = np.isfinite(y)
+    jacobian, curved = at_tip, derivative
+    if tests.points:
+        jacobian, curved = _of_points(axes, points, flange, setup.targets_mm[: tests.points])
+    seen = np.isfinite(tests.moved)
     return Equations(
-        y=np.where(seen, y, 0.0),
+        y=np.where(seen, tests.moved, 0.0),
         a=jacobian * torque[:, None, :],
         curved=curved,
         torque=torque,
         by_wrench=_by_wrench(at_sensor, sensor),
         jacobian=jacobian,
         kc=_kc(axes, at_sensor, sensor, tests.wrench),
-        noise=noise,
+        noise=row_noise(setup, tests.points),
         seen=seen,
-        values=6 if tests.targets_mm is None else 3,
+        values=3 if tests.points else 6,
         wrench_noise=np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3),
     )
 
 
-def _rows(
-    tests: LoadingTests,
-    setup: LoadingSetup,
-    axes: Float,
-    points: Float,
-    flange: Float,
-    at_tip: Float,
-    derivative: Float,
-) -> tuple[Float, Float, Float, Float]:
-    """Jacobian, second derivative, measured displacement and noise of the rows of every load."""
-    if tests.targets_mm is None:
-        noise = np.array([setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3)
-        assert tests.displacement is not None
-        return at_tip, derivative, tests.displacement, noise
-    count, k = tests.targets_mm.shape[:2]
-    at = (flange[:, None] @ np.column_stack([setup.targets_mm[:k], np.ones(k)])[:, :, None])[..., :3, 0]
-    of_points = [jacobian_at(axes, points, at[:, i]) for i in range(k)]
-    jacobian = np.concatenate([j[:, :3] for j in of_points], axis=1)
+def row_noise(setup: LoadingSetup, points: int) -> Float:
+    """Standard deviation (r,) of a load's rows: of tracked points, or of the tool frame where there are none."""
+    of_tool = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3
+    return np.full(3 * points, setup.target_noise_mm) if points else np.array(of_tool)
+
+
+def _of_points(axes: Float, points: Float, flange: Float, targets_mm: Float) -> tuple[Float, Float]:
+    """Jacobian and second derivative of the rows of tracked points (k, 3), every load."""
+    at = np.moveaxis(flange[:, None, :3, :3] @ targets_mm[..., None], 0, 1)[..., 0] + flange[:, :3, 3]
+    of_points = [jacobian_at(axes, points, one) for one in at]
     curved = np.concatenate([jacobian_derivative(axes, j)[:, :3] for j in of_points], axis=1)
-    return jacobian, curved, tests.targets_mm.reshape(count, 3 * k), np.full(3 * k, setup.target_noise_mm)
+    return np.concatenate([j[:, :3] for j in of_points], axis=1), curved
 
 
 def _by_wrench(at_sensor: Float, sensor: Float) -> Float:

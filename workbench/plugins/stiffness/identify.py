@@ -153,13 +153,10 @@ def identify_from(
 
 
 def _check_points(setup: LoadingSetup, tests: LoadingTests) -> None:
-    count = 0 if tests.targets_mm is None else tests.targets_mm.shape[1]
-    if count > len(setup.targets_mm):
-        raise InputError(
-            tests.source,
-            f"expected at most {len(setup.targets_mm)} tracked points: the cell file's "
-            f"$.loading.targets_mm places no p{count}",
-        )
+    most = len(setup.targets_mm)
+    if tests.points > most:
+        why = f"the cell file's $.loading.targets_mm places no p{tests.points}"
+        raise InputError(tests.source, f"expected at most {most} tracked points: {why}")
 
 
 def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> list[str]:

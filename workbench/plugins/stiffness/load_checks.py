@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit
 from workbench.plugins.stiffness.equations import SURE, Equations, Loading, covariances, equations, reason, unobserved
-from workbench.plugins.stiffness.read import DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.read import WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
 MISFIT = 3.0  # ratio of the residuals' variance to the noise's that asks for a reason, and that a reason must mend
@@ -109,66 +109,48 @@ def _readings(chain: Chain, tests: LoadingTests) -> Iterator[tuple[str, LoadingT
             )
     yield "the joint angles are in rad, not deg", dataclasses.replace(tests, joints=np.degrees(tests.joints))
     rotation = forward_kinematics(chain, tests.joints)[:, :3, :3]
-    yield "the wrench is in base axes, not in the sensor's", _turned(tests, np.swapaxes(rotation, 1, 2), None)
-    yield "the displacement is in flange axes, not in the base's", _turned(tests, None, rotation)
+    yield (
+        "the wrench is in base axes, not in the sensor's",
+        dataclasses.replace(tests, wrench=_turned(tests.wrench, np.swapaxes(rotation, 1, 2))),
+    )
+    yield (
+        "the displacement is in flange axes, not in the base's",
+        dataclasses.replace(tests, moved=_turned(tests.moved, rotation)),
+    )
     yield from _units(tests)
 
 
-def _turned(tests: LoadingTests, of_wrench: Float | None, of_displacement: Float | None) -> LoadingTests:
-    def turn(rotation: Float | None, values: Float | None) -> Float | None:
-        if rotation is None or values is None:
-            return values
-        triples = values.reshape(len(values), -1, 3)
-        return (rotation[:, None] @ triples[..., None])[..., 0].reshape(values.shape)
-
-    wrench = turn(of_wrench, tests.wrench)
-    assert wrench is not None
-    return dataclasses.replace(
-        tests,
-        wrench=wrench,
-        displacement=turn(of_displacement, tests.displacement),
-        targets_mm=turn(of_displacement, tests.targets_mm),
-    )
+def _turned(values: Float, rotation: Float) -> Float:
+    """Rows (L, 3 k) of k vectors, turned by rotations (L, 3, 3)."""
+    triples = np.einsum("lij,lkj->lki", rotation, values.reshape(len(values), -1, 3))
+    return np.asarray(triples.reshape(values.shape))
 
 
 def _units(tests: LoadingTests) -> Iterator[tuple[str, LoadingTests]]:
     """Single columns and groups of columns that are a factor off, or of the other sign."""
     yield "the wrench is 1,000 times too small: in kN and kNm?", dataclasses.replace(tests, wrench=1e3 * tests.wrench)
+    if not tests.points:
+        both = tests.moved * ([1e3] * 3 + [180 / np.pi] * 3)
+        yield "displacements are in m and rad, not mm and deg", dataclasses.replace(tests, moved=both)
+    for field, names in (("wrench", WRENCH), ("moved", tests.columns)):
+        for columns, factor, unit in _factors(names):
+            scaled = getattr(tests, field).copy()
+            scaled[:, [names.index(name) for name in columns]] *= factor
+            yield _in_words(columns, factor, unit), dataclasses.replace(tests, **{field: scaled})
+
+
+def _factors(names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], float, str]]:
+    """Columns, what brings them to the unit in their name, and the unit they would be in."""
     kgf, lbf = scipy.constants.kgf, scipy.constants.lbf
-    of_wrench = {
+    mistaken = {  # by the unit in a column's name: what it may be in, and the factor that mends it
         "n": (TURNED, ("kN", 1e3), ("mN", 1e-3), ("kgf", kgf), ("lbf", lbf)),
         "nm": (TURNED, ("Nmm", 1e-3), ("kNm", 1e3), ("kgf m", kgf), ("kgf cm", 1e-2 * kgf)),
+        "mm": (TURNED, *LENGTHS),
+        "deg": (TURNED, ("rad", 180 / np.pi), ("mrad", 0.18 / np.pi)),
     }
-    for columns, factor, unit in _factors(WRENCH, of_wrench):
-        scaled = tests.wrench.copy()
-        scaled[:, [WRENCH.index(name) for name in columns]] *= factor
-        yield _in_words(columns, factor, unit), dataclasses.replace(tests, wrench=scaled)
-    if tests.displacement is not None:
-        both = tests.displacement * ([1e3] * 3 + [180 / np.pi] * 3)
-        yield "displacements are in m and rad, not mm and deg", dataclasses.replace(tests, displacement=both)
-        kinds = {"mm": (TURNED, *LENGTHS), "deg": (TURNED, ("rad", 180 / np.pi), ("mrad", 0.18 / np.pi))}
-        for columns, factor, unit in _factors(DISPLACEMENT, kinds):
-            scaled = tests.displacement.copy()
-            scaled[:, [DISPLACEMENT.index(name) for name in columns]] *= factor
-            yield _in_words(columns, factor, unit), dataclasses.replace(tests, displacement=scaled)
-    elif tests.targets_mm is not None:
-        names = tuple(f"p{k + 1}{x}_mm" for k in range(tests.targets_mm.shape[1]) for x in "xyz")
-        for columns, factor, unit in _factors(names, {"mm": (TURNED, *LENGTHS)}):
-            flat = tests.targets_mm.reshape(len(tests.lines), -1).copy()
-            flat[:, [names.index(name) for name in columns]] *= factor
-            yield (
-                _in_words(columns, factor, unit),
-                dataclasses.replace(tests, targets_mm=flat.reshape(tests.targets_mm.shape)),
-            )
-
-
-def _factors(
-    names: tuple[str, ...], kinds: Mapping[str, tuple[tuple[str, float], ...]]
-) -> Iterator[tuple[tuple[str, ...], float, str]]:
-    """Columns, what brings them to the unit in their name, and the unit they would be in."""
-    for suffix, mistakes in kinds.items():
+    for suffix, mistakes in mistaken.items():
         group = tuple(name for name in names if name.rpartition("_")[2] == suffix)
-        for unit, factor in mistakes:
+        for unit, factor in mistakes if group else ():
             for columns in (*((name,) for name in group), group):
                 yield columns, factor, unit
 
@@ -222,11 +204,11 @@ def check_filled(tests: LoadingTests) -> None:
     """Columns of zeros are no tests."""
     if not tests.wrench.any():
         raise InputError(tests.source, "loads without wrench: every force and torque is 0")
-    moved = tests.displacement if tests.targets_mm is None else np.nan_to_num(tests.targets_mm)
-    if moved is None or not moved.any():
+    filled = np.nan_to_num(tests.moved).any(axis=0)
+    if not filled.any():
         raise InputError(tests.source, "loads without displacement: every displacement is 0")
-    if tests.displacement is not None and not tests.displacement.any(axis=0).all():
-        empty = DISPLACEMENT[int(np.argmin(tests.displacement.any(axis=0)))]
+    if not (tests.points or filled.all()):
+        empty = tests.columns[int(np.argmin(filled))]
         raise InputError(
             tests.source,
             f"column {empty} is 0 in every load: expected what was measured; where no rotations were measured, give "
@@ -249,9 +231,7 @@ def contradictory(tests: LoadingTests, loading: Loading, found: estimator.Fit[Fl
 
 def counted_once(tests: LoadingTests) -> LoadingTests:
     """The tests without loads that stand in the file again, figure by figure: they are no further evidence."""
-    moved = tests.displacement if tests.targets_mm is None else tests.targets_mm.reshape(len(tests.lines), -1)
-    assert moved is not None
-    whole = np.nan_to_num(np.column_stack([tests.joints, tests.wrench, moved]), nan=np.inf)
+    whole = np.nan_to_num(np.column_stack([tests.joints, tests.wrench, tests.moved]), nan=np.inf)
     first = np.sort(np.unique(whole, axis=0, return_index=True)[1])
     again = len(whole) - len(first)
     if not again or not tests.wrench.any():
@@ -262,8 +242,7 @@ def counted_once(tests: LoadingTests) -> LoadingTests:
         lines=tuple(tests.lines[i] for i in first),
         joints=tests.joints[first],
         wrench=tests.wrench[first],
-        displacement=None if tests.displacement is None else tests.displacement[first],
-        targets_mm=None if tests.targets_mm is None else tests.targets_mm[first],
+        moved=tests.moved[first],
         warnings=(*tests.warnings, f"{again} loads stand in the file again, figure by figure: counted once"),
     )
 
@@ -297,7 +276,15 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
         InputError: displacements are rounded so coarsely that the error is no noise.
     """
 
-    def with_step(noise: float, values: Float, most: float = math.inf) -> float:
+    shifts, turns = (tests.moved, tests.moved[:, :0]) if tests.points else (tests.moved[:, :3], tests.moved[:, 3:])
+    changes: dict[str, Any] = {}
+    for name, values, unit, most in (
+        ("force_noise_n", tests.wrench[:, :3], 1.0, math.inf),
+        ("torque_noise_nm", tests.wrench[:, 3:], 1.0, math.inf),
+        ("target_noise_mm" if tests.points else "displacement_noise_mm", shifts, 1.0, COARSE),
+        ("rotation_noise", turns / DEG, DEG, math.inf),
+    ):
+        noise = getattr(setup, name) / unit
         step = max((step_of(column) for column in values.T if most < math.inf or _is_measured(column)), default=0.0)
         if step > most * noise:
             raise InputError(
@@ -305,19 +292,7 @@ def rounded(setup: LoadingSetup, tests: LoadingTests) -> LoadingSetup:
                 f"displacements are rounded to {step:g} mm, where the cell file states a noise of {noise:g} mm: small "
                 "ones vanish; give more figures",
             )
-        return float(np.hypot(noise, step / np.sqrt(6.0)))
-
-    force, torque = tests.wrench[:, :3], tests.wrench[:, 3:]
-    changes: dict[str, Any] = {
-        "force_noise_n": with_step(setup.force_noise_n, force),
-        "torque_noise_nm": with_step(setup.torque_noise_nm, torque),
-    }
-    if tests.displacement is not None:
-        changes["displacement_noise_mm"] = with_step(setup.displacement_noise_mm, tests.displacement[:, :3], COARSE)
-        changes["rotation_noise"] = DEG * with_step(setup.rotation_noise / DEG, tests.displacement[:, 3:] / DEG)
-    elif tests.targets_mm is not None:
-        points = tests.targets_mm.reshape(len(tests.lines), -1)
-        changes["target_noise_mm"] = with_step(setup.target_noise_mm, points, COARSE)
+        changes[name] = unit * float(np.hypot(noise, step / np.sqrt(6.0)))
     return dataclasses.replace(setup, **changes)
 
 

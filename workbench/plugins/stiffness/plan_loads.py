@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from workbench.api import (
     Document,
     Float,
     InputError,
+    Int,
     LoadingSetup,
     Seed,
     Shaped,
@@ -26,7 +27,7 @@ from workbench.api import (
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
-from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
+from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, moved_columns
 
 # Postures and loads that a loading test could use, and what each would tell.
 
@@ -73,8 +74,8 @@ def candidates(
         lines=(0,) * (count * loads),
         joints=np.repeat(joints, loads, axis=0),
         wrench=np.tile(wrench, (count, 1)),
-        displacement=None if targets else np.zeros((count * loads, 6)),
-        targets_mm=np.zeros((count * loads, targets, 3)) if targets else None,
+        moved=np.zeros((count * loads, len(moved_columns(targets)))),
+        points=targets,
     )
     eq = equations(cell.chain, setup, tests)
     relative = eq.a / stiffness
@@ -112,7 +113,6 @@ def plan_loads(
     force_n: Annotated[float, Field(gt=0, le=1e5)] = 200.0,
     target_relative_u: Annotated[float, Field(gt=0, le=1)] = 0.025,
     targets: Annotated[int, Field(ge=0, le=50)] = 0,
-    criterion: Criterion = "minmax",
     trials: Annotated[int, Field(ge=10, le=5000)] = 150,
     seed: Seed = 0,
 ) -> tuple[LoadPlan, Document]:
@@ -132,7 +132,6 @@ def plan_loads(
         target_relative_u: ratio of standard uncertainty to value to reach for every joint; 0.025: 95 % of results
             within 5 %.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
-        criterion: `minmax`: the worst joint; `d_optimal`: the volume of the uncertainty's ellipsoid.
         trials: count of random postures to choose from.
         seed: of these.
 
@@ -158,7 +157,7 @@ def plan_loads(
         _check_postures(cell, joints)
         postures = len(joints)
     offered = candidates(cell, setup, stiffness.nm_per_rad, joints, force_n, targets)
-    chosen = choose(offered.information, postures, loads_per_posture // 2, criterion, target_relative_u)
+    chosen = choose(offered.information, postures, loads_per_posture // 2, target_relative_u)
     found = _plan(offered, chosen, target_relative_u)
     return found, Document("load_plan.csv", _csv(found))
 
@@ -223,9 +222,8 @@ def _csv(plan: LoadPlan) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-# Optimal choice of loads: greedy, then exchange (Fedorov 1972), for the worst joint or for all of them together.
+# Optimal choice of loads for the worst joint: greedy, then exchange (Fedorov 1972).
 
-Criterion = Literal["minmax", "d_optimal"]
 PRIOR = 1e-6  # information that keeps a design of few loads finite
 POWER = 6  # of the uncertainties in the smooth maximum
 
@@ -235,84 +233,45 @@ def relative_u(information: Float) -> Float:
     return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1)))
 
 
-def cost(information: Float, criterion: Criterion) -> Float:
-    """What to make small (...): the smooth maximum of the uncertainties, or the volume of their ellipsoid; as logs."""
-    if criterion == "d_optimal":
-        return np.asarray(-np.linalg.slogdet(information)[1] / 2)
-    return np.asarray(np.log(np.sum(relative_u(information) ** POWER, axis=-1)) / POWER)
-
-
-def choose(
-    information: Float, postures: int, pairs: int, criterion: Criterion, target_u: float
-) -> list[tuple[int, int]]:
-    """Pairs of loads (posture, load), at most `postures` postures and `pairs` pairs each, one by one.
+def choose(information: Float, postures: int, pairs: int, target_u: float) -> list[tuple[int, int]]:
+    """Pairs of loads (posture, load), at most `postures` postures and `pairs` pairs each.
 
     The postures are those whose loads, all alike often, would tell most. Adding pairs ends when every joint is known to
-    `target_u`, or at the caps; then each pair may be exchanged for a better one.
+    `target_u`, or at the caps; then each pair may be exchanged for a better one, and what is superfluous goes.
     """
-    kept = choose_postures(information.mean(axis=1) * pairs, postures, criterion)
-    offered = information[kept]
-    chosen: list[tuple[int, int]] = []
-    while _falls_short(offered, chosen, target_u):
-        best = _best(offered, _sum(offered, chosen), chosen, pairs, criterion)
-        if best is None:
-            break
-        chosen.append(best)
-    for _ in range(2):
-        for i in range(len(chosen)):
-            rest = chosen[:i] + chosen[i + 1 :]
-            best = _best(offered, _sum(offered, rest), rest, pairs, criterion)
-            if best is not None:
-                chosen[i] = best
-    return [(kept[p], d) for p, d in _trimmed(offered, chosen, target_u)]
+    every, loads = np.arange(len(information)), information.shape[1]
+    kept = sorted(_chosen(information.mean(axis=1) * pairs, every, 1, min(postures, len(every)), 0.0))
+    offered, owner = information[kept].reshape(-1, 6, 6), np.repeat(np.arange(len(kept)), loads)
+    chosen = _chosen(offered, owner, pairs, pairs * len(kept), target_u)
+    for one in reversed(chosen):
+        rest = list(chosen)
+        rest.remove(one)
+        if rest and not _falls_short(offered[rest], target_u):
+            chosen = rest
+    return [(kept[owner[one]], one % loads) for one in chosen]
 
 
-def choose_postures(information: Float, wanted: int, criterion: Criterion) -> list[int]:
-    """The best `wanted` of P postures with information (P, 6, 6) each: greedy, then exchanged one for one."""
+def _chosen(information: Float, owner: Int, most: int, wanted: int, target_u: float) -> list[int]:
+    """`wanted` of n with information (n, 6, 6), or so many as reach the target; `most` of each owner (n,)."""
     chosen: list[int] = []
-    while len(chosen) < min(wanted, len(information)):
-        chosen.append(_next(information, chosen, criterion))
-    for _ in range(5):
+    while len(chosen) < wanted and _falls_short(information[chosen], target_u):
+        chosen.append(_best(information, owner, most, chosen))
+    for _ in range(2):
         before = list(chosen)
         for i in range(len(chosen)):
-            chosen[i] = _next(information, chosen[:i] + chosen[i + 1 :], criterion)
+            chosen[i] = _best(information, owner, most, chosen[:i] + chosen[i + 1 :])
         if chosen == before:
             break
-    return sorted(chosen)
+    return chosen
 
 
-def _next(information: Float, chosen: list[int], criterion: Criterion) -> int:
-    costs = cost(information + information[chosen].sum(axis=0) + np.eye(6) * PRIOR, criterion)
-    costs[chosen] = np.inf
-    return int(np.argmin(costs))
+def _falls_short(information: Float, target_u: float) -> bool:
+    return bool(relative_u(np.eye(6) * PRIOR + information.sum(axis=0)).max() > target_u)
 
 
-def _sum(information: Float, chosen: list[tuple[int, int]]) -> Float:
-    return np.asarray(np.eye(6) * PRIOR + sum((information[one] for one in chosen), np.zeros((6, 6))))
-
-
-def _falls_short(information: Float, chosen: list[tuple[int, int]], target_u: float) -> bool:
-    return bool(relative_u(_sum(information, chosen)).max() > target_u)
-
-
-def _best(
-    information: Float, total: Float, chosen: list[tuple[int, int]], pairs: int, criterion: Criterion
-) -> tuple[int, int] | None:
-    """The pair that helps most among those of postures that have room."""
-    room = np.bincount([p for p, _ in chosen], minlength=len(information)) < pairs
-    if not room.any():
-        return None
-    costs = np.where(room[:, None], cost(total + information, criterion), np.inf)
-    p, d = np.unravel_index(int(np.argmin(costs)), costs.shape)
-    return int(p), int(d)
-
-
-def _trimmed(information: Float, chosen: list[tuple[int, int]], target_u: float) -> list[tuple[int, int]]:
-    """Without the pairs that the exchange made superfluous."""
-    kept = list(chosen)
-    for pair in reversed(chosen):
-        rest = list(kept)
-        rest.remove(pair)
-        if rest and not _falls_short(information, rest, target_u):
-            kept = rest
-    return kept
+def _best(information: Float, owner: Int, most: int, chosen: list[int]) -> int:
+    """The one that helps most beside those chosen, of owners that have room: by the smooth maximum of u."""
+    total = np.eye(6) * PRIOR + information[chosen].sum(axis=0)
+    room = np.bincount(owner[chosen], minlength=owner[-1] + 1) < most
+    costs = np.sum(relative_u(total + information) ** POWER, axis=-1)
+    return int(np.argmin(np.where(room[owner], costs, np.inf)))

@@ -6,6 +6,7 @@ And loading tests out of a `loads.csv`: one row a load, wrench and displacement 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,13 +25,12 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.coefficients import is_covariance
-from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
+from workbench.plugins.stiffness.values import DISPLACEMENT, JointStiffness, LoadingTests, moved_columns
 from workbench.plugins.table import Table
 
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 ANGLES = tuple(f"q{i}_deg" for i in range(1, 7))
 WRENCH = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-DISPLACEMENT = ("dx_mm", "dy_mm", "dz_mm", "rx_deg", "ry_deg", "rz_deg")
 TARGET = re.compile(r"p([1-9]\d*)([xyz])_mm")
 
 
@@ -116,35 +116,30 @@ def read_loads(path: Path) -> LoadingTests:
     if not table.lines:
         raise InputError(str(path), "expected a header and one row a load")
     count = max((int(match[1]) for name in table.header if (match := TARGET.fullmatch(name))), default=0)
-    points = [f"p{k}{x}_mm" for k in range(1, count + 1) for x in "xyz"]
     six = all(name in table.header for name in DISPLACEMENT)
-    if six == bool(points):
+    if six == bool(count):
         more = (
             "expected dx_mm ... rz_deg or tracked points p1x_mm ..., not both"
             if six
             else "loads without displacement: expected dx_mm ... rz_deg or p1x_mm, p1y_mm, p1z_mm, ..."
         )
         raise InputError(f"{path}: header", more)
-    known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *points}
+    known = {"posture", *ANGLES, *WRENCH, *DISPLACEMENT, *moved_columns(count)}
     ignored = [name for name in table.header if name not in known]
-    return LoadingTests(
+    found = LoadingTests(
         source=str(path),
         labels=tuple(table.words("posture", "")),
         lines=tuple(table.lines),
         joints=table.numbers(ANGLES) * DEG,
         wrench=table.numbers(WRENCH),
-        displacement=table.numbers(DISPLACEMENT) * ([1.0] * 3 + [DEG] * 3) if six else None,
-        targets_mm=None if six else _targets(table, points),
+        moved=table.numbers(moved_columns(count), blank=count > 0),
+        points=count,
         warnings=(f"{path}: columns that are not used: {', '.join(ignored)}",) if ignored else (),
     )
-
-
-def _targets(table: Table, columns: list[str]) -> Float:
-    """(L, k, 3); NaN for a point of which a cell is empty."""
-    found = table.numbers(columns, blank=True).reshape(len(table.lines), -1, 3)
-    found[np.isnan(found).any(axis=2)] = np.nan
-    unseen: Bool = np.asarray(np.isnan(found).all(axis=(1, 2)))
+    lost: Bool = np.asarray(np.isnan(found.vectors).any(axis=2))  # a point of which a cell is empty
+    unseen: Bool = np.asarray(lost.all(axis=1))
     if unseen.any():
-        where = f"{table.path}: line {table.lines[int(unseen.argmax())]}"
+        where = f"{path}: line {table.lines[int(unseen.argmax())]}"
         raise InputError(where, "a load without displacement: expected at least one point")
-    return found
+    found.vectors[lost] = np.nan
+    return replace(found, moved=found.moved * found.units)

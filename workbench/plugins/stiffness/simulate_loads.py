@@ -20,7 +20,8 @@ from workbench.api import (
     vector_from_rotation,
 )
 from workbench.plugins.stiffness.elastic import balance, wrench_at
-from workbench.plugins.stiffness.read import ANGLES, DISPLACEMENT, WRENCH
+from workbench.plugins.stiffness.equations import row_noise
+from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 
 
@@ -92,19 +93,19 @@ def simulate_tests(
     """
     points = np.vstack([setup.flange_from_tool[:3, 3], setup.targets_mm[:targets]])
     moved = np.array([_moved(chain, setup, stiffness, q, w, points) for q, w in zip(joints, wrench, strict=True)])
+    moved = moved[:, 6:] if targets else moved
     if rng is not None:
         noise = np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3)
         wrench = wrench + rng.normal(size=wrench.shape) * noise
-        rows = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3 + [setup.target_noise_mm] * 3 * targets
-        moved = moved + rng.normal(size=moved.shape) * rows
+        moved = moved + rng.normal(size=moved.shape) * row_noise(setup, targets)
     return LoadingTests(
         source="simulated",
         labels=labels,
         lines=tuple(range(2, len(joints) + 2)),
         joints=joints,
         wrench=wrench,
-        displacement=None if targets else moved[:, :6],
-        targets_mm=moved[:, 6:].reshape(len(joints), targets, 3) if targets else None,
+        moved=moved,
+        points=targets,
     )
 
 
@@ -122,15 +123,10 @@ def _moved(chain: Chain, setup: LoadingSetup, stiffness: Float, q: Float, wrench
 
 def loads_csv(tests: LoadingTests, comment: str = "") -> bytes:
     """The tests as a `loads.csv`."""
-    if tests.targets_mm is None:
-        assert tests.displacement is not None
-        names = list(DISPLACEMENT)
-        moved = np.hstack([tests.displacement[:, :3], np.degrees(tests.displacement[:, 3:])])
-    else:
-        names = [f"p{k + 1}{x}_mm" for k in range(tests.targets_mm.shape[1]) for x in "xyz"]
-        moved = tests.targets_mm.reshape(len(tests.lines), -1)
-    lines = [f"# {line}" for line in comment.splitlines()] + [",".join(["posture", *ANGLES, *WRENCH, *names])]
-    for label, q, w, m in zip(tests.labels, np.degrees(tests.joints), tests.wrench, moved, strict=True):
+    header = ",".join(["posture", *ANGLES, *WRENCH, *tests.columns])
+    lines = [*(f"# {line}" for line in comment.splitlines()), header]
+    columns = tests.labels, np.degrees(tests.joints), tests.wrench, tests.moved / tests.units
+    for label, q, w, m in zip(*columns, strict=True):
         cells = [f"{v:.6f}" for v in q] + [f"{v:.4f}" for v in w]
         lines.append(",".join([label, *cells, *("" if np.isnan(v) else f"{v:.6f}" for v in m)]))
     return ("\n".join(lines) + "\n").encode()

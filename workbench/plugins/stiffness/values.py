@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import Bodies, Float, Int, Shaped
+from workbench.api import DEG, Bodies, Float, Int, Shaped
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
 TABLE_2_NM_PER_RAD = (1.77e6, 3.43e6, 0.85e6, 0.87e6, 0.50e6, 0.14e6)  # the paper's Table 2
+DISPLACEMENT = ("dx_mm", "dy_mm", "dz_mm", "rx_deg", "ry_deg", "rz_deg")
 TABLE_A1_DEG = ((0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45))  # Denavit-Hartenberg
 
 
@@ -113,9 +114,29 @@ class LoadingTests:
     lines: tuple[int, ...]  # of the file, for messages
     joints: Shaped[Float, "L 6"]  # rad, in the convention of the file
     wrench: Shaped[Float, "L 6"]  # N, Nm: acts on the robot, in the sensor frame
-    displacement: Shaped[Float, "L 6"] | None  # of the tool frame, in the base: mm, rotation vector in rad
-    targets_mm: Shaped[Float, "L k 3"] | None  # displacement of tracked points, in the base; NaN: not seen
+    moved: Shaped[Float, "L r"]  # in the base: of the tool frame, mm and rad, or of points, mm; NaN: not seen
+    points: int  # that were tracked, three columns each; 0: the tool frame's displacement and rotation vector
     warnings: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of a file, for `moved`."""
+        return moved_columns(self.points)
+
+    @property
+    def units(self) -> Float:
+        """What 1 in each of these columns (r,) is in `moved`."""
+        return np.array([DEG if name.endswith("_deg") else 1.0 for name in self.columns])
+
+    @property
+    def vectors(self) -> Float:
+        """`moved` as vectors (L, 2 or points, 3)."""
+        return self.moved.reshape(len(self.moved), -1, 3)
+
+
+def moved_columns(points: int) -> tuple[str, ...]:
+    """Columns of a file for the displacement of tracked points, or of the tool frame where there are none."""
+    return tuple(f"p{k}{x}_mm" for k in range(1, points + 1) for x in "xyz") if points else DISPLACEMENT
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -197,6 +197,8 @@ def test_a_turntable_may_be_let_into_the_robots_base(cell_file: Any) -> None:
     with pytest.raises(InputError, match="may they touch"):
         read_cell(cell_file(change))
     assert read_cell(cell_file(lambda t: (change(t), t["may_touch"].append(["turntable", "base_link"]))))
+    beside = {"pose": {"position_mm": [-1547, 0, -300]}, "box_mm": [200, 200, 200]}  # by 3 mm, less than the clearance
+    assert read_cell(cell_file(lambda t: t["turntable"]["shapes"].append(beside)))
 
 
 @pytest.mark.parametrize("limits", [[-180, 180], [-1, 1], [0, 30], [-90, 90.5], [-360, 360], [179, 180]])

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.extras import Extra
 from workbench.geometry.poses import inverse
-from workbench.robot.cell import COVERAGE, ON_BASE, ON_CRADLE, ON_TURNTABLE, Cell, Shape, Turntable
+from workbench.robot.cell import COVERAGE, ON_CRADLE, ON_TURNTABLE, Cell, Shape, Turntable
 from workbench.robot.kinematics import Chain, motions
 from workbench.units import DEG, Float, Shaped
 
@@ -208,10 +208,10 @@ def checked_pairs(cell: Cell) -> list[tuple[int, int]]:
     """Indices of the cell's shapes that must not touch each other: all that any axis moves against each other.
 
     But for links that are neighbours along the arm, which their joint's limits keep apart, for what `may_touch` names,
-    and for an axis' own body where it stands to what carries it alike however the axis turns: where it is borne, or is
-    round about it.
+    and for an axis' own body where one of it and what carries it is round about the axis, or where they are too near
+    at every place of it: there it is borne.
     """
-    free, borne = {frozenset(pair) for pair in cell.may_touch}, _borne(cell.shapes, cell.turntable, cell.chain)
+    free, borne = {frozenset(pair) for pair in cell.may_touch}, _borne(cell)
     bodies = [shape.body for shape in cell.shapes]
     return [
         (a, b)
@@ -245,13 +245,12 @@ def left_out(cell: Cell, allowed: Sequence[tuple[str, str]]) -> Iterator[str]:
         cell: whose bodies are looked at.
         allowed: pairs of bodies that its file lets touch.
     """
-    # A scan may become the workpiece.
-    later = Shape("workpiece", ON_TURNTABLE if cell.axes else ON_BASE, "sphere", (1.0,), np.eye(4))
+    later = Shape("workpiece", ON_TURNTABLE, "sphere", (1.0,), np.eye(4))  # a scan may become it, of any shape
     shapes, apart = (*cell.shapes, later), set[frozenset[str]]()
     may = {frozenset(pair) for pair in allowed} - {CUTS}
     for a, b in _moving_pairs(shapes, cell.axes):
         names = frozenset((shapes[a].body, shapes[b].body))
-        if names in may - apart and _alike_mm(shapes[a], shapes[b], cell.axes, cell.chain) is None:
+        if names in may - apart and ("workpiece" in names or not _standing(cell, shapes[a], shapes[b])[1]):
             apart.add(names)
     for one, other in sorted(map(sorted, apart)):
         yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
@@ -259,12 +258,12 @@ def left_out(cell: Cell, allowed: Sequence[tuple[str, str]]) -> Iterator[str]:
 
 
 def _borne_doubtfully(cell: Cell) -> Iterator[str]:
-    for (a, b), gap in _borne(cell.shapes, cell.turntable, cell.chain).items():
-        one, other = cell.shapes[a], cell.shapes[b]
-        if "mesh" in (one.kind, other.kind):
-            yield f"collision of {one.body} and {other.body}: one bears the other, and a mesh may meet elsewhere too"
+    for (a, b), (gap, alike) in _borne(cell).items():
+        names = f"collision of {cell.shapes[a].body} and {cell.shapes[b].body}"
+        if not alike:
+            yield f"{names}: too near wherever their axis stands: one bears the other, and may meet elsewhere too"
         elif ALIKE_MM < gap < least_mm(cell, [(a, b)])[0]:
-            yield f"collision of {one.body} and {other.body}: {gap:.1f} mm apart, nearer than bodies must keep"
+            yield f"{names}: {gap:.1f} mm apart, nearer than bodies must keep"
 
 
 def _carrier(shape: Shape, axes: tuple[Turntable, ...]) -> int:
@@ -281,53 +280,65 @@ def _moving_pairs(shapes: tuple[Shape, ...], axes: tuple[Turntable, ...]) -> lis
 
 
 @functools.lru_cache(maxsize=16)
-def _borne(shapes: tuple[Shape, ...], turntable: Turntable | None, chain: Chain) -> dict[tuple[int, int], float]:
-    """Shapes of an axis' own body and of what carries it that stand alike on a whole turn of it, and how far apart."""
-    axes, turn = () if turntable is None else turntable.axes, np.linspace(-np.pi, np.pi, LOOKS)
-    turning = {} if turntable is None or turntable.slides else {"turntable": ON_TURNTABLE, "tilt": ON_CRADLE}
-    own, found = {**turning, **dict.fromkeys(TOOL, 6)}, {}
-    on = [abs(_carrier(shape, axes)) for shape in shapes]
-    for i, j in itertools.permutations(range(len(shapes)), 2):
-        if own.get(shapes[i].body) == shapes[i].link and on[i] > on[j]:
-            gap = _alike_mm(shapes[i], shapes[j], axes, chain, turn)
-            found.update({} if gap is None else {(min(i, j), max(i, j)): gap})
+def _borne(cell: Cell) -> dict[tuple[int, int], tuple[float, bool]]:
+    """Shapes of an axis' own body and of what carries it that no turn takes apart, or changes: as `_standing` tells."""
+    turn, found = np.linspace(-np.pi, np.pi, LOOKS), dict[tuple[int, int], tuple[float, bool]]()
+    own = {**({} if sliding(cell) else {"turntable": ON_TURNTABLE, "tilt": ON_CRADLE}), **dict.fromkeys(TOOL, 6)}
+    on = [abs(_carrier(shape, cell.axes)) for shape in cell.shapes]
+    owns = [own.get(shape.body) == shape.link for shape in cell.shapes]
+    pairs = [(i, j) for i, j in itertools.permutations(range(len(on)), 2) if owns[i] and on[i] - on[j] == 1]
+    for (i, j), least in zip(pairs, least_mm(cell, pairs), strict=True):
+        gap, alike = _standing(cell, cell.shapes[i], cell.shapes[j], turn, least)
+        if gap is not None:
+            found[min(i, j), max(i, j)] = gap, alike
     return found
 
 
-def _alike_mm(
-    one: Shape, other: Shape, axes: tuple[Turntable, ...], chain: Chain, turn: Float | None = None
-) -> float | None:
-    """The distance of two shapes that is the same wherever the one axis between them stands; None: it is not.
+def _standing(
+    cell: Cell, one: Shape, other: Shape, turn: Float | None = None, least: float = 0.0
+) -> tuple[float | None, bool]:
+    """Two shapes' distance, less than 0 inside, if the one axis between them keeps it below `least`, or alike; whether.
 
-    Of a mesh 0 alone: between two of LOOKS places more may stand out of it than its distance tells. `turn` (LOOKS,):
-    where the axis is looked at, rad; None: within its limits.
+    Alike where one is round about the axis, and where neither distance nor depth changes; of a mesh neither is known
+    between the places. `turn` (LOOKS,): where the axis is looked at, rad; None: within its limits.
     """
-    inner, outer = sorted((one, other), key=lambda shape: abs(_carrier(shape, axes)))
-    if not (poses := _between(inner, outer, axes, chain, turn)):
-        return None
+    inner, outer = sorted((one, other), key=lambda shape: abs(_carrier(shape, cell.axes)))
+    if (poses := _between(inner, outer, cell.axes, cell.chain, turn)) is None:
+        return None, False
+    here, there = poses
     body, beside = fcl.CollisionObject(body_of(outer)), fcl.CollisionObject(body_of(inner))
-    gaps = (_apart(_put_at(body, there), _put_at(beside, here)) for here, there in poses)
-    first = next(gaps)
-    if "mesh" in (one.kind, other.kind) and first > 0:
-        return None
-    return first if all(abs(gap - first) < ALIKE_MM for gap in gaps) else None
+    gaps = (_signed(_put_at(body, b), _put_at(beside, a)) for a, b in zip(here, there, strict=True))
+    if _round(outer, inverse(here) @ there) or _round(inner, inverse(there) @ here):
+        return next(gaps), True
+    near = list(itertools.takewhile(lambda gap: gap <= 0 or gap < least, gaps))
+    if len(near) < len(here):
+        return None, False
+    return max(near), "mesh" not in (one.kind, other.kind) and max(near) - min(near) < ALIKE_MM
+
+
+def _round(shape: Shape, seen: Shaped[Float, "n 4 4"]) -> bool:
+    """Whether a shape fills the same space at all of some poses: what is round about the line of its middles."""
+    if shape.kind not in ("sphere", "capsule", "cylinder"):
+        return False
+    reach = 0.0 if shape.kind == "sphere" else shape.sphere[1]
+    return all(np.ptp(seen[:, :3, 3] + off * seen[:, :3, 2], axis=0).max() < ALIKE_MM for off in (0.0, reach))
 
 
 def _between(
     inner: Shape, outer: Shape, axes: tuple[Turntable, ...], chain: Chain, turn: Float | None
-) -> list[tuple[Float, Float]]:
-    """Poses of two shapes as the axis between them moves the outer one, all else at 0; none: there is more than one."""
+) -> tuple[Float, Float] | None:
+    """Poses (n, 4, 4) of two shapes as the axis between them moves the outer, all else at 0; None: there are more."""
     on = _carrier(outer, axes)
     if _carrier(inner, axes) != on - np.sign(on):
-        return []
+        return None
     limits = chain.limits[on - 1] if on > 0 else axes[-on - 1].limits
     values = np.linspace(limits[0], limits[1], LOOKS) if turn is None else turn
     if on > 0:
         joints = values[:, None] * (np.arange(1, 7) == on)
-        return [(inner.pose, pose) for pose in motions(chain, joints)[:, on] @ outer.pose]
+        return np.broadcast_to(inner.pose, (len(values), 4, 4)), motions(chain, joints)[:, on] @ outer.pose
     here = np.eye(4) if on == -1 else axes[-on - 2].base_from_turntable
     moved = axes[-on - 1].base_from_turntable @ _moved(axes[-on - 1], values)
-    return [(here @ inner.pose, pose) for pose in moved @ outer.pose]
+    return np.broadcast_to(here @ inner.pose, (len(values), 4, 4)), moved @ outer.pose
 
 
 def _put_at(body: fcl.CollisionObject, pose: Float) -> fcl.CollisionObject:
@@ -344,8 +355,16 @@ def _apart(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:
     return 0.0 if _touching(one, other) else max(float(fcl.distance(one, other, fcl.DistanceRequest())), 0.0)
 
 
+def _signed(one: fcl.CollisionObject, other: fcl.CollisionObject) -> float:
+    """The distance of two bodies, less than 0 by their depth where they touch: fcl keeps the deepest contact."""
+    result = fcl.CollisionResult()
+    hit = fcl.collide(one, other, fcl.CollisionRequest(enable_contact=True), result)
+    return -abs(float(result.contacts[0].penetration_depth)) if hit else _apart(one, other)
+
+
+@functools.lru_cache(maxsize=64)
 def body_of(shape: Shape) -> fcl.CollisionGeometry:
-    """fcl's geometry of a shape, about the shape's own frame."""
+    """fcl's geometry of a shape, about the shape's own frame; a mesh's tree takes long, so it is kept."""
     if shape.kind == "mesh":
         assert shape.vertices_mm is not None
         assert shape.triangles is not None

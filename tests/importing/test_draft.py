@@ -261,9 +261,9 @@ def test_joints_are_drafted_without_their_robot(
     np.testing.assert_allclose(read(tmp_path / "a.h5").robot_position_mm, expected[:, :3, 3], atol=1e-3)
 
 
-@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("m", 1000.0)])
+@pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("m", 1000.0), ("inch", 25.4)])
 def test_the_units_of_arrays_are_told_by_their_numbers(
-    unit: str, mm: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    unit: str, mm: float, tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording]
 ) -> None:
     poses = np.tile(np.eye(4), (25, 1, 1))
     poses[:, :3, 3] = np.linspace([900, 0, 500], [900, 60, 500], 25) / mm
@@ -275,6 +275,12 @@ def test_the_units_of_arrays_are_told_by_their_numbers(
     shown = capsys.readouterr().out
     assert "flange: x 900 to 900 mm, y 0 to 60 mm" in shown
     assert f"arrays.length_unit: {unit}, by the size of the numbers" in shown
+    x = np.linspace(-120.0, 120.0, 90) / mm  # that wide alone a profile may be in inch too
+    np.savez(tmp_path / "scan.npz", x=x, z=np.full((25, 90), 300.0 / mm))
+    drafted(tmp_path, capsys, tmp_path / "scan.npz", tmp_path / "poses.npy")
+    got = imported(tmp_path / "scan.npz", tmp_path / "poses.npy", mapping=tmp_path / "map.json")
+    np.testing.assert_allclose(got.x_mm[0], x * mm, atol=1e-4)
+    np.testing.assert_allclose(got.robot_position_mm, poses[:, :3, 3] * mm)
 
 
 def test_arrays_that_hold_no_profile_are_refused_by_what_they_hold(tmp_path: Path, capsys: Any) -> None:

@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import skimage.io
 
 from tests.importing import makers
 from workbench.artefacts import Recording
+from workbench.cli import main
 from workbench.errors import InputError
 
 AXIS = {"linear_axis": {"direction": [0, 1, 0], "speed_mm_s": 50}}
+PAGE = Path(__file__).parents[2] / "docs" / "importing.md"
 VENDOR = Path(__file__).parents[3] / "shared" / "data" / "vendor"
 Import = Callable[..., Recording]
 Mapped = Callable[..., Path]
@@ -65,10 +68,42 @@ def test_a_keyence_profile_by_a_mapping(tmp_path: Path, imported: Import, mapped
     assert_is_the_plate(made, z_offset_mm=80.0)
 
 
-def test_arrays_that_another_program_has_made(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    """What docs/importing.md says of images, grids, raw heights and clouds: x, z and the travel, as one file."""
-    np.savez(tmp_path / "a.npz", x=makers.X_MM, z=makers.heights_mm(), travel=makers.TRAVEL_MM)
-    assert_is_the_plate(imported(tmp_path / "a.npz", mapping=mapped(**AXIS)))
+@pytest.mark.parametrize(("form", "file"), [("TIFF", "a.tif"), ("grid", "g.csv"), ("Keyence raw", "a.bin")])
+def test_what_the_page_says_of_other_forms_makes_arrays(
+    form: str, file: str, tmp_path: Path, imported: Import, mapped: Mapped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page's own lines, run; what they refer to is refused with where they stand."""
+    monkeypatch.chdir(tmp_path)
+    x, z, y = makers.X_MM, makers.heights_mm(), makers.TRAVEL_MM
+    if form == "grid":
+        table = np.block([[np.zeros((1, 1)), x[None]], [y[:, None], np.nan_to_num(z, nan=-999.999)]])
+        Path(file).write_text("y/x" + "\n".join(",".join(f"{one:.6f}" for one in row) for row in table)[8:])
+    elif form == "TIFF":
+        skimage.io.imsave(file, np.rint(np.nan_to_num(z) / 0.002).astype("<u2"), check_contrast=False)
+    else:
+        np.nan_to_num(np.rint((z - 80.0) / 8e-4) + 32768, nan=0).astype("<u2").tofile(file)
+    with pytest.raises(InputError, match="#other-forms"):
+        imported(Path(file))
+    row = next(line for line in PAGE.read_text().splitlines() if line.startswith(f"| {form}"))
+    unit = 1e5 if form == "Keyence raw" else 1.0
+    names = {"np": np, "skimage": skimage, "code": 0, "z_pitch": 0.002, "z_unit": 80, "columns": makers.COLUMNS}
+    names |= {"x_pitch": makers.PITCH_MM * unit, "x_start": x[0] * unit, "y_pitch": makers.STEP_MM}
+    exec(max(row.split("`"), key=len), names)
+    np.savez("scan.npz", x=names["x"], z=names["z"], travel=names["y"])
+    offset_mm = 80.0 if form == "Keyence raw" else 0.0
+    assert_is_the_plate(imported(Path("scan.npz"), mapping=mapped(**AXIS)), offset_mm, 0.0011)
+
+
+def test_whole_numbers_of_any_type_are_intensity(
+    tmp_path: Path, imported: Import, mapped: Mapped, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, arrays = tmp_path / "a.npz", {"x": makers.X_MM, "z": makers.heights_mm(), "travel": makers.TRAVEL_MM}
+    for light, is_kept in ((np.int32(700), True), (np.float32(0.5), False), (np.int32(-1), False)):
+        np.savez(file, **arrays, intensity=np.full(arrays["z"].shape, light))
+        got = imported(file, mapping=mapped(**AXIS)).intensity
+        assert (got is not None and bool((got == 700).all())) == is_kept
+        assert main(["import", str(file), "--mapping", str(mapped(**AXIS)), "--out", str(tmp_path / "a.h5")]) == 0
+        assert ("intensity = intensity (left out" in capsys.readouterr().out) != is_kept
 
 
 def swapped(path: Path, old: str, new: str) -> Path:

@@ -55,9 +55,11 @@ def read(path: Path, mapping: Mapping) -> Imported:
     if POSES & set(values):
         values.pop("joints", None)  # the poses say more
     unit, second, where = LENGTH_MM[part.length_unit], TIME_S[part.time_unit], str(path)
+    profiles = _profiles(values, part.missing, unit, second, where) if "z" in values else None
+    if profiles is not None and profiles.intensity is None and "intensity" in found:
+        found["intensity"] += " (left out: not whole numbers from 0 to 65535 in the shape of z)"
     used = ", ".join(f"{role} = {name}" for role, name in found.items())
     notes = (f"{NAME}: {used}; lengths in {part.length_unit}",)
-    profiles = _profiles(values, part.missing, unit, second, where) if "z" in values else None
     if "joints" in values:
         robot = _joints(values, part, mapping.base_dir, where)
         return replace(robot, profiles=profiles, notes=(*notes, *robot.notes))
@@ -114,7 +116,8 @@ def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
     if value.ndim == 2 and value.shape[1] in AXES:
         return {"joints": value}
     what = "(N, M, 2) or (n, 2) with x and z, (K, 4, 4) poses or (K, 6) joints"
-    raise InputError(where, f"expected {what}; found shape {value.shape}")
+    also = "; heights alone need their x (docs/importing.md#other-forms)" if value.ndim == 2 else ""
+    raise InputError(where, f"expected {what}; found shape {value.shape}{also}")
 
 
 def _profiles(
@@ -127,7 +130,9 @@ def _profiles(
     if z.ndim != 2 or x.shape not in (z.shape, z.shape[1:]):
         raise InputError(where, f"expected x like z, found shapes {x.shape} and {z.shape}")
     light = values.get("intensity")
-    if light is not None and (np.atleast_2d(light).shape != z.shape or light.dtype.kind not in "u"):
+    if light is not None and (
+        np.atleast_2d(light).shape != z.shape or not np.array_equal(light, np.clip(np.rint(light), 0, 65535))
+    ):
         light = None
     series = {role: None if (one := values.get(role)) is None else np.atleast_1d(one) for role in ("time", "travel")}
     for role, one in series.items():

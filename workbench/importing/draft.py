@@ -14,14 +14,13 @@ import numpy as np
 from workbench.errors import InputError, one_line
 from workbench.importing import arrays, programs
 from workbench.importing.assemble import assemble, joined
-from workbench.importing.kinds import AS_A_CLOUD, read_source
+from workbench.importing.kinds import AS_A_CLOUD, AS_ARRAYS, read_source
 from workbench.importing.mapping import Mapping, no_mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
 from workbench.importing.neutral import Imported
 from workbench.importing.roles import (
     ANGLES,
     LENGTHS,
-    TIMES,
     TURN_DEG,
     TURN_RAD,
     USUAL_REACH_MM,
@@ -34,13 +33,15 @@ from workbench.importing.tables import way_of
 from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
 from workbench.importing.tracker import joined as joined_with_postures
 from workbench.storage import regular_file, write_whole
-from workbench.units import Float
+from workbench.units import AnyArray, Float
 
 FRAME_S, POSE_S = (2e-5, 1.0), (1e-3, 60.0)  # from one frame, or pose, to the next
 STREAM, STREAM_S = 500, (1e-3, 1.0)  # so many poses are a controller's stream
 CODES = (-999.999, -999.99, -999.0, -9999.0, -99999.0, -99.99, 0.0, -32768.0, 32767.0, 65535.0, 9999.0, 99999.0)
+MOST = 10**6  # ranges that are looked at for them
 CODE_GAP = 0.3  # share of the other values' span that lies free around a code for 'no return'
 Tree = dict[str, Any]
+Size = tuple[float, tuple[float, float]]  # as the file has it; usual ones, mm or s
 
 
 def draft_files(sources: Sequence[str | Path], out: str | Path) -> tuple[str, ...]:
@@ -66,17 +67,14 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     lines: list[str] = []
     by_part: dict[str, list[tuple[Path, Form, Columns]]] = {"profiles": [], "poses": [], "joints": []}
     of_arrays = [one for one in sources if one.is_file() and arrays.recognises(one, first_bytes(one), no_mapping())]
+    if of_arrays:
+        tree["arrays"], doubts = _arrays(of_arrays)
     for source in sources:
+        if source in of_arrays:  # numbers alone: nothing in the file tells their units
+            continue
         try:
             known = read_source(source, no_mapping())
-            if [source] == of_arrays:  # numbers alone: nothing in the file tells their units
-                raise InputError(str(source), "expected 'arrays' in the mapping")
         except InputError as error:
-            if source in of_arrays:
-                part, more = _arrays(source)
-                tree["arrays"] = {"files": glob.escape(source.name), **part}
-                doubts += more
-                continue
             if source.is_file() and programs.recognises(source, first_bytes(source), no_mapping()):
                 part, more = programs.drafted(source, error)
                 tree["program"] = {"files": glob.escape(source.name), **part}
@@ -103,32 +101,37 @@ def drafted(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     return tree, lines
 
 
-def _arrays(source: Path) -> tuple[Tree, list[str]]:
-    """The part `arrays` of a file whose names tell what is in it: its units, by the size of the numbers.
+def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
+    """The part `arrays` of files whose names tell what is in them: the units of all, by the size of the numbers.
 
     Raises:
         InputError: names that tell no profiles, poses or joints.
     """
-    names, values = arrays.told(source, ArraysPart())
-    part: Tree = {"length_unit": "mm"}
+    part: Tree = {}
     doubts: list[str] = []
-    if {"x", "z"} <= set(names):
-        part["length_unit"], doubts = _length(
-            "arrays", "", float(np.nanmax(values["x"]) - np.nanmin(values["x"])), WIDTH_MM
-        )
-    elif {"position", "base_from_flange"} & set(names):
-        places = values["position"] if "position" in names else values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
-        reach = float(np.linalg.norm(np.atleast_2d(places), axis=1).max())
-        part["length_unit"], doubts = _length("arrays", "", reach, USUAL_REACH_MM)
-    elif "joints" in names:
-        largest = float(np.abs(values["joints"]).max())
-        part["angle_unit"] = "rad" if largest <= TURN_RAD else "deg"
-        doubts = [f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})"]
-    times = {"time": FRAME_S, "pose_time": POSE_S}
-    if told := next((role for role in times if role in names), None):
-        part["time_unit"], more = _time("arrays", "", np.diff(np.atleast_1d(values[told]).astype(float)), times[told])
-        doubts += more
-    return {**part, **names}, doubts
+    lengths: list[Size] = []
+    steps: list[Size] = []
+    for source in sources:
+        names, values = arrays.told(source, ArraysPart())
+        if {"x", "z"} <= set(names):
+            lengths.append((float(np.nanmax(values["x"]) - np.nanmin(values["x"])), WIDTH_MM))
+            z = values["z"].ravel()
+            if codes := _codes(z[:: 1 + z.size // MOST].astype(float)):
+                part["missing"] = codes
+        if {"position", "base_from_flange"} & set(names):
+            places = values["position"] if "position" in names else values["base_from_flange"][..., :3, 3]
+            lengths.append((float(np.linalg.norm(np.atleast_2d(places), axis=1).max()), USUAL_REACH_MM))
+        elif "joints" in names:
+            largest = float(np.abs(values["joints"]).max())
+            part["angle_unit"] = "rad" if largest <= TURN_RAD else "deg"
+            doubts.append(f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})")
+        times = {"time": FRAME_S if "z" in names else POSE_S, "pose_time": POSE_S}
+        steps += [_step(values[role], usual) for role, usual in times.items() if role in names]
+    for name, known, sizes in (("length_unit", LENGTH_MM, lengths), ("time_unit", TIME_S, steps)):
+        if sizes:
+            part[name], more = _unit(f"arrays.{name}", "", known, *sizes)
+            doubts += more
+    return part, doubts
 
 
 def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
@@ -153,7 +156,8 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
             raise InputError(str(source), f"three coordinates a point, in no rows of profiles: {AS_A_CLOUD}")
         raise InputError(
             str(source),
-            f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}",
+            f"expected columns x and z of points, or x, y, z and an orientation, or joints; found {names}{known}. "
+            f"Another form: {AS_ARRAYS}",
         )
     return form, columns
 
@@ -166,8 +170,11 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     x, z = (_values(form, roles[role].column) for role in "xz")
     missing = _codes(z)
     good = ~np.isin(z, missing) & np.isfinite(x) & np.isfinite(z)
-    unit, doubts = _length(
-        "profiles", roles["x"].unit or roles["z"].unit, float(np.ptp(x[good])) if good.any() else 0.0, WIDTH_MM
+    unit, doubts = _unit(
+        "profiles.length_unit",
+        roles["x"].unit or roles["z"].unit,
+        LENGTH_MM,
+        (float(np.ptp(x[good])) if good.any() else 0.0, WIDTH_MM),
     )
     part: Tree = {**form.as_part(), "length_unit": unit}
     part["frames"] = _frames(form, columns, x)
@@ -176,8 +183,8 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
         names.pop("frame", None)
     if "time" in names:
         time = _values(form, names["time"])
-        steps = np.diff(np.unique(time))
-        part["time_unit"], more = _time("profiles", roles["time"].unit, steps, FRAME_S)
+        step = _step(np.unique(time), FRAME_S)
+        part["time_unit"], more = _unit("profiles.time_unit", roles["time"].unit, TIME_S, step)
         doubts += more
     part["columns"] = names
     if missing:
@@ -216,12 +223,12 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     roles = columns.roles
     position = np.stack([_values(form, roles[role].column) for role in "xyz"], axis=1)
     reach = float(np.nanmax(np.linalg.norm(position, axis=1)))
-    unit, doubts = _length("poses", roles["x"].unit, reach, USUAL_REACH_MM)
+    unit, doubts = _unit("poses.length_unit", roles["x"].unit, LENGTH_MM, (reach, USUAL_REACH_MM))
     part: Tree = {**form.as_part(), "length_unit": unit}
     if "time" in roles:
         time = _values(form, roles["time"].column)
         usual = STREAM_S if len(time) >= STREAM else POSE_S
-        part["time_unit"], more = _time("poses", roles["time"].unit, np.diff(np.unique(time)), usual)
+        part["time_unit"], more = _unit("poses.time_unit", roles["time"].unit, TIME_S, _step(np.unique(time), usual))
         part["time"] = roles["time"].column
         doubts += more
     part["position"] = [roles[role].column for role in "xyz"]
@@ -249,7 +256,7 @@ def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     part["angle_unit"] = unit
     if "time" in roles:
         time = _values(form, roles["time"].column)
-        part["time_unit"], more = _time("joints", roles["time"].unit, np.diff(np.unique(time)), POSE_S)
+        part["time_unit"], more = _unit("joints.time_unit", roles["time"].unit, TIME_S, _step(np.unique(time), POSE_S))
         part["time"] = roles["time"].column
         doubts += more
     if "number" in roles:
@@ -283,27 +290,19 @@ def _values(form: Form, column: str | int) -> Float:
     return np.asarray(form.rows[:, column if isinstance(column, int) else form.header.index(column)])
 
 
-def _length(part: str, told: str, size: float, usual_mm: tuple[float, float]) -> tuple[str, list[str]]:
-    """The unit that the name tells, else the first under which the size is a usual one."""
-    if told in LENGTHS:
+def _unit(what: str, told: str, known: dict[str, float], *sizes: Size) -> tuple[str, list[str]]:
+    """The unit that the name tells, else the first under which each size is a usual one."""
+    if told in known:
         return told, []
-    units = [
-        unit for unit in ("mm", "m", "um", "inch", "0.01um") if usual_mm[0] <= size * LENGTH_MM[unit] <= usual_mm[1]
-    ]
+    units = [unit for unit, scale in known.items() if all(low <= size * scale <= high for size, (low, high) in sizes)]
     others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
-    chosen = units[0] if units else "mm"
-    return chosen, [f"{part}.length_unit: {chosen}, by the size of the numbers ({size:.4g}){others}"]
+    chosen, by = next(iter(units or known)), "steps of time" if known is TIME_S else "size of the numbers"
+    return chosen, [f"{what}: {chosen}, by the {by} ({', '.join(f'{size:.4g}' for size, _ in sizes)}){others}"]
 
 
-def _time(part: str, told: str, steps: Float, usual_s: tuple[float, float]) -> tuple[str, list[str]]:
-    """The unit that the name tells, else the first under which the steps are usual ones."""
-    if told in TIMES:
-        return told, []
-    step = float(np.median(steps)) if len(steps) else 0.0
-    units = [unit for unit in TIMES if usual_s[0] <= step * TIME_S[unit] <= usual_s[1]]
-    others = f"; {' or '.join(units[1:])} would be possible too" if units[1:] else ""
-    chosen = units[0] if units else "s"
-    return chosen, [f"{part}.time_unit: {chosen}, by the steps of {step:.6g}{others}"]
+def _step(times: AnyArray, usual_s: tuple[float, float]) -> Size:
+    steps = np.diff(np.atleast_1d(times).astype(float))
+    return float(np.median(steps)) if len(steps) else 0.0, usual_s
 
 
 def _codes(values: Float) -> list[float]:

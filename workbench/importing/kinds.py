@@ -34,6 +34,8 @@ KINDS = (  # modules of workbench.importing
 )
 BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
+NUMBERS = (".tif", ".tiff", ".png", ".mat", ".bin", ".raw")
+AS_ARRAYS = "a few lines of Python make arrays of it (docs/importing.md#other-forms)"
 AS_A_CLOUD = (
     "it is a cloud, and nothing of it goes into a recording: workbench run pipelines/inspect_cloud.json "
     "--input cloud=FILE, with --input unit=m where it is in metres (docs/clouds.md)"
@@ -81,6 +83,8 @@ def _other(path: Path, head: bytes) -> str:
     if path.suffix.lower() in CLOUDS:
         return AS_A_CLOUD
     text = head_text(head)
+    if path.suffix.lower() in NUMBERS or text[:3].lower() in ("y/x", "y\\x"):
+        return f"heights or arrays without a form of their own: {AS_ARRAYS}"
     return f"{force_file.NAME}: forces over time, no recording" if force_file.recognises(text) else ""
 
 

@@ -188,6 +188,9 @@ def no_mapping() -> Mapping:
 def read_mapping(path: Path) -> Mapping:
     """Read MAP.json. Raises InputError with all of its problems: line, JSON path, what was expected, nearest name."""
     tree = read_json(path, MAX_BYTES)
+    if gone := {"keyence_raw", "height_map"} & tree.keys():
+        expected = "no such part any more: a few lines of Python make arrays of it (docs/importing.md#other-forms)"
+        raise InputError(f"{path}: {min(gone)}", expected)
     found = problems_of(Mapping, tree)
     if found:
         raise InputError(str(path), told(found, path.read_text("utf-8-sig")))

@@ -24,7 +24,7 @@ from workbench.artefacts import Cloud, Gate, Inspection, Joint, JointInspection,
 from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import ArgumentError, InputError, WorkbenchError, one_line
 from workbench.pipeline.run import Pipeline, Results
-from workbench.storage import beside, new_hdf5
+from workbench.storage import new_hdf5, write_whole
 
 State = Literal["absent", "growing", "locked", "killed", "closed"]
 RECORDING = "recording"  # the pipeline's input
@@ -184,11 +184,7 @@ class _Sight:
             told += [sizes for one in results if isinstance(one, JointInspection) and (sizes := _sizes(one))]
             shown = "; ".join(told) or "measured"
             if self.drawing and (drawn := _drawn(results)):
-                written = beside(self.drawing)
-                written.write_bytes(drawn)
-                written.replace(self.drawing)
-        except OSError as error:
-            shown = f"{self.drawing}: cannot be written: {error.strerror}"
+                write_whole(self.drawing, drawn)
         except WorkbenchError as error:
             shown = str(error).replace(str(self.copy), str(self.path))
         self.tell(f"{self.frames} frames so far: {one_line(shown)}")

@@ -7,7 +7,6 @@ runs in (a segmentation fault with libegl1 absent, seen with VTK 9.7), and no ex
 from __future__ import annotations
 
 import ctypes
-import os
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from workbench.robot.collision import Clearance, CollisionModel, external_at, st
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
 from workbench.robot.read import read_cell
 from workbench.robot.wrist import arm_size_mm, spherical_wrist
+from workbench.storage import write_whole
 from workbench.units import DEG, AnyArray, Float, Shaped
 
 STEP = np.radians(2.0)  # of the joints that the reach is looked for with
@@ -299,7 +299,7 @@ def view_cell(cell_file: str, posture: str, turntable_deg: float, out: str, tilt
     external = external_at(cell, turntable_deg, tilt_deg, "--tilt-deg")
     check_posture(cell, joints, external)
     lines = described(cell, joints, external)
-    _write(picture, cell_picture(cell, joints, external))
+    write_whole(picture, cell_picture(cell, joints, external))
     return [*lines, f"picture: {out}"]
 
 
@@ -312,19 +312,6 @@ def _angles(text: str) -> Float:
     if len(angles) != 6 or not np.isfinite(angles).all():
         raise PipelineError(f"--posture '{text}'", "expected six joint angles in deg, separated by commas")
     return angles
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Whole or not at all."""
-    beside = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    try:
-        try:
-            beside.write_bytes(content)
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(str(path), f"cannot be written: {error.strerror}") from None
 
 
 TIME_LIMIT_S = 120.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.compare.bodies import AT, LENGTH, box, scanned
-from workbench.compare import deviation, register
+from workbench.artefacts import PointSet
+from workbench.compare import deviation, register, surface
 from workbench.compare.deviation import Scales, course_of, deviations, places_of
 from workbench.compare.statistics import changed, changed_regions
 from workbench.compare.surface import Deviations, Registration, Surface
@@ -83,13 +84,13 @@ def test_mesh_and_its_outside() -> None:
     """Against a mesh the sign is that of its own outside; a scan without view or frames will do."""
     points, triangles = box()
     scan = scanned(4, step_mm=0.06)
-    found, document, chapter = deviation(
-        Surface(scan.points_mm), Surface(points, triangles=triangles), position_u_mm=0.0
-    )
+    of_file = surface(None, PointSet(scan.points_mm, warnings=("taken as mm",)))
+    found, document, chapter = deviation(of_file, Surface(points, triangles=triangles), position_u_mm=0.0)
     x, distance = places(found)
     assert distance[np.abs(x - LENGTH / 2) < 4].mean() == pytest.approx(0.06, abs=1e-3)
     assert json.loads(document.content)["reference_kind"] == "mesh"
     assert any("frames are not known" in words for words in chapter.warnings)
+    assert "taken as mm" in chapter.warnings
 
 
 def test_surfaces_apart_are_refused() -> None:

@@ -86,6 +86,7 @@ def deviation(
     places = places_of(laid, reference, scales)
     course = course_of(laid, reference, edge, places.normal.mean(axis=0))
     found = deviations(laid, reference, places, registration, position_u_mm, course, scales)
+    found = dataclasses.replace(found, warnings=(*scan.warnings, *reference.warnings, *found.warnings))
     what = "change" if reference.triangles is None else "deviation"
     summary = summarise(found, sections, half_width_mm, course.name, what, spacing_mm)
     if summary.compared < LEAST_PLACES:

@@ -228,7 +228,7 @@ def register(
         rms,
         tuple(loose),
         len(equations.weight),
-        kept,
+        (*scan.warnings, *reference.warnings, *kept),
     )
     return found, _document(found, scan, reference)
 

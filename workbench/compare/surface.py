@@ -35,6 +35,7 @@ class Surface:
     part: Part = UNKNOWN_PART
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
     passes_apart_mm: float | None = 0.0  # of several passes, how far from one place they see a face; None: not known
+    warnings: tuple[str, ...] = ()  # what was taken for granted of its file
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +107,7 @@ def surface(
     else:
         assert points is not None
         step = -(-len(points.points_mm) // most_points)
-        made = Surface(points.points_mm[::step], source=points.source, part=points.part)
+        made = Surface(points.points_mm[::step], source=points.source, part=points.part, warnings=points.warnings)
     if len(made.points_mm) < 100:
         raise InputError(made.source or "compare.surface", f"expected 100 points or more, found {len(made.points_mm)}")
     return made

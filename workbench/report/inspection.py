@@ -36,7 +36,8 @@ def inspection(
         edge: its faces, and the lower edge along which everything is laid out.
         inspection: what was measured, required and decided.
         points: about how many points a view in space shows at most.
-        scan_plan: the `scan-plan.json` of this scan: U along the edge as wanted, as predicted and as achieved is drawn.
+        scan_plan: the `scan-plan.json` of this scan: U along the edge as wanted, as predicted and as achieved is drawn,
+            where the recording followed this very plan.
 
     Raises:
         InputError: no section, or an edge of which nothing was measured.
@@ -64,9 +65,11 @@ def inspection(
         },
     }
     if scan_plan is not None:
-        from workbench.result_files import ScanPlanFile  # pydantic: loaded when there is a plan
+        from workbench.result_files.scan_plan import ScanPlanFile, plan_id  # pydantic: loaded when there is a plan
 
-        drawn["planned"] = u_chart(ScanPlanFile.read(scan_plan), inspection)
+        plan = ScanPlanFile.read(scan_plan)
+        if cloud.part.scan_plan == plan_id(scan_plan.read_bytes()):
+            drawn["planned"] = u_chart(plan, inspection)
     aside = plan_view(cloud, edge, inspection)
     scene = inspection_scene(cloud, edge, inspection, points)
     return Chapter(

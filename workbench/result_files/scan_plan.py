@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -72,3 +73,8 @@ class ScanPlanFile(ResultFile):
     binds: list[str] = Field(description="what keeps U from what is wanted, and where")
     would_help: list[str]
     not_checked: list[str]
+
+
+def plan_id(content: bytes) -> str:
+    """By which a recording names the `scan-plan.json` that it followed: the beginning of the file's SHA-256."""
+    return hashlib.sha256(content).hexdigest()[:16]

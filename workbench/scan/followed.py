@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from workbench.artefacts import Check, Cloud
 from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion, vector_from_rotation
 from workbench.result_files import ScanPlanFile
-from workbench.result_files.scan_plan import ScanPassRow
+from workbench.result_files.scan_plan import ScanPassRow, plan_id
 from workbench.units import DEG, Float
 
 AWAY_MM, AWAY_DEG = 2.0, 2.0  # off the planned pose: what taught points and a pose log leave open is less
@@ -20,11 +19,6 @@ WIDE_MM = 3.0  # of the edge without a frame
 PITCH_SHARE = 0.1
 OTHER_MM = 50.0  # from the poses of every planned pass: another pass
 REASON = "told, not refused: u is that of what was recorded"
-
-
-def plan_id(content: bytes) -> str:
-    """By which a recording names the `scan-plan.json` that it followed: the beginning of the file's SHA-256."""
-    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def followed(cloud: Cloud, file: Path) -> tuple[Check, bool]:

@@ -83,7 +83,8 @@ def fuse(
     )
     if scan_plan is None:
         return cloud
-    from workbench.scan.followed import followed, plan_id  # pydantic: loaded when there is a plan
+    from workbench.result_files.scan_plan import plan_id  # pydantic: loaded when there is a plan
+    from workbench.scan.followed import followed
 
     told, some = followed(cloud, scan_plan)
     if some:

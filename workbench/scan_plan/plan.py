@@ -37,9 +37,9 @@ from workbench.edge.rim import EdgeCondition
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
+from workbench.result_files.scan_plan import plan_id
 from workbench.robot import Cell
 from workbench.scan import read_hand_eye
-from workbench.scan.followed import plan_id
 from workbench.scan_plan.edges import modelled, read_edge, through
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,

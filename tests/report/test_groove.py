@@ -24,6 +24,7 @@ WANTED = {
     "misalignment_mm": 0,
     "misalignment_tolerance_mm": [-0.2, 0.2],
 }
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,14 @@ def drawings(text):
         ElementTree.fromstring(base64.b64decode(data))
         for data in re.findall(r"data:image/svg\+xml;base64,([A-Za-z0-9+/=]+)", text)
     ]
+
+
+def place(text):
+    return [float(one) for one in re.findall(r"[-\d.]+", text.get("transform"))[:2]]
+
+
+def font(text):
+    return float(text.get("font-size"))
 
 
 def test_the_first_page_states_what_was_decided(chapter, judged, elements):
@@ -78,9 +87,22 @@ def test_the_section_is_drawn_with_its_dimensions(chapter, judged):
         assert value == pytest.approx(shown.values[name], abs=6e-3)
     assert "c₂" not in words  # not seen, so not drawn
     sizes = [one.term.lower() for one in judged.characteristics if any(one.pairs)]
-    shown = [" ".join(one.itertext()) for one in charts]
-    assert all("arc length along the groove, mm" in one for one in shown)
-    assert all(any(term in one for one in shown) for term in sizes)
+    assert all("arc length along the groove, mm" in " ".join(one.itertext()) for one in charts)
+    assert all(any(term in " ".join(one.itertext()) for one in charts) for term in sizes)
+
+
+def test_labels_stand_on_the_sheet_and_off_the_arrows(found, judged):
+    """A size that varies by micrometres has long names of ticks, which pushed its label off the sheet."""
+    section, *charts = drawings(report_groove(*found, inspect_groove(found[1])).html)
+    at = {"".join(one.itertext()): one for one in section.iter(f"{SVG}text")}
+    arrow = next(place(one)[1] for text, one in at.items() if text.startswith("Width"))  # its text stands beside it
+    above = [one for text, one in at.items() if text.startswith(("α", "Linear misalignment"))]
+    assert len(above) == 2
+    assert all(0.5 * font(one) < place(one)[1] < arrow - 1.3 * font(one) for one in above)
+    terms = [one.term.lower() for one in judged.characteristics if any(one.pairs)]
+    for term, chart in zip(terms, charts, strict=True):
+        label = next(one for one in chart.iter(f"{SVG}text") if term in "".join(one.itertext()))
+        assert place(label)[0] > 0.76 * font(label)
 
 
 def test_without_a_specification_nothing_is_stated(found, elements):

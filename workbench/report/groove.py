@@ -173,16 +173,8 @@ def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], si
             angle = section.values[f"bevel_{side}_deg"] or 0.0
             _angle(axes, corner[f"{side}_root"], corner[f"{side}_upper"], angle, words(f"bevel_{side}_deg"), sign)
     middle = 0.5 * sum(float(place[0]) for name, place in corner.items() if name.endswith("_upper"))
-    for row, name in enumerate(("included_deg", "root_radius_mm", "misalignment_mm")):
-        if shown(name):
-            axes.annotate(
-                words(name),
-                (middle, high + 0.36 * size),
-                (0, -11 * row + 8),
-                ha="center",
-                va="center",
-                fontsize=TEXT_SIZE,
-            )
+    rows = [words(name) for name in ("included_deg", "root_radius_mm", "misalignment_mm") if shown(name)]
+    _above(axes, rows, (middle, high + 0.2 * size), "center")
 
 
 def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: float) -> None:
@@ -228,9 +220,13 @@ def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Floa
     rows = [name for name in ("land_mm", "root_radius_mm") if shown(name)]
     if "root_radius_mm" in section.values and shown("bevel_deg"):
         rows.append("bevel_deg")
-    for row, name in enumerate(rows):
-        place = (float(corner["upper"][0]), high + 0.34 * size)
-        axes.annotate(words(name), place, (-6, -12 * row), ha="right", va="center", fontsize=TEXT_SIZE)
+    _above(axes, [words(name) for name in rows], (float(corner["upper"][0]), high + 0.2 * size), "right")
+
+
+def _above(axes: Axes, rows: list[str], place: tuple[float, float], ha: str) -> None:
+    """Texts above a place, which may be on the width's arrow."""
+    for row, text in enumerate(reversed(rows)):
+        axes.annotate(text, place, (0, 12 + 11 * row), ha=ha, va="center", fontsize=TEXT_SIZE)
 
 
 def _across(axes: Axes, a: Float, b: Float, at: float, text: str) -> None:

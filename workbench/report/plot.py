@@ -128,6 +128,11 @@ class Figure:
             f'<pattern id="h" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
             f'<path d="M0 0V6" stroke="{PALE}" stroke-width="1.6"/></pattern>'
         )
+        for begin in {one.rect[0] for one in self.axes}:  # room for what the ticks' names push off the sheet
+            column = [one for one in self.axes if one.rect[0] == begin]
+            lack = max(0.0, *(one.beyond_the_sheet() for one in column)) / self.width
+            for one in column:
+                one.rect = (begin + lack, one.rect[1], one.rect[2] - lack, one.rect[3])
         clips, parts = [hatch], []
         for k, one in enumerate(self.axes):
             if one.visible:
@@ -589,12 +594,10 @@ class Axes:
                     text, x, bottom + self.tick_length + self.tick_pad, self.tick_size, "center", "top"
                 )
         at, texts = self._ticks("y")
-        widest = 0.0
         for value, text in zip(at, texts, strict=True):
             y = self._y(value)
             marks += f"M{pt(left)} {pt(y)}h{pt(-self.tick_length)}"
             if self.labelled["y"]:
-                widest = max(widest, text_width(text, self.tick_size))
                 names += text_element(
                     text, left - self.tick_length - self.tick_pad, y, self.tick_size, "right", "center"
                 )
@@ -602,10 +605,24 @@ class Axes:
         if self.labels["x"] and self.labelled["x"]:
             names += text_element(self.labels["x"], left + width / 2, bottom + below, SIZE, "center", "top")
         if self.labels["y"]:
-            off = self.tick_length + self.tick_pad + widest + 4.0
-            x = left - off if self.y_label_at is None else left + self.y_label_at * width
-            names += text_element(self.labels["y"], x, top + height / 2, SIZE, "center", "bottom", UPRIGHT)
+            names += text_element(
+                self.labels["y"], self._y_label_x(), top + height / 2, SIZE, "center", "bottom", UPRIGHT
+            )
         return f'<path d="{border}{marks}" fill="none" stroke="{GREY}" stroke-width="0.7"/>{names}'
+
+    def _y_label_x(self) -> float:
+        """The baseline of the last row of the label left of the axes."""
+        left, _, width, _ = self.box
+        if self.y_label_at is not None:
+            return left + self.y_label_at * width
+        texts = self._ticks("y")[1] if self.labelled["y"] else []
+        widest = max((text_width(text, self.tick_size) for text in texts), default=0.0)
+        return left - self.tick_length - self.tick_pad - widest - 4.0
+
+    def beyond_the_sheet(self) -> float:
+        """How far the label left of the axes lies beyond the sheet, pt; below 0: within."""
+        rows = self.labels["y"].count("\n") + 1
+        return 1.2 * rows * SIZE - self._y_label_x() if self.labels["y"] else 0.0
 
     def _drawn_legend(self) -> str:
         left, top, width, _ = self.box

@@ -75,22 +75,23 @@ def test_solids_are_what_points_in_them_are(shape) -> None:
         flat = np.hypot(p[:, 0], p[:, 1])
         inside = np.hypot(flat, over) < size[0] if kind == "capsule" else (flat < size[0]) & (over == 0)
     got = p[inside] / 1e3
-    volume, centre, inertia = _solid(Shape("a", 1, kind, size, np.eye(4)))
-    square = got.T @ got / len(got)
-    assert volume == pytest.approx(inside.mean() * 400.0**3, rel=0.02)
+    made = _solid(Shape("a", 1, kind, size, np.eye(4)))
+    square, inertia = got.T @ got / len(got), made.inertia / made.mass
+    assert made.mass == pytest.approx(inside.mean() * 0.4**3, rel=0.02)
     assert np.allclose(inertia, np.trace(square) * np.eye(3) - square, atol=0.02 * inertia.max())
-    assert np.allclose(centre, 0)
+    assert np.allclose(made.lever, 0)
 
 
-def test_a_mesh_is_its_box() -> None:
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_mesh_is_its_box(sense: int) -> None:
     corners = np.array([[x, y, z] for x in (0, 300.0) for y in (0, 200.0) for z in (0, 100.0)])
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
-    mesh = _solid(Shape("a", 1, "mesh", (), np.eye(4), corners, triangles))
+    mesh = _solid(Shape("a", 1, "mesh", (), np.eye(4), corners, triangles[:, ::sense]))
     box = _solid(Shape("a", 1, "box", (300.0, 200.0, 100.0), np.eye(4)))
-    assert mesh[0] == pytest.approx(box[0])
-    assert np.allclose(mesh[1], [150, 100, 50])
-    assert np.allclose(mesh[2], box[2])
+    assert mesh.mass == pytest.approx(box.mass)
+    assert np.allclose(mesh.lever, [0.150, 0.100, 0.050])
+    assert np.allclose(mesh.inertia, box.inertia)
 
 
 def test_static_compliance_is_the_stiffness(cell, stiffness) -> None:

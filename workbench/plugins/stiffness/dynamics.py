@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -39,88 +40,66 @@ def bodies_of(cell: Cell, masses_kg: Sequence[float] | None) -> Bodies:
         )
     if cell.tool_mass_kg is None:
         return bodies
+    import pinocchio as pin
+
     flange, at = cell.chain.base_from_flange_at_zero, cell.tool_centre_of_gravity_mm
     solids = [_solid(one) for one in cell.shapes if one.link == 6 and one.body == "tool"]
-    middle, inertia = _together(solids) if solids else (flange[:3, 3], np.zeros((3, 3)))
+    tool = (
+        _filled(solids, cell.tool_mass_kg)
+        if solids
+        else pin.Inertia(cell.tool_mass_kg, flange[:3, 3] / MM, np.zeros((3, 3)))
+    )
     if at is not None:
-        middle = flange[:3, :3] @ at + flange[:3, 3]
-    mass = np.array([bodies.mass_kg[5], cell.tool_mass_kg])
-    whole, centre, turning = _joined(
-        mass, np.array([bodies.centre_mm[5], middle]), [bodies.inertia_kg_m2[5], cell.tool_mass_kg * inertia]
-    )
+        tool.lever = (flange[:3, :3] @ at + flange[:3, 3]) / MM
+    whole = pin.Inertia(bodies.mass_kg[5], bodies.centre_mm[5] / MM, bodies.inertia_kg_m2[5]) + tool
     return Bodies(
-        np.append(bodies.mass_kg[:5], whole),
-        np.vstack([bodies.centre_mm[:5], centre]),
-        np.concatenate([bodies.inertia_kg_m2[:5], turning[None]]),
+        np.append(bodies.mass_kg[:5], whole.mass),
+        np.vstack([bodies.centre_mm[:5], whole.lever * MM]),
+        np.concatenate([bodies.inertia_kg_m2[:5], whole.inertia[None]]),
     )
-
-
-def _joined(mass: Float, centre_mm: Float, inertia: Sequence[Float]) -> tuple[float, Float, Float]:
-    """Mass, centre (3,) and inertia (3, 3) about it of several bodies as one."""
-    middle = mass @ centre_mm / mass.sum()
-    off = (centre_mm - middle) / MM
-    turned = [one + m * (v @ v * np.eye(3) - np.outer(v, v)) for m, v, one in zip(mass, off, inertia, strict=True)]
-    return float(mass.sum()), middle, np.sum(turned, axis=0)
-
-
-def _together(solids: Sequence[tuple[float, Float, Float]]) -> tuple[Float, Float]:
-    """Centre (3,), mm, and inertia (3, 3) of a unit mass, m^2, spread evenly in solids."""
-    volume = np.array([one[0] for one in solids])
-    share = volume / volume.sum()
-    _, centre, inertia = _joined(
-        share, np.array([one[1] for one in solids]), [s * one[2] for s, one in zip(share, solids, strict=True)]
-    )
-    return centre, inertia
 
 
 def _even(cell: Cell, masses_kg: Sequence[float]) -> Bodies:
     """Masses spread evenly in the shapes of each link."""
     found = []
-    for link in range(1, 7):
-        parts = [
-            _solid(one) for one in cell.shapes if one.link == link and one.body not in ("tool", "cutter", "workpiece")
-        ]
-        if not parts:
+    for link, mass in enumerate(masses_kg, 1):
+        others = ("tool", "cutter", "workpiece")
+        solids = [_solid(one) for one in cell.shapes if one.link == link and one.body not in others]
+        if not solids:
             where = f"expected a collision shape of link {link} to spread its mass in, found none"
             raise InputError(cell.source, where)
-        found.append(_together(parts))
-    mass = np.array(masses_kg, float)
+        found.append(_filled(solids, mass))
     return Bodies(
-        mass, np.array([one[0] for one in found]), np.array([m * one[1] for m, one in zip(mass, found, strict=True)])
+        np.array(masses_kg, float),
+        np.array([one.lever * MM for one in found]),
+        np.array([one.inertia for one in found]),
     )
 
 
-def _solid(shape: Shape) -> tuple[float, Float, Float]:
-    """Volume, mm^3, centre in the base, mm, and inertia of a unit mass, m^2, of a shape; a mesh must be closed."""
-    turn = shape.pose[:3, :3]
+def _filled(solids: Sequence[Any], mass_kg: float) -> Any:
+    """A mass spread evenly in solids."""
+    import pinocchio as pin
+
+    whole = sum(solids[1:], solids[0])
+    return pin.Inertia(mass_kg, whole.lever, whole.inertia * mass_kg / whole.mass)
+
+
+def _solid(shape: Shape) -> Any:
+    """Inertia (pinocchio's) of a shape of 1 kg a cubic metre, base axes, m; a mesh must be closed."""
+    import coal
+    import pinocchio as pin
+
     if shape.vertices_mm is None:
-        volume, diagonal = _primitive(shape.kind, np.array(shape.size_mm))
-        return volume, shape.pose[:3, 3], turn @ np.diag(diagonal) @ turn.T / MM**2
-    corners = shape.vertices_mm[shape.triangles]
-    six = np.linalg.det(corners)  # of the tetrahedra from the origin
-    middle = (six[:, None] * corners.sum(axis=1)).sum(axis=0) / (4 * six.sum())
-    off = corners - middle
-    six, sums = np.linalg.det(off), off.sum(axis=1)
-    square = np.einsum("t,ti,tj->ij", six, sums, sums) + np.einsum("t,tai,taj->ij", six, off, off)
-    square = square / (20 * six.sum()) / MM**2
-    inertia = np.trace(square) * np.eye(3) - square
-    return abs(float(six.sum())) / 6, turn @ middle + shape.pose[:3, 3], turn @ inertia @ turn.T
-
-
-def _primitive(kind: str, size: Float) -> tuple[float, Float]:
-    """Volume and principal inertias of a unit mass, mm^2, of a box, sphere, cylinder or capsule along z."""
-    if kind == "box":
-        return float(size.prod()), (size @ size - size**2) / 12
-    radius = float(size[0])
-    if kind == "sphere":
-        return 4 / 3 * np.pi * radius**3, np.full(3, 0.4 * radius**2)
-    length = float(size[1])
-    rod = np.array([(3 * radius**2 + length**2) / 12] * 2 + [radius**2 / 2])
-    if kind == "cylinder":
-        return np.pi * radius**2 * length, rod
-    across = 0.4 * radius**2 + length**2 / 4 + 3 / 8 * radius * length  # of the caps: a ball drawn apart
-    parts = np.array([np.pi * radius**2 * length, 4 / 3 * np.pi * radius**3])
-    return float(parts.sum()), parts @ [rod, [across, across, 0.4 * radius**2]] / parts.sum()
+        made = getattr(coal, shape.kind.capitalize())(*(np.array(shape.size_mm) / MM))
+    else:
+        made = coal.BVHModelOBBRSS()
+        made.beginModel(len(shape.triangles), len(shape.vertices_mm))
+        made.addVertices(shape.vertices_mm / MM)
+        made.addTriangles(shape.triangles)
+        made.endModel()
+    volume = made.computeVolume()  # below 0 where triangles are seen from within
+    own = pin.Inertia(abs(volume), made.computeCOM(), np.sign(volume) * made.computeMomentofInertiaRelatedToCOM())
+    return pin.SE3(shape.pose[:3, :3], shape.pose[:3, 3] / MM).act(own)
 
 
 def mass_matrices(chain: Chain, bodies: Bodies, joints: Shaped[Float, "k 6"]) -> Shaped[Float, "6 k 6 6"]:

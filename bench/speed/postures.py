@@ -100,7 +100,7 @@ def measure() -> dict[str, Any]:
     joints = _postures(cell, points)
     return {
         "points": len(loaded.layer),
-        "branches": len(BRANCHES),
+        "branches": BRANCHES,
         "traversal_s": timed(lambda: traversal(arm, cell, K, loaded, GRID, GRID)),
         "open_s": timed(lambda: optimum(cell, arm, points, sampled), 3),
         "open_cells": optimum(cell, arm, points, sampled),

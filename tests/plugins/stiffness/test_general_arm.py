@@ -19,16 +19,14 @@ from workbench.geometry.poses import (
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.arm import (
+    BRANCHES,
     MOST_POSES,
     Arm,
     GeneralArm,
     LoadedPath,
     arm_of,
     fast_arm,
-    joint_angles,
-    traverse,
 )
-from workbench.plugins.stiffness.traversal import BRANCHES
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell
 
@@ -58,17 +56,17 @@ def test_the_numbers_are_the_kernels(cell: Cell, sense: tuple[int, ...]) -> None
     cutter[::3] = cutter[1]  # some turn with the rotation only
     angles, flange = np.radians([0, 60, -90]), cutter[:, 0] @ inverse(cell.flange_from_cutter)
     given = (K, LoadedPath(cell.flange_from_cutter, cutter, load, acts), angles)
-    found, told = ([traverse(one, *given, shoulder=s, elbow=e) for s, e in BRANCHES] for one in (arm, general))
+    found, told = ([one.traverse(*given, branch) for branch in range(BRANCHES)] for one in (arm, general))
     alike = []
-    for (shoulder, elbow), (fast, said) in zip(BRANCHES, found, strict=True):
+    for branch, (fast, said) in enumerate(found):
         assert set(np.unique(said)) == {0, 2, 3}
         same = [(np.sort(said, axis=0) == np.sort(other, axis=0)).all() for _, other in told]
         alike.append(same.index(True))
         assert np.allclose(fast[said < 3], told[alike[-1]][0][said < 3], rtol=1e-8)
-        for flip in (0, 1):
-            wanted = inverse_kinematics(chain, flange)[:, 4 * shoulder + 2 * elbow + flip]
+        for row in (2 * branch, 2 * branch + 1):
+            wanted = inverse_kinematics(chain, flange)[:, row]
             there = np.isfinite(wanted[:, 0])
-            ours = joint_angles(arm, flange[there], shoulder=shoulder, elbow=elbow, flip=flip)
+            ours = arm.joint_angles(flange[there], row)
             assert np.abs((ours - wanted[there] + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9
     assert sorted(alike) == [0, 1, 2, 3]  # whatever the sides of the arm are called
 
@@ -79,8 +77,10 @@ def test_a_path_costs_what_its_points_cost_on_average(cell: Cell) -> None:
     cutter = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
     path = (cutter, cutter[..., :3, 3], rng.normal(0, 50, (2, 3, 3)))
     angles = np.radians([0, 60, -90])
-    whole, said = traverse(arm, K, LoadedPath(cell.flange_from_cutter, *path), angles)
-    each = [traverse(arm, K, LoadedPath(cell.flange_from_cutter, *(v[:, [k]] for v in path)), angles) for k in range(3)]
+    whole, said = arm.traverse(K, LoadedPath(cell.flange_from_cutter, *path), angles, 0)
+    each = [
+        arm.traverse(K, LoadedPath(cell.flange_from_cutter, *(v[:, [k]] for v in path)), angles, 0) for k in range(3)
+    ]
     assert np.allclose(whole, np.mean([one for one, _ in each], axis=0), rtol=1e-12)
     assert (said == np.max([worst for _, worst in each], axis=0)).all()
     assert (said == 0).any()

@@ -25,7 +25,7 @@ from workbench.plugins.stiffness.law import (
     stepped,
 )
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
-from workbench.plugins.stiffness.traversal import Configuration, Examiner, search, traversal
+from workbench.plugins.stiffness.traversal import Examiner, search, traversal
 from workbench.robot import Cell, CollisionModel, Margins
 from workbench.units import Float
 
@@ -140,10 +140,7 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
     assert found is not None
     turns, tables = np.meshgrid(grid.rotations, grid.tables)
     each = np.array(
-        [
-            nodes(examiner, K, Configuration(0, flip), np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))[0]
-            for flip in (0, 1)
-        ]
+        [nodes(examiner, K, flip, np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))[0] for flip in (0, 1)]
     ).min(axis=0)
     value = each[0]
     for cost in each[1:]:

@@ -42,15 +42,11 @@ from workbench.plugins.stiffness.arm_kernels import (
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import turn_about_z
 
-# The posture optimiser's calls for any arm that has an inverse: slower, by joint angles instead of algebra.
-#
-# Configurations are told apart by the three sides of the arm (`workbench.api.arm_sides`). A spherical wrist has one
-# solution each; so has a UR. Where an arm has two with the same sides (CRX, at a quarter of its poses) the one that
-# is farther from singular counts.
-
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
 NO_SPRINGS = np.ones(6)  # of which joint angles take no notice
-FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # indices of `arm.CAUSES`
+FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # what is said of a posture, the worse the higher
+BRANCHES = 4  # shoulder and elbow; a flip of the wrist changes no displacement
+SQUARE = 1e-9  # cosine that still counts as a right angle
 COMFORT_ROWS = 16  # of a path that are looked at for awkwardness
 STRETCHED = 1e-6  # smallest singular value of the Jacobian, lengths in m, below which a posture is singular
 
@@ -62,128 +58,6 @@ class LoadedPath(NamedTuple):
     base_from_cutter: Shaped[Float, "a p 4 4"]  # at rotation 0
     load_mm: Shaped[Float, "a p 3"]  # where the force acts, in the base
     force_n: Shaped[Float, "a p 3"]  # base axes
-
-
-@dataclass(eq=False)
-class GeneralArm:
-    """A robot by its chain; the solutions that were asked for last are kept."""
-
-    chain: Chain
-    _last: tuple[bytes, Float] = field(default=(b"", np.empty(0)), repr=False)
-
-    def solutions(self, base_from_flange: Float) -> Float:
-        """Joint angles (n, 8, 6) at poses (n, 4, 4), by 4 * behind + 2 * elbow down + flipped; NaN: none.
-
-        Raises:
-            InputError: too many poses for a search at each.
-        """
-        poses = np.ascontiguousarray(base_from_flange)
-        if len(poses) > MOST_POSES:
-            raise InputError(
-                f"robot '{self.chain.name}'",
-                f"{len(poses)} postures to look at, and each takes a search: expected at most {MOST_POSES} (a larger "
-                "step_deg, fewer sampled_points)",
-            )
-        if self._last[0] != (key := poses.tobytes()):
-            self._last = key, self._solved(poses)
-        return self._last[1]
-
-    def _solved(self, poses: Float) -> Float:
-        found = inverse_kinematics(self.chain, poses)
-        which, row = np.nonzero(np.isfinite(found[..., 0]))
-        q = found[which, row]
-        label = arm_sides(self.chain, q) @ np.array([4, 2, 1])
-        clear = self._smallest(q)
-        order = np.argsort(clear, kind="stable")  # the clearest of a label is written last
-        made = np.full((len(poses), 8, 6), np.nan)
-        made[which[order], label[order]] = q[order]
-        return made
-
-    def _smallest(self, q: Float) -> Float:
-        """Smallest singular value (k,) of the Jacobian at angles (k, 6), lengths in m."""
-        slope = jacobian_at(*joint_axes(self.chain, q), forward_kinematics(self.chain, q)[:, :3, 3])
-        slope[:, :3] /= 1e3
-        return np.asarray(np.linalg.svd(slope, compute_uv=False)[:, -1]) if len(q) else np.empty(0)
-
-    def joint_angles(self, base_from_flange: Float, branch: int) -> Float:
-        """As `arm.joint_angles`; NaN becomes 0."""
-        return np.nan_to_num(self.solutions(base_from_flange)[:, branch])
-
-    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
-        """As `arm.traverse`."""
-        tables, points = path.base_from_cutter.shape[:2]
-        flange = path.base_from_cutter[:, :, None] @ turn_about_z(angles) @ inverse(path.flange_from_cutter)
-        tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (path.load_mm, path.force_n))
-        means, worst = [], []
-        for q in np.moveaxis(self.solutions(flange.reshape(-1, 4, 4))[:, first : first + 2], 1, 0):
-            there = np.isfinite(q[:, 0])
-            moved, said = np.full(len(q), np.inf), np.full(len(q), UNREACHABLE)
-            inside = np.isfinite(within_limits(self.chain, q[there])).all(axis=1)
-            singular = self._smallest(q[there]) < STRETCHED
-            said[there] = np.where(singular, SINGULAR, np.where(inside, FREE, LIMIT))
-            moved[there] = np.linalg.norm(pushed(self.chain, stiffness, q[there], tip[there], force[there]), axis=1)
-            means.append(moved.reshape(tables, points, -1).mean(axis=1))
-            worst.append(said.reshape(tables, points, -1).max(axis=1))
-        return np.stack(means), np.stack(worst).astype(np.uint8)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Unsprung:
-    """A robot whose stiffness nobody knows: its awkwardness stands where others have a displacement.
-
-    Of all rows of a path COMFORT_ROWS are looked at, and of the grid what `arm` can reach.
-    """
-
-    arm: Arm | GeneralArm
-    cell: Cell  # with its margins
-
-    def joint_angles(self, base_from_flange: Float, branch: int) -> Float:
-        """Those of the arm."""
-        shoulder, elbow = BRANCHES[branch // 2]
-        return joint_angles(self.arm, base_from_flange, shoulder=shoulder, elbow=elbow, flip=branch % 2)
-
-    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, first: int) -> tuple[Float, AnyArray]:
-        """As `arm.traverse`, the mean over the loaded rows."""
-        shoulder, elbow = BRANCHES[first // 2]
-        _, said = traverse(self.arm, NO_SPRINGS, path, angles, shoulder=shoulder, elbow=elbow)
-        loaded = np.flatnonzero(np.linalg.norm(path.force_n[0], axis=-1) > 0)
-        weight = len(loaded) / path.base_from_cutter.shape[1]
-        rows = loaded[np.unique(np.linspace(0, len(loaded) - 1, min(COMFORT_ROWS, len(loaded))).astype(int))]
-        rows = rows if len(rows) else np.zeros(1, int)  # nothing pushes: the joints' limits hold all the same
-        mean, tool = np.full(said.shape, np.inf), turn_about_z(angles) @ inverse(path.flange_from_cutter)
-        for flip, table in np.ndindex(said.shape[:2]):
-            free = np.flatnonzero(said[flip, table] == FREE)
-            if not len(free):
-                continue
-            flange = (path.base_from_cutter[table, rows, None] @ tool[free]).reshape(-1, 4, 4)
-            q = within_limits(self.cell.chain, self.joint_angles(flange, first + flip))
-            inside = np.isfinite(q).all(axis=1)
-            cost = np.full(len(q), np.inf)
-            cost[inside] = awkwardness(self.cell, q[inside])
-            found = cost.reshape(len(rows), -1).mean(axis=0)
-            mean[flip, table, free] = np.where(np.isfinite(found), weight * found, np.inf)
-            said[flip, table, free[~np.isfinite(found)]] = LIMIT
-        return mean, said
-
-
-def awkwardness(cell: Cell, joints: Shaped[Float, "n 6"]) -> Float:
-    """How near postures (n, 6) are to singular ones and to limits (n,): 1 at best, infinite there.
-
-    The Jacobian's condition number of Frobenius norms (Angeles 1992), times the mean over the joints of
-    range^2 / (4 (q - low) (high - q)) (Chan and Dubey 1995).
-    """
-    chain = cell.chain
-    tip = (forward_kinematics(chain, joints) @ cell.flange_from_cutter)[:, :3, 3]
-    _, condition, _ = dexterity(chain, joints, tip, np.zeros(6), np.inf)
-    low, high = chain.limits.T
-    with np.errstate(divide="ignore"):
-        room = (high - low) ** 2 / (4 * np.maximum(joints - low, 0.0) * np.maximum(high - joints, 0.0))
-    return np.asarray(condition / 6 * room.mean(axis=1))
-
-
-CAUSES = ("", "singular", "limit", "unreachable")  # what is said of a posture, the worse the higher
-BRANCHES = ((0, 0), (0, 1), (1, 0), (1, 1))  # shoulder, elbow; a flip of the wrist changes no displacement
-SQUARE = 1e-9  # cosine that still counts as a right angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,21 +72,61 @@ class Arm:
     lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
 
+    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+        """Mean displacement over a path, at every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
-AnyArm = Arm | GeneralArm | Unsprung
+        Args:
+            stiffness: (6,) Nm/rad.
+            path: for a turntable angles and p points.
+            angles: (t,) rotations of the cutter about its axis, rad.
+            branch: 2 * shoulder + elbow as `inverse_kinematics` counts them, kept all along the path.
+
+        Returns:
+            Mean displacement (2, a, t), mm, of both flips of the wrist, each kept all along the path, and the worst
+            that is said of one of the path's postures (2, a, t): FREE ... UNREACHABLE.
+        """
+        turn, shift = self.arm_from_base[:3, :3], self.arm_from_base[:3, 3]
+        cutter_from_flange = inverse(path.flange_from_cutter)
+        there = ArmPath(
+            turn @ path.base_from_cutter[..., :3, :3],
+            path.base_from_cutter[..., :3, 3] @ turn.T + shift,
+            path.load_mm @ turn.T + shift,
+            path.force_n @ turn.T,
+            _vector(cutter_from_flange[:3, :3] @ self.wrist_in_flange_mm + cutter_from_flange[:3, 3]),
+            _vector(cutter_from_flange[:3, :3] @ self.axis_in_flange),
+        )
+        mean, *said = traverse_kernel(self._branch(stiffness, branch), there, np.cos(angles), np.sin(angles))
+        return np.stack([mean, mean]), np.stack(said)
+
+    def joint_angles(self, base_from_flange: Float, configuration: int) -> Float:
+        """Joint angles (n, 6) in (-pi, pi] at poses (n, 4, 4): rows 4 * shoulder + 2 * elbow + flip of the inverse.
+
+        Meaningless, but finite, where the posture is unreachable or singular: forward kinematics tells.
+        """
+        turn, shift = self.arm_from_base[:3, :3], self.arm_from_base[:3, 3]
+        rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
+        w, a, b = (
+            np.ascontiguousarray(part.T)
+            for part in (
+                (rotation @ self.wrist_in_flange_mm + at) @ turn.T + shift,
+                rotation @ self.axis_in_flange @ turn.T,
+                rotation @ self.across_in_flange @ turn.T,
+            )
+        )
+        found, (branch, flip) = np.empty((len(at), 6)), divmod(configuration, 2)
+        joints_kernel(self._branch(NO_SPRINGS, branch), self.bend, 1.0 - 2.0 * flip, w, a, b, found)
+        return found
+
+    def _branch(self, stiffness: Float, branch: int) -> Branch:
+        """A branch as the kernels take it; the elbow's side turns with the sense of axis 3."""
+        springs = tuple(1e3 * float(k) for k in stiffness)  # N mm/rad
+        shoulder, elbow = divmod(branch, 2)
+        return Branch(self.lengths, self.limits, springs, 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * self.lengths[9])
 
 
-def arm_of(chain: Chain) -> Arm | GeneralArm:
-    """The arm of a robot: for the kernels here where they hold for it, else by its inverse kinematics.
-
-    Raises:
-        InputError: the robot has no inverse.
-    """
-    try:
-        return fast_arm(chain)
-    except InputError:
-        inverse_kinematics(chain, chain.base_from_flange_at_zero)
-        return GeneralArm(chain)
+def _vector(values: Float) -> Vector:
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def fast_arm(chain: Chain) -> Arm:
@@ -265,91 +179,148 @@ def _window(low: float, high: float) -> tuple[float, float, float]:
     return float(np.cos(middle)), float(np.sin(middle)), float(np.cos(half)) - 1e-12 if half < np.pi else -2.0
 
 
-def traverse(
-    arm: AnyArm,
-    stiffness: Shaped[Float, " 6"],
-    path: LoadedPath,
-    angles: Shaped[Float, " t"],
-    *,
-    shoulder: int = 0,
-    elbow: int = 0,
-) -> tuple[Float, AnyArray]:
-    """Mean displacement over a path, for every cutter rotation and turntable angle: eq. (25)'s function on its grid.
+# Any arm that has an inverse: slower, by joint angles instead of algebra. Configurations are told apart by the three
+# sides of the arm (`workbench.api.arm_sides`). A spherical wrist has one solution each; so has a UR. Where an arm has
+# two with the same sides (CRX, at a quarter of its poses) the one that is farther from singular counts.
 
-    Args:
-        arm: the robot.
-        stiffness: (6,) Nm/rad.
-        path: for a turntable angles and p points.
-        angles: (t,) rotations of the cutter about its axis, rad.
-        shoulder: 0: the arm reaches forward, 1: over its back; one branch all along the path.
-        elbow: 0 or 1, the two sides of the triangle, as `inverse_kinematics` counts them.
 
-    Returns:
-        Mean displacement (2, a, t), mm, of both flips of the wrist, each kept all along the path, and the worst that is
-        said of one of the path's postures (2, a, t), see CAUSES.
+@dataclass(eq=False)
+class GeneralArm:
+    """A robot by its chain; the solutions that were asked for last are kept."""
+
+    chain: Chain
+    _last: tuple[bytes, Float] = field(default=(b"", np.empty(0)), repr=False)
+
+    def solutions(self, base_from_flange: Float) -> Float:
+        """Joint angles (n, 8, 6) at poses (n, 4, 4), by 4 * behind + 2 * elbow down + flipped; NaN: none.
+
+        Raises:
+            InputError: too many poses for a search at each.
+        """
+        poses = np.ascontiguousarray(base_from_flange)
+        if len(poses) > MOST_POSES:
+            raise InputError(
+                f"robot '{self.chain.name}'",
+                f"{len(poses)} postures to look at, and each takes a search: expected at most {MOST_POSES} (a larger "
+                "step_deg, fewer sampled_points)",
+            )
+        if self._last[0] != (key := poses.tobytes()):
+            self._last = key, self._solved(poses)
+        return self._last[1]
+
+    def _solved(self, poses: Float) -> Float:
+        found = inverse_kinematics(self.chain, poses)
+        which, row = np.nonzero(np.isfinite(found[..., 0]))
+        q = found[which, row]
+        label = arm_sides(self.chain, q) @ np.array([4, 2, 1])
+        clear = self._smallest(q)
+        order = np.argsort(clear, kind="stable")  # the clearest of a label is written last
+        made = np.full((len(poses), 8, 6), np.nan)
+        made[which[order], label[order]] = q[order]
+        return made
+
+    def _smallest(self, q: Float) -> Float:
+        """Smallest singular value (k,) of the Jacobian at angles (k, 6), lengths in m."""
+        slope = jacobian_at(*joint_axes(self.chain, q), forward_kinematics(self.chain, q)[:, :3, 3])
+        slope[:, :3] /= 1e3
+        return np.asarray(np.linalg.svd(slope, compute_uv=False)[:, -1]) if len(q) else np.empty(0)
+
+    def joint_angles(self, base_from_flange: Float, configuration: int) -> Float:
+        """As an `Arm`'s; NaN becomes 0."""
+        return np.nan_to_num(self.solutions(base_from_flange)[:, configuration])
+
+    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+        """As an `Arm`'s."""
+        tables, points = path.base_from_cutter.shape[:2]
+        flange = path.base_from_cutter[:, :, None] @ turn_about_z(angles) @ inverse(path.flange_from_cutter)
+        tip, force = (np.repeat(part.reshape(-1, 3), len(angles), axis=0) for part in (path.load_mm, path.force_n))
+        means, worst = [], []
+        for q in np.moveaxis(self.solutions(flange.reshape(-1, 4, 4))[:, 2 * branch : 2 * branch + 2], 1, 0):
+            there = np.isfinite(q[:, 0])
+            moved, said = np.full(len(q), np.inf), np.full(len(q), UNREACHABLE)
+            inside = np.isfinite(within_limits(self.chain, q[there])).all(axis=1)
+            singular = self._smallest(q[there]) < STRETCHED
+            said[there] = np.where(singular, SINGULAR, np.where(inside, FREE, LIMIT))
+            moved[there] = np.linalg.norm(pushed(self.chain, stiffness, q[there], tip[there], force[there]), axis=1)
+            means.append(moved.reshape(tables, points, -1).mean(axis=1))
+            worst.append(said.reshape(tables, points, -1).max(axis=1))
+        return np.stack(means), np.stack(worst).astype(np.uint8)
+
+
+def arm_of(chain: Chain) -> Arm | GeneralArm:
+    """The arm of a robot: for the kernels here where they hold for it, else by its inverse kinematics.
+
+    Raises:
+        InputError: the robot has no inverse.
     """
-    if not isinstance(arm, Arm):
-        return arm.traverse(stiffness, path, angles, 4 * shoulder + 2 * elbow)
-    branch, told = _branch(arm, stiffness, shoulder, elbow), _in_arm_frame(arm, path)
-    mean, *said = traverse_kernel(branch, told, np.cos(angles), np.sin(angles))
-    return np.stack([mean, mean]), np.stack(said)
+    try:
+        return fast_arm(chain)
+    except InputError:
+        inverse_kinematics(chain, chain.base_from_flange_at_zero)
+        return GeneralArm(chain)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unsprung:
+    """A robot whose stiffness nobody knows: its awkwardness stands where others have a displacement.
+
+    Of all rows of a path COMFORT_ROWS are looked at, and of the grid what `arm` can reach.
+    """
+
+    arm: Arm | GeneralArm
+    cell: Cell  # with its margins
+
+    def joint_angles(self, base_from_flange: Float, configuration: int) -> Float:
+        """Those of the arm."""
+        return self.arm.joint_angles(base_from_flange, configuration)
+
+    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+        """As an `Arm`'s, the mean over the loaded rows."""
+        _, said = self.arm.traverse(NO_SPRINGS, path, angles, branch)
+        loaded = np.flatnonzero(np.linalg.norm(path.force_n[0], axis=-1) > 0)
+        weight = len(loaded) / path.base_from_cutter.shape[1]
+        rows = loaded[np.unique(np.linspace(0, len(loaded) - 1, min(COMFORT_ROWS, len(loaded))).astype(int))]
+        rows = rows if len(rows) else np.zeros(1, int)  # nothing pushes: the joints' limits hold all the same
+        mean, tool = np.full(said.shape, np.inf), turn_about_z(angles) @ inverse(path.flange_from_cutter)
+        for flip, table in np.ndindex(said.shape[:2]):
+            free = np.flatnonzero(said[flip, table] == FREE)
+            if not len(free):
+                continue
+            flange = (path.base_from_cutter[table, rows, None] @ tool[free]).reshape(-1, 4, 4)
+            q = within_limits(self.cell.chain, self.joint_angles(flange, 2 * branch + flip))
+            inside = np.isfinite(q).all(axis=1)
+            cost = np.full(len(q), np.inf)
+            cost[inside] = awkwardness(self.cell, q[inside])
+            found = cost.reshape(len(rows), -1).mean(axis=0)
+            mean[flip, table, free] = np.where(np.isfinite(found), weight * found, np.inf)
+            said[flip, table, free[~np.isfinite(found)]] = LIMIT
+        return mean, said
+
+
+AnyArm = Arm | GeneralArm | Unsprung
 
 
 def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
-    """The least displacement (a, p), mm, over all rotations and branches; inf: no posture. Arguments as `traverse`."""
+    """The least displacement (a, p), mm, over all rotations and branches; inf: no posture."""
     least = np.full(path.base_from_cutter.shape[:2], np.inf)
     for row, *each in zip(least, *path[1:], strict=True):
         single = LoadedPath(path.flange_from_cutter, *(part[:, None] for part in each))
-        for shoulder, elbow in BRANCHES:
-            mean, said = traverse(arm, stiffness, single, angles, shoulder=shoulder, elbow=elbow)
+        for branch in range(BRANCHES):
+            mean, said = arm.traverse(stiffness, single, angles, branch)
             np.minimum(row, np.where(said == FREE, mean, np.inf).min(axis=(0, 2)), out=row)
     return least
 
 
-def _in_arm_frame(arm: Arm, path: LoadedPath) -> ArmPath:
-    """A path as the kernels take it."""
-    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
-    cutter_from_flange = inverse(path.flange_from_cutter)
-    wrist = cutter_from_flange[:3, :3] @ arm.wrist_in_flange_mm + cutter_from_flange[:3, 3]
-    axis = cutter_from_flange[:3, :3] @ arm.axis_in_flange
-    return ArmPath(
-        turn @ path.base_from_cutter[..., :3, :3],
-        path.base_from_cutter[..., :3, 3] @ turn.T + shift,
-        path.load_mm @ turn.T + shift,
-        path.force_n @ turn.T,
-        _vector(wrist),
-        _vector(axis),
-    )
+def awkwardness(cell: Cell, joints: Shaped[Float, "n 6"]) -> Float:
+    """How near postures (n, 6) are to singular ones and to limits (n,): 1 at best, infinite there.
 
-
-def _vector(values: Float) -> Vector:
-    x, y, z = map(float, values)
-    return x, y, z
-
-
-def joint_angles(arm: AnyArm, base_from_flange: Float, *, shoulder: int = 0, elbow: int = 0, flip: int = 0) -> Float:
-    """Joint angles (n, 6) in (-pi, pi] at poses (n, 4, 4), in one of the branches of `inverse_kinematics`.
-
-    Meaningless, but finite, where the posture is unreachable or singular: forward kinematics tells.
+    The Jacobian's condition number of Frobenius norms (Angeles 1992), times the mean over the joints of
+    range^2 / (4 (q - low) (high - q)) (Chan and Dubey 1995).
     """
-    if not isinstance(arm, Arm):
-        return arm.joint_angles(base_from_flange, 4 * shoulder + 2 * elbow + flip)
-    turn, shift = arm.arm_from_base[:3, :3], arm.arm_from_base[:3, 3]
-    rotation, at = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
-    w, a, b = (
-        np.ascontiguousarray(part.T)
-        for part in (
-            (rotation @ arm.wrist_in_flange_mm + at) @ turn.T + shift,
-            rotation @ arm.axis_in_flange @ turn.T,
-            rotation @ arm.across_in_flange @ turn.T,
-        )
-    )
-    found = np.empty((len(at), 6))
-    joints_kernel(_branch(arm, NO_SPRINGS, shoulder, elbow), arm.bend, 1.0 - 2.0 * flip, w, a, b, found)
-    return found
-
-
-def _branch(arm: Arm, stiffness: Float, shoulder: int, elbow: int) -> Branch:
-    """A branch as the kernels take it; the elbow's side turns with the sense of axis 3."""
-    springs = tuple(1e3 * float(k) for k in stiffness)  # N mm/rad
-    return Branch(arm.lengths, arm.limits, springs, 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * arm.lengths[9])
+    chain = cell.chain
+    tip = (forward_kinematics(chain, joints) @ cell.flange_from_cutter)[:, :3, 3]
+    _, condition, _ = dexterity(chain, joints, tip, np.zeros(6), np.inf)
+    low, high = chain.limits.T
+    with np.errstate(divide="ignore"):
+        room = (high - low) ** 2 / (4 * np.maximum(joints - low, 0.0) * np.maximum(high - joints, 0.0))
+    return np.asarray(condition / 6 * room.mean(axis=1))

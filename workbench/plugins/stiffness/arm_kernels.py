@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.api import AnyArray, kernel
 
-FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # indices of `arm.CAUSES`
+FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # as `arm` counts them
 
 
 Vector: TypeAlias = tuple[float, float, float]

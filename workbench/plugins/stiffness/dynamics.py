@@ -89,7 +89,7 @@ def _solid(shape: Shape) -> Any:
     import coal
     import pinocchio as pin
 
-    if shape.vertices_mm is None:
+    if shape.vertices_mm is None or shape.triangles is None:
         made = getattr(coal, shape.kind.capitalize())(*(np.array(shape.size_mm) / MM))
     else:
         made = coal.BVHModelOBBRSS()

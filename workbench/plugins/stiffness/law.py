@@ -14,14 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.api import AnyArray, Bool, Float, Int, Shaped, forward_kinematics, kernel, within_limits
-from workbench.plugins.stiffness.arm import BRANCHES, traverse
+from workbench.plugins.stiffness.arm import BRANCHES, FREE
 from workbench.plugins.stiffness.traversal import (
     EVERY,
-    FREE,
     MOST_STEP,
     REACHED,
     Choice,
-    Configuration,
     Examiner,
     Share,
     flange_poses,
@@ -108,16 +106,14 @@ class _Costs:
         self, examiner: Examiner, stiffness: Float, branch: int, grid: Grid, closed_off: Callable[[int], Bool] | None
     ) -> None:
         self.examiner, self.stiffness, self.grid, self.closed_off = examiner, stiffness, grid, closed_off
-        self.shoulder, self.elbow = BRANCHES[branch]
+        self.branch = branch
 
     def at(self, i: int, rows: AnyArray) -> Float:
         """Displacement (a, t), mm, at point i; only turntable angles `rows` (a,) are looked at."""
         cell, tables = self.examiner.cell, self.grid.tables
         found = np.full((len(tables), len(self.grid.rotations)), np.inf)
         path = placed(cell, self.examiner.points.only(np.array([i])), tables[rows])
-        moved, said = traverse(
-            self.examiner.arm, self.stiffness, path, self.grid.rotations, shoulder=self.shoulder, elbow=self.elbow
-        )
+        moved, said = self.examiner.arm.traverse(self.stiffness, path, self.grid.rotations, self.branch)
         found[rows] = np.where(said == 0, moved, np.inf).min(axis=0)
         if self.closed_off is not None:
             found[self.closed_off(i)] = np.inf
@@ -154,7 +150,7 @@ class Law:
 
     rotation: Shaped[Float, " n"]  # rad
     table: Shaped[Float, " n"]  # rad
-    configuration: Configuration
+    configuration: int
     joints: Shaped[Float, "n 6"]  # rad
     cost_mm: float  # displacements of all points and what the steps cost, summed
 
@@ -195,21 +191,20 @@ def improved_law(
     coarse look at the grid shows as infeasible. The bound says how far the law may be from the optimum.
     """
     best, bound = start, np.inf
-    for turn, branch in enumerate(sorted(range(len(BRANCHES)), key=lambda b: b != start.configuration.branch)):
-        progress(turn / len(BRANCHES))
-        flips = [flip for flip in (0, 1) if allowed[2 * branch + flip]]
+    for turn, branch in enumerate(sorted(range(BRANCHES), key=lambda b: b != start.configuration // 2)):
+        progress(turn / BRANCHES)
+        flips = [configuration for configuration in (2 * branch, 2 * branch + 1) if allowed[configuration]]
         if not flips:
             continue
         relaxed = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm)
         if relaxed is None:
             continue
         bound = min(bound, relaxed.cost_mm)
-        for flip in flips:
-            best = _better(best, examiner, stiffness, Configuration(branch, flip), relaxed, grid, limits)
-        for flip in flips:
+        for configuration in flips:
+            best = _better(best, examiner, stiffness, configuration, relaxed, grid, limits)
+        for configuration in flips:
             if relaxed.cost_mm >= best.cost_mm * (1 - NEAR):
                 break
-            configuration = Configuration(branch, flip)
             off = closed_off(examiner, stiffness, configuration, grid)
             detour = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm, off)
             if detour is not None:
@@ -221,7 +216,7 @@ def _better(
     best: Law,
     examiner: Examiner,
     stiffness: Float,
-    configuration: Configuration,
+    configuration: int,
     relaxed: Relaxed,
     grid: Grid,
     limits: Limits,
@@ -259,7 +254,7 @@ COARSE, POINTS = 4, 8  # of how many nodes each way, and points, one is looked a
 def nodes(
     examiner: Examiner,
     stiffness: Float,
-    configuration: Configuration,
+    configuration: int,
     rotation: Float,
     table: Float,
     which: Int | None = None,
@@ -272,7 +267,7 @@ def nodes(
     which = np.arange(shape[0]) if which is None else which
     at, alpha = np.repeat(which, rotation[0].size), table.reshape(-1)
     flange = flange_poses(cell, points, at, rotation.reshape(-1), alpha)
-    joints = configuration.joints(examiner.arm, flange)
+    joints = examiner.arm.joint_angles(flange, configuration)
     kept = within_limits(cell.chain, joints)
     free: Bool = np.asarray(np.isfinite(kept).all(axis=1))
     off = forward_kinematics(cell.chain, joints[free]) - flange[free]
@@ -288,7 +283,7 @@ def nodes(
 
 
 def window(
-    examiner: Examiner, stiffness: Float, configuration: Configuration, way: Int, grid: Grid
+    examiner: Examiner, stiffness: Float, configuration: int, way: Int, grid: Grid
 ) -> tuple[tuple[AnyArray, AnyArray], Nodes]:
     """Indices (n, a, t) of turntable and cutter angle around a way, and the nodes there, seven joints each."""
     half = np.where(grid.bands > 0, HALF, 0)
@@ -305,7 +300,7 @@ def window(
     return (table, rotation), Nodes(cost, joints, free & inside)
 
 
-def closed_off(examiner: Examiner, stiffness: Float, configuration: Configuration, grid: Grid) -> Callable[[int], Bool]:
+def closed_off(examiner: Examiner, stiffness: Float, configuration: int, grid: Grid) -> Callable[[int], Bool]:
     """Nodes (a, t) that are infeasible by limits or collision, as judged at one of COARSE^2 nodes, every few points."""
     shape, n = (len(grid.tables), len(grid.rotations)), len(examiner.points.layer)
     at = [np.minimum(np.arange(COARSE // 2, count + COARSE // 2, COARSE), count - 1) for count in shape]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,26 +74,23 @@ def cuts_of(toolpath: Toolpath, force: MillingForce, layer: Int, base_from_point
     """
     if force.process is None:
         raise InputError("milling force", "expected its coefficients and depths, as stiffness.force makes it")
-    own = {one.index: one for one in force.layers}
-    at: list[AnyArray] = []
-    columns: dict[str, list[Float]] = {"mean_n": [], "radial_mm": [], "axial_mm": []}
-    chip: list[Float] = []
-    for one in toolpath.layers:
-        here = np.flatnonzero(layer == one.index)
-        if one.index not in own or len(own[one.index].radial_mm) != len(here):
-            raise InputError("milling force", "expected that of this path, point by point")
-        cut = np.flatnonzero((own[one.index].radial_mm > 0) & (own[one.index].axial_mm > 0))
-        at.append(here[cut])
-        chip.append(one.feed_mm_s[cut] * 60 / (force.spindle_rpm * toolpath.cutter.flutes))
-        for name, rows in columns.items():
-            rows.append(getattr(own[one.index], name)[cut])
-    points = np.concatenate(at)
-    if not len(points):
+    radial, axial, mean = (force.at_points(layer, name) for name in ("radial_mm", "axial_mm", "mean_n"))
+    at = np.flatnonzero((radial > 0) & (axial > 0))
+    if not len(at):
         raise InputError("milling force", "expected points where the cutter is loaded, found none")
-    frames, (mean, radial, axial) = base_from_point[points], (np.concatenate(rows) for rows in columns.values())
-    push = (frames[:, :3, :3] @ mean[..., None])[..., 0]
-    chips, rpm = np.concatenate(chip), force.spindle_rpm
-    return Cuts(toolpath.cutter, force.process, rpm, points, frames, push, radial, axial, chips)
+    feed = np.zeros(len(layer))
+    feed[layer != 0] = np.concatenate([one.feed_mm_s for one in toolpath.layers])
+    return Cuts(
+        cutter=toolpath.cutter,
+        process=force.process,
+        rpm=force.spindle_rpm,
+        at=at,
+        base_from_tool=base_from_point[at],
+        force_n=(base_from_point[at, :3, :3] @ mean[at, :, None])[..., 0],
+        radial_mm=radial[at],
+        axial_mm=axial[at],
+        chip_mm=feed[at] * 60 / (force.spindle_rpm * toolpath.cutter.flutes),
+    )
 
 
 def screen_limits(dynamics: Dynamics, cuts: Cuts, way: int, *, regeneration: bool = True) -> Float:
@@ -112,6 +110,22 @@ def judged_limits(dynamics: Dynamics, cuts: Cuts, way: int, largest_mm: float) -
         start = np.minimum(screened(some, cut, LARGEST_MM) / 4, largest_mm / 30)
         found[here] = limits(some, cut, largest_mm, start)
     return found
+
+
+def is_stable(
+    dynamics: Dynamics, cuts: Cuts, way: int, depth_mm: Float, beside: Sequence[float] = (1.0,), sure: float = 0.0
+) -> bool:
+    """Whether the judge finds no limit up to depths (m,), at the speed and at shares `beside` of it.
+
+    Below `sure` times a depth the screen's word is taken.
+    """
+    share = screen_limits(dynamics, cuts, way) / depth_mm
+    return bool(share.min() >= sure) and not any(
+        np.isfinite(judged_limits(dynamics.at(i), replace(one, rpm=cuts.rpm * by), way, float(depth_mm[i]))[0])
+        for i in np.argsort(share).tolist()  # what fails, fails at once
+        for one in [cuts.only(np.array([i]))]
+        for by in beside
+    )
 
 
 def u_of_modes(chain: Chain, modes: RobotModes, cuts: Cuts, joints: Float, way: int = 0) -> Float:
@@ -165,16 +179,9 @@ class Steadiness:
     def holds(self, joints: Float, motion: Float) -> bool:
         """Whether the judge finds the margin less U everywhere: postures (n, 6) at all points, motions (n, 4, 4)."""
         some = self.cuts.spread(self.stations)
-        way, q = motion[some.at], joints[some.at]
-        push = (way[:, :3, :3] @ some.force_n[..., None])[..., 0]
-        there = replace(some, base_from_tool=way @ some.base_from_tool, force_n=push)
-        dynamics = there.dynamics(self.cell.chain, self.modes, q)
+        there, q = some.turned(motion[None, some.at]), joints[some.at]
         needed = self.asked * np.exp(COVERAGE * self._u(there, q)) * there.axial_mm
-        first = np.argsort(screen_limits(dynamics, there, 0) / needed)  # what fails, fails at once
-        return all(
-            not np.isfinite(judged_limits(dynamics.at(i), there.only(np.array([i])), 0, float(needed[i]))[0])
-            for i in first.tolist()
-        )
+        return is_stable(there.dynamics(self.cell.chain, self.modes, q), there, 0, needed)
 
     def _u(self, cuts: Cuts, joints: Float) -> Float:
         return np.hypot(

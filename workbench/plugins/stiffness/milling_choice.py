@@ -15,7 +15,7 @@ import numpy as np
 from workbench.api import DEG, Cell, Float, Int, Shaped, Toolpath
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.force import mean_matrices
-from workbench.plugins.stiffness.margins import COVERAGE, Cuts, judged_limits, screen_limits
+from workbench.plugins.stiffness.margins import COVERAGE, Cuts, is_stable
 from workbench.plugins.stiffness.stability import Dynamics, Milling
 
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards
@@ -116,7 +116,10 @@ def choose(
                 continue
             option = _option(toolpath, met, row, give[layer == toolpath.layers[-1].index], layer)
             option = replace(option, layers=layers, time_s=planned_s * layers / count * cuts.rpm / float(rpm))
-            fails = _beyond(cell, toolpath, option, bounds) or _chatters(met, row, dynamics, bounds)
+            fails = _beyond(cell, toolpath, option, bounds)
+            needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[row]) * met.axial_mm
+            if not fails and not is_stable(dynamics, met, row, needed, BESIDE, SURE):
+                fails = "chatter"
             if not fails:
                 best[way] = option
                 break
@@ -156,20 +159,3 @@ def _beyond(cell: Cell, toolpath: Toolpath, option: Option, bounds: Bounds) -> s
     if option.root_deflection_mm > DEFLECTION_SHARE * bounds.root_tolerance_mm + allowance:
         return "deflection"
     return ""
-
-
-def _chatters(met: Cuts, way: int, dynamics: Dynamics, bounds: Bounds) -> str:
-    """Whether the margin is missed anywhere: far by the screen, else as the judge says."""
-    needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[way]) * met.axial_mm
-    share = screen_limits(dynamics, met, way) / needed
-    if share.min() >= SURE and all(_calm(met, way, dynamics, needed, i) for i in np.argsort(share).tolist()):
-        return ""
-    return "chatter"
-
-
-def _calm(met: Cuts, way: int, dynamics: Dynamics, needed: Float, at: int) -> bool:
-    one = met.only(np.array([at]))
-    return not any(
-        np.isfinite(judged_limits(dynamics.at(at), replace(one, rpm=met.rpm * by), way, float(needed[at]))[0])
-        for by in BESIDE
-    )

@@ -33,15 +33,14 @@ from workbench.api import (
     rotation_from_quaternion,
     sliding,
 )
+from workbench.plugins.stiffness.arm import FREE
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
     COLLISION,
-    CONFIGURATIONS,
     EVERY,
-    FREE,
     Choice,
     Examiner,
     PostureMap,
@@ -89,7 +88,7 @@ class Found:
     mode: str
     measure: Measure
     cost: Shaped[Float, " l"]  # of the loaded points as chosen
-    words: Sequence[tuple[str, ...]]  # what each of CONFIGURATIONS is called
+    words: Sequence[tuple[str, ...]]  # what each configuration is called
     bound: Shaped[Float, " s"] | None  # least displacement over the grid of each sampled loaded point, collision aside
     law_bound: float | None  # below the mean cost of any law, its steps included; None: constant angles
     law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
@@ -105,7 +104,7 @@ class Found:
     @property
     def configuration(self) -> tuple[str, ...]:
         """Of the choice."""
-        return self.words[CONFIGURATIONS.index(self.choice.configuration)]
+        return self.words[self.choice.configuration]
 
     @property
     def prices(self) -> list[tuple[tuple[str, ...], Price, float | None]]:
@@ -129,7 +128,7 @@ def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed
     angles = np.full(n, rotation), np.full(n, table)
     found = []
     for which in np.flatnonzero(allowed).tolist():
-        joints, cause, hit = examiner.along(CONFIGURATIONS[which], *angles)
+        joints, cause, hit = examiner.along(which, *angles)
         if cause in (FREE, COLLISION):
             pair = examiner.screen.pair(hit) if cause == COLLISION else None
             external = examiner.points.external(angles[1], np.arange(n))

@@ -124,23 +124,14 @@ def path_points(
     base = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
     parts = list(_parts(toolpath))
     poses, feeds = zip(*(_filled(parts, i) for i in range(len(parts))), strict=True)
-    by_layer = {
-        layer.index: np.column_stack([getattr(layer, f"{load}_in_path_n"), layer.torque_nm]) for layer in force.layers
-    }
-    loads, both = [], list(zip(parts, poses, strict=True))
-    for part, pose in both:
-        acts = by_layer.get(part.index) if isinstance(part, Layer) else np.zeros((len(pose), 4))
-        if acts is None or len(acts) != len(pose) or not np.isfinite(acts).all():
-            raise InputError("milling force", "expected that of this path, point by point")
-        loads.append(acts)
-    acting = np.concatenate(loads)
-    there = base @ np.concatenate(poses)
+    both, there = list(zip(parts, poses, strict=True)), base @ np.concatenate(poses)
+    layers = np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both])
     found = PathPoints(
         base_from_point=there,
         feed_mm_s=np.concatenate(feeds),
-        force_n=acting[:, :3] @ base[:3, :3].T,
-        torque_nm=acting[:, 3],
-        layer=np.concatenate([np.full(len(pose), getattr(part, "index", 0)) for part, pose in both]),
+        force_n=force.at_points(layers, f"{load}_in_path_n") @ base[:3, :3].T,
+        torque_nm=force.at_points(layers, "torque_nm"),
+        layer=layers,
         cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),
         measured=np.concatenate([getattr(part, "measured", np.ones(len(pose), bool)) for part, pose in both]),
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),

@@ -34,7 +34,7 @@ from workbench.api import (
     turntable_pose,
     within_margins,
 )
-from workbench.plugins.stiffness.arm import NO_SPRINGS, AnyArm, Unsprung, arm_of
+from workbench.plugins.stiffness.arm import FREE, NO_SPRINGS, AnyArm, Unsprung, arm_of
 from workbench.plugins.stiffness.law import (
     AWKWARD_STEP,
     BAND,
@@ -64,7 +64,6 @@ from workbench.plugins.stiffness.traversal import (
     CAUSES,
     CONFIGURATIONS,
     EVERY,
-    FREE,
     JUDGED,
     Choice,
     Examiner,
@@ -268,7 +267,7 @@ def _arm(kept: Cell, stiffness: JointStiffness | None) -> tuple[AnyArm, Float]:
 
 
 def _allowed(words: Sequence[tuple[str, ...]], wanted: Sequence[Side]) -> Bool:
-    """Which of CONFIGURATIONS (8,) are wanted."""
+    """Which configurations (8,) are wanted."""
     try:
         refuse_contradiction(wanted)
     except ValueError as error:
@@ -451,7 +450,7 @@ def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> di
         "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
         "best": (choice.rotation, choice.table),
     }
-    chosen = np.array([one == choice.configuration for one in CONFIGURATIONS])
+    chosen = np.arange(CONFIGURATIONS) == choice.configuration
     return {
         name: case_at(as_planned if name == "as planned" else examiner, k, *at, chosen if name == "best" else EVERY)
         for name, at in places.items()

@@ -65,17 +65,11 @@ def predict(
     """
     if postures.toolpath is not toolpath:
         raise InputError("postures", "expected those of this path, found another path's")
-    acts = {layer.index: getattr(layer, f"{load}_n") for layer in force.layers}
-    found = {}
-    for layer in toolpath.layers:
-        here = postures.layer == layer.index
-        if len(acts.get(layer.index, ())) != here.sum():
-            raise InputError("milling force", "expected that of this path, point by point")
-        point = base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2)[here]
-        turn, at, push = point[:, :3, :3], point[:, :3, 3], acts[layer.index]
-        push = np.einsum("nij,nj->ni", turn, push)
-        moved = pushed(cell.chain, stiffness.nm_per_rad, postures.joints[here], at, push)
-        found[layer.index] = np.einsum("nji,nj->ni", turn, moved)
+    point = base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2)
+    push = np.einsum("nij,nj->ni", point[:, :3, :3], force.at_points(postures.layer, f"{load}_n"))
+    moved = pushed(cell.chain, stiffness.nm_per_rad, postures.joints, point[:, :3, 3], push)
+    in_point = np.einsum("nji,nj->ni", point[:, :3, :3], moved)
+    found = {layer.index: in_point[postures.layer == layer.index] for layer in toolpath.layers}
     return PathDeflection(found), Document("deflections.csv", _table(found))
 
 

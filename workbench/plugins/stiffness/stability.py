@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from workbench.api import AnyArray, Float, Shaped, kernel
+from workbench.api import Float, Shaped
 from workbench.plugins.stiffness.elastic import MM
 
 STEPS = 40  # of a tooth's period, at least
@@ -183,74 +183,43 @@ class Judge:
         at_start = self.first @ push
         own, late = whole @ (self.free + at_start @ self.seen), np.concatenate([at_start, at_end], axis=3)
         steps = np.concatenate([own, -whole @ late], axis=3)
-        made = _hessenbergs(np.ascontiguousarray(steps), self.seen, self.size)
+        made = _hessenbergs(_period(steps, self.seen), self.size)
         return np.asarray(np.abs(np.linalg.eigvals(made)).max(axis=1))
 
 
-@kernel
-def _hessenbergs(steps: AnyArray, seen: AnyArray, size: int) -> AnyArray:
-    """Arnoldi's projection (d, size, size) of the map over one period of each depth."""
-    whole = steps.shape[2] + 2 * steps.shape[1]
-    found = np.zeros((len(steps), size, size))
-    space, history = np.zeros((size + 1, whole)), np.zeros((steps.shape[1] + 1, 2))
-    for d in range(len(steps)):
-        for i in range(whole):
-            space[0, i] = np.cos(1.0 + i * i * 0.7)
-        _scale(space[0])
-        for c in range(size):
-            _period(space[c], space[c + 1], steps[d], seen, history)
-            for k in range(2 * (c + 1)):  # against each before it, twice (Kahan)
-                r = k % (c + 1)
-                share = _product(space[r], space[c + 1])
-                found[d, r, c] += share
-                for i in range(whole):
-                    space[c + 1, i] -= share * space[r, i]
-            length = _scale(space[c + 1])
-            if length < INVARIANT:
-                break  # the space is complete: what is left of the matrix is zero
-            if c + 1 < size:
-                found[d, c + 1, c] = length
+def _period(steps: Float, seen: Float) -> Float:
+    """The map over one period (d, w, w): of the state, then of where the tool was at the starts of its steps, two each.
+
+    `steps` (d, k, n, n + 4): the state after each by that before it and where the tool was a period ago at both ends.
+    """
+    d, count, n, _ = steps.shape
+    state = np.broadcast_to(np.eye(n, n + 2 * count), (d, n, n + 2 * count))
+    then = np.eye(2 * count, n + 2 * count, n).reshape(count, 2, -1)
+    then = np.concatenate([then, [seen @ state[0]]])  # the period before ended where this one begins
+    was = np.empty((d, count, 2, n + 2 * count))
+    for k in range(count):
+        was[:, k] = seen @ state
+        state = steps[:, k, :, :n] @ state + steps[:, k, :, n:] @ then[k : k + 2].reshape(4, -1)
+    return np.concatenate([state, was.reshape(d, 2 * count, -1)], axis=1)
+
+
+def _hessenbergs(maps: Float, size: int) -> Float:
+    """Arnoldi's projections (d, size, size) of maps (d, w, w)."""
+    found, space = np.zeros((len(maps), size, size)), np.zeros((len(maps), size + 1, maps.shape[1]))
+    begin = np.cos(1.0 + 0.7 * np.arange(maps.shape[1]) ** 2)
+    space[:, 0] = begin / np.linalg.norm(begin)
+    for c in range(size):
+        after = (maps @ space[:, c, :, None])[..., 0]
+        for _ in range(2):  # against each before it, twice (Kahan)
+            share = (space[:, : c + 1] @ after[..., None])[..., 0]
+            after -= (share[:, None] @ space[:, : c + 1])[:, 0]
+            found[:, : c + 1, c] += share
+        length = np.linalg.norm(after, axis=1)
+        length[length < INVARIANT] = np.inf  # the space is complete: what is left of the matrix is zero
+        space[:, c + 1] = after / length[:, None]
+        if c + 1 < size:
+            found[:, c + 1, c] = np.where(np.isfinite(length), length, 0.0)
     return found
-
-
-@kernel
-def _product(a: AnyArray, b: AnyArray) -> float:
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@kernel
-def _scale(vector: AnyArray) -> float:
-    """Make it a unit vector; its length before."""
-    length: float = np.sqrt(_product(vector, vector))
-    if length > 0.0:
-        for i in range(len(vector)):
-            vector[i] /= length
-    return length
-
-
-@kernel
-def _period(before: AnyArray, after: AnyArray, steps: AnyArray, seen: AnyArray, history: AnyArray) -> None:
-    """One period of a vector: the state, then where the tool was (steps, 2) at the starts of its steps."""
-    states = steps.shape[1]
-    state, then = before[:states].copy(), np.zeros(states)
-    for k in range(len(steps)):
-        for a in range(2):
-            history[k, a] = before[states + 2 * k + a]
-            history[len(steps), a] = _product(seen[a], state)  # where the period before ended
-    for k in range(len(steps)):
-        for a in range(2):
-            after[states + 2 * k + a] = _product(seen[a], state)
-        for i in range(states):
-            then[i] = _product(steps[k, i, :states], state)
-            for a in range(2):
-                then[i] += steps[k, i, states + a] * history[k, a] + steps[k, i, states + 2 + a] * history[k + 1, a]
-        for i in range(states):
-            state[i] = then[i]
-    for i in range(states):
-        after[i] = state[i]
 
 
 def screened(dynamics: Dynamics, cut: Milling, largest_mm: float, *, regeneration: bool = True) -> Float:

@@ -35,20 +35,24 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.arm import (
     BRANCHES,
+    FREE,
+    LIMIT,
+    SINGULAR,
+    UNREACHABLE,
     AnyArm,
     LoadedPath,
     Unsprung,
     awkwardness,
-    joint_angles,
     lowest_displacements,
-    traverse,
 )
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.margins import Steadiness
 from workbench.plugins.stiffness.path_points import PathPoints, turn_about_z
 
 MOST_STEP = 15 * DEG  # of a joint between neighbouring points: beyond it the wrist swings through its singularity
-FREE, SINGULAR, LIMIT, UNREACHABLE, COLLISION = range(5)
+COLLISION = 4  # beside what an arm says of a posture
+CONFIGURATIONS = 2 * BRANCHES  # the rows of the inverse kinematics; one is kept all along a path
+EVERY = np.ones(CONFIGURATIONS, bool)  # all of them are allowed
 SOLVED, SAMPLED, EVERY_POINT, PROVEN = range(4)
 # by joint angles alone; by a fault at some places; at every point where doubtful, else proven; proven all along
 JUDGED = ("solved", "sampled", "every point", "proven")
@@ -72,8 +76,8 @@ class Traversal:
 
     rotations: Shaped[Float, " t"]
     tables: Shaped[Float, " a"]
-    mean: Shaped[Float, "8 a t"]  # cost in each of CONFIGURATIONS: displacement in mm, or awkwardness; inf: not solved
-    said: Shaped[AnyArray, "8 a t"]  # index into `arm.CAUSES`: 0 where joint angles exist
+    mean: Shaped[Float, "8 a t"]  # cost by configuration: displacement in mm, or awkwardness; inf: not solved
+    said: Shaped[AnyArray, "8 a t"]  # FREE ... UNREACHABLE: 0 where joint angles exist
 
     def ranked(self, allowed: Bool) -> Int:
         """Flat indices of all solved (configuration, turntable, rotation) of `allowed` (8,), their mean rising."""
@@ -118,7 +122,7 @@ def traversal(
 ) -> Traversal:
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
     path = placed(cell, points, tables)
-    found = [traverse(arm, stiffness, path, rotations, shoulder=s, elbow=e) for s, e in BRANCHES]
+    found = [arm.traverse(stiffness, path, rotations, branch) for branch in range(BRANCHES)]
     mean, said = (np.concatenate(part) for part in zip(*found, strict=True))
     return Traversal(rotations, tables, mean * (len(points.layer) / len(points.loaded)), said)
 
@@ -144,31 +148,14 @@ def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table
     return np.asarray(cutter @ turn_about_z(rotation) @ inverse(cell.flange_from_cutter))
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
-    """The branch of the inverse kinematics that is kept all along a path."""
-
-    branch: int  # index into `traversal.BRANCHES`
-    flip: int  # of the wrist
-
-    def joints(self, arm: AnyArm, flange: Float) -> Float:
-        """Joint angles (n, 6) in (-pi, pi]."""
-        shoulder, elbow = BRANCHES[self.branch]
-        return joint_angles(arm, flange, shoulder=shoulder, elbow=elbow, flip=self.flip)
-
-
-CONFIGURATIONS = tuple(Configuration(branch, flip) for branch in range(len(BRANCHES)) for flip in (0, 1))
-EVERY = np.ones(len(CONFIGURATIONS), bool)  # all of them are allowed
-
-
 def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
-    """What each of CONFIGURATIONS is called by the sides of the arm (`arm_sides`)."""
+    """What each of the configurations is called by the sides of the arm (`arm_sides`)."""
     low, high = np.clip(chain.limits.T, -np.pi, np.pi)
     q = np.random.default_rng(0).uniform(low, high, (POSTURES, 6))
     flange, sides = forward_kinematics(chain, q), arm_sides(chain, q).astype(int)
-    off = [np.abs((one.joints(arm, flange) - q + np.pi) % (2 * np.pi) - np.pi).max(axis=1) for one in CONFIGURATIONS]
-    found = np.array(off).argmin(axis=0)
-    named = [np.round(sides[found == i].mean(axis=0)).astype(int) for i in range(len(CONFIGURATIONS))]
+    every = np.array([arm.joint_angles(flange, i) for i in range(CONFIGURATIONS)])
+    found = np.abs((every - q + np.pi) % (2 * np.pi) - np.pi).max(axis=2).argmin(axis=0)
+    named = [np.round(sides[found == i].mean(axis=0)).astype(int) for i in range(CONFIGURATIONS)]
     return [tuple(pair[side] for pair, side in zip(SIDES, one, strict=True)) for one in named]
 
 
@@ -197,7 +184,7 @@ class Examiner:
         self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
     def examine(self, configuration: Int, rotation: Float, table: Float) -> Verdicts:
-        """Verdicts on cells (c,), each in one of CONFIGURATIONS all along the path.
+        """Verdicts on cells (c,), each in one configuration all along the path.
 
         Joint angles and their limits at the stations. Bodies are proven apart along the whole way or, round the
         stations where that fails, asked of fcl at every point. Margins to singular postures at SAMPLED_AT stations.
@@ -207,14 +194,14 @@ class Examiner:
         flange = self._flange(self._stations, rotation, table)
         for which in np.unique(configuration).tolist():
             some = np.flatnonzero(configuration == which)
-            found = self._judged(CONFIGURATIONS[which], flange[some], rotation[some], table[some])
+            found = self._judged(which, flange[some], rotation[some], table[some])
             made.cause[some], made.hit[some], made.how[some] = found.cause, found.hit, found.how
         return made
 
-    def _judged(self, configuration: Configuration, flange: Float, rotation: Float, table: Float) -> Verdicts:
+    def _judged(self, configuration: int, flange: Float, rotation: Float, table: Float) -> Verdicts:
         """Verdicts on cells (c,) in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
         count, places = flange.shape[:2]
-        joints = configuration.joints(self.arm, flange.reshape(-1, 4, 4)).reshape(count, places, 6)
+        joints = self.arm.joint_angles(flange.reshape(-1, 4, 4), configuration).reshape(count, places, 6)
         joints, within = followed(self.cell.chain, joints)
         cause, inside = np.full(count, LIMIT), np.flatnonzero(within)
         poor = self.poor(joints[inside][:, spread(np.arange(places), SAMPLED_AT)])
@@ -242,7 +229,7 @@ class Examiner:
         cause[some[hit[some] >= 0]] = COLLISION
         return Verdicts(cause, hit, how)
 
-    def _hits(self, configuration: Configuration, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
+    def _hits(self, configuration: int, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
         """The first hit (c,) of paths with joints (c, s, 6) at the stations, or -1; where they are `open_` (c, s)."""
         found = np.full(len(joints), -1)
         first, last = open_.argmax(axis=1), open_.shape[1] - 1 - open_[:, ::-1].argmax(axis=1)
@@ -256,7 +243,7 @@ class Examiner:
                 continue
             of = rest[which]
             flange = flange_poses(self.cell, self.dense, at, rotation[of], table[of])
-            hits = self.screen.hits(configuration.joints(self.arm, flange), self.dense.external(table[of], at))
+            hits = self.screen.hits(self.arm.joint_angles(flange, configuration), self.dense.external(table[of], at))
             found[of[hits >= 0]] = hits[hits >= 0]
         return found
 
@@ -288,10 +275,10 @@ class Examiner:
         at = self._stations
         return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.dense.layer))))
 
-    def along(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
+    def along(self, configuration: int, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""
         flange = flange_poses(self.cell, self.points, np.arange(len(rotation)), rotation, table)
-        joints, inside = followed(self.cell.chain, configuration.joints(self.arm, flange)[None])
+        joints, inside = followed(self.cell.chain, self.arm.joint_angles(flange, configuration)[None])
         if not inside[0]:
             return joints[0], LIMIT, -1
         poor = self.poor(joints)[0]
@@ -302,7 +289,7 @@ class Examiner:
         hits = self.screen.hits(joints[0], self.points.external(table, np.arange(len(table))))
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
 
-    def away(self, configuration: Configuration, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
+    def away(self, configuration: int, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
         """The cause against where the program comes from to the first, and goes to from the last point; and the hit.
 
         FREE and -1 for other points among `at` (m,). Both lie along the cutter's axis from poses (m, 4, 4), with joints
@@ -316,7 +303,7 @@ class Examiner:
             rows = np.flatnonzero(at == end)
             back = flange[rows].copy()
             back[:, :3, 3] -= distance_mm * (back @ self.cell.flange_from_cutter)[:, :3, 2]
-            joints = configuration.joints(self.arm, back)
+            joints = self.arm.joint_angles(back, configuration)
             joints += 2 * np.pi * np.round((near[rows] - joints) / (2 * np.pi))
             low, high = self.cell.chain.limits.T
             within = ((joints >= low) & (joints <= high)).all(axis=1)  # false where nothing reaches it
@@ -335,7 +322,7 @@ class Examiner:
             said[rows[hit[rows] >= 0]] = COLLISION
         return said, hit
 
-    def driven(self, configuration: Configuration, rotation: Float, table: Float) -> tuple[Float, int, int]:
+    def driven(self, configuration: int, rotation: Float, table: Float) -> tuple[Float, int, int]:
         """As `along`; then as the judge of programs drives them: between the points, and from home and back."""
         joints, cause, hit = self.along(configuration, rotation, table)
         if cause != FREE:
@@ -356,7 +343,7 @@ class Examiner:
             some = np.flatnonzero(configuration == which)
             angles = (np.repeat(one[some], len(at)) for one in (rotation, table))
             flange = flange_poses(self.cell, self.points, np.tile(at, len(some)), *angles)
-            joints = CONFIGURATIONS[which].joints(self.arm, flange).reshape(len(some), len(at), 6)
+            joints = self.arm.joint_angles(flange, which).reshape(len(some), len(at), 6)
             motion = self.points.turned(self.cell, table[some][:, None], at[None])
             found[:, some] = self.keeps.margins(joints, motion)
         return found
@@ -429,7 +416,7 @@ class Choice:
 
     rotation: float
     table: float
-    configuration: Configuration
+    configuration: int  # kept all along the path
     joints: Shaped[Float, "n 6"]  # at all points
     mean: float  # cost over the points that are averaged
     examined: int  # cells that were better or equal, itself included, each configuration by itself
@@ -442,7 +429,7 @@ class Choice:
 class Price:
     """What keeping to one configuration costs: its best cell of the map's grid."""
 
-    configuration: int  # index into CONFIGURATIONS
+    configuration: int
     mean: float  # least cost of a free cell; of `proven`, what all better ones were excluded up to
     rotation: float | None  # None: no cell is free
     table: float | None
@@ -508,14 +495,14 @@ def mapped(examiner: Examiner, grid: Traversal, progress: Share = silent) -> Pos
         first = np.sort(np.unique(open_[:size] % state.cells, return_index=True)[1])  # of each cell the best
         state.examine(open_[first])
         open_, size = np.delete(open_, first), min(2 * size, LARGEST_CHUNK)
-    prices = [_price(state, which, progress) for which in range(len(CONFIGURATIONS))]
+    prices = [_price(state, which, progress) for which in range(CONFIGURATIONS)]
     return dataclasses.replace(state.map(margins=True), prices=tuple(prices))
 
 
 def _price(state: _State, which: int, progress: Share) -> Price:
     """The best free cell of one configuration."""
-    ranked, count = state.grid.ranked(np.arange(len(CONFIGURATIONS)) == which), 0
-    progress(0.5 + 0.5 * which / len(CONFIGURATIONS))
+    ranked, count = state.grid.ranked(np.arange(CONFIGURATIONS) == which), 0
+    progress(0.5 + 0.5 * which / CONFIGURATIONS)
     for start in range(0, len(ranked), FIRST_CHUNK):
         flat = ranked[start : start + FIRST_CHUNK]
         fresh = flat[state.how[flat] == SOLVED]
@@ -574,7 +561,7 @@ class _State:
         which, rotation, table = self.place(one)
         n = len(self.examiner.points.layer)
         tables = np.full(n, table)
-        self.driven, cause, hit = self.examiner.driven(CONFIGURATIONS[which], np.full(n, rotation), tables)
+        self.driven, cause, hit = self.examiner.driven(which, np.full(n, rotation), tables)
         if cause != FREE:
             self.note(np.array([one]), Verdicts(*(np.array([x]) for x in (cause, hit, EVERY_POINT))))
         elif not (unsteady or self.examiner.steady(self.driven, tables)):
@@ -589,7 +576,7 @@ class _State:
         which, rotation, table = self.place(one)
         margin = None if self.examiner.keeps is None else float(self.margin[1, one])
         joints, of, mean = self.driven, self.grid.said[0].size, float(self.grid.mean.reshape(-1)[one])
-        return Choice(rotation, table, CONFIGURATIONS[which], joints, mean, self.examined, of, margin=margin)
+        return Choice(rotation, table, which, joints, mean, self.examined, of, margin=margin)
 
     def _spread(self, rotation: Int, found: Verdicts) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""

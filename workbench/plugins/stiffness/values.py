@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import DEG, Bodies, Float, Int, Shaped
+from workbench.api import DEG, Bodies, Float, InputError, Int, Shaped
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
 TABLE_2_NM_PER_RAD = (1.77e6, 3.43e6, 0.85e6, 0.87e6, 0.50e6, 0.14e6)  # the paper's Table 2
@@ -176,6 +176,21 @@ class MillingForce:
     assumed: str = ""  # what stands in for what nobody stated: programs say so
     process: CuttingProcess | None = None  # None: nobody knows it, and no stability is told
     warnings: tuple[str, ...] = ()
+
+    def at_points(self, layer: Int, column: str) -> Float:
+        """A column of the layers at all points of a path by their layer (n,); 0 in travel moves, whose layer is 0.
+
+        Raises:
+            InputError: the force is of another path.
+        """
+        rows = [getattr(one, column) for one in self.layers]
+        owner = np.repeat([one.index for one in self.layers], [len(row) for row in rows])
+        acts = np.concatenate(rows)
+        if not np.array_equal(owner, layer[layer != 0]) or not np.isfinite(acts).all():
+            raise InputError("milling force", "expected that of this path, point by point")
+        found = np.zeros((len(layer), *acts.shape[1:]))
+        found[layer != 0] = acts
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

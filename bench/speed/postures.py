@@ -46,7 +46,7 @@ def cluttered(cell: Cell) -> Cell:
 
 def optimum(cell: Cell, arm: Arm, points: PathPoints, loaded: PathPoints) -> int:
     """Traversal and best-first search, bodies built anew: the proven optimum; how many cells were examined."""
-    choice, _ = search(Examiner(cell, arm, points), traversal(arm, cell, K, loaded, GRID, GRID))
+    choice, _ = search(Examiner(cell, arm, points), traversal(arm, cell, loaded, GRID, GRID))
     return choice.examined
 
 
@@ -76,13 +76,13 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
     """Seconds for the best law of both angles over the whole grid, all points, and its gap to the bound."""
     examiner = Examiner(cell, arm, points)
     loaded = points.only(sample(points, POINTS))
-    choice, _ = search(examiner, traversal(arm, cell, K, loaded, GRID, GRID))
-    start, grid = constant_law(examiner, K, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
+    choice, _ = search(examiner, traversal(arm, cell, loaded, GRID, GRID))
+    start, grid = constant_law(examiner, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
     assert cell.turntable is not None
     limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))
-    law, bound = improved_law(examiner, K, start, grid, limits)
+    law, bound = improved_law(examiner, start, grid, limits)
     return {
-        "law_s": timed(lambda: improved_law(examiner, K, start, grid, limits), 3),
+        "law_s": timed(lambda: improved_law(examiner, start, grid, limits), 3),
         "law_points": len(points.layer),
         "law_gap": law.cost_mm / bound - 1,
         "law_gain": 1 - law.cost_mm / start.cost_mm,
@@ -92,7 +92,7 @@ def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
 def measure() -> dict[str, Any]:
     """All times in s."""
     cell, path = dataclasses.replace(read_cell(CELL), process=None), read(toolpath=PATH)  # the path, no ways home
-    arm = fast_arm(cell.chain)
+    arm = fast_arm(cell.chain, K)
     points = path_points(path, force(path)[0], load="mean", reach_mm=path.cutter.flute_length_mm / 2, planned=0.0)
     sampled = points.only(sample(points, POINTS))
     loaded = sampled.only(sampled.loaded)
@@ -101,7 +101,7 @@ def measure() -> dict[str, Any]:
     return {
         "points": len(loaded.layer),
         "branches": BRANCHES,
-        "traversal_s": timed(lambda: traversal(arm, cell, K, loaded, GRID, GRID)),
+        "traversal_s": timed(lambda: traversal(arm, cell, loaded, GRID, GRID)),
         "open_s": timed(lambda: optimum(cell, arm, points, sampled), 3),
         "open_cells": optimum(cell, arm, points, sampled),
         "cluttered_s": timed(lambda: optimum(full, arm, points, sampled), 3),

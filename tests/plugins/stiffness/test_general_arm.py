@@ -48,14 +48,14 @@ def test_the_numbers_are_the_kernels(cell: Cell, sense: tuple[int, ...]) -> None
         base_from_flange_at_zero=side @ old.base_from_flange_at_zero,
         limits=limits,
     )
-    arm, general = arm_of(chain), GeneralArm(chain)
+    arm, general = arm_of(chain, K), GeneralArm(chain, K)
     assert isinstance(arm, Arm)
     rng, low, high = np.random.default_rng(3), *np.clip(chain.limits.T, -np.pi, np.pi)
     cutter = forward_kinematics(chain, rng.uniform(low, high, (300, 1, 6))) @ cell.flange_from_cutter
     load, acts = cutter[..., :3, 3] + rng.normal(0, 100, (300, 1, 3)), rng.normal(0, 100, (300, 1, 3))
     cutter[::3] = cutter[1]  # some turn with the rotation only
     angles, flange = np.radians([0, 60, -90]), cutter[:, 0] @ inverse(cell.flange_from_cutter)
-    given = (K, LoadedPath(cell.flange_from_cutter, cutter, load, acts), angles)
+    given = (LoadedPath(cell.flange_from_cutter, cutter, load, acts), angles)
     found, told = ([one.traverse(*given, branch) for branch in range(BRANCHES)] for one in (arm, general))
     alike = []
     for branch, (fast, said) in enumerate(found):
@@ -72,15 +72,13 @@ def test_the_numbers_are_the_kernels(cell: Cell, sense: tuple[int, ...]) -> None
 
 
 def test_a_path_costs_what_its_points_cost_on_average(cell: Cell) -> None:
-    arm, rng = fast_arm(cell.chain), np.random.default_rng(4)
+    arm, rng = fast_arm(cell.chain, K), np.random.default_rng(4)
     q = np.radians([20, 30, 10, 40, 50, -30]) + rng.normal(0, 0.05, (2, 3, 6))
     cutter = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
     path = (cutter, cutter[..., :3, 3], rng.normal(0, 50, (2, 3, 3)))
     angles = np.radians([0, 60, -90])
-    whole, said = arm.traverse(K, LoadedPath(cell.flange_from_cutter, *path), angles, 0)
-    each = [
-        arm.traverse(K, LoadedPath(cell.flange_from_cutter, *(v[:, [k]] for v in path)), angles, 0) for k in range(3)
-    ]
+    whole, said = arm.traverse(LoadedPath(cell.flange_from_cutter, *path), angles, 0)
+    each = [arm.traverse(LoadedPath(cell.flange_from_cutter, *(v[:, [k]] for v in path)), angles, 0) for k in range(3)]
     assert np.allclose(whole, np.mean([one for one, _ in each], axis=0), rtol=1e-12)
     assert (said == np.max([worst for _, worst in each], axis=0)).all()
     assert (said == 0).any()

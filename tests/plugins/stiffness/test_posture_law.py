@@ -134,13 +134,13 @@ def points() -> PathPoints:
 def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points: PathPoints) -> None:
     """On the whole grid with plain loops over steps; more points than are kept, so that the way back is computed."""
     longer = points.only(np.repeat(np.arange(len(points.layer)), 4)[:40])
-    examiner = Examiner(cell, fast_arm(cell.chain), longer)
+    examiner = Examiner(cell, fast_arm(cell.chain, K), longer)
     grid = Grid(np.radians(np.arange(-180, 180, 15.0)), np.radians(np.arange(-90, -50, 5.0)), np.array([1, 1]), 1e-4)
-    found = relaxed_law(examiner, K, 0, grid, np.inf)
+    found = relaxed_law(examiner, 0, grid, np.inf)
     assert found is not None
     turns, tables = np.meshgrid(grid.rotations, grid.tables)
     each = np.array(
-        [nodes(examiner, K, flip, np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))[0] for flip in (0, 1)]
+        [nodes(examiner, flip, np.tile(turns, (40, 1, 1)), np.tile(tables, (40, 1, 1)))[0] for flip in (0, 1)]
     ).min(axis=0)
     value = each[0]
     for cost in each[1:]:
@@ -152,17 +152,17 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
     assert np.abs(steps).max() <= 1
     total = each[np.arange(40), found.way[:, 0], found.way[:, 1]].sum() + 1e-4 * (steps**2).sum()
     assert np.isclose(total, found.cost_mm, rtol=1e-12)
-    assert relaxed_law(examiner, K, 0, grid, found.cost_mm * 0.999) is None
+    assert relaxed_law(examiner, 0, grid, found.cost_mm * 0.999) is None
 
 
 def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limits) -> tuple[Law, Law, float]:
     """Best constant pair, law and bound on a grid of 2 deg; no margins, which would leave the turntable no gain."""
     cell = dataclasses.replace(cell, margins=Margins(limit=0.0, wrist=0.0, condition=1e6), margin_mm=0.0)
-    examiner, angles = Examiner(cell, fast_arm(cell.chain), points), np.radians(np.arange(-180, 180, 2.0))
-    choice, _ = search(examiner, traversal(examiner.arm, cell, K, points, angles, angles))
-    start = constant_law(examiner, K, choice)
+    examiner, angles = Examiner(cell, fast_arm(cell.chain, K), points), np.radians(np.arange(-180, 180, 2.0))
+    choice, _ = search(examiner, traversal(examiner.arm, cell, points, angles, angles))
+    start = constant_law(examiner, choice)
     grid = Grid(angles, angles, np.array(bands), STEP_COST_MM)
-    return start, *improved_law(examiner, K, start, grid, limits)
+    return start, *improved_law(examiner, start, grid, limits)
 
 
 def test_laws_of_both_angles_of_one_and_of_none(cell: Cell, points: PathPoints) -> None:

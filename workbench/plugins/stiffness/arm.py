@@ -43,7 +43,7 @@ from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import turn_about_z
 
 MOST_POSES = 60_000  # of one call: some minutes where the inverse is a search
-NO_SPRINGS = np.ones(6)  # of which joint angles take no notice
+NO_SPRINGS = np.ones(6)  # where nobody knows them: joint angles take no notice
 FREE, SINGULAR, LIMIT, UNREACHABLE = range(4)  # what is said of a posture, the worse the higher
 BRANCHES = 4  # shoulder and elbow; a flip of the wrist changes no displacement
 SQUARE = 1e-9  # cosine that still counts as a right angle
@@ -71,12 +71,12 @@ class Arm:
     bend: float  # of axis 6 against axis 4 about axis 5, where joint 5 is at zero
     lengths: tuple[float, ...]  # 11, mm: see `arm_kernels.posture`
     limits: tuple[float, ...]  # 15: cosine and sine of the middle, cosine of half the span, of joints 1 to 5
+    springs: Shaped[Float, " 6"]  # of the joints, Nm/rad
 
-    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+    def traverse(self, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
         """Mean displacement over a path, at every cutter rotation and turntable angle: eq. (25)'s function on its grid.
 
         Args:
-            stiffness: (6,) Nm/rad.
             path: for a turntable angles and p points.
             angles: (t,) rotations of the cutter about its axis, rad.
             branch: 2 * shoulder + elbow as `inverse_kinematics` counts them, kept all along the path.
@@ -95,7 +95,7 @@ class Arm:
             _vector(cutter_from_flange[:3, :3] @ self.wrist_in_flange_mm + cutter_from_flange[:3, 3]),
             _vector(cutter_from_flange[:3, :3] @ self.axis_in_flange),
         )
-        mean, *said = traverse_kernel(self._branch(stiffness, branch), there, np.cos(angles), np.sin(angles))
+        mean, *said = traverse_kernel(self._branch(branch), there, np.cos(angles), np.sin(angles))
         return np.stack([mean, mean]), np.stack(said)
 
     def joint_angles(self, base_from_flange: Float, configuration: int) -> Float:
@@ -114,12 +114,12 @@ class Arm:
             )
         )
         found, (branch, flip) = np.empty((len(at), 6)), divmod(configuration, 2)
-        joints_kernel(self._branch(NO_SPRINGS, branch), self.bend, 1.0 - 2.0 * flip, w, a, b, found)
+        joints_kernel(self._branch(branch), self.bend, 1.0 - 2.0 * flip, w, a, b, found)
         return found
 
-    def _branch(self, stiffness: Float, branch: int) -> Branch:
+    def _branch(self, branch: int) -> Branch:
         """A branch as the kernels take it; the elbow's side turns with the sense of axis 3."""
-        springs = tuple(1e3 * float(k) for k in stiffness)  # N mm/rad
+        springs = tuple(1e3 * float(k) for k in self.springs)  # N mm/rad
         shoulder, elbow = divmod(branch, 2)
         return Branch(self.lengths, self.limits, springs, 1.0 - 2.0 * shoulder, (2.0 * elbow - 1.0) * self.lengths[9])
 
@@ -129,7 +129,7 @@ def _vector(values: Float) -> Vector:
     return x, y, z
 
 
-def fast_arm(chain: Chain) -> Arm:
+def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
     """The arm of a robot, if the kernels hold for it.
 
     Raises:
@@ -170,6 +170,7 @@ def fast_arm(chain: Chain) -> Arm:
         float(bend),
         tuple(float(length) for length in lengths),
         windows,
+        springs,
     )
 
 
@@ -189,6 +190,7 @@ class GeneralArm:
     """A robot by its chain; the solutions that were asked for last are kept."""
 
     chain: Chain
+    springs: Float  # of the joints, Nm/rad
     _last: tuple[bytes, Float] = field(default=(b"", np.empty(0)), repr=False)
 
     def solutions(self, base_from_flange: Float) -> Float:
@@ -229,7 +231,7 @@ class GeneralArm:
         """As an `Arm`'s; NaN becomes 0."""
         return np.nan_to_num(self.solutions(base_from_flange)[:, configuration])
 
-    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+    def traverse(self, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
         """As an `Arm`'s."""
         tables, points = path.base_from_cutter.shape[:2]
         flange = path.base_from_cutter[:, :, None] @ turn_about_z(angles) @ inverse(path.flange_from_cutter)
@@ -241,23 +243,23 @@ class GeneralArm:
             inside = np.isfinite(within_limits(self.chain, q[there])).all(axis=1)
             singular = self._smallest(q[there]) < STRETCHED
             said[there] = np.where(singular, SINGULAR, np.where(inside, FREE, LIMIT))
-            moved[there] = np.linalg.norm(pushed(self.chain, stiffness, q[there], tip[there], force[there]), axis=1)
+            moved[there] = np.linalg.norm(pushed(self.chain, self.springs, q[there], tip[there], force[there]), axis=1)
             means.append(moved.reshape(tables, points, -1).mean(axis=1))
             worst.append(said.reshape(tables, points, -1).max(axis=1))
         return np.stack(means), np.stack(worst).astype(np.uint8)
 
 
-def arm_of(chain: Chain) -> Arm | GeneralArm:
+def arm_of(chain: Chain, springs: Float = NO_SPRINGS) -> Arm | GeneralArm:
     """The arm of a robot: for the kernels here where they hold for it, else by its inverse kinematics.
 
     Raises:
         InputError: the robot has no inverse.
     """
     try:
-        return fast_arm(chain)
+        return fast_arm(chain, springs)
     except InputError:
         inverse_kinematics(chain, chain.base_from_flange_at_zero)
-        return GeneralArm(chain)
+        return GeneralArm(chain, springs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,9 +276,9 @@ class Unsprung:
         """Those of the arm."""
         return self.arm.joint_angles(base_from_flange, configuration)
 
-    def traverse(self, stiffness: Float, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
+    def traverse(self, path: LoadedPath, angles: Float, branch: int) -> tuple[Float, AnyArray]:
         """As an `Arm`'s, the mean over the loaded rows."""
-        _, said = self.arm.traverse(NO_SPRINGS, path, angles, branch)
+        _, said = self.arm.traverse(path, angles, branch)
         loaded = np.flatnonzero(np.linalg.norm(path.force_n[0], axis=-1) > 0)
         weight = len(loaded) / path.base_from_cutter.shape[1]
         rows = loaded[np.unique(np.linspace(0, len(loaded) - 1, min(COMFORT_ROWS, len(loaded))).astype(int))]
@@ -300,13 +302,13 @@ class Unsprung:
 AnyArm = Arm | GeneralArm | Unsprung
 
 
-def lowest_displacements(arm: AnyArm, stiffness: Float, path: LoadedPath, angles: Float) -> Float:
+def lowest_displacements(arm: AnyArm, path: LoadedPath, angles: Float) -> Float:
     """The least displacement (a, p), mm, over all rotations and branches; inf: no posture."""
     least = np.full(path.base_from_cutter.shape[:2], np.inf)
     for row, *each in zip(least, *path[1:], strict=True):
         single = LoadedPath(path.flange_from_cutter, *(part[:, None] for part in each))
         for branch in range(BRANCHES):
-            mean, said = arm.traverse(stiffness, single, angles, branch)
+            mean, said = arm.traverse(single, angles, branch)
             np.minimum(row, np.where(said == FREE, mean, np.inf).min(axis=(0, 2)), out=row)
     return least
 

@@ -56,12 +56,7 @@ class Relaxed:
 
 
 def relaxed_law(
-    examiner: Examiner,
-    stiffness: Float,
-    branch: int,
-    grid: Grid,
-    most_mm: float,
-    closed_off: Callable[[int], Bool] | None = None,
+    examiner: Examiner, branch: int, grid: Grid, most_mm: float, closed_off: Callable[[int], Bool] | None = None
 ) -> Relaxed | None:
     """The law of least cost with steps within the bands; None: none of the branch costs less than `most_mm`.
 
@@ -69,9 +64,19 @@ def relaxed_law(
     heeds them cannot cost less. By dynamic programming on all nodes: proven the best. `closed_off` gives the nodes
     (a, t) of a point that the law must keep away from: then it is the best of those that do.
     """
-    cost = _Costs(examiner, stiffness, branch, grid, closed_off)
-    n = len(examiner.points.layer)
-    value, kept = cost.at(0, np.ones(len(grid.tables), bool)), []
+    n, shape = len(examiner.points.layer), (len(grid.tables), len(grid.rotations))
+
+    def cost(i: int, rows: AnyArray) -> Float:
+        """Displacement (a, t), mm, at point i, infinite where the branch does not reach it or `rows` (a,) are False."""
+        found = np.full(shape, np.inf)
+        path = placed(examiner.cell, examiner.points.only(np.array([i])), grid.tables[rows])
+        moved, said = examiner.arm.traverse(path, grid.rotations, branch)
+        found[rows] = np.where(said == FREE, moved, np.inf).min(axis=0)
+        if closed_off is not None:
+            found[closed_off(i)] = np.inf
+        return found
+
+    value, kept = cost(0, np.ones(shape[0], bool)), []
     for i in range(n):
         if not value.min() < most_mm:
             return None
@@ -88,36 +93,15 @@ def relaxed_law(
             steps.append(came)
         for i, came in zip(range(start + len(steps), start, -1), reversed(steps), strict=True):
             step = np.divmod(int(came[tuple(way[i])]), 2 * grid.bands[1] + 1) - grid.bands
-            way[i - 1] = (way[i] - step) % (len(grid.tables), len(grid.rotations))
+            way[i - 1] = (way[i] - step) % shape
     return Relaxed(branch, float(value.min()), way)
 
 
-def _next(value: Float, grid: Grid, cost: _Costs, i: int) -> tuple[Float, AnyArray]:
+def _next(value: Float, grid: Grid, cost: Callable[[int, AnyArray], Float], i: int) -> tuple[Float, AnyArray]:
     """Cost (a, t) of reaching point i, and from where."""
     least, came = np.empty_like(value), np.empty(value.shape, np.int8)
     stepped(value, grid.bands, grid.step_cost_mm, grid.closed, least, came)
-    return np.asarray(least + cost.at(i, np.asarray(np.isfinite(least).any(axis=1)))), came
-
-
-class _Costs:
-    """Displacement of one path point on the whole grid; infinite where the branch does not reach it."""
-
-    def __init__(
-        self, examiner: Examiner, stiffness: Float, branch: int, grid: Grid, closed_off: Callable[[int], Bool] | None
-    ) -> None:
-        self.examiner, self.stiffness, self.grid, self.closed_off = examiner, stiffness, grid, closed_off
-        self.branch = branch
-
-    def at(self, i: int, rows: AnyArray) -> Float:
-        """Displacement (a, t), mm, at point i; only turntable angles `rows` (a,) are looked at."""
-        cell, tables = self.examiner.cell, self.grid.tables
-        found = np.full((len(tables), len(self.grid.rotations)), np.inf)
-        path = placed(cell, self.examiner.points.only(np.array([i])), tables[rows])
-        moved, said = self.examiner.arm.traverse(self.stiffness, path, self.grid.rotations, self.branch)
-        found[rows] = np.where(said == 0, moved, np.inf).min(axis=0)
-        if self.closed_off is not None:
-            found[self.closed_off(i)] = np.inf
-        return found
+    return np.asarray(least + cost(i, np.asarray(np.isfinite(least).any(axis=1)))), came
 
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
@@ -155,28 +139,27 @@ class Law:
     cost_mm: float  # displacements of all points and what the steps cost, summed
 
 
-def constant_law(examiner: Examiner, stiffness: Float, choice: Choice) -> Law:
+def constant_law(examiner: Examiner, choice: Choice) -> Law:
     """The law that keeps both angles as chosen."""
     n = len(examiner.points.layer)
     rotation, table = np.full(n, choice.rotation), np.full(n, choice.table)
-    cost = nodes(examiner, stiffness, choice.configuration, rotation[:, None], table[:, None])[0].sum()
+    cost = nodes(examiner, choice.configuration, rotation[:, None], table[:, None])[0].sum()
     return Law(rotation, table, choice.configuration, choice.joints, float(cost))
 
 
-def standing(examiner: Examiner, stiffness: Float, law: Law, grid: Grid) -> Law:
+def standing(examiner: Examiner, law: Law, grid: Grid) -> Law:
     """A law as one of another axis, which stands; its cost is that of the cutter's steps and of the postures."""
     still = np.zeros(len(law.rotation))
     spacing = float(np.diff(grid.rotations[:2]).sum()) or 1.0
     turn = np.diff(law.rotation)
     steps = (turn + np.pi) % (2 * np.pi) - np.pi if grid.closed else turn
-    cost = nodes(examiner, stiffness, law.configuration, law.rotation[:, None], still[:, None])[0].sum()
+    cost = nodes(examiner, law.configuration, law.rotation[:, None], still[:, None])[0].sum()
     whole = float(cost + grid.step_cost_mm * ((steps / spacing) ** 2).sum())
     return dataclasses.replace(law, table=still, cost_mm=whole)
 
 
 def improved_law(
     examiner: Examiner,
-    stiffness: Float,
     start: Law,
     grid: Grid,
     limits: Limits,
@@ -196,37 +179,29 @@ def improved_law(
         flips = [configuration for configuration in (2 * branch, 2 * branch + 1) if allowed[configuration]]
         if not flips:
             continue
-        relaxed = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm)
+        relaxed = relaxed_law(examiner, branch, grid, best.cost_mm)
         if relaxed is None:
             continue
         bound = min(bound, relaxed.cost_mm)
         for configuration in flips:
-            best = _better(best, examiner, stiffness, configuration, relaxed, grid, limits)
+            best = _better(best, examiner, configuration, relaxed, grid, limits)
         for configuration in flips:
             if relaxed.cost_mm >= best.cost_mm * (1 - NEAR):
                 break
-            off = closed_off(examiner, stiffness, configuration, grid)
-            detour = relaxed_law(examiner, stiffness, branch, grid, best.cost_mm, off)
+            off = closed_off(examiner, configuration, grid)
+            detour = relaxed_law(examiner, branch, grid, best.cost_mm, off)
             if detour is not None:
-                best = _better(best, examiner, stiffness, configuration, detour, grid, limits)
+                best = _better(best, examiner, configuration, detour, grid, limits)
     return best, min(bound, best.cost_mm)
 
 
-def _better(
-    best: Law,
-    examiner: Examiner,
-    stiffness: Float,
-    configuration: int,
-    relaxed: Relaxed,
-    grid: Grid,
-    limits: Limits,
-) -> Law:
+def _better(best: Law, examiner: Examiner, configuration: int, relaxed: Relaxed, grid: Grid, limits: Limits) -> Law:
     """The better of a law and the best with all limits near a relaxed one."""
     if relaxed.cost_mm >= best.cost_mm * (1 - EQUAL):
         return best
     way, reached = relaxed.way, np.inf
     for _ in range(ROUNDS):
-        around, found = window(examiner, stiffness, configuration, way, grid)
+        around, found = window(examiner, configuration, way, grid)
         steps = shift_of(way, grid)
         held = best_law(found, steps, examiner.points.time_steps_s, limits, grid.bands, grid.step_cost_mm)
         if held[0, 0] < 0:
@@ -252,12 +227,7 @@ COARSE, POINTS = 4, 8  # of how many nodes each way, and points, one is looked a
 
 
 def nodes(
-    examiner: Examiner,
-    stiffness: Float,
-    configuration: int,
-    rotation: Float,
-    table: Float,
-    which: Int | None = None,
+    examiner: Examiner, configuration: int, rotation: Float, table: Float, which: Int | None = None
 ) -> tuple[Float, Float, Bool]:
     """Displacement (n, ...), joint and turntable angles (n, ..., 7) and whether each is feasible (n, ...).
 
@@ -277,14 +247,12 @@ def nodes(
     away, _ = examiner.away(configuration, at[free], flange[free], alpha[free], joints[free])
     free[free] = away == FREE
     cost = np.full(len(at), np.inf)
-    cost[free] = examiner.cost(stiffness, kept[free], alpha[free], at[free])
+    cost[free] = examiner.cost(kept[free], alpha[free], at[free])
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
     return cost.reshape(shape), seven, free.reshape(shape)
 
 
-def window(
-    examiner: Examiner, stiffness: Float, configuration: int, way: Int, grid: Grid
-) -> tuple[tuple[AnyArray, AnyArray], Nodes]:
+def window(examiner: Examiner, configuration: int, way: Int, grid: Grid) -> tuple[tuple[AnyArray, AnyArray], Nodes]:
     """Indices (n, a, t) of turntable and cutter angle around a way, and the nodes there, seven joints each."""
     half = np.where(grid.bands > 0, HALF, 0)
     counts = len(grid.tables), len(grid.rotations)
@@ -296,20 +264,18 @@ def window(
     else:
         inside &= (rotation >= 0) & (rotation < counts[1])
     table, rotation = (np.clip(part, 0, c - 1) for part, c in zip((table, rotation), counts, strict=True))
-    cost, joints, free = nodes(examiner, stiffness, configuration, grid.rotations[rotation], grid.tables[table])
+    cost, joints, free = nodes(examiner, configuration, grid.rotations[rotation], grid.tables[table])
     return (table, rotation), Nodes(cost, joints, free & inside)
 
 
-def closed_off(examiner: Examiner, stiffness: Float, configuration: int, grid: Grid) -> Callable[[int], Bool]:
+def closed_off(examiner: Examiner, configuration: int, grid: Grid) -> Callable[[int], Bool]:
     """Nodes (a, t) that are infeasible by limits or collision, as judged at one of COARSE^2 nodes, every few points."""
     shape, n = (len(grid.tables), len(grid.rotations)), len(examiner.points.layer)
     at = [np.minimum(np.arange(COARSE // 2, count + COARSE // 2, COARSE), count - 1) for count in shape]
     table, rotation = np.meshgrid(grid.tables[at[0]], grid.rotations[at[1]], indexing="ij")
     looked = np.minimum(np.arange(POINTS // 2, n + POINTS // 2, POINTS), n - 1)
     looked[[0, -1]] = 0, n - 1  # where the program comes from and goes to counts
-    judged = [
-        ~nodes(examiner, stiffness, configuration, rotation[None], table[None], np.array([i]))[2][0] for i in looked
-    ]
+    judged = [~nodes(examiner, configuration, rotation[None], table[None], np.array([i]))[2][0] for i in looked]
     return lambda i: judged[i // POINTS].repeat(COARSE, axis=0).repeat(COARSE, axis=1)[: shape[0], : shape[1]]
 
 

@@ -34,7 +34,6 @@ from workbench.api import (
     sliding,
 )
 from workbench.plugins.stiffness.arm import FREE
-from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import (
@@ -46,7 +45,6 @@ from workbench.plugins.stiffness.traversal import (
     PostureMap,
     Price,
 )
-from workbench.plugins.stiffness.values import JointStiffness
 
 NO_PLATE = "The cell holds no plate: it is drawn as the path has it, 150 mm of its width."
 CLOSE_UP_MM, BESIDE = 220.0, 1.3  # the close-up shows so much at least, and so many times the path
@@ -116,13 +114,13 @@ class Found:
         ]
 
 
-def costs(examiner: Examiner, k: Float, joints: Float, table: Float) -> Float:
+def costs(examiner: Examiner, joints: Float, table: Float) -> Float:
     """Length of the displacement of the loaded points (l,), or their awkwardness, at joints (n, 6), angles (n,)."""
     loaded = examiner.points.loaded
-    return examiner.cost(k, joints[loaded], table[loaded], loaded)
+    return examiner.cost(joints[loaded], table[loaded], loaded)
 
 
-def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed: Bool = EVERY) -> Case | None:
+def case_at(examiner: Examiner, rotation: float, table: float, allowed: Bool = EVERY) -> Case | None:
     """The best of the `allowed` (8,) configurations for a constant pair of angles; in collision where none is free."""
     n = len(examiner.points.layer)
     angles = np.full(n, rotation), np.full(n, table)
@@ -132,27 +130,17 @@ def case_at(examiner: Examiner, k: Float, rotation: float, table: float, allowed
         if cause in (FREE, COLLISION):
             pair = examiner.screen.pair(hit) if cause == COLLISION else None
             external = examiner.points.external(angles[1], np.arange(n))
-            found.append(Case(rotation, table, external, joints, costs(examiner, k, joints, angles[1]), cause, pair))
+            found.append(Case(rotation, table, external, joints, costs(examiner, joints, angles[1]), cause, pair))
     return min(found, key=lambda case: (case.cause, case.cost.mean()), default=None)
 
 
-def postures(
-    examiner: Examiner,
-    stiffness: JointStiffness | None,
-    toolpath: Toolpath,
-    law: Law,
-    warnings: tuple[str, ...],
-) -> Postures:
+def postures(examiner: Examiner, toolpath: Toolpath, law: Law, warnings: tuple[str, ...]) -> Postures:
     """The postures of a law."""
     cell, points, joints = examiner.cell, examiner.points, law.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
-    table = points.external(law.table, np.arange(len(joints)))
+    every = np.arange(len(joints))
+    table = points.external(law.table, every)
     targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
-    moved = np.full((len(joints), 3), np.nan)
-    if stiffness is not None:
-        turned = points.moved(cell, table)
-        push = (turned[:, :3, :3] @ points.force_n[:, :, None])[:, :, 0]
-        moved = pushed(cell.chain, stiffness.nm_per_rad, joints, (turned @ points.base_from_point)[:, :3, 3], push)
     return Postures(
         toolpath=toolpath,
         layer=points.layer,
@@ -164,7 +152,7 @@ def postures(
         cutter_rotation=law.rotation,
         turntable=table,
         joints=joints,
-        displacement_mm=moved,
+        displacement_mm=examiner.moved_mm(joints, law.table, every),
         clearance_mm=examiner.screen.clearances_mm(joints, table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,

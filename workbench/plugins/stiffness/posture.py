@@ -189,7 +189,8 @@ def posture(
         return None if gate is None else (gate,)
     kept = within_margins(cell)
     _check_home(kept)
-    arm, k = _arm(kept, stiffness)
+    sprung = arm_of(kept.chain, NO_SPRINGS if stiffness is None else stiffness.nm_per_rad)
+    arm = Unsprung(sprung, kept) if stiffness is None else sprung
     words = words_of(arm, kept.chain)
     allowed = _allowed(words, cell.configuration if configuration is None else configuration)
     step_deg = step_deg or (STEP_DEG if stiffness and modes is None else COARSE_DEG)
@@ -204,7 +205,7 @@ def posture(
         keeps = Steadiness(cell, modes, cuts, least_margin, stations)
     _check_apart(Examiner(cell, arm, points, keeps))
     ways = [
-        (way, tables, traversal(arm, kept, k, way.only(at), rotations, tables))
+        (way, tables, traversal(arm, kept, way.only(at), rotations, tables))
         for way in _ways(cell, points, tilt_deg, tilt_step_deg)
         if len(tables := _tables(cell, turntable_deg, step_deg, way))
     ]
@@ -214,13 +215,13 @@ def posture(
         every = max(int(map_step_deg / step_deg + 1e-9), 1)
         thinned = traversed.thinned(every, choice.rotation, choice.table)
         over = mapped(examiner, thinned, within(progress, 0.3, 0.6))
-    chosen, bound = constant_law(examiner, k, choice), None
+    chosen, bound = constant_law(examiner, choice), None
     if mode == "along_path":
         limits = _law_limits(cell, acceleration_deg_s2)
         band = _table_band(cell, points, step_deg, gate) if turntable_moves else 0
         step_cost = (STEP_COST_MM if stiffness else AWKWARD_STEP) if step_cost_mm is None else step_cost_mm
         over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost)
-        law, bound = improved_law(examiner, k, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
+        law, bound = improved_law(examiner, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
         if choice.steady and examiner.steady(law.joints, law.table):
             chosen = law
             if turntable_moves and len(cell.axes) > 1:
@@ -228,8 +229,8 @@ def posture(
                 limits = _law_limits(cell, acceleration_deg_s2, TILT)
                 bands = np.array([_table_band(cell, points, step_deg, gate, 0), BAND])
                 over_both = Grid(rotations, _angles(cell, 0, tilt_deg, step_deg), bands, step_cost)
-                examiner, chosen = _tilting(examiner, k, chosen, over_both, limits, allowed)
-    made = postures(examiner, stiffness, toolpath, chosen, cell.warnings + _unsteady(choice, least_margin))
+                examiner, chosen = _tilting(examiner, chosen, over_both, limits, allowed)
+    made = postures(examiner, toolpath, chosen, cell.warnings + _unsteady(choice, least_margin))
     worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
         raise InputError(
@@ -243,11 +244,11 @@ def posture(
         map=over,
         mode=mode,
         measure=DISPLACEMENT if stiffness else AWKWARDNESS,
-        cost=costs(examiner, k, made.joints, chosen.table),
+        cost=costs(examiner, made.joints, chosen.table),
         words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
-        cases=_cases(chooser, k, choice, over),
-        bound=_bound(arm, kept, k, at, rotations, ways) if stiffness else None,
+        cases=_cases(chooser, choice, over),
+        bound=_bound(arm, kept, at, rotations, ways) if stiffness else None,
         law_bound=None if bound is None else bound / len(points.loaded),
         law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
         asked=None if keeps is None else keeps.asked,
@@ -258,12 +259,6 @@ def posture(
         Document("posture.json", posture_document(found)),
         posture_chapter(cell, found, toolpath),
     )
-
-
-def _arm(kept: Cell, stiffness: JointStiffness | None) -> tuple[AnyArm, Float]:
-    """The robot, and its springs; without any it is judged by its awkwardness."""
-    arm = arm_of(kept.chain)
-    return (Unsprung(arm, kept), NO_SPRINGS) if stiffness is None else (arm, stiffness.nm_per_rad)
 
 
 def _allowed(words: Sequence[tuple[str, ...]], wanted: Sequence[Side]) -> Bool:
@@ -388,13 +383,13 @@ def _best(
     return *best[:2], dataclasses.replace(best[2], examined=examined, of=of), best[3]
 
 
-def _bound(arm: AnyArm, kept: Cell, k: Float, at: Int, rotations: Float, ways: list[Searched]) -> Float:
+def _bound(arm: AnyArm, kept: Cell, at: Int, rotations: Float, ways: list[Searched]) -> Float:
     """Least displacement of each sampled loaded point over all grids, collision aside."""
-    found = [lowest(arm, kept, k, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
+    found = [lowest(arm, kept, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
     return np.asarray(np.min(found, axis=0))
 
 
-def _tilting(examiner: Examiner, k: Float, law: Law, grid: Grid, limits: Limits, allowed: Bool) -> tuple[Examiner, Law]:
+def _tilting(examiner: Examiner, law: Law, grid: Grid, limits: Limits, allowed: Bool) -> tuple[Examiner, Law]:
     """The law with the tilt turning too, never worse: the turntable goes as the law has it, the cutter anew."""
     points = examiner.points
     drift = points.external(law.table, np.arange(len(law.table)))
@@ -404,8 +399,8 @@ def _tilting(examiner: Examiner, k: Float, law: Law, grid: Grid, limits: Limits,
     tables = step * np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1)  # 0 among them: as it stands
     tilting = Examiner(examiner.whole, examiner.arm, points, examiner.keeps)
     over = dataclasses.replace(grid, tables=tables)
-    start = standing(tilting, k, law, over)
-    found, _ = improved_law(tilting, k, start, over, limits, allowed)
+    start = standing(tilting, law, over)
+    found, _ = improved_law(tilting, start, over, limits, allowed)
     return tilting, found if tilting.steady(found.joints, found.table) else start
 
 
@@ -438,7 +433,7 @@ def _angles(cell: Cell, which: int, limits_deg: Range | None, step_deg: float) -
     return np.asarray(kept)
 
 
-def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> dict[str, Case | None]:
+def _cases(examiner: Examiner, choice: Choice, over: PostureMap) -> dict[str, Case | None]:
     """What the choice is compared with: how the path was planned, and the worst of its map."""
     as_planned, planned = examiner, examiner.points.planned if examiner.cell.turntable else 0.0
     if np.ndim(planned):
@@ -452,7 +447,7 @@ def _cases(examiner: Examiner, k: Float, choice: Choice, over: PostureMap) -> di
     }
     chosen = np.arange(CONFIGURATIONS) == choice.configuration
     return {
-        name: case_at(as_planned if name == "as planned" else examiner, k, *at, chosen if name == "best" else EVERY)
+        name: case_at(as_planned if name == "as planned" else examiner, *at, chosen if name == "best" else EVERY)
         for name, at in places.items()
     }
 

@@ -117,21 +117,19 @@ def spread(indices: Int, count: int) -> Int:
     return np.asarray(indices[np.unique(at)])
 
 
-def traversal(
-    arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float
-) -> Traversal:
+def traversal(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tables: Float) -> Traversal:
     """Mean displacement of the loaded points, and what stands in the way of joint angles at any point."""
     path = placed(cell, points, tables)
-    found = [arm.traverse(stiffness, path, rotations, branch) for branch in range(BRANCHES)]
+    found = [arm.traverse(path, rotations, branch) for branch in range(BRANCHES)]
     mean, said = (np.concatenate(part) for part in zip(*found, strict=True))
     return Traversal(rotations, tables, mean * (len(points.layer) / len(points.loaded)), said)
 
 
-def lowest(arm: AnyArm, cell: Cell, stiffness: Float, points: PathPoints, rotations: Float, tables: Float) -> Float:
+def lowest(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tables: Float) -> Float:
     """The least displacement (n, a) of each loaded point, over all rotations and branches: no law can do better."""
     path = placed(cell, points, tables)
     loaded = LoadedPath(path.flange_from_cutter, *(part[:, points.loaded] for part in path[1:]))
-    return lowest_displacements(arm, stiffness, loaded, rotations).T
+    return lowest_displacements(arm, loaded, rotations).T
 
 
 def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
@@ -354,15 +352,20 @@ class Examiner:
             return True
         return self.keeps.holds(joints, self.points.turned(self.cell, table, np.arange(len(table))))
 
-    def cost(self, stiffness: Float, joints: Float, table: Float, at: Int) -> Float:
+    def cost(self, joints: Float, table: Float, at: Int) -> Float:
         """Displacement (m,), or awkwardness where no springs are known, at points `at` (m,) with joints (m, 6)."""
-        points, chain = self.points, self.cell.chain
         if isinstance(self.arm, Unsprung):
-            return np.where(np.isin(at, points.loaded), awkwardness(self.cell, joints), 0.0)
-        turned = points.turned(self.cell, table, at)
-        push = (turned[:, :3, :3] @ points.force_n[at, :, None])[:, :, 0]
-        place = (turned @ points.base_from_point[at])[:, :3, 3]
-        return np.asarray(np.linalg.norm(pushed(chain, stiffness, joints, place, push), axis=1))
+            return np.where(np.isin(at, self.points.loaded), awkwardness(self.cell, joints), 0.0)
+        return np.asarray(np.linalg.norm(self.moved_mm(joints, table, at), axis=1))
+
+    def moved_mm(self, joints: Float, table: Float, at: Int) -> Float:
+        """Displacement (m, 3), base axes, at points `at` (m,) with joints (m, 6); NaN where no springs are known."""
+        if isinstance(self.arm, Unsprung):
+            return np.full((len(at), 3), np.nan)
+        turned = self.points.turned(self.cell, table, at)
+        push = (turned[:, :3, :3] @ self.points.force_n[at, :, None])[:, :, 0]
+        place = (turned @ self.points.base_from_point[at])[:, :3, 3]
+        return pushed(self.cell.chain, self.arm.springs, joints, place, push)
 
     def poor(self, joints: Float) -> Int:
         """What the margins have against each posture (..., 6): SINGULAR, LIMIT, or FREE; limits are looked at before.

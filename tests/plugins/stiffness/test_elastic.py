@@ -54,7 +54,7 @@ def springs() -> Springs:
     return Springs()
 
 
-METHODS = ("balance", "third_order", "second_order", "linear_kc", "linear")
+METHODS = ("balance", "linear_kc", "linear")
 
 
 def wrenches(seed: int, count: int) -> Float:
@@ -65,7 +65,7 @@ def wrenches(seed: int, count: int) -> Float:
 
 
 def test_methods_against_the_balance(cell: Cell, table_a1: Float, springs: Springs) -> None:
-    """The stage with the flange for a tool: linear is off by 5e-3, with K_c by 2e-3, second order by some 1e-5."""
+    """The stage with the flange for a tool: linear is off by 5e-3, with K_c by 2e-3, both as the load grows."""
     flange = dataclasses.replace(cell, flange_from_cutter=np.eye(4))
     off: dict[tuple[str, float], list[float]] = {}
     for q, w in itertools.product(table_a1, wrenches(1, 6)):
@@ -83,11 +83,9 @@ def test_methods_against_the_balance(cell: Cell, table_a1: Float, springs: Sprin
             off.setdefault((method, share), []).append(float(max(parts)))
     worst = {method: max(off[method, 1.0]) for method in METHODS}
     assert worst["balance"] < 1e-9
-    assert worst["third_order"] < 1e-7
-    assert 1e-6 < worst["second_order"] < 4e-5
     assert 5e-4 < worst["linear_kc"] < 4e-3 < 2 * worst["linear"] < 2e-2
-    for method, power in (("second_order", 4), ("third_order", 16)):
-        assert np.median(off[method, 1.0]) / np.median(off[method, 0.5]) == pytest.approx(power, rel=0.15)
+    for method in ("linear_kc", "linear"):
+        assert np.median(off[method, 1.0]) / np.median(off[method, 0.5]) == pytest.approx(2, rel=0.15)
 
 
 def test_tangent_stiffness_is_the_derivative_of_the_balance(cell: Cell, table_a1: Float, springs: Springs) -> None:

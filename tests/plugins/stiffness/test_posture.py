@@ -102,7 +102,7 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
             flange = forward_kinematics(cell.chain, q)
             local = (inverse(flange) @ point)[:, :3, 3]
             length = [
-                np.linalg.norm(give_way(cell.chain, K, one, at, load, order=1, with_kc=False)[0][:3])
+                np.linalg.norm(give_way(cell.chain, K, one, at, load, with_kc=False)[0][:3])
                 for one, at, load in zip(q, local, loads, strict=True)
             ]
             best[branch, t, a] = np.mean(np.array(length)[points.loaded])

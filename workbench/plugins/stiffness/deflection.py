@@ -22,8 +22,7 @@ from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiff
 from workbench.plugins.stiffness.values import Deflection, JointStiffness
 
 Vector = tuple[float, float, float]
-Method = Literal["balance", "third_order", "second_order", "linear_kc", "linear"]
-ORDER = {"third_order": 3, "second_order": 2}
+Method = Literal["balance", "linear_kc", "linear"]
 Joints = tuple[float, float, float, float, float, float]
 
 
@@ -49,9 +48,8 @@ def deflection(
         force_n: acts on the cutter's tip.
         torque_nm: acts there as well.
         axes: whose axes force and torque have; they keep their direction in space while the robot gives way.
-        method: `balance`: springs and load in balance, solved; `second_order`: with K_c and the curvature of the way
-            (at 2,000 N within 1.4e-4 of the balance); `third_order`: with a second step of Newton's method (within
-            1e-8); `linear_kc`: J (K - K_c)^-1 J^T F; `linear`: J K^-1 J^T F, eq. (22) put right.
+        method: `balance`: springs and load in balance, solved; `linear_kc`: J (K - K_c)^-1 J^T F; `linear`:
+            J K^-1 J^T F, eq. (22) put right.
 
     Raises:
         InputError: the load is so large that the robot finds no balance.
@@ -87,7 +85,7 @@ def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, metho
                 "stiffness.deflection",
                 f"no balance under {size:.4g} N and {moment:.4g} Nm: the robot buckles; expected a smaller load",
             ) from None
-    return give_way(cell.chain, k, joints, tip, wrench, order=ORDER.get(method, 1), with_kc=method != "linear")
+    return give_way(cell.chain, k, joints, tip, wrench, with_kc=method != "linear")
 
 
 def _document(found: Deflection) -> bytes:

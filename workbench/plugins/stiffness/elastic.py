@@ -47,15 +47,11 @@ def give_way(
     point_mm: Shaped[Float, " 3"],
     wrench: Shaped[Float, "... 6"],
     *,
-    order: int = 2,
-    with_kc: bool = True,
+    with_kc: bool,
 ) -> tuple[Float, Float]:
     """Displacement (..., 6) of a flange point, mm and rotation vector in rad, and joint deflection (..., 6) in rad.
 
-    Order 1 is J dq, eq. (22) put right as J K^-1 J^T F, with K_c in K where asked for. Order 2 adds
-    1/2 dq^T (dJ/dq) dq: K - K_c is a tangent, and the way from the unloaded robot is curved. Complete to second order
-    of the load, so its error grows with the load's square. Order 3 takes a second step of Newton's method with the same
-    tangent, and the way as it is: with K_c complete to fourth order.
+    To first order: J dq, eq. (22) put right as J K^-1 J^T F, with K_c in K where asked for.
 
     Args:
         chain: the robot.
@@ -63,22 +59,12 @@ def give_way(
         joints: (..., 6) rad, unloaded.
         point_mm: (3,) the loaded point, in the flange frame.
         wrench: (..., 6) acts on the robot at that point, base axes.
-        order: 1, 2 or 3.
         with_kc: whether the load's own stiffness K_c counts.
     """
     jacobian, derivative = _jacobian(chain, joints, point_mm)
-    load, tangent = torques(jacobian, wrench), np.diag(stiffness)
-    if with_kc:
-        tangent = tangent - geometric_stiffness(derivative, wrench)
-    dq = np.asarray(np.linalg.solve(tangent, load[..., None])[..., 0])
-    if order == 3:
-        left = torques(_jacobian(chain, joints + dq, point_mm)[0], wrench) - stiffness * dq if with_kc else 0 * dq
-        dq = np.asarray(dq + np.linalg.solve(tangent, left[..., None])[..., 0])
-        return _way(chain, joints, dq, point_mm), dq
-    moved = (jacobian @ dq[..., None])[..., 0]
-    if order == 2:
-        moved = moved + 0.5 * np.einsum("...rij,...i,...j->...r", derivative, dq, dq)
-    return np.asarray(moved), dq
+    tangent = np.diag(stiffness) - with_kc * geometric_stiffness(derivative, wrench)
+    dq = np.asarray(np.linalg.solve(tangent, torques(jacobian, wrench)[..., None])[..., 0])
+    return np.asarray((jacobian @ dq[..., None])[..., 0]), dq
 
 
 def pushed(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, force_n: Float) -> Float:
@@ -125,9 +111,8 @@ def tangent_stiffness(chain: Chain, stiffness: Float, joints: Float, point_mm: F
 
     Inverted from the compliance J (K - K_c)^-1 J^T, which exists at singular postures too; entries are infinite there.
     """
-    axes, points = joint_axes(chain, joints)
-    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
-    kc = geometric_stiffness(jacobian_derivative(axes, jacobian), wrench)
+    jacobian, derivative = _jacobian(chain, joints, point_mm)
+    kc = geometric_stiffness(derivative, wrench)
     in_metres = jacobian / np.array([MM] * 3 + [1.0] * 3)[:, None]
     compliance = in_metres @ np.linalg.solve(np.diag(stiffness) - kc, in_metres.T)
     if np.linalg.cond(compliance) > 1 / np.finfo(float).eps:

@@ -96,24 +96,16 @@ def _row(
     tip = cell.flange_from_cutter[:3, 3]
     j = jacobian(cell.chain, joints, tip) / np.array([MM] * 3 + [1.0] * 3)[:, None]
     omega = np.abs(np.linalg.det(j))
-    force, both = _loads(directions, force_n, torque_nm)
-    with_kc, without = _with_and_without(cell, stiffness, joints, force)
-    size = np.maximum(np.linalg.norm(with_kc[..., :3], axis=-1), np.linalg.norm(without[..., :3], axis=-1))
-    fp = np.linalg.norm((with_kc - without)[..., :3], axis=-1) / size
-    with_kc, without = _with_and_without(cell, stiffness, joints, both)
-    fr = np.abs(with_kc - without)[..., 3:].max(axis=-1)
+    k = stiffness.nm_per_rad
+    (force, force_alone), (both, both_alone) = (
+        [give_way(cell.chain, k, joints[:, None], tip, loads, with_kc=kc)[0] for kc in (True, False)]
+        for loads in _loads(directions, force_n, torque_nm)
+    )
+    size = np.maximum(*(np.linalg.norm(one[..., :3], axis=-1) for one in (force, force_alone)))
+    fp = np.linalg.norm((force - force_alone)[..., :3], axis=-1) / size
+    fr = np.abs(both - both_alone)[..., 3:].max(axis=-1)
     with np.errstate(divide="ignore"):
         return 1 / omega, fp.max(axis=1), fr.max(axis=1)
-
-
-def _with_and_without(cell: Cell, stiffness: JointStiffness, joints: Float, loads: Float) -> tuple[Float, Float]:
-    """Displacements (n, m, 6) of the cutter's tip at postures (n, 6) under loads (m, 6), with K_c and without."""
-    tip = cell.flange_from_cutter[:3, 3]
-    with_kc, without = (
-        give_way(cell.chain, stiffness.nm_per_rad, joints[:, None], tip, loads, order=1, with_kc=kc)[0]
-        for kc in (True, False)
-    )
-    return with_kc, without
 
 
 def _loads(directions: int, force_n: float, torque_nm: float) -> tuple[Float, Float]:

@@ -346,8 +346,8 @@ def _row(name: str, case: Case | None) -> tuple[str, ...]:
 
 def _causes(found: Found) -> str:
     """Why the rest of the map is infeasible."""
-    cause, pair = found.map.cause, found.map.pair
-    parts = [f"{CAUSES[c]} {100 * np.mean(cause == c):.1f} %" for c in (3, 2, 1, COLLISION) if (cause == c).any()]
+    pair = found.map.pair
+    parts = found.map.shares(1, (3, 2, 1, COLLISION))
     pairs = [f"{a} with {b} {100 * np.mean(pair == i):.1f} %" for i, (a, b) in enumerate(found.map.pairs)]
     if not parts:
         return pieces.paragraph("The whole map is feasible.")

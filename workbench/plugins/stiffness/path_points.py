@@ -70,12 +70,7 @@ class PathPoints:
 
     def densified(self, step_mm: float) -> PathPoints:
         """With points between, where neighbours are farther apart: there the tool goes straight and turns evenly."""
-        poses = self.base_from_point
-        way = np.linalg.norm(np.diff(self.part_mm, axis=0), axis=1)
-        pieces = np.maximum(np.ceil(way / step_mm), 1).astype(int)
-        at = np.append(np.repeat(np.arange(len(way)), pieces) + _shares(pieces), len(way))
-        quaternion = quaternion_from_rotation(poses[:, :3, :3])
-        between = interpolate_poses(at, np.arange(len(poses), dtype=float), poses[:, :3, 3], quaternion)
+        at, between = _between(self.part_mm, quaternion_from_rotation(self.base_from_point[:, :3, :3]), step_mm)
         low, high = np.floor(at).astype(int), np.ceil(at - 1e-9).astype(int)
         return dataclasses.replace(
             self.only(high),
@@ -146,10 +141,12 @@ def path_points(
     return found
 
 
-def _shares(pieces: Int) -> Float:
-    """0, 1/k, ..., (k - 1)/k for each k of `pieces`, one after the other."""
-    first = np.cumsum(pieces) - pieces
-    return np.asarray((np.arange(pieces.sum()) - np.repeat(first, pieces)) / np.repeat(pieces, pieces))
+def _between(position_mm: Float, quaternion: Float, step_mm: float) -> tuple[Float, Float]:
+    """Places (m,) between n points, as indices of them, no farther apart than a step; and the poses there."""
+    pieces = np.maximum(np.ceil(np.linalg.norm(np.diff(position_mm, axis=0), axis=1) / step_mm), 1).astype(int)
+    at = np.append(np.repeat(np.arange(len(pieces)), pieces), len(pieces)).astype(float)
+    at[:-1] += np.concatenate([np.arange(k) / k for k in pieces.tolist()] or [np.zeros(0)])
+    return at, interpolate_poses(at, np.arange(len(position_mm), dtype=float), position_mm, quaternion)
 
 
 def _parts(toolpath: Toolpath) -> Iterator[Layer | Travel]:
@@ -174,10 +171,7 @@ def _filled(parts: list[Layer | Travel], i: int) -> tuple[Float, Float]:
     position, quaternion, feed = (np.concatenate(column) for column in zip(*rows, strict=True))
     if len(position) < 2:
         return own, part.feed_mm_s
-    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    pieces = np.maximum(np.ceil(way / AIR_STEP_MM), 1).astype(int)
-    at = np.append(np.repeat(np.arange(len(pieces)), pieces) + _shares(pieces), len(pieces))
+    at, poses = _between(position, quaternion, AIR_STEP_MM)
     towards = feed[np.minimum(np.ceil(at - 1e-9).astype(int), len(feed) - 1)]
     keep = slice(len(before), len(at) - len(after))
-    poses = interpolate_poses(at, np.arange(len(feed), dtype=float), position, quaternion)
     return poses[keep], towards[keep]

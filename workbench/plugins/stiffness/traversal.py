@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +38,6 @@ from workbench.plugins.stiffness.arm import (
     FREE,
     LIMIT,
     SINGULAR,
-    UNREACHABLE,
     AnyArm,
     LoadedPath,
     Unsprung,
@@ -454,6 +453,11 @@ class PostureMap:
     chatter: Shaped[Float, "2 t a"] | None = None  # margin, and the same less U where it is large enough; by the screen
     prices: tuple[Price, ...] = ()
 
+    def shares(self, digits: int, causes: Iterable[int]) -> list[str]:
+        """How much of the map each cause takes, in words."""
+        every = ((CAUSES[c], np.mean(self.cause == c)) for c in causes)
+        return [f"{name} {100 * share:.{digits}f} %" for name, share in every if share]
+
 
 def search(
     examiner: Examiner, grid: Traversal, allowed: Bool = EVERY, progress: Share = silent, below: float = np.inf
@@ -611,13 +615,12 @@ class _State:
         flat = which[0] * self.cells + np.arange(self.cells).reshape(shape[1:])  # (a, t)
         if margins:
             self.steady(flat.T[best[1] == FREE])
-        number = {hit: i for i, hit in enumerate(used)}
         return PostureMap(
             rotations=self.grid.rotations,
             tables=self.grid.tables,
             mean=np.where(best[1] == FREE, best[0], np.nan),
             cause=best[1],
-            pair=np.vectorize(lambda i: number.get(int(i), -1), otypes=[int])(best[2]),
+            pair=np.where(best[2] < 0, -1, np.searchsorted(used, best[2])),
             pairs=tuple(screen.pair(i) for i in used),
             how=best[3],
             without_collision=np.where(np.isfinite(solved), solved, np.nan),
@@ -627,15 +630,10 @@ class _State:
 
 def _why_not(found: PostureMap, allowed: Bool) -> str:
     """What stands in the way everywhere, in one line."""
-    shares = [
-        f"{CAUSES[c]} {100 * np.mean(found.cause == c):.0f} %"
-        for c in range(1, UNREACHABLE + 2)
-        if (found.cause == c).any()
-    ]
     pairs = [f"'{a}' with '{b}'" for a, b in found.pairs[:3]]
     return (
         "no cutter rotation and turntable angle lets the robot follow it"
         + ("; of the grid: " if allowed.all() else " in the `configuration` asked for; of the grid in any: ")
-        + ", ".join(shares)
+        + ", ".join(found.shares(0, range(1, len(CAUSES))))
         + (f" ({', '.join(pairs)})" if pairs else "")
     )

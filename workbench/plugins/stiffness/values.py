@@ -102,7 +102,6 @@ class Deflection:
     rotation: Shaped[Float, " 3"]  # rotation vector, rad
     joints: Shaped[Float, " 6"]  # how far each joint gives way, rad
     tangent_stiffness: Shaped[Float, "6 6"]  # eq. (17) at the loaded posture: N, Nm per m, rad
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +174,6 @@ class MillingForce:
     spindle_rpm: float
     assumed: str = ""  # what stands in for what nobody stated: programs say so
     process: CuttingProcess | None = None  # None: nobody knows it, and no stability is told
-    warnings: tuple[str, ...] = ()
 
     def at_points(self, layer: Int, column: str) -> Float:
         """A column of the layers at all points of a path by their layer (n,); 0 in travel moves, whose layer is 0.
@@ -218,4 +216,3 @@ class StiffnessMaps:
     marked: Shaped[Float, "p 6"]  # rad
     marked_values: Shaped[Float, "p 3"]  # 1/omega, f_p, f_r there
     verdict: str  # whether K_c is negligible
-    warnings: tuple[str, ...] = ()

@@ -18,10 +18,10 @@ MOST = 1e6  # degrees, N, Nm, mm: beyond it lies nobody's measurement
 class Table:
     """Rows of a CSV file by column name; every error names the line."""
 
-    def __init__(self, path: Path, needed: Sequence[str], least: int) -> None:
-        """Read `path`; InputError where a column of `needed` is missing or there are fewer than `least` rows."""
+    def __init__(self, path: Path, needed: Sequence[str], least: int, text: str | None = None) -> None:
+        """Of `path`, or its `text`; InputError where a column of `needed` or some of the `least` rows are missing."""
         self.path = path
-        numbered = numbered_lines(read_text(path, MAX_BYTES))
+        numbered = numbered_lines(read_text(path, MAX_BYTES) if text is None else text)
         if not numbered:
             raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
         self.header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]

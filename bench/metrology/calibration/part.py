@@ -247,7 +247,7 @@ def measure_plan(result: CalibrationResult, recipe: SphereRecipe) -> None:
     limits = Limits(nominal, 25 * DEG, 25 * DEG, (float(x), float(z)), (10.0, 15.0))
     noise = Noise(radius_mm=cell.radius_mm)
     flange, centre = candidate_postures(limits, rough, CANDIDATES, rng)
-    gain = information_gains(flange, centre, rough, noise, Optics(cell.noise_mm, cell.pitch_mm))
+    gain = information_gains(flange, centre, rough, noise, Optics(cell.noise_mm, cell.pitch_mm, -1))
     planned = _cell_at(cell, truth, flange[chosen_postures(gain, information_before(noise), POSTURES)])
     sets = [random_postures(limits, truth, POSTURES, rng)[0] for _ in range(RANDOM_SETS)]
     result.bound_mm = _bound(planned)

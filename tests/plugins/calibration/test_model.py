@@ -15,8 +15,10 @@ from tests.plugins.calibration.conftest import (
     cell,
     circles,
     postures,
+    recording,
 )
 from workbench.api import rotation_from_vector
+from workbench.plugins.calibration import circles as measured
 from workbench.plugins.calibration.model import (
     Estimate,
     Noise,
@@ -26,6 +28,7 @@ from workbench.plugins.calibration.model import (
     volume_u,
 )
 from workbench.plugins.calibration.observations import from_arrays
+from workbench.plugins.calibration.plan import circle_covariance, optics_of
 
 TRUTH = Estimate(TRUE[:3, :3], TRUE[:3, 3], CENTER, RADIUS)
 EXACT = Noise(0.0, 0.0)
@@ -65,6 +68,15 @@ def test_covariance_is_that_of_noisy_poses(rng: np.random.Generator) -> None:
     linear = linearise(TRUTH, seen, noise)
     np.testing.assert_allclose(-linear.residual[0], -around.residual.mean(axis=0), atol=0.012)
     np.testing.assert_allclose(linear.covariance[0], np.cov(around.residual.T), atol=0.06 * linear.covariance[0].max())
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+def test_a_planned_circle_is_known_as_a_measured_one(rng: np.random.Generator, sense: int) -> None:
+    shown = recording(rng, cell(rng, *postures(rng, 20)), sense=sense)
+    found = measured(shown)
+    u = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+    relative = circle_covariance(found.circle[:, 2], optics_of(found, shown)) - found.covariance
+    assert np.abs((relative / u[:, :, None] / u[:, None]).mean(axis=0)).max() < 0.12
 
 
 def test_volume_u_is_the_rms_over_the_field(rng: np.random.Generator) -> None:

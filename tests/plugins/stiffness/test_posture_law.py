@@ -9,7 +9,7 @@ import pytest
 
 from workbench.path import read
 from workbench.plugins.stiffness import force
-from workbench.plugins.stiffness.arm import fast_arm
+from workbench.plugins.stiffness.arm import GeneralArm, fast_arm
 from workbench.plugins.stiffness.law import (
     STEP_COST_MM,
     Grid,
@@ -26,7 +26,7 @@ from workbench.plugins.stiffness.law import (
 )
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.traversal import Examiner, search, traversal
-from workbench.robot import Cell, CollisionModel, Margins
+from workbench.robot import Cell, CollisionModel, Margins, forward_kinematics, joint_axes
 from workbench.units import Float
 
 from .conftest import K
@@ -153,6 +153,20 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
     total = each[np.arange(40), found.way[:, 0], found.way[:, 1]].sum() + 1e-4 * (steps**2).sum()
     assert np.isclose(total, found.cost_mm, rtol=1e-12)
     assert relaxed_law(examiner, 0, grid, found.cost_mm * 0.999) is None
+
+
+def test_a_law_stays_where_the_arm_reaches(cell: Cell, points: PathPoints) -> None:
+    """Of a robot whose zero is a posture like any other: it is none for places that nothing reaches."""
+    zero = np.radians([0, 20, 10, 0, 60, 0])
+    axes, feet = joint_axes(cell.chain, zero)
+    there = {"axes": axes, "points_mm": feet, "base_from_flange_at_zero": forward_kinematics(cell.chain, zero)}
+    chain = dataclasses.replace(cell.chain, **there, limits=cell.chain.limits - zero[:, None])
+    off = points.base_from_point + 5e3 * np.outer(np.eye(4)[0], np.eye(4)[3])
+    still = np.zeros((len(points.layer), 1, 1))
+    for at, reached in ((points.base_from_point, True), (off, False)):
+        placed = dataclasses.replace(points, base_from_point=at)
+        examiner = Examiner(dataclasses.replace(cell, chain=chain), GeneralArm(chain, K), placed)
+        assert nodes(examiner, 0, still + np.pi / 2, still - 1.3)[2].any() == reached
 
 
 def law_of(cell: Cell, points: PathPoints, bands: tuple[int, int], limits: Limits) -> tuple[Law, Law, float]:

@@ -20,6 +20,7 @@ from workbench.program import write
 from workbench.program.rapid import read_rapid
 from workbench.robot import Cell, forward_kinematics, turntable_pose
 from workbench.robot.cell import ON_BASE, Shape
+from workbench.robot.cell_file import ProbePart
 from workbench.robot.process import drawn_back
 from workbench.twin.mill import read_deflections
 
@@ -201,6 +202,28 @@ def test_a_posture_from_which_no_way_leads_home_is_not_proposed(cell: Cell, stif
     for postures, passes in ((best, False), (other, True)):
         assert write(simplify(path, postures), free(path), blocked, root_tolerance_mm=3)[-3].passed is passes
     assert np.linalg.norm(other.displacement_mm, axis=1).mean() >= np.linalg.norm(best.displacement_mm, axis=1).mean()
+
+
+def test_a_posture_from_which_nobody_could_look_is_not_proposed(cell: Cell, stiffness: JointStiffness) -> None:
+    """A post beside the place of the probe, above the first point that cuts: behind a lead of half the path."""
+    whole = thinned(read(toolpath=PATH), 3)
+    layer = whole.layers[0]
+    cuts = len(layer.cutting) // 2
+    late = dataclasses.replace(layer, cutting=layer.cutting & (np.arange(len(layer.cutting)) >= cuts))
+    path, coarse = dataclasses.replace(whole, layers=(late,)), {"whole_map": False, "step_deg": 30.0}
+    assert cell.process is not None
+    process = cell.process.model_copy(update={"probe": ProbePart(distance_mm=700)})
+    acts, probing = force(path)[0], dataclasses.replace(cell, process=process)
+    best = posture(probing, stiffness, path, acts, **coarse)[0]
+    off = drawn_back(cell, best.joints[cuts], 700)
+    assert off is not None
+    pose = forward_kinematics(cell.chain, off) @ cell.flange_from_cutter
+    pose[:3, 3] += 40 * pose[:3, 0]
+    pose[:3, :3] = np.eye(3)
+    blocked = dataclasses.replace(probing, shapes=(*cell.shapes, Shape("post", ON_BASE, "box", (20.0,) * 3, pose)))
+    other = posture(blocked, stiffness, path, acts, **coarse)[0]
+    for postures, passes in ((best, False), (other, True)):
+        assert write(simplify(path, postures), free(path), blocked, root_tolerance_mm=3)[-3].passed is passes
 
 
 def test_a_turntable_turns_no_faster_than_the_path_allows(cell: Cell, path: Toolpath, acts: MillingForce) -> None:

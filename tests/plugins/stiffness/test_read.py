@@ -53,6 +53,7 @@ def test_a_file_comes_back(tmp_path: Path) -> None:
         ({"covariance": [[1.0] * 6] * 5}, "expected 6 entries, found 5"),
         ({"covariance": (-np.eye(6)).tolist()}, "positive semi-definite"),
         ({"covariance": (np.eye(6) + np.eye(6, k=1)).tolist()}, "symmetric"),
+        ({"covariance": (1e10 * np.eye(6)[::-1]).tolist()}, "positive semi-definite"),  # of what is exact there is none
         ({"covariance": None}, "expected a valid array"),
     ],
 )
@@ -88,6 +89,7 @@ def test_points_with_missing_cells(tmp_path: Path) -> None:
     tests = read_loads(write(tmp_path, POINTS, ROW + ",1,2,3,,,", ROW + ",1,,3,4,5,6", ROW + ",1,2,3,4,5,6"))
     seen = np.isfinite(tests.vectors).all(axis=2)
     assert seen.tolist() == [[True, False], [False, True], [True, True]]
+    assert np.isnan(tests.vectors[1, 0]).all()  # a point with an empty cell counts for nothing
 
 
 def test_columns_in_any_order_and_others_are_noted(tmp_path: Path) -> None:

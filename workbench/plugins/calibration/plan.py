@@ -35,7 +35,7 @@ from workbench.api import (
 )
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.circles import LATERAL, STEEP
+from workbench.plugins.calibration.circles import STEEP
 from workbench.plugins.calibration.model import POSE, Estimate, Noise, information, linearise, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.shared_errors import settled
@@ -67,6 +67,7 @@ class Optics:
 
     noise_mm: float  # of a point along z, correlation of neighbours included
     pitch_mm: float  # between columns
+    sense: int  # of z across the arc, as in SphereProfiles
 
 
 def candidate_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
@@ -107,11 +108,10 @@ def information_gains(
 
 def circle_covariance(w: Float, optics: Optics) -> Float:
     """Covariance (c, 3, 3) of (x_c, z_c, w) of circles of squared radius w (c,): all columns of the arc return."""
-    u = np.linspace(-STEEP, STEEP, 61)
+    u = np.linspace(-STEEP, STEEP, 123)[1::2]  # middles of as many stretches of the arc
     r, q = np.sqrt(w)[:, None], np.sqrt(1 - u**2)
-    row = np.stack([np.broadcast_to(u / q, (len(w), 61)), np.ones((len(w), 61)), 1 / (2 * r * q)], axis=-1)
-    weight = (2 * STEEP * r / optics.pitch_mm / 61) / (1 + (LATERAL * u / q) ** 2)
-    information = np.einsum("ck,cki,ckj->cij", weight, row, row)
+    row = np.stack(np.broadcast_arrays(u / q, np.ones(61), optics.sense / (2 * r * q)), axis=-1)
+    information = (2 * STEEP / optics.pitch_mm / 61) * np.einsum("cx,cki,ckj->cij", r, row, row)
     return np.asarray(np.linalg.inv(information) * optics.noise_mm**2)
 
 
@@ -261,7 +261,8 @@ def estimate_of(calibration: Calibration) -> Estimate:
 def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
     """Noise and pitch as the recording shows them."""
     pitch = float(np.nanmedian(np.abs(np.diff(recording.x_mm, axis=1))))
-    return Optics(profiles.noise_mm * float(np.sqrt((1 + profiles.correlation) / (1 - profiles.correlation))), pitch)
+    shared = float(np.sqrt((1 + profiles.correlation) / (1 - profiles.correlation)))
+    return Optics(profiles.noise_mm * shared, pitch, profiles.sense)
 
 
 def _limits(

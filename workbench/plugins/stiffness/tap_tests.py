@@ -121,7 +121,7 @@ def _unit(direction: str) -> Float:
 def read_responses(path: Path, kind: str | None) -> list[Response]:
     """All frequency responses of a file, UFF 58 by its content, else CSV."""
     text = read_text(path, MAX_BYTES)
-    found = _uff(path, text) if text.lstrip().startswith("-1") else _csv(path, kind)
+    found = _uff(path, text) if text.lstrip().startswith("-1") else _csv(path, text, kind)
     if not found:
         raise InputError(str(path), "expected frequency responses, found none")
     for one in found:
@@ -130,11 +130,11 @@ def read_responses(path: Path, kind: str | None) -> list[Response]:
     return found
 
 
-def _csv(path: Path, kind: str | None) -> list[Response]:
+def _csv(path: Path, text: str, kind: str | None) -> list[Response]:
     """Columns hz, then for each response as xy_re, xy_im and, where known, xy_coherence: x by a force along y."""
     if kind is None:
         raise InputError(str(path), "expected its kind in the list: compliance, mobility or accelerance, in SI units")
-    table = Table(path, ("hz",), 0)
+    table = Table(path, ("hz",), 0, text)
     pairs = [name[:2] for name in table.header if re.fullmatch(r"[xyz][xyz]_re", name)]
     missing = [f"{pair}_im" for pair in pairs or ["xx"] if f"{pair}_im" not in table.header]
     if missing:

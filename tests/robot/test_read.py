@@ -159,6 +159,8 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
         (lambda t: t["tool"]["shapes"].pop(), "collision of the cutter: the tool's shapes end"),
         (lambda t: t.update(may_touch=[["cutter", "workpiece"], ["tool", "workpiece"]]), "lets them touch"),
         (lambda t: t.pop("process"), "the way to the first posture and back home, spindle and coolant"),
+        (lambda t: t["turntable"]["base_from_turntable"].update(quaternion_wxyz=[0, 1, 0, 0]), "its z points down"),
+        (lambda t: t["work_object"].update(pose={"position_mm": [-2000, 0, -500]}), "the inverse of $.work_object"),
     ],
 )
 def test_what_a_tool_leaves_open_is_named(tmp_path: Path, change: Change, words: str) -> None:

@@ -139,7 +139,19 @@ def read_cell(path: Path) -> Cell:
         controller=_controller(part.controller, path),
     )
     _check_turntable(made, path)
-    return dataclasses.replace(made, unchecked=(*made.unchecked, *left_out(made, part.may_touch)))
+    return dataclasses.replace(made, unchecked=(*made.unchecked, *_odd(part, made), *left_out(made, part.may_touch)))
+
+
+def _odd(part: CellPart, cell: Cell) -> Iterator[str]:
+    """Frames that a cell may have, but hardly ever has."""
+    table, why = cell.turntable, "$.turntable.base_from_turntable: is it upside down, or does the robot hang?"
+    if table is not None and not table.slides and table.base_from_turntable[2, 2] < -0.5:
+        yield f"which way the turntable turns: its z points down in {why}"
+    if part.work_object is not None and part.envelope is not None:
+        frame, room = cell.base_from_workobject, part.envelope
+        off = [((room.lowest_mm > at) | (at > room.highest_mm)).any() for at in (frame[:3, 3], inverse(frame)[:3, 3])]
+        if off == [True, False]:
+            yield "the work object's place: outside $.envelope, and inside by the inverse of $.work_object.pose"
 
 
 def _check_turntable(cell: Cell, path: Path) -> None:

@@ -25,7 +25,7 @@ EXAMPLES = """examples:
   workbench stages cloud.denoise
 
 lengths in mm, times in s, angles in degrees where a name ends in _deg
-exit status: 0 done, 1 done and the part rejected by the pipeline's gate, 2 unusable input or arguments"""
+exit status: 0 done, 1 done and not passed by the pipeline's gate, 2 unusable input or arguments"""
 RUN_EXAMPLES = """examples:
   workbench run pipelines/inspect_bevel.json --out out/part-7 --input recording=part-7.h5
   workbench run pipelines/inspect_bevel.json --out out/part-7 --input bevel_nominal_deg=37.5

@@ -41,7 +41,7 @@ def executed(source: str) -> Any:
         result.raise_error()
         cell.execution_count = shell.execution_count - 1
         if result.result is not None:
-            data, _ = shell.display_formatter.format(result.result, include={TEXT, "text/html", "image/png"})
+            data, _ = shell.display_formatter.format(result.result, include={TEXT, "image/png"})
             data = {
                 kind: base64.b64encode(one).decode() if isinstance(one, bytes) else one for kind, one in data.items()
             }

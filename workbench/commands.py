@@ -94,7 +94,8 @@ def build_parser() -> Parser:
         return made
 
     run = command("run", "run a pipeline and write its results", RUN_EXAMPLES)
-    validate = command("validate", "check all of a pipeline that can be checked without running it", RUN_EXAMPLES)
+    examples = RUN_EXAMPLES.replace("workbench run", "workbench validate").replace("--out out/part-7 ", "")
+    validate = command("validate", "check all of a pipeline that can be checked without running it", examples)
     batch = command("batch", "run a pipeline once for each recording, and make the page of the fleet", BATCH_EXAMPLES)
     for made in (run, validate, batch):
         made.add_argument("pipeline", metavar="PIPELINE.json", help="a file, or a shipped one's name")

@@ -162,8 +162,9 @@ def test_what_may_touch_and_come_apart_is_told(cell_file: Any) -> None:
     made = read_cell(cell_file(lambda tree: (_table(tree, LONG, FOOT), tree.update(may_touch=[["turntable", "post"]]))))
     assert CollisionModel(made).collision(np.zeros(6), np.pi / 2) is None
     assert told(made, "turntable", "post")
-    touch = [["base_link", "link_1"], ["link_4", "tool"]]
-    joint = read_cell(cell_file(lambda tree: (_table(tree, FOOT), tree.update(may_touch=touch))))
+    touch = [["base_link", "link_1"], ["link_4", "tool"], ["turntable", "floor"]]
+    joint = read_cell(cell_file(lambda tree: (_table(tree, LONG, FOOT), tree.update(may_touch=touch))))
+    assert not told(joint, "turntable", "floor")  # one stands on it, the other far above
     assert not told(joint, "base_link", "link_1")  # neighbours along the arm
     assert told(joint, "link_4", "tool")  # two joints between them
 

@@ -96,6 +96,23 @@ def test_clearance_counts_and_the_uncertainty_of_tool_and_part(cell: Cell, cell_
     assert kinds(judge(blurred, made)) == {"collision"}
 
 
+def test_what_stands_nearer_than_a_scan_lets_know_is_told(cell_file: Callable[..., Path]) -> None:
+    """A table on a foot 6 mm above the floor, however it turns: enough for 5 mm, not for 2 u more."""
+
+    def change(tree: Any) -> None:
+        plainly(tree)
+        tree["margin_mm"] = 5
+        tree["turntable"]["shapes"] = [{"pose": {"position_mm": [0, 0, -294]}, "box_mm": [200, 200, 400]}]
+
+    clear = read_cell(cell_file(change))
+    vague = dataclasses.replace(clear, margins=dataclasses.replace(clear.margins, part_mm=1.0))
+    told = [
+        [text for text in judge(one, program(one, *route(one))).unchecked if "floor" in text] for one in (clear, vague)
+    ]
+    assert told[0] == []
+    assert "6.0 mm apart" in told[1][0]
+
+
 def test_a_joint_limit_between_targets(cell: Cell) -> None:
     """A sweep of the base axis: the limit is passed in the middle of nothing but by a joint move."""
     low, high = cell.chain.limits[0]

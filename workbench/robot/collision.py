@@ -295,7 +295,7 @@ def _borne(cell: Cell) -> dict[tuple[int, int], tuple[float, bool]]:
 
 
 def _standing(
-    cell: Cell, one: Shape, other: Shape, turn: Float | None = None, least: float = 0.0
+    cell: Cell, one: Shape, other: Shape, turn: Float | None = None, least: float = np.inf
 ) -> tuple[float | None, bool]:
     """Two shapes' distance, less than 0 inside, if the one axis between them keeps it below `least`, or alike; whether.
 

@@ -17,7 +17,7 @@ from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violati
 from workbench.geometry.poses import inverse
 from workbench.robot.bounds import SAFE_MM, CollisionScreen, Pairs, pair_bounds_mm
 from workbench.robot.cell import Cell, dexterity, turntable_margin
-from workbench.robot.collision import CollisionModel, sliding, standing_poses, turntable_pose
+from workbench.robot.collision import CollisionModel, left_out, sliding, standing_poses, turntable_pose
 from workbench.robot.controller import frame_faults
 from workbench.robot.kinematics import forward_kinematics, motions
 from workbench.robot.process import disorders, placed
@@ -349,7 +349,7 @@ def _judgement(
     places = everywhere.at(order)
     arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(places.tool[:, :3, 3], axis=0), axis=1)))
     at = _Lookup(places, arc)
-    unchecked = [*cell.unchecked, *cell.unseen]
+    unchecked = [*dict.fromkeys((*cell.unchecked, *left_out(cell, ()))), *cell.unseen]  # margins may have grown since
     driven, deviation = Driven(), float("nan")
     if planned is None:
         unchecked.append("the tool's deviation from its path: no path was given")

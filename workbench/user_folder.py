@@ -64,21 +64,21 @@ def folder() -> UserFolder:
     return UserFolder()
 
 
-def keep(path: Path, content: bytes) -> None:
-    """Write a file of the folder as a whole; one that has become full or read-only costs the next process time only."""
+def keep(path: Path, *parts: bytes | memoryview) -> None:
+    """Write a file of a folder as a whole; one that has become full or read-only costs the next process time only."""
     with contextlib.suppress(OSError):
         descriptor, written = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
         try:
             with open(descriptor, "wb") as file:
-                file.write(content)
+                file.writelines(parts)
             os.replace(written, path)
         except OSError:
             os.unlink(written)
 
 
-def forget(pattern: str) -> None:
-    """Remove the files of a pattern that have not been made for long, and what killed processes have left."""
-    where, oldest = folder().path, time.time() - KEPT_DAYS * 86400
+def forget(pattern: str, where: Path | None = None, days: int = KEPT_DAYS) -> None:
+    """Remove the files of a pattern that were not touched for long, and what killed processes have left."""
+    where, oldest = where or folder().path, time.time() - days * 86400
     for path in [*where.glob(pattern), *where.glob(".writing-*")] if where else ():
         with contextlib.suppress(OSError):
             if path.stat().st_mtime < oldest:

@@ -49,7 +49,10 @@ def certified(
         InputError: a certificate without what it is for, or with what may be it; one of thermometer and temperature.
     """
     if thermometer is None and temperature_c is not None:
-        raise InputError("temperature_c", "expected thermometer_dcc beside it: the certificate of what told it")
+        alone = """for the report's first page alone: --set 'report.html.sheet={"temperature_c": 20}'"""
+        raise InputError(
+            "temperature_c", f"expected thermometer_dcc beside it, the certificate of what told it; {alone}"
+        )
     unused: tuple[str, ...] = ()
     if sensor is not None:
         unused += left_out(sensor, SCALES, LINEARITY)

@@ -21,7 +21,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -40,7 +40,7 @@ from workbench.pipeline.results import RUN_FILE, result_files, written
 from workbench.pipeline.terminal import Reporter, compilation_watch
 from workbench.pipeline.wiring import InputRecord, Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
-from workbench.user_folder import package_digest
+from workbench.user_folder import forget, keep, package_digest
 
 Made: TypeAlias = tuple[tuple[Any, ...], list[str]]  # artefacts and warnings of a stage
 
@@ -67,7 +67,7 @@ class StageCache:
             raise OutputError(
                 f"--cache {folder}", "expected a folder that you alone may write: its entries are trusted"
             )
-        self._forget()
+        forget(f"*{SUFFIX}", self.folder, KEPT_DAYS)
 
     def made(self, step: Step, run: Callable[[], Made]) -> Made:
         """What the step makes, out of the cache or by `run`."""
@@ -120,23 +120,7 @@ class StageCache:
         digest = hashlib.sha256(sizes)
         for part in packed:
             digest.update(part)
-        with suppress(OSError):  # a full disk costs the next run time, no more
-            descriptor, written = tempfile.mkstemp(dir=self.folder, prefix=".writing-")
-            try:
-                with open(descriptor, "wb") as file:
-                    for part in (digest.digest(), sizes, *packed):
-                        file.write(part)
-                os.replace(written, self.folder / f"{key}{SUFFIX}")
-            except OSError:
-                os.unlink(written)
-
-    def _forget(self) -> None:
-        """Remove what was not used for long, and what killed runs left."""
-        oldest = time.time() - KEPT_DAYS * 86400
-        for path in [*self.folder.glob(f"*{SUFFIX}"), *self.folder.glob(".writing-*")]:
-            with suppress(OSError):
-                if path.stat().st_mtime < oldest:
-                    path.unlink()
+        keep(self.folder / f"{key}{SUFFIX}", digest.digest(), sizes, *packed)
 
 
 def _packed(made: Made) -> list[bytes | memoryview] | None:

@@ -164,6 +164,17 @@ class _Page(NamedTuple):
 
 def _document(page: _Page) -> bytes:
     found = page.found
+    columns = {
+        "point": found.at,
+        "layer": found.layer,
+        "depth_mm": found.depth_mm,
+        "up_limit_mm": found.up_limit_mm,
+        "down_limit_mm": found.down_limit_mm,
+        "mode_coupling_alone_mm": found.coupling_limit_mm,
+        "margin": found.margin,
+        "least_margin": found.least_margin,
+        "u_of_logarithm": found.u_log,
+    }
     return ChatterFile.written(
         {
             "format": "chatter",
@@ -175,25 +186,8 @@ def _document(page: _Page) -> bytes:
             "least_margin_asked": page.asked,
             "worst": page.words,
             "worst_point": int(found.at[page.worst]),
-            "points": [
-                {
-                    "point": int(found.at[k]),
-                    "layer": int(found.layer[k]),
-                    "depth_mm": found.depth_mm[k],
-                    "up_limit_mm": _finite(found.up_limit_mm[k]),
-                    "down_limit_mm": _finite(found.down_limit_mm[k]),
-                    "mode_coupling_alone_mm": _finite(found.coupling_limit_mm[k]),
-                    "margin": _finite(found.margin[k]),
-                    "least_margin": _finite(found.least_margin[k]),
-                    "u_of_logarithm": found.u_log[k],
-                }
-                for k in range(len(found.at))
-            ],
-            "lobes": {
-                "spindle_rpm": page.lobes[0],
-                "up_limit_mm": [_finite(one) for one in page.lobes[1]],
-                "down_limit_mm": [_finite(one) for one in page.lobes[2]],
-            },
+            "points": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+            "lobes": dict(zip(("spindle_rpm", "up_limit_mm", "down_limit_mm"), page.lobes, strict=True)),
             "choice": None if page.choice is None else _chosen(page.choice, page.asked),
             "declared": list(page.modes.declared),
             "not_included": list(NOT_INCLUDED),
@@ -212,10 +206,6 @@ def _chosen(choice: Chosen, asked: float) -> dict[str, object]:
         "faster_ones_that_fail": {way: dict(count) for way, count in choice.faster.items()},
         "planned_time_s": choice.planned_s,
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _chapter(page: _Page) -> Chapter:

@@ -479,24 +479,23 @@ def posture_document(found: Found) -> bytes:
             "version": 1,
             "part": asdict(made.toolpath.part),
             "mode": found.mode,
-            **_measured(found, float(found.cost.mean())),
+            **_measured(found, found.cost.mean()),
             "constant": {
-                "cutter_rotation_deg": round(found.choice.rotation / DEG, 6),
-                **_named(made, found.points.external(found.choice.table, 0)),
+                **_angles_deg(found, found.choice.rotation, found.points.external(found.choice.table, 0)),
                 "configuration": list(found.configuration),
-                **_measured(found, _mean(found.cases["best"])),
+                **_measured(found, None if (best := found.cases["best"]) is None else best.cost.mean()),
                 "cells_examined": found.choice.examined,
                 **_margin(found),
             },
             "configurations": [_priced(found, *one) for one in found.prices],
             "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
-            "pointwise_bound_mm": None if found.bound is None else float(found.bound.mean()),
+            "pointwise_bound_mm": None if found.bound is None else found.bound.mean(),
             "gap_to_bound": found.gap,
             "law_bound_mm": found.law_bound if found.measure == DISPLACEMENT else None,
             "gap_to_best_law": found.law_gap,
             "warnings": list(made.warnings),
-            "points": _rows(made, np.flatnonzero(~air)),
-            "travels": _rows(made, np.flatnonzero(air)),
+            "points": _rows(found, np.flatnonzero(~air)),
+            "travels": _rows(found, np.flatnonzero(air)),
             "map": _map(found),
         }
     )
@@ -511,7 +510,14 @@ def _named(made: Postures, external: Float | None) -> dict[str, Any]:
     named = dict(zip(names, np.moveaxis(said, -1, 0), strict=True)) if made.turntable.ndim > 1 else {names[0]: said}
     if made.on_track:
         named |= {"turntable_deg": 0.0 * said, "track_mm": said}
-    return {name: one if one.ndim else float(one) for name, one in named.items()}
+    return named
+
+
+def _angles_deg(found: Found, rotation: Any, external: Float | None) -> dict[str, Any]:
+    return {
+        "cutter_rotation_deg": None if rotation is None else _rounded(rotation / DEG, 6),
+        **_named(found.postures, external),
+    }
 
 
 def _measured(found: Found, mean: Any) -> dict[str, Any]:
@@ -525,10 +531,9 @@ def _margin(found: Found) -> dict[str, Any]:
     """From chatter, of the constant pair, by the screen, less U; infinite margins are null."""
     if found.asked is None:
         return {}
-    left = found.choice.margin
     return {
         "least_margin_asked": found.asked,
-        "least_margin": left if left is not None and np.isfinite(left) else None,
+        "least_margin": found.choice.margin,
         "margin_kept": found.choice.steady,
     }
 
@@ -537,46 +542,38 @@ def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | N
     """The best cell of one configuration; not `proven`: the cost is at least that, its cell was not found."""
     return {
         "configuration": list(words),
-        "cutter_rotation_deg": None if one.rotation is None else round(one.rotation / DEG, 6),
-        **_named(found.postures, None if one.table is None else found.points.external(one.table, 0)),
+        **_angles_deg(found, one.rotation, None if one.table is None else found.points.external(one.table, 0)),
         **_measured(found, None if percent is None else one.mean),
         "price_percent": percent,
         "proven": one.proven,
     }
 
 
-def _mean(case: Case | None) -> float | None:
-    return None if case is None else float(case.cost.mean())
-
-
 def _case(found: Found, case: Case) -> dict[str, Any]:
     return {
-        "cutter_rotation_deg": round(case.rotation / DEG, 6),
-        **_named(found.postures, case.external[0]),
-        **_measured(found, _mean(case)),
+        **_angles_deg(found, case.rotation, case.external[0]),
+        **_measured(found, case.cost.mean()),
         "cause": CAUSES[case.cause],
         "pair": case.pair,
     }
 
 
-def _rows(made: Postures, chosen: AnyArray) -> list[dict[str, Any]]:
+def _rows(found: Found, chosen: AnyArray) -> list[dict[str, Any]]:
+    made = found.postures
     columns = {
         "layer": made.layer,
-        "cutter_rotation_deg": _rounded(made.cutter_rotation / DEG, 6),
-        **_named(made, made.turntable),
+        **_angles_deg(found, made.cutter_rotation, made.turntable),
         "joints_deg": _rounded(made.joints / DEG, 6),
         "displacement_mm": _rounded(np.linalg.norm(made.displacement_mm, axis=1), 6),
         "clearance_mm": _rounded(made.clearance_mm, 3),
     }
-    values = [column[chosen].tolist() for column in columns.values()]
-    return [dict(zip(columns, row, strict=True)) for row in zip(*values, strict=True)]
+    return [{name: column[i] for name, column in columns.items()} for i in chosen.tolist()]
 
 
 def _map(found: Found) -> dict[str, Any]:
     over = found.map
     return {
-        "cutter_rotation_deg": _rounded(over.rotations / DEG, 6),
-        **_named(found.postures, found.points.external(over.tables, 0)),
+        **_angles_deg(found, over.rotations, found.points.external(over.tables, 0)),
         **_measured(found, _rounded(over.mean, 6)),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],
@@ -592,9 +589,8 @@ def _stability(found: Found) -> dict[str, Any]:
     if over.chatter is None or found.asked is None:
         return {}
     margin, left = over.chatter
-    shown = [[value if np.isfinite(value) else None for value in row] for row in _rounded(margin, 4).tolist()]
-    return {"margin": shown, "margin_kept": [[bool(one) for one in row] for row in left >= found.asked]}
+    return {"margin": _rounded(margin, 4), "margin_kept": left >= found.asked}
 
 
-def _rounded(values: Float, digits: int) -> Float:
+def _rounded(values: Float | float, digits: int) -> Float:
     return np.asarray(np.round(values, digits) + 0.0)

@@ -331,6 +331,6 @@ def test_force_of_another_path_is_refused(
     other = thinned(read(toolpath=PATH), 10)
     with pytest.raises(InputError, match="that of this path"):
         posture(cell, stiffness, other, acts, **COARSE)
-    idle = dataclasses.replace(acts.layers[0], mean_in_path_n=acts.layers[0].mean_in_path_n * 0)
+    idle = dataclasses.replace(acts.layers[0], mean_n=acts.layers[0].mean_n * 0)
     with pytest.raises(InputError, match="found none"):
         posture(cell, stiffness, path, MillingForce((idle,), "", 6000.0), **COARSE)

@@ -9,8 +9,6 @@ import numpy as np
 from workbench.api import (
     Chapter,
     Document,
-    EdgeProfile,
-    Float,
     Inspection,
     PathDeflection,
     pieces,
@@ -74,19 +72,12 @@ def compare(without: Inspection, compensated: Inspection, bending: PathDeflectio
 
 def _errors(inspection: Inspection) -> dict[str, float]:
     """Mean and largest deviation from nominal of the sections' root and angle."""
-    wanted = inspection.requirements
-    root = np.array([section.root_mm for section in inspection.sections]) - wanted.root_nominal_mm
-    bevel = np.array([section.bevel_deg for section in inspection.sections]) - wanted.bevel_nominal_deg
-    return {
-        "mean_root_error_mm": float(np.nanmean(root)),
-        "largest_root_error_mm": _largest(root),
-        "mean_bevel_error_deg": float(np.nanmean(bevel)),
-        "largest_bevel_error_deg": _largest(bevel),
-    }
-
-
-def _largest(errors: Float) -> float:
-    return float(errors[np.nanargmax(np.abs(errors))])
+    wanted, found = inspection.requirements, {}
+    for name, unit, nominal in (("root", "mm", wanted.root_nominal_mm), ("bevel", "deg", wanted.bevel_nominal_deg)):
+        off = np.array([getattr(section, f"{name}_{unit}") for section in inspection.sections]) - nominal
+        found[f"mean_{name}_error_{unit}"] = float(np.nanmean(off))
+        found[f"largest_{name}_error_{unit}"] = float(off[np.nanargmax(np.abs(off))])
+    return found
 
 
 def _picture(without: Inspection, compensated: Inspection) -> bytes:
@@ -98,9 +89,8 @@ def _picture(without: Inspection, compensated: Inspection) -> bytes:
         figure = Figure(figsize=(10, 4.2), layout="constrained")
         top, below = figure.subplots(2, 1, sharex=True)
         for name, one in (("without", without), ("compensated", compensated)):
-            profile: EdgeProfile = one.profile
-            top.plot(profile.arc_length_mm, profile.root_mm, lw=1, label=name)
-            below.plot(profile.arc_length_mm, profile.bevel_deg, lw=1, label=name)
+            top.plot(one.profile.arc_length_mm, one.profile.root_mm, lw=1, label=name)
+            below.plot(one.profile.arc_length_mm, one.profile.bevel_deg, lw=1)
         top.axhline(wanted.root_nominal_mm, color=pieces.GREY, lw=0.8, ls=":")
         below.axhline(wanted.bevel_nominal_deg, color=pieces.GREY, lw=0.8, ls=":")
         top.set_ylabel("root face, mm")

@@ -25,7 +25,6 @@ from workbench.api import (
     Toolpath,
     kernel,
     nearest,
-    rotation_from_quaternion,
     stage,
     strict_json,
 )
@@ -152,20 +151,16 @@ class Cut(NamedTuple):
 
 
 def _layer_force(layer: Layer, cutter: Cutter, of: CuttingCoefficients, cut: Cut) -> LayerForce:
-    """Mean and peak of a revolution in the point's axes and the path's frame, its mean torque; u of the mean."""
+    """Mean and peak of a revolution in the point's axes, its mean torque; u of the mean."""
     through = milling_force(of, cutter, *cut)
-    rotation = rotation_from_quaternion(layer.quaternion_wxyz)
     torque_nm, through = through[:, :, 3].mean(axis=1), through[:, :, :3]
     size = np.linalg.norm(through, axis=2)
     peak = np.take_along_axis(through, size.argmax(axis=1)[:, None, None], axis=1)[:, 0]
-    mean = through.mean(axis=1)
     return LayerForce(
         index=layer.index,
         arc_length_mm=layer.arc_length_mm,
-        mean_n=mean,
+        mean_n=through.mean(axis=1),
         peak_n=peak,
-        mean_in_path_n=(rotation @ mean[..., None])[..., 0],
-        peak_in_path_n=(rotation @ peak[..., None])[..., 0],
         torque_nm=torque_nm,
         radial_mm=cut.radial_mm,
         axial_mm=cut.axial_mm,

@@ -30,6 +30,7 @@ from workbench.api import (
 )
 from workbench.plugins.stiffness.coefficients import NAMES, CuttingCoefficients
 from workbench.plugins.stiffness.force import Teeth, mean_matrices, milling_force
+from workbench.plugins.stiffness.tap_tests import unit_vector
 
 LEAST_TURNS = 20
 BLOCKS = 10  # of whole turns, whose scatter tells the noise of the mean
@@ -279,20 +280,13 @@ class Tried(NamedTuple):
 
 def _turns(axes: Sequence[str] | None) -> list[Float]:
     """Signed permutations that are tried: z stays z."""
-    unit = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
     if axes is not None:
-        made = np.array([(-1.0 if one[0] == "-" else 1.0) * unit[one[-1]] for one in axes])
+        made = np.array([unit_vector(one) for one in axes])
         if abs(np.linalg.det(made)) < 0.5 or not abs(made[2, 2]):
             raise InputError("stiffness.identify_forces: axes", "expected x, y and z once each, z the last")
         return [made]
-    across = [np.array([[a, 0], [0, b]]) for a in (1.0, -1.0) for b in (1.0, -1.0)]
-    found = []
-    for two in [*across, *(one[::-1] for one in across)]:
-        for sign in (1.0, -1.0):
-            turn = np.zeros((3, 3))
-            turn[:2, :2], turn[2, 2] = two, sign
-            found.append(turn)
-    return found
+    signed = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=3)]
+    return [*signed, *(one[[1, 0, 2]] for one in signed)]
 
 
 def mean_matrix(cut: Cutting, per_tooth_mm: float) -> Float:

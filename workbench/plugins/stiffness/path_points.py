@@ -124,7 +124,7 @@ def path_points(
     found = PathPoints(
         base_from_point=there,
         feed_mm_s=np.concatenate(feeds),
-        force_n=force.at_points(layers, f"{load}_in_path_n") @ base[:3, :3].T,
+        force_n=(there[:, :3, :3] @ force.at_points(layers, f"{load}_n")[..., None])[..., 0],
         torque_nm=force.at_points(layers, "torque_nm"),
         layer=layers,
         cutting=np.concatenate([getattr(part, "cutting", np.zeros(len(pose), bool)) for part, pose in both]),

@@ -15,7 +15,7 @@ from workbench.plugins.table import MAX_BYTES, Table
 
 LEAST_COHERENCE = 0.8  # of a line that is used
 LEAST_LINES = 20  # used, of a response
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?")
 UFF_KINDS = {8: "compliance", 11: "mobility", 12: "accelerance"}  # by the numerator's specific data type
 UFF_DIRECTIONS = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
@@ -95,10 +95,8 @@ def read_tap_tests(path: Path, tip_mm: Float, band_hz: tuple[float, float]) -> T
                 )
             power = {"compliance": 0, "mobility": 1, "accelerance": 2}[one.kind]
             value = one.value[used] / (2j * np.pi * one.hz[used]) ** power
-            n = int(used.sum())
-            rows.append(
-                (np.full(n, k), one.hz[used], value, np.tile(_unit(one.to), (n, 1)), np.tile(_unit(one.by), (n, 1)))
-            )
+            ways = [np.tile(unit_vector(way), (len(value), 1)) for way in (one.to, one.by)]
+            rows.append((np.full(len(value), k), one.hz[used], value, *ways))
     posture, hz, value, to, by = (np.concatenate(column) for column in zip(*rows, strict=True))
     return TapTests(
         source=str(path),
@@ -114,7 +112,8 @@ def read_tap_tests(path: Path, tip_mm: Float, band_hz: tuple[float, float]) -> T
     )
 
 
-def _unit(direction: str) -> Float:
+def unit_vector(direction: str) -> Float:
+    """Of an axis as `x` or `-x` name it."""
     return np.asarray((-1.0 if direction[0] == "-" else 1.0) * np.eye(3)["xyz".index(direction[-1])])
 
 
@@ -154,20 +153,16 @@ def _uff(path: Path, text: str) -> list[Response]:
     """
     responses: list[tuple[int, Response]] = []
     coherences: dict[int, Float] = {}
-    lines, at = text.splitlines(), 0
-    while at < len(lines):
-        if lines[at].strip() != "-1":
-            at += 1
-            continue
-        end = next((k for k in range(at + 1, len(lines)) if lines[k].strip() == "-1"), None)
-        if end is None:
-            raise InputError(f"{path}: line {at + 1}", "a data set that does not end: expected a line with -1")
+    lines = text.splitlines()
+    marks = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    if len(marks) % 2:
+        raise InputError(f"{path}: line {marks[-1] + 1}", "a data set that does not end: expected a line with -1")
+    for at, end in zip(marks[::2], marks[1::2], strict=True):
         name = lines[at + 1].split()[:1]
         if name == ["58b"]:
             raise InputError(f"{path}: line {at + 2}", "a binary data set 58b: expected ASCII; export it as UFF ASCII")
         if name == ["58"]:
             _data_set(path, lines[at + 2 : end], at + 3, responses, coherences)
-        at = end + 1
     return [one._replace(coherence=coherences.get(point)) for point, one in responses]
 
 
@@ -180,15 +175,13 @@ def _data_set(
         what = _integers(lines[5])
         function, to, by = what[0], int(lines[5][51:55] or 0), int(lines[5][76:80] or 0)
         form, count, even = _integers(lines[6])[:3]
-        start, step = (float(one) for one in NUMBER.findall(lines[6][30:])[:2])
+        start, step = _numbers(lines[6][30:])[:2]
         numerator, denominator = int(lines[8].split()[0]), int(lines[9].split()[0])
     except (ValueError, IndexError):
         raise InputError(f"{path}: line {first + 5}", "expected records 6 to 10 of a data set 58") from None
     if function not in (4, 6):
         return
-    numbers = np.array(
-        [float(one.replace("D", "E").replace("d", "e")) for row in lines[11:] for one in NUMBER.findall(row)]
-    )
+    numbers = _numbers(" ".join(lines[11:]))
     width = (1 if form in (2, 4) else 2) + (even == 0)
     if form not in (2, 4, 5, 6) or len(numbers) != width * count:
         where = f"{path}: line {first + 11}"
@@ -207,9 +200,12 @@ def _data_set(
             f"found {numerator} by {denominator}, directions {to}, {by}",
         )
     kind = UFF_KINDS[numerator]
-    responses.append(
-        (place, Response(np.asarray(hz), np.ravel(value), UFF_DIRECTIONS[to], UFF_DIRECTIONS[by], kind, None))
-    )
+    one = Response(np.asarray(hz), np.ravel(value), UFF_DIRECTIONS[to], UFF_DIRECTIONS[by], kind, None)
+    responses.append((place, one))
+
+
+def _numbers(line: str) -> Float:
+    return np.array(NUMBER.findall(line.upper().replace("D", "E")), float)
 
 
 def _integers(line: str) -> list[int]:

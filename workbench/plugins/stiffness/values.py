@@ -149,8 +149,6 @@ class LayerForce:
     arc_length_mm: Shaped[Float, " k"]
     mean_n: Shaped[Float, "k 3"]  # over a revolution, in the point's axes
     peak_n: Shaped[Float, "k 3"]  # where the revolution's force is greatest
-    mean_in_path_n: Shaped[Float, "k 3"]  # the same in the frame of the path: base or work object
-    peak_in_path_n: Shaped[Float, "k 3"]
     torque_nm: Shaped[Float, " k"]  # that the spindle gives, mean of a revolution
     radial_mm: Shaped[Float, " k"]  # depths of cut; 0 in travel moves
     axial_mm: Shaped[Float, " k"]

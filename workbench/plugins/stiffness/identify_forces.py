@@ -260,6 +260,7 @@ class Tried(NamedTuple):
     values: Shaped[Float, " 6"]
     covariance: Shaped[Float, "6 6"]
     misfit: float | None  # chi-square over its degrees of freedom; None: as many coefficients as means
+    left_n: Shaped[Float, "n 3"]  # mean forces less those of the fit, cutter's axes
 
     @property
     def words(self) -> str:
@@ -319,9 +320,8 @@ def _fitted(recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: 
     covariance = np.array([turn @ one.covariance @ turn.T for one in recorded])
     found = estimator.fit(_Means(mean, covariance, matrix), np.zeros(6))
     by_runout = found.carried(0.5 * lost_n[..., None])
-    return Tried(
-        turn, found.at, found.covariance + by_runout @ by_runout.T, found.misfit if found.freedom > 0 else None
-    )
+    covariance = found.covariance + by_runout @ by_runout.T
+    return Tried(turn, found.at, covariance, found.misfit if found.freedom > 0 else None, found.rows.residual)
 
 
 def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
@@ -334,16 +334,12 @@ def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) 
     if len(fitting) == 1:
         return fitting[0]
     if not fitting:
-        k = dict(zip(NAMES, tried[int(np.argmax(turning))].values, strict=True))
+        ktc, krc, kac, *_ = tried[int(np.argmax(turning))].values
+        which = f"these axes ({ktc:.0f}, {krc:.0f}, {kac:.0f} N/mm2)" if stated else "any axes"
         raise InputError(
             where,
-            "expected coefficients above zero, found none with "
-            + (
-                f"these axes ({k['ktc_n_mm2']:.0f}, {k['krc_n_mm2']:.0f}, {k['kac_n_mm2']:.0f} N/mm2)"
-                if stated
-                else "any axes"
-            )
-            + ": are the feeds in the recordings' order, the direction and the depths those of the cut?",
+            f"expected coefficients above zero, found none with {which}: are the feeds in the recordings' order, the "
+            "direction and the depths those of the cut?",
         )
     raise InputError(where, f"several axes fit: {'; '.join(one.words for one in fitting)}; name them by 'axes'")
 
@@ -357,9 +353,8 @@ class RunOut(NamedTuple):
 
 def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, helix: float) -> RunOut:
     """The least run-out that makes the lines; none of one flute, and of a partial cut none is looked for."""
-    lost = np.zeros((len(recorded), 3))
     if cut.cutter.flutes < 2 or cut.angles != (0.0, np.pi):
-        return RunOut(0.0, lost)
+        return RunOut(0.0, np.zeros((len(recorded), 3)))
     of = CuttingCoefficients(*tried.values)
 
     def through(c: float, size: float, angle: float) -> Float:
@@ -374,12 +369,10 @@ def _run_out(tried: Tried, recorded: Sequence[Recorded], per_tooth: Float, cut: 
     small = 0.1 * float(per_tooth.min())
     angles = np.linspace(0, np.pi, 13)[:-1]
     worst = float(angles[int(np.argmax([line(float(per_tooth[0]), small, float(one)) for one in angles]))])
-    size = float(
-        np.mean([one.once_n / line(c, small, worst) * small for one, c in zip(recorded, per_tooth, strict=True)])
-    )
-    for k, c in enumerate(per_tooth):
-        lost[k] = through(c, size, worst).mean(axis=0) - through(c, 0.0, worst).mean(axis=0)
-    return RunOut(size, lost)
+    shares = [one.once_n / line(c, small, worst) for one, c in zip(recorded, per_tooth, strict=True)]
+    size = small * float(np.mean(shares))
+    lost_n = [(through(c, size, worst) - through(c, 0.0, worst)).mean(axis=0) for c in per_tooth]
+    return RunOut(size, np.array(lost_n))
 
 
 class Identified(NamedTuple):
@@ -393,17 +386,6 @@ class Identified(NamedTuple):
     tried: tuple[Tried, ...]
     chosen: Tried
     runout: RunOut
-
-    @property
-    def left_n(self) -> Float:
-        """Mean forces less those of the fit (n, 3), cutter's axes."""
-        turn = self.chosen.turn
-        return np.array(
-            [
-                turn @ one.mean_n - lost - mean_matrix(self.cut, c) @ self.chosen.values
-                for one, c, lost in zip(self.recorded, self.per_tooth, self.runout.lost_n, strict=True)
-            ]
-        )
 
     @property
     def not_included(self) -> list[str]:
@@ -451,7 +433,7 @@ def _document(found: Identified) -> bytes:
                     "variance_beyond_bandwidth": one.beyond,
                     "once_per_turn_n": one.once_n,
                 }
-                for one, c, left in zip(found.recorded, found.per_tooth, found.left_n, strict=True)
+                for one, c, left in zip(found.recorded, found.per_tooth, found.chosen.left_n, strict=True)
             ],
             "bandwidth_hz": found.cut.bandwidth_hz,
             "not_included": found.not_included,
@@ -472,7 +454,7 @@ def _chapter(found: Identified) -> Chapter:
             ", ".join(f"{x:.2f}" for x in left),
             ", ".join(f"{100 * x:.0f}" for x in one.beyond),
         )
-        for one, c, left in zip(found.recorded, found.per_tooth, found.left_n, strict=True)
+        for one, c, left in zip(found.recorded, found.per_tooth, found.chosen.left_n, strict=True)
     ]
     head = ("Feed per tooth, mm", "rev/min", "Turns", "Mean force, N", "Residual, N", "Variance beyond bandwidth, %")
     misfit = found.chosen.misfit

@@ -107,6 +107,7 @@ def choose(
     best: dict[str, Option | None] = dict.fromkeys(DIRECTIONS)
     faster = {way: Counter[str]() for way in DIRECTIONS}
     pairs = sorted(product(range(1, bounds.most_layers + 1), every), key=lambda pair: (pair[0] / pair[1], pair[0]))
+    final = layer == toolpath.layers[-1].index
     give = dynamics.shape @ np.linalg.solve(dynamics.stiffness, np.swapaxes(dynamics.shape, 1, 2)) * MM  # mm/N
     for row, way in enumerate(DIRECTIONS):
         for layers, rpm in pairs:
@@ -114,8 +115,8 @@ def choose(
             if met.radial_mm.max() > cuts.cutter.diameter_mm:
                 faster[way]["a depth beyond the cutter's diameter"] += 1
                 continue
-            option = _option(toolpath, met, row, give[layer == toolpath.layers[-1].index], layer)
-            option = replace(option, layers=layers, time_s=planned_s * layers / count * cuts.rpm / float(rpm))
+            time_s = planned_s * layers / count * cuts.rpm / met.rpm
+            option = _option(toolpath, met, row, layers, time_s, np.where(final[:, None], give[:, 0], 0.0))
             fails = _beyond(cell, toolpath, option, bounds)
             needed = bounds.margin * np.exp(COVERAGE * bounds.u_log[row]) * met.axial_mm
             if not fails and not is_stable(dynamics, met, row, needed, BESIDE, SURE):
@@ -127,22 +128,21 @@ def choose(
     return Chosen(best, faster, planned_s)
 
 
-def _option(toolpath: Toolpath, met: Cuts, way: int, give: Float, layer: Int) -> Option:
-    """What an option asks of spindle and robot."""
+def _option(toolpath: Toolpath, met: Cuts, way: int, layers: int, time_s: float, give: Float) -> Option:
+    """What an option asks of spindle and robot, which gives way across the bevel face by `give` (m, 3), mm/N."""
     force, torque = np.zeros((len(met.at), 3)), np.zeros(len(met.at))
     for radial, here in met.groups:
         force[here], torque[here] = mean_load(met, met.milling(radial)[way], met.chip_mm[here], met.axial_mm[here])
-    moved = np.abs(np.einsum("mr,mr->m", give[:, 0], force[layer == toolpath.layers[-1].index]))
-    most = float(torque.max())
+    most, moved = float(torque.max()), np.abs(np.einsum("mr,mr->m", give, force))
     return Option(
-        layers=0,
+        layers=layers,
         direction=DIRECTIONS[way],
         spindle_rpm=met.rpm,
         radial_depth_mm=float(met.radial_mm.max()),
-        time_s=np.nan,
+        time_s=time_s,
         torque_nm=most,
         power_kw=most * met.rpm * 2 * np.pi / 60 / 1000,
-        root_deflection_mm=float(moved.max(initial=0.0) / np.sin(toolpath.bevel_deg * DEG)),
+        root_deflection_mm=float(moved.max() / np.sin(toolpath.bevel_deg * DEG)),
     )
 
 

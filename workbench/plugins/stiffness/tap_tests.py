@@ -95,7 +95,7 @@ def read_tap_tests(path: Path, tip_mm: Float, band_hz: tuple[float, float]) -> T
                 )
             power = {"compliance": 0, "mobility": 1, "accelerance": 2}[one.kind]
             value = one.value[used] / (2j * np.pi * one.hz[used]) ** power
-            ways = [np.tile(unit_vector(way), (len(value), 1)) for way in (one.to, one.by)]
+            ways = np.repeat([[unit_vector(one.to)], [unit_vector(one.by)]], len(value), axis=1)
             rows.append((np.full(len(value), k), one.hz[used], value, *ways))
     posture, hz, value, to, by = (np.concatenate(column) for column in zip(*rows, strict=True))
     return TapTests(

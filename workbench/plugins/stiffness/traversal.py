@@ -140,9 +140,9 @@ def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:
 
 
 def flange_poses(cell: Cell, points: PathPoints, at: Int, rotation: Float, table: Float) -> Float:
-    """Poses of the flange (k, 4, 4) at points (k,), with the cutter and the turntable turned by (k,)."""
-    cutter = points.turned(cell, table, at) @ points.base_from_point[at] @ points.point_from_tip
-    return np.asarray(cutter @ turn_about_z(rotation) @ inverse(cell.flange_from_cutter))
+    """Poses of the flange (..., 4, 4) at points (...), with cutter and turntable turned by (...); all broadcast."""
+    tool = turn_about_z(rotation) @ inverse(cell.flange_from_cutter)
+    return np.asarray(points.turned(cell, table, at) @ (points.base_from_point[at] @ points.point_from_tip) @ tool)
 
 
 def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
@@ -175,9 +175,8 @@ class Examiner:
         self.screen = CollisionScreen(self.cell)
         beside = -1 if cell.turntable is None else 7  # values of `Shape.link`: what stands still with the part
         links = np.array([[cell.shapes[i].link for i in pair] for pair in self.screen.model.pairs]).reshape(-1, 2)
-        self.on_part = (links == 6).any(axis=1) & (links == beside).any(
-            axis=1
-        )  # pairs of the tool and the part's bodies
+        # of pairs, which are of the tool and of what goes with the part
+        self.on_part = (links == 6).any(axis=1) & (links == beside).any(axis=1)
         self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
     def examine(self, configuration: Int, rotation: Float, table: Float) -> Verdicts:
@@ -188,7 +187,7 @@ class Examiner:
         """
         count = len(configuration)
         made = Verdicts(np.full(count, LIMIT), np.full(count, -1), np.full(count, SAMPLED))
-        flange = self._flange(self._stations, rotation, table)
+        flange = flange_poses(self.cell, self.dense, self._stations[None], rotation[:, None], table[:, None])
         for which in np.unique(configuration).tolist():
             some = np.flatnonzero(configuration == which)
             found = self._judged(which, flange[some], rotation[some], table[some])
@@ -243,12 +242,6 @@ class Examiner:
             hits = self.screen.hits(self.arm.joint_angles(flange, configuration), self.dense.external(table[of], at))
             found[of[hits >= 0]] = hits[hits >= 0]
         return found
-
-    def _flange(self, at: Int, rotation: Float, table: Float) -> Float:
-        """Poses of the flange (c, p, 4, 4) at points (p,), with cutter and turntable turned by (c,)."""
-        turned = self.dense.turned(self.cell, table[:, None], at[None])
-        tool = turn_about_z(rotation) @ inverse(self.cell.flange_from_cutter)
-        return np.asarray(turned @ (self.dense.base_from_point[at] @ self.points.point_from_tip) @ tool[:, None])
 
     @functools.cached_property
     def _stations(self) -> Int:
@@ -338,11 +331,10 @@ class Examiner:
         at, found = self.keeps.few.at, np.empty((2, len(table)))
         for which in np.unique(configuration).tolist():
             some = np.flatnonzero(configuration == which)
-            angles = (np.repeat(one[some], len(at)) for one in (rotation, table))
-            flange = flange_poses(self.cell, self.points, np.tile(at, len(some)), *angles)
+            of = at[None], rotation[some, None], table[some, None]
+            flange = flange_poses(self.cell, self.points, *of).reshape(-1, 4, 4)
             joints = self.arm.joint_angles(flange, which).reshape(len(some), len(at), 6)
-            motion = self.points.turned(self.cell, table[some][:, None], at[None])
-            found[:, some] = self.keeps.margins(joints, motion)
+            found[:, some] = self.keeps.margins(joints, self.points.turned(self.cell, of[2], of[0]))
         return found
 
     def steady(self, joints: Float, table: Float) -> bool:
@@ -587,9 +579,8 @@ class _State:
 
     def _spread(self, rotation: Int, found: Verdicts) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""
-        hits = (
-            (found.cause == COLLISION) & (found.how == EVERY_POINT) & np.append(self.examiner.on_part, False)[found.hit]
-        )
+        of_part = np.append(self.examiner.on_part, False)[found.hit]
+        hits = (found.cause == COLLISION) & (found.how == EVERY_POINT) & of_part
         for turn, hit in dict(zip(rotation[hits].tolist(), found.hit[hits].tolist(), strict=True)).items():
             flat = np.arange(turn, self.cause.size, len(self.grid.rotations))
             flat = flat[self.cause[flat] == FREE]

@@ -7,6 +7,7 @@ by more than chance (docs/stiffness_metrology.md, eq. (L1) to (L3)).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -78,12 +79,12 @@ def lack_of_fit(
         value = push[best] / size[best] * scale[6 + best] / scale[-1]
         told.append(f"{causes[best].words.format(f'{value:+.3g}')} ({np.sqrt(gain[best]):.0f} standard uncertainties)")
         taken.append(6 + best)
-    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)])[0] @ whole[taken, -1]) / scale[-1]
+    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)]) @ whole[taken, -1]) / scale[-1]
     lacking = (_without(whole, taken) - _without(repeated, taken))[-1, -1] / scale[-1] ** 2
     freedom = linear - len(taken)
     chance = freedom < 1 or lacking < scipy.special.chdtri(freedom, CHANCE)
     untold = [k for k in range(6, len(whole) - 1) if k not in taken]
-    changes = (scale[:6, None] * _inverse(whole[:6, :6])[0] @ whole[:6, untold]) / scale[untold]
+    changes = (scale[:6, None] * _inverse(whole[:6, :6]) @ whole[:6, untold]) / scale[untold]
     left = np.diagonal(_without(whole, list(range(6))))[untold]
     shown2 = np.divide(
         SURE_SIGMAS**2 * noise2 * scale[untold] ** 2, left, out=np.full(len(left), np.inf), where=left > RANK
@@ -115,6 +116,7 @@ def _hidden(causes: list[Cause], found: estimator.Fit[Float], changes: Float, sh
     return tuple(words for _, words in worst.values())
 
 
+_inverse = functools.partial(np.linalg.pinv, rcond=RANK, hermitian=True)  # none along what columns do not hold
 Changed = TypeVar("Changed", LoadingSetup, LoadingTests)
 
 
@@ -129,17 +131,10 @@ def _scale(products: Float) -> Float:
     return np.divide(1.0, np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
 
 
-def _inverse(matrix: Float) -> tuple[Float, int]:
-    """Inverse of products (c, c) of columns of length 1, none along what they do not hold; and their rank."""
-    values, vectors = np.linalg.eigh(matrix)
-    held = values > RANK
-    return (vectors[:, held] / values[held]) @ vectors[:, held].T, int(held.sum())
-
-
 def _without(products: Float, taken: list[int]) -> Float:
     """Products (c, c) of columns after what the columns `taken` explain of them."""
     across = products[:, taken]
-    return np.asarray(products - across @ _inverse(products[np.ix_(taken, taken)])[0] @ across.T)
+    return np.asarray(products - across @ _inverse(products[np.ix_(taken, taken)]) @ across.T)
 
 
 def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float], columns: Float) -> tuple[Float, int]:
@@ -158,9 +153,9 @@ def _repeated(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]
         joined = found.rows.only(here).product(np.concatenate([columns[here], linear], axis=2))
         kept = columns.shape[2]
         size = _scale(joined)[kept:]
-        inverse, more = _inverse(size[:, None] * joined[kept:, kept:] * size)
-        across = joined[:kept, kept:] * size
-        products, rank = products + joined[:kept, :kept] - across @ inverse @ across.T, rank + more
+        own, across = size[:, None] * joined[kept:, kept:] * size, joined[:kept, kept:] * size
+        products = products + joined[:kept, :kept] - across @ _inverse(own) @ across.T
+        rank += int(np.linalg.matrix_rank(own, RANK, hermitian=True))
     return products, rank
 
 

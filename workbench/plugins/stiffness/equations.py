@@ -45,6 +45,8 @@ class Equations:
     by_wrench: Shaped[Float, "L 6 6"]  # torque = by_wrench @ the sensor's wrench
     jacobian: Shaped[Float, "L r 6"]  # of the rows: mm/rad, rad/rad
     kc: Shaped[Float, "L 6 6"]  # Nm/rad, of the load at its own posture
+    across_n: Shaped[Float, "L 6"]  # force across each joint's axis
+    reach_mm: Shaped[Float, "L 6"]  # of the sensor from the joint
     noise: Shaped[Float, " r"]  # standard deviation of a row
     wrench_noise: Shaped[Float, " 6"]  # N, Nm
     seen: Shaped[Bool, "L r"]
@@ -78,6 +80,8 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         by_wrench=_by_wrench(at_sensor, sensor),
         jacobian=jacobian,
         kc=_kc(axes, at_sensor, sensor, tests.wrench),
+        across_n=np.linalg.norm(np.cross(axes, (sensor[:, :3, :3] @ tests.wrench[:, :3, None])[:, None, :, 0]), axis=2),
+        reach_mm=np.linalg.norm(sensor[:, None, :3, 3] - points, axis=2),
         noise=row_noise(setup, tests.points),
         seen=seen,
         values=3 if tests.points else 6,
@@ -182,36 +186,22 @@ def unobserved(compliance: Float, covariance: Float, largest_relative_u: float) 
     return [int(j) for j in np.argsort(-relative) if relative[j] > largest_relative_u]
 
 
-def reason(
-    joint: int,
-    compliance: Float,
-    covariance: Float,
-    eq: Equations,
-    chain: Chain,
-    setup: LoadingSetup,
-    tests: LoadingTests,
-) -> str:
-    """Why the loads say too little about a joint."""
-    axes, points = joint_axes(chain, tests.joints)
-    sensor = forward_kinematics(chain, tests.joints) @ setup.flange_from_sensor
-    force = (sensor[:, :3, :3] @ tests.wrench[:, :3, None])[..., 0]
-    size = np.linalg.norm(force, axis=1)
+def reason(joint: int, compliance: Float, covariance: Float, eq: Equations, force_n: Float) -> str:
+    """Why the loads, with forces (L,), say too little about a joint."""
     torque = np.abs(eq.torque[:, joint])
-    reach_mm = np.linalg.norm(sensor[:, :3, 3] - points[:, joint], axis=1)
-    little = torque <= LITTLE * size * np.maximum(reach_mm, 100.0) / 1e3 + 3 * _torque_noise(eq, joint)
-    if little.all():
-        across = np.linalg.norm(np.cross(axes[:, joint], force), axis=1)
-        if (across <= LITTLE * np.maximum(size, 1e-12)).all():
+    noise = np.linalg.norm(eq.by_wrench[:, joint] * eq.wrench_noise, axis=1)
+    if (torque <= LITTLE * force_n * np.maximum(eq.reach_mm[:, joint], 100.0) / 1e3 + 3 * noise).all():
+        if (eq.across_n[:, joint] <= LITTLE * np.maximum(force_n, 1e-12)).all():
             return "all forces are parallel to its axis: load in other directions too"
         return (
             f"every force acts through its axis or nearly so, as with an in-line tool (largest torque about it "
             f"{torque.max():.3g} Nm): load it through a lever beside its axis"
         )
-    partners = _alike(joint, covariance)
+    every = np.sqrt(np.diag(covariance))
+    u, correlation = every[joint], np.abs(covariance[joint] / (every * every[joint]))
+    partners = " and ".join(str(j + 1) for j in np.flatnonzero(correlation > ALIKE) if j != joint)
     if partners:
-        names = " and ".join(str(j + 1) for j in partners)
-        return f"its share cannot be told from that of joint {names}: use postures and directions that part them"
-    u = np.sqrt(covariance[joint, joint])
+        return f"its share cannot be told from that of joint {partners}: use postures and directions that part them"
     if compliance[joint] < -SURE * u:
         return (
             f"it would give way against its load, compliance {compliance[joint]:.2g} ± {u:.2g} rad/Nm: the axes "
@@ -221,13 +211,3 @@ def reason(
         f"its loads are too small for the noise: torques up to {torque.max():.3g} Nm, compliance "
         f"{compliance[joint]:.2g} ± {u:.2g} rad/Nm"
     )
-
-
-def _torque_noise(eq: Equations, joint: int) -> Float:
-    return np.asarray(np.linalg.norm(eq.by_wrench[:, joint] * eq.wrench_noise, axis=1))
-
-
-def _alike(joint: int, covariance: Float) -> list[int]:
-    u = np.sqrt(np.diag(covariance))
-    correlation = np.abs(covariance[joint] / (u * u[joint]))
-    return [int(j) for j in np.flatnonzero(correlation > ALIKE) if j != joint]

@@ -135,7 +135,7 @@ def identify_from(
     covariance = found.inverse * max(lack.widened, _surely_more(found))
     scaled = scale_relative_u * found.at
     known = covariance + np.outer(lack.change, lack.change) + np.outer(scaled, scaled)
-    check_observed(found.at, covariance, eq, chain, setup, tests, largest_relative_u, lack)
+    check_observed(found, covariance, eq, tests, largest_relative_u, lack)
     check_springs(found.at, known, lack, tests, largest_relative_u)
     check_size(found.at, tests)
     out = _left_out(tests, loading, found)

@@ -30,15 +30,17 @@ def with_torque(
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-@pytest.mark.parametrize("helix_deg", [0.0, 30.0])
-def test_mean_of_a_slot(helix_deg: float, name: str) -> None:
-    """Altintas' averages: N a/4 K c + N a/pi K_e across, N a/pi K c + N a/2 K_e along; the helix changes no mean."""
-    of, n, a, c = PUBLISHED[name], CUTTER.flutes, 2.0, 0.05
-    found = one(CUTTER.diameter_mm, a, c, of, helix=np.radians(helix_deg), steps=3600).mean(axis=0)
-    tangential = n * a / 4 * of.ktc_n_mm2 * c + n * a / np.pi * of.kte_n_mm
-    radial = n * a / 4 * of.krc_n_mm2 * c + n * a / np.pi * of.kre_n_mm
-    axial = n * a / np.pi * of.kac_n_mm2 * c + n * a / 2 * of.kae_n_mm
-    assert np.allclose(found, [tangential, -radial, axial], rtol=1e-3)
+@pytest.mark.parametrize(("radial_mm", "helix_deg"), [(10.0, 0.0), (10.0, 30.0), (1.0, 0.0), (1.0, 30.0)])
+def test_mean_of_a_slot_and_of_a_partial_cut(radial_mm: float, helix_deg: float, name: str) -> None:
+    """Averages over 0 to p, integrated by hand (Altintas); the helix changes no mean."""
+    of, n, a, f = PUBLISHED[name], CUTTER.flutes, 3.0, 0.04
+    p = np.arccos(1 - radial_mm / 5.0)
+    found = one(radial_mm, a, f, of, helix=np.radians(helix_deg), steps=7200).mean(axis=0)
+    sin2, sincos, sine, cosine = p / 2 - np.sin(2 * p) / 4, np.sin(p) ** 2 / 2, 1 - np.cos(p), np.sin(p)
+    x = of.ktc_n_mm2 * f * sin2 + of.kte_n_mm * sine - of.krc_n_mm2 * f * sincos - of.kre_n_mm * cosine
+    y = -of.ktc_n_mm2 * f * sincos - of.kte_n_mm * cosine - of.krc_n_mm2 * f * sin2 - of.kre_n_mm * sine
+    z = of.kac_n_mm2 * f * sine + of.kae_n_mm * p
+    assert np.allclose(found, n * a / (2 * np.pi) * np.array([x, y, z]), rtol=3e-3)
 
 
 @pytest.mark.parametrize("helix_deg", [0.0, 30.0])
@@ -49,20 +51,6 @@ def test_work_of_the_spindle_is_that_of_the_chip(helix_deg: float) -> None:
         torque_nm = with_torque(radial, axial, f, chip, 7200, helix=np.radians(helix_deg))[:, 3].mean()
         volume_mm3_s = radial * axial * f * CUTTER.flutes * rpm / 60
         assert torque_nm * rpm * np.pi / 30 == pytest.approx(C.ktc_n_mm2 * volume_mm3_s / 1000, rel=2e-3)
-
-
-def test_mean_of_a_partial_cut() -> None:
-    """Averages over 0 to phi, integrated by hand: up-milling at a radial depth of 1 mm."""
-    n, a, f = CUTTER.flutes, 3.0, 0.04
-    p = np.arccos(1 - 1.0 / 5.0)
-    found = one(1.0, a, f, steps=7200).mean(axis=0)
-    sin2, sincos = p / 2 - np.sin(2 * p) / 4, np.sin(p) ** 2 / 2
-    sine, cosine = 1 - np.cos(p), np.sin(p)
-    scale = n * a / (2 * np.pi)
-    x = C.ktc_n_mm2 * f * sin2 + C.kte_n_mm * sine - C.krc_n_mm2 * f * sincos - C.kre_n_mm * cosine
-    y = -C.ktc_n_mm2 * f * sincos - C.kte_n_mm * cosine - C.krc_n_mm2 * f * sin2 - C.kre_n_mm * sine
-    z = C.kac_n_mm2 * f * sine + C.kae_n_mm * p
-    assert np.allclose(found, scale * np.array([x, y, z]), rtol=3e-3)
 
 
 def test_up_milling_resists_the_feed_and_power_is_positive() -> None:

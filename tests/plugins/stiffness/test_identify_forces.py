@@ -77,12 +77,12 @@ def test_the_noise_is_what_u_says(tmp_path: Path) -> None:
     assert 0.75 < size < 1.4
 
 
-@pytest.mark.parametrize("angles", [(0.0, 1.1), (np.pi - 1.1, np.pi), (0.0, np.pi)])
+@pytest.mark.parametrize("angles", [(0.0, 1.1), (np.pi - 1.1, np.pi), (0.0, np.pi), (-1.1, 0.0)])
 def test_means_are_the_integrals(angles: tuple[float, float]) -> None:
-    """Up, down, slot: over the angles of engagement, by summing what an edge element does."""
+    """Up, down, slot, the feed against y: over the angles of engagement, by summing what an edge element does."""
     cutter, c = Cutter(diameter_mm=10.0, flutes=3, flute_length_mm=5.0), 0.05
     phi = angles[0] + (np.arange(20000) + 0.5) / 20000 * np.ptp(angles)
-    chip = c * np.sin(phi)
+    chip = c * np.abs(np.sin(phi))
     ft, fr, fa = (TRUE[k] * chip + TRUE[k + 3] for k in range(3))
     push = [ft * np.sin(phi) - fr * np.cos(phi), -ft * np.cos(phi) - fr * np.sin(phi), fa]
     mean = np.mean(push, axis=1) * np.ptp(angles) * 2.0 * 3 / (2 * np.pi)

@@ -48,6 +48,12 @@ def test_small_loads_make_kc_negligible_everywhere(cell: Cell, stiffness: JointS
     assert "everywhere on the map" in found.verdict
 
 
+def test_a_torque_changes_fr_alone(cell: Cell, stiffness: JointStiffness) -> None:
+    small, large = (maps(cell, stiffness, steps=5, directions=6, torque_nm=t)[0] for t in (20, 200))
+    assert np.array_equal(small.fp, large.fp)
+    assert (small.fr < large.fr).all()
+
+
 def test_other_axes_do_not_change_dexterity_but_axis_5_does(cell: Cell, stiffness: JointStiffness) -> None:
     found, _ = maps(cell, stiffness, axes=(4, 5), joints_deg=(0, -3, 5, 0, 0, 0), steps=6, directions=6)
     assert np.allclose(found.inverse_dexterity[:1], found.inverse_dexterity, rtol=1e-6)

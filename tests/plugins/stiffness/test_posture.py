@@ -294,22 +294,18 @@ def test_without_a_decision_on_this_path_there_is_none(
     assert own.reached
 
 
-def far_away(path: Toolpath) -> Toolpath:
-    moved = dataclasses.replace(path.layers[0], position_mm=path.layers[0].position_mm + np.array([9000.0, 0, 0]))
-    return dataclasses.replace(path, layers=(moved,))
-
-
-def test_a_path_out_of_reach_is_refused(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
-    with pytest.raises(InputError, match="unreachable 100 %"):
-        posture(cell, stiffness, far_away(path), force(far_away(path))[0], **COARSE)
-
-
-def test_a_path_in_the_turntable_is_refused(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
-    layer = path.layers[0]
-    sunk = dataclasses.replace(layer, position_mm=layer.position_mm * [1, 1, 0] + [450.0, 250.0, 440.0])
-    low = dataclasses.replace(path, layers=(sunk,))
-    with pytest.raises(InputError, match="'turntable'"):
-        posture(cell, stiffness, low, force(low)[0], **COARSE)
+@pytest.mark.parametrize(
+    ("by", "to_mm", "words"),
+    [((1, 1, 1), (9000.0, 0, 0), "unreachable 100 %"), ((1, 1, 0), (450.0, 250.0, 440.0), "'turntable'")],
+    ids=["out of reach", "in the turntable"],
+)
+def test_a_path_where_no_cutter_comes_is_refused(
+    cell: Cell, path: Toolpath, stiffness: JointStiffness, by: Any, to_mm: Any, words: str
+) -> None:
+    layer = dataclasses.replace(path.layers[0], position_mm=path.layers[0].position_mm * by + to_mm)
+    there = dataclasses.replace(path, layers=(layer,))
+    with pytest.raises(InputError, match=words):
+        posture(cell, stiffness, there, force(there)[0], **COARSE)
 
 
 def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffness: JointStiffness) -> None:

@@ -138,14 +138,18 @@ def test_only_an_axis_own_body_is_borne(cell_file: Any) -> None:
     assert set(CollisionModel(read_cell(cell_file(change))).collision(np.zeros(6)) or ()) == {"base_link", "turntable"}
 
 
-def test_a_mesh_may_bear_what_is_round(cell_file: Any) -> None:
+@pytest.mark.parametrize("turns", [False, True], ids=["the post", "the table"])
+def test_a_mesh_is_borne_by_what_is_round(cell_file: Any, turns: bool) -> None:
+    disc = {"pose": {"position_mm": [0, 0, -50]}, "cylinder_mm": [300, 100]}
+    post = {"name": "post", "pose": {"position_mm": [2000, 0, 0]}}
+
     def change(tree: Any) -> None:
-        _table(tree, {"pose": {"position_mm": [0, 0, -50]}, "cylinder_mm": [300, 100]})
-        tree["fixtures"][-1] = {"name": "post", "mesh": "post.stl", "pose": {"position_mm": [2000, 0, 0]}}
+        _table(tree, {"mesh": "block.stl"} if turns else disc)
+        tree["fixtures"][-1] = post | ({"cylinder_mm": [50, 1100]} if turns else {"mesh": "block.stl"})
 
     path = cell_file(change)
-    post = open3d.geometry.TriangleMesh.create_box(80, 60, 405)
-    assert open3d.io.write_triangle_mesh(str(path.parent / "post.stl"), post.compute_triangle_normals())
+    block = open3d.geometry.TriangleMesh.create_box(80, 60, 405)
+    assert open3d.io.write_triangle_mesh(str(path.parent / "block.stl"), block.compute_triangle_normals())
     made = read_cell(path)
     assert CollisionModel(made).collision(np.zeros(6)) is None
     assert not told(made, "turntable", "post")
@@ -176,9 +180,10 @@ def test_what_may_touch_is_told_if_it_comes_apart_within_limits(
     def change(tree: Any) -> None:
         _table(tree, LONG, pose={"position_mm": [2700, 0, 205]}, box_mm=[60, 60, 400])  # 5 mm deep in the table
         tree["turntable"]["limits_deg"] = [-limit_deg, limit_deg]
-        tree["may_touch"] = [["turntable", "post"]]
 
-    assert bool(told(read_cell(cell_file(change)), "turntable", "post")) == comes_apart
+    assert CollisionModel(read_cell(cell_file(change))).collision(np.zeros(6)) == ("turntable", "post")
+    allowed = cell_file(lambda tree: (change(tree), tree.update(may_touch=[["turntable", "post"]])))
+    assert bool(told(read_cell(allowed), "turntable", "post")) == comes_apart
 
 
 def test_a_value_for_each_axis_is_asked_for(cell_file: Any) -> None:

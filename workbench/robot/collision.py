@@ -250,7 +250,9 @@ def left_out(cell: Cell, allowed: Sequence[tuple[str, str]]) -> Iterator[str]:
     may = {frozenset(pair) for pair in allowed} - {CUTS}
     for a, b in _moving_pairs(shapes, cell.axes):
         names = frozenset((shapes[a].body, shapes[b].body))
-        if names in may - apart and ("workpiece" in names or not _standing(cell, shapes[a], shapes[b])[1]):
+        if names in may - apart and (
+            "workpiece" in names or not _standing(cell.axes, cell.chain, shapes[a], shapes[b])[1]
+        ):
             apart.add(names)
     for one, other in sorted(map(sorted, apart)):
         yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
@@ -279,38 +281,38 @@ def _moving_pairs(shapes: tuple[Shape, ...], axes: tuple[Turntable, ...]) -> lis
     return [(a, b) for a, b in pairs if on[a] != on[b] and not (arm[a] and arm[b] and abs(on[a] - on[b]) == 1)]
 
 
-@functools.lru_cache(maxsize=16)
 def _borne(cell: Cell) -> dict[tuple[int, int], tuple[float, bool]]:
     """Shapes of an axis' own body and of what carries it that no turn takes apart, or changes: as `_standing` tells."""
-    turn, found = np.linspace(-np.pi, np.pi, LOOKS), dict[tuple[int, int], tuple[float, bool]]()
+    found = dict[tuple[int, int], tuple[float, bool]]()
     own = {**({} if sliding(cell) else {"turntable": ON_TURNTABLE, "tilt": ON_CRADLE}), **dict.fromkeys(TOOL, 6)}
     on = [abs(_carrier(shape, cell.axes)) for shape in cell.shapes]
     owns = [own.get(shape.body) == shape.link for shape in cell.shapes]
     pairs = [(i, j) for i, j in itertools.permutations(range(len(on)), 2) if owns[i] and on[i] - on[j] == 1]
     for (i, j), least in zip(pairs, least_mm(cell, pairs), strict=True):
-        gap, alike = _standing(cell, cell.shapes[i], cell.shapes[j], turn, least)
+        gap, alike = _standing(cell.axes, cell.chain, cell.shapes[i], cell.shapes[j], float(least))
         if gap is not None:
             found[min(i, j), max(i, j)] = gap, alike
     return found
 
 
+@functools.lru_cache(maxsize=1024)
 def _standing(
-    cell: Cell, one: Shape, other: Shape, turn: Float | None = None, least: float = np.inf
+    axes: tuple[Turntable, ...], chain: Chain, one: Shape, other: Shape, least: float | None = None
 ) -> tuple[float | None, bool]:
     """Two shapes' distance, less than 0 inside, if the one axis between them keeps it below `least`, or alike; whether.
 
     Alike where one is round about the axis, and where neither distance nor depth changes; of a mesh neither is known
-    between the places. `turn` (LOOKS,): where the axis is looked at, rad; None: within its limits.
+    between the places. Looked at on a whole turn; `least` None: anything, within the axis' limits.
     """
-    inner, outer = sorted((one, other), key=lambda shape: abs(_carrier(shape, cell.axes)))
-    if (poses := _between(inner, outer, cell.axes, cell.chain, turn)) is None:
+    inner, outer = sorted((one, other), key=lambda shape: abs(_carrier(shape, axes)))
+    if (poses := _between(inner, outer, axes, chain, least is not None)) is None:
         return None, False
     here, there = poses
     body, beside = fcl.CollisionObject(body_of(outer)), fcl.CollisionObject(body_of(inner))
     gaps = (_signed(_put_at(body, b), _put_at(beside, a)) for a, b in zip(here, there, strict=True))
     if _round(outer, inverse(here) @ there) or _round(inner, inverse(there) @ here):
         return next(gaps), True
-    near = list(itertools.takewhile(lambda gap: gap <= 0 or gap < least, gaps))
+    near = list(itertools.takewhile(lambda gap: gap <= 0 or least is None or gap < least, gaps))
     if len(near) < len(here):
         return None, False
     return max(near), "mesh" not in (one.kind, other.kind) and max(near) - min(near) < ALIKE_MM
@@ -325,14 +327,14 @@ def _round(shape: Shape, seen: Shaped[Float, "n 4 4"]) -> bool:
 
 
 def _between(
-    inner: Shape, outer: Shape, axes: tuple[Turntable, ...], chain: Chain, turn: Float | None
+    inner: Shape, outer: Shape, axes: tuple[Turntable, ...], chain: Chain, whole: bool
 ) -> tuple[Float, Float] | None:
     """Poses (n, 4, 4) of two shapes as the axis between them moves the outer, all else at 0; None: there are more."""
     on = _carrier(outer, axes)
     if _carrier(inner, axes) != on - np.sign(on):
         return None
     limits = chain.limits[on - 1] if on > 0 else axes[-on - 1].limits
-    values = np.linspace(limits[0], limits[1], LOOKS) if turn is None else turn
+    values = np.linspace(limits[0], limits[1], LOOKS)
     if on > 0:
         joints = values[:, None] * (np.arange(1, 7) == on)
         return np.broadcast_to(inner.pose, (len(values), 4, 4)), motions(chain, joints)[:, on] @ outer.pose

@@ -333,7 +333,7 @@ def _between(
     on = _carrier(outer, axes)
     if _carrier(inner, axes) != on - np.sign(on):
         return None
-    limits = chain.limits[on - 1] if on > 0 else axes[-on - 1].limits
+    limits = (-np.pi, np.pi) if whole else chain.limits[on - 1] if on > 0 else axes[-on - 1].limits
     values = np.linspace(limits[0], limits[1], LOOKS)
     if on > 0:
         joints = values[:, None] * (np.arange(1, 7) == on)

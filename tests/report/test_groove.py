@@ -83,7 +83,7 @@ def test_the_section_is_drawn_with_its_dimensions(chapter, judged):
     words = " ".join(section.itertext())
     shown = of_interest(judged)
     for letter, name in (("b", "gap_mm"), ("c₁", "root_face_left_mm"), ("h", "depth_mm"), ("α", "included_deg")):
-        value = float(re.search(rf"{letter} = \(?([\d.]+) ±", words)[1])
+        value = float(re.search(rf"\b{letter} = \(?([\d.]+) ±", words)[1])
         assert value == pytest.approx(shown.values[name], abs=6e-3)
     assert "c₂" not in words  # not seen, so not drawn
     sizes = [one.term.lower() for one in judged.characteristics if any(one.pairs)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from workbench.artefacts import (
     PreparationInspection,
     u_name,
 )
-from workbench.artefacts.edges import PREPARATION_TERMS, TERMS, Joint, RecognisedInspection
+from workbench.artefacts.edges import ALL_TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
 from workbench.report.along import TEXT_SIZE, size_chart, svg
 from workbench.report.marks import GREY, INK, MEASURED
@@ -142,16 +143,18 @@ def _outline(axes: Axes, corner: dict[str, Float], straight: bool, ends: tuple[f
         axes.points([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
 
 
+def _words(section: GrooveSection, name: str) -> str:
+    term, letter = ALL_TERMS[name]
+    return f"{letter if letter != '–' else term} = {with_u(section, name)}"
+
+
+def _is_shown(section: GrooveSection, corner: dict[str, Float], name: str, *corners: str) -> bool:
+    return section.values.get(name) is not None and all(one in corner for one in corners)
+
+
 def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
     """What was measured in this section, each with its letter and U."""
-
-    def words(name: str) -> str:
-        letter = TERMS[name][1]
-        return f"{letter} = {with_u(section, name)}" if letter != "–" else f"{TERMS[name][0]} {with_u(section, name)}"
-
-    def shown(name: str, *corners: str) -> bool:
-        return section.values.get(name) is not None and all(one in corner for one in corners)
-
+    words, shown = partial(_words, section), partial(_is_shown, section, corner)
     high = max(float(place[1]) for place in corner.values())
     low = min(float(place[1]) for place in corner.values())
     if shown("width_mm", "left_upper", "right_upper"):
@@ -192,14 +195,7 @@ def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: f
 
 def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
     """What was measured of one plate in this section, each with its letter and U."""
-
-    def words(name: str) -> str:
-        term, letter = PREPARATION_TERMS[name]
-        return f"{letter if letter != '–' else term} = {with_u(section, name)}"
-
-    def shown(name: str, *corners: str) -> bool:
-        return section.values.get(name) is not None and all(one in corner for one in corners)
-
+    words, shown = partial(_words, section), partial(_is_shown, section, corner)
     high = max(float(place[1]) for place in corner.values())
     outside = max(float(place[0]) for place in corner.values()) + 0.25 * size
     if shown("width_mm", "upper", "root"):

@@ -304,6 +304,12 @@ def _mirrored(chord: Float, way: Float) -> Float:
 # Times of a path, and its feeds.
 
 
+def runs(which: Bool) -> list[tuple[int, int]]:
+    """First and last index of each run of True in (n,)."""
+    ends = np.flatnonzero(np.diff(np.r_[False, which, False]))
+    return [(int(a), int(b) - 1) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+
+
 def step_lengths_mm(position_mm: Float) -> Float:
     """(k,) distance of each point (k, 3) from the one before it; 0 for the first."""
     steps = np.linalg.norm(np.diff(position_mm, axis=0), axis=1)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge
+from workbench.geometry.moves import runs
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.geometry.stations import (
     SectionTable,
@@ -118,7 +119,7 @@ def find_lifts(
     """
     blocked = needed_mm > 0.0
     lifts: list[Lift] = []
-    for first, last in _runs(~seen | blocked):
+    for first, last in runs(~seen | blocked):
         here, in_way = slice(first, last + 1), np.flatnonzero(blocked[first : last + 1]) + first
         gap = np.flatnonzero(~seen[here]) + first
         low, high = np.inf, -np.inf
@@ -146,12 +147,6 @@ def hold_at_ends(lifts: Sequence[Lift], length_mm: float, ramp_mm: float) -> tup
     if out and out[-1].to_mm + out[-1].ramp_mm > length_mm - LEAST_CUT_MM:
         out[-1] = replace(out[-1], to_mm=math.inf, ramp_mm=ramp_mm, share=1.0)
     return tuple(out)
-
-
-def _runs(mask: Bool) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def merged(lifts: Sequence[Lift]) -> list[Lift]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.artefacts import ChainU, Cloud, Cutter, Edge, Layer, RawEdge, Travel
 from workbench.errors import InputError
+from workbench.geometry.moves import runs
 from workbench.path.course import LEAST_DEPTH_MM, Bevel, Course, bevel_normal, tool_quaternions
 from workbench.path.obstacles import (
     Lift,
@@ -165,8 +166,7 @@ def stretch_factor(course: Course, bevel: Bevel, height_mm: Float | float, radiu
 
 def cut_stretches(s: Float, mask: Bool) -> list[tuple[float, float]]:
     """Arc lengths (from, to) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(float(s[a]), float(s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(s[first]), float(s[last])) for first, last in runs(mask)]
 
 
 def refuse_partial_view(edge: Edge, least_seen_share: float) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
+from workbench.geometry import moves
 from workbench.report.along import hatch_hidden, hidden_stretches, svg
 from workbench.report.marks import (
     FACES,
@@ -278,6 +279,4 @@ def _plane(points_mm: Float, tangent: Float, normal: Float) -> tuple[Float, Floa
 
 def _mark_cutting(axes: Axes, s: Float, cutting: Bool) -> None:
     """Bars along the bottom over the stretches that are cut."""
-    change = np.flatnonzero(np.diff(np.r_[False, cutting, False]))
-    bars = [(float(s[a]), float(s[b - 1])) for a, b in zip(change[::2], change[1::2], strict=True)]
-    axes.bars_below(bars, 0.035, color=GREY)
+    axes.bars_below([(float(s[first]), float(s[last])) for first, last in moves.runs(cutting)], 0.035, color=GREY)

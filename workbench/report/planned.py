@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.artefacts import Edge, EdgeProfile, Gate, Inspection, Layer, Moves, RawEdge, Section, Toolpath
 from workbench.errors import one_line
-from workbench.geometry.moves import step_lengths_mm, step_times_s
+from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.report.along import axes_at, developed, gaps, hatch_hidden, hidden_stretches, mark_sections, svg
 from workbench.report.marks import AIR, INK, LIMIT, MEASURED, VERDICTS, rgb
@@ -99,12 +99,8 @@ def planned_bevel(toolpath: Toolpath, edge: Edge) -> PlannedBevel:
 def middle_of_cut_mm(toolpath: Toolpath) -> float | None:
     """Arc length of the middle of the longest stretch that the final layer cuts; None where it cuts nowhere."""
     final = toolpath.layers[-1]
-    change = np.flatnonzero(np.diff(np.r_[False, final.cutting, False]))
-    if not len(change):
-        return None
-    first, last = final.arc_length_mm[change[::2]], final.arc_length_mm[change[1::2] - 1]
-    k = int(np.argmax(last - first))
-    return float(first[k] + last[k]) / 2.0
+    spans = [final.arc_length_mm[[*ends]] for ends in runs(final.cutting)]
+    return float(max(spans, key=np.ptp).mean()) if spans else None
 
 
 def planned_u(edge: Edge, toolpath: Toolpath) -> tuple[float | None, float | None]:

@@ -35,6 +35,7 @@ from workbench.edge.parameters import RobotNoise
 from workbench.edge.residual_image import declared_linearity
 from workbench.edge.rim import EdgeCondition
 from workbench.errors import InputError
+from workbench.geometry.moves import runs
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.result_files.scan_plan import plan_id
@@ -594,7 +595,7 @@ def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
         yield f"the engine refuses such a recording: {made.refused}"
         return
     unseen = np.isnan(root.u)
-    for first, last in _stretches(unseen):
+    for first, last in runs(unseen):
         names = Counter(name for _, row in looked.shadows for name in row[first : last + 1] if name)
         by = " and ".join(name for name, _ in names.most_common(2)) or "no pass that the robot can drive"
         yield f"shadow of {by} from {stations[first]:.0f} to {stations[last]:.0f} mm: no pass sees the edge there"
@@ -606,7 +607,7 @@ def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
         if short.any():
             worst = int(np.nanargmax(np.where(short, promised, np.nan)))
             source = max(quantity.u_by_source, key=lambda name: quantity.u_by_source[name][worst])
-            first, last = _stretches(short)[0][0], _stretches(short)[-1][1]
+            first, last = np.flatnonzero(short)[[0, -1]]
             told = f"{COVERAGE * quantity.u[worst]:.3g} {quantity.unit}"
             yield (
                 f"U of {quantity.name} is predicted as {told}, by what noise and edge leave open up to "
@@ -615,12 +616,6 @@ def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
             )
     if looked.refused:
         yield f"the robot cannot take {_summary(looked.refused)}"
-
-
-def _stretches(which: Bool) -> list[tuple[int, int]]:
-    """First and last of runs of True in (s,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _summary(refused: dict[View, str]) -> str:

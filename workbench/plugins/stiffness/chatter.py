@@ -87,7 +87,8 @@ def chatter(
     cuts = whole.spread(stations)
     joints, u_force = postures.joints[cuts.at], cuts.process.coefficients.relative_u
     dynamics = cuts.dynamics(cell.chain, modes, joints)
-    up, down, coupling = _judged(cuts, dynamics, largest_depth_mm)
+    up, down = (judged_limits(dynamics, cuts, way, largest_depth_mm) for way in (0, 1))
+    coupling = screen_limits(dynamics, cuts, 0, regeneration=False)
     by_modes = np.array([u_of_modes(cell.chain, modes, cuts, joints, way) for way in (0, 1)])
     u_log = np.hypot(by_modes, u_force if force_relative_u is None else force_relative_u)
     found = PathStability(
@@ -96,7 +97,7 @@ def chatter(
         depth_mm=cuts.axial_mm,
         up_limit_mm=up,
         down_limit_mm=down,
-        coupling_limit_mm=coupling,
+        coupling_limit_mm=np.where(coupling > largest_depth_mm, np.inf, coupling),
         u_log=u_log[0],
         spindle_rpm=cuts.rpm,
         warnings=modes.declared,
@@ -107,13 +108,6 @@ def chatter(
     choice = choose(cell, toolpath, cuts, found.layer, dynamics, bounds) if most_layers else None
     page = _Page(found, modes, cuts.process, toolpath, least_margin, largest_depth_mm, lobes, worst, choice)
     return found, Document(ChatterFile.NAME, _document(page)), _chapter(page)
-
-
-def _judged(cuts: Cuts, dynamics: Dynamics, largest_mm: float) -> Float:
-    """Limits (3, m), mm: milling up, down, and by mode coupling alone (up)."""
-    up, down = (judged_limits(dynamics, cuts, way, largest_mm) for way in (0, 1))
-    coupling = screen_limits(dynamics, cuts, 0, regeneration=False)
-    return np.array([up, down, np.where(coupling > largest_mm, np.inf, coupling)])
 
 
 def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> Float:

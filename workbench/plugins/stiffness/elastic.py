@@ -22,12 +22,6 @@ from workbench.api import (
 MM = 1e3  # mm per m
 
 
-def tip_of(chain: Chain, joints: Float, point_mm: Float) -> Float:
-    """Where the flange's point `point_mm` (3,) is in the base (..., 3)."""
-    flange = forward_kinematics(chain, joints)
-    return np.asarray(flange[..., :3, :3] @ point_mm + flange[..., :3, 3])
-
-
 def torques(jacobian: Float, wrench: Float) -> Float:
     """Joint torques J^T F (..., 6) in Nm, of a wrench (..., 6) at the Jacobian's point."""
     scaled = np.asarray(wrench, float) / ((MM,) * 3 + (1.0,) * 3)
@@ -94,7 +88,8 @@ def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wren
 def _jacobian(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Float]:
     """Jacobian (..., 6, 6) of a flange point and its derivative by the joints (..., 6, 6, 6)."""
     axes, points = joint_axes(chain, joints)
-    jacobian = jacobian_at(axes, points, tip_of(chain, joints, point_mm))
+    tip = (forward_kinematics(chain, joints) @ [*point_mm, 1.0])[..., :3]
+    jacobian = jacobian_at(axes, points, tip)
     return jacobian, jacobian_derivative(axes, jacobian)
 
 

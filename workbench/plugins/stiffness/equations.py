@@ -68,6 +68,9 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     wrench = wrench_at(sensor[:, :3, :3], sensor[:, :3, 3] - tip, tests.wrench)
     torque = torques(at_tip, wrench)
     derivative = jacobian_derivative(axes, at_tip)
+    turn = np.zeros((len(sensor), 6, 6))  # of unit wrenches, from the sensor's axes
+    turn[:, :3, :3], turn[:, 3:, 3:] = sensor[:, :3, :3] / MM, sensor[:, :3, :3]
+    in_base = wrench_at(sensor[:, :3, :3], np.zeros(3), tests.wrench)  # the sensor keeps its point
     jacobian, curved = at_tip, derivative
     if tests.points:
         jacobian, curved = _of_points(axes, points, flange, setup.targets_mm[: tests.points])
@@ -77,10 +80,10 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
         a=jacobian * torque[:, None, :],
         curved=curved,
         torque=torque,
-        by_wrench=_by_wrench(at_sensor, sensor),
+        by_wrench=np.swapaxes(at_sensor, -1, -2) @ turn,
         jacobian=jacobian,
-        kc=_kc(axes, at_sensor, sensor, tests.wrench),
-        across_n=np.linalg.norm(np.cross(axes, (sensor[:, :3, :3] @ tests.wrench[:, :3, None])[:, None, :, 0]), axis=2),
+        kc=geometric_stiffness(jacobian_derivative(axes, at_sensor), in_base),
+        across_n=np.linalg.norm(np.cross(axes, in_base[:, None, :3]), axis=2),
         reach_mm=np.linalg.norm(sensor[:, None, :3, 3] - points, axis=2),
         noise=row_noise(setup, tests.points),
         seen=seen,
@@ -101,19 +104,6 @@ def _of_points(axes: Float, points: Float, flange: Float, targets_mm: Float) -> 
     of_points = [jacobian_at(axes, points, one) for one in at]
     curved = np.concatenate([jacobian_derivative(axes, j)[:, :3] for j in of_points], axis=1)
     return np.concatenate([j[:, :3] for j in of_points], axis=1), curved
-
-
-def _by_wrench(at_sensor: Float, sensor: Float) -> Float:
-    """Joint torques of the unit wrenches in the sensor's axes."""
-    turn = np.zeros((len(sensor), 6, 6))
-    turn[:, :3, :3], turn[:, 3:, 3:] = sensor[:, :3, :3] / MM, sensor[:, :3, :3]
-    return np.asarray(np.swapaxes(at_sensor, -1, -2) @ turn)
-
-
-def _kc(axes: Float, at_sensor: Float, sensor: Float, wrench: Float) -> Float:
-    """K_c of the load where it acts: the sensor keeps its point, the force its direction."""
-    in_base = wrench_at(sensor[:, :3, :3], np.zeros(3), wrench)
-    return geometric_stiffness(jacobian_derivative(axes, at_sensor), in_base)
 
 
 def curvature(eq: Equations, compliance: Float) -> Float:

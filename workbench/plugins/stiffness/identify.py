@@ -114,7 +114,9 @@ def identify_from(
 ) -> tuple[JointStiffness, dict[str, Any]]:
     """Stiffness from tests in memory, their angles the controller's; and what the result file adds to it."""
     check_filled(tests)
-    _check_points(setup, tests)
+    if tests.points > len(setup.targets_mm):
+        why = f"the cell file's $.loading.targets_mm places no p{tests.points}"
+        raise InputError(tests.source, f"expected at most {len(setup.targets_mm)} tracked points: {why}")
     eq = equations(chain, setup, tests)
     loading = Loading(eq)
     labels = estimator.Labels(tests.source, tuple(range(len(loading.load))))
@@ -132,7 +134,8 @@ def identify_from(
     used[loading.load[found.used], loading.point[found.used]] = True
     sound = dataclasses.replace(eq, seen=used.reshape(eq.seen.shape))
     lack = lack_of_fit(chain, setup, tests, loading, found)
-    covariance = found.inverse * max(lack.widened, _surely_more(found))
+    noisy = found.freedom > 0 and found.chi2 > scipy.special.chdtri(found.freedom, 0.001)  # more than by chance
+    covariance = found.inverse * max(lack.widened, found.misfit if noisy else 1.0)
     scaled = scale_relative_u * found.at
     known = covariance + np.outer(lack.change, lack.change) + np.outer(scaled, scaled)
     check_observed(found, covariance, eq, tests, largest_relative_u, lack)
@@ -150,13 +153,6 @@ def identify_from(
         "rejected": out,
         "not_included": [*([] if scale_relative_u else [_gain(found)]), *lack.hidden],
     }
-
-
-def _check_points(setup: LoadingSetup, tests: LoadingTests) -> None:
-    most = len(setup.targets_mm)
-    if tests.points > most:
-        why = f"the cell file's $.loading.targets_mm places no p{tests.points}"
-        raise InputError(tests.source, f"expected at most {most} tracked points: {why}")
 
 
 def _left_out(tests: LoadingTests, loading: Loading, found: estimator.Fit[Float]) -> list[str]:
@@ -181,12 +177,6 @@ def _gain(found: estimator.Fit[Float]) -> str:
         "the force sensor's gain against the tracker's scale: 1 % of it changes every joint by 1 % "
         f"({times[joint]:.2g} u of joint {joint + 1}); no residual shows it, scale_relative_u declares it"
     )
-
-
-def _surely_more(found: estimator.Fit[Float]) -> float:
-    """Variance of the residuals over the noise's, where that is more than chance; else 1."""
-    noisy = found.freedom > 0 and found.misfit > scipy.special.chdtri(found.freedom, 0.001) / found.freedom
-    return found.misfit if noisy else 1.0
 
 
 def lack_in_words(found: estimator.Fit[Float], lack: LackOfFit, covariance: Float) -> list[str]:

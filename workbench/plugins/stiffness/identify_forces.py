@@ -273,11 +273,6 @@ class Tried(NamedTuple):
         edge = self.values[3:] + BELOW * np.sqrt(np.diag(self.covariance)[3:])
         return bool((self.values[:3] > 0).all() and (edge > 0).all())
 
-    @property
-    def handed(self) -> float:
-        """1: the dynamometer's x, y turn into each other as the cutter's do; -1: the other way."""
-        return float(np.linalg.det(self.turn[:2, :2]))
-
 
 def _turns(axes: Sequence[str] | None) -> list[Float]:
     """Signed permutations that are tried: z stays z."""
@@ -327,7 +322,9 @@ def _fitted(recorded: Sequence[Recorded], per_tooth: Float, cut: Cutting, turn: 
 def _chosen(tried: Sequence[Tried], recorded: Sequence[Recorded], stated: bool) -> Tried:
     """The one way that gives forces above zero and turns as the recorded force does."""
     sense = float(np.exp(np.mean([np.log(one.sense) for one in recorded])))
-    turning: Bool = np.array([sense**one.handed >= 1.0 or stated for one in tried])
+    # 1: the dynamometer's x, y turn into each other as the cutter's do; -1: the other way
+    handed = np.linalg.det(np.array([one.turn[:2, :2] for one in tried]))
+    turning: Bool = (sense**handed >= 1.0) | stated
     positive = np.array([one.positive for one in tried])
     fitting = [one for one, a, b in zip(tried, turning, positive, strict=True) if a and b]
     where = recorded[0].source

@@ -13,7 +13,6 @@ import numpy as np
 
 from workbench.api import (
     DEG,
-    AnyArray,
     Bool,
     Cell,
     Chapter,
@@ -232,6 +231,7 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
     """Map, comparison, robot before and after, displacement along the path."""
     made = found.postures
     above = "" if found.gap is None else f", {100 * found.gap:.1f} % above the best posture of each single point"
+    beside = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
     summary = (
         f"Postures for {len(found.points.layer)} points: {mean_of(found)}{above}; least clearance "
         f"{np.nanmin(made.clearance_mm, initial=np.inf):.0f} mm"
@@ -243,19 +243,15 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         + _prices(found)
         + _causes(found)
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
-        + pieces.figure_html(map_picture(found), _of_map(found))
+        + pieces.figure_html(
+            map_picture(found), f"Map of the mean {found.measure.name}, with the chosen postures{beside}"
+        )
         + pieces.heading("The robot at the middle of the path")
         + robots_html(cell, found, toolpath)
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Cost, margins and angles along the path")
     )
     return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
-
-
-def _of_map(found: Found) -> str:
-    """What the map's picture shows."""
-    beside = "" if found.asked is None else "; beside it the margin from chatter, limit over depth"
-    return f"Map of the mean {found.measure.name}, with the chosen postures{beside}"
 
 
 def mean_of(found: Found) -> str:
@@ -448,7 +444,9 @@ def along_picture(cell: Cell, found: Found) -> bytes:
     angles = {"cutter rotation": made.cutter_rotation[loaded], _axis(made).split(",")[0]: _sought(made)[loaded]}
     if made.turntable.ndim > 1:
         angles["tilt"] = made.turntable[loaded, 0]
-    turned = {name: _from_start(angle) for name, angle in angles.items()} if found.mode != "constant" else {}
+    turned = {name: (np.unwrap(angle) - angle[0]) / DEG for name, angle in angles.items()}
+    if found.mode == "constant":
+        turned = {}
     rows = len(kept) + bool(turned)
     with pieces.styled():
         figure = Figure(figsize=(10, 3.4 + 1.2 * rows), layout="constrained")
@@ -477,7 +475,3 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         [top, *others][-1].set_xlabel("points that cut, in the order of motion")
         figure.align_ylabels()
         return pieces.svg(figure)
-
-
-def _from_start(angle: AnyArray) -> AnyArray:
-    return np.asarray((np.unwrap(angle) - angle[0]) / DEG)

@@ -19,7 +19,6 @@ from workbench.api import (
     Document,
     Float,
     InputError,
-    Int,
     PathGate,
     PostureFile,
     Postures,
@@ -237,6 +236,10 @@ def posture(
             "stiffness.posture",
             f"the cutter gives way by {worst:.3g} mm, more than its radius: expected stiffness of the joints in Nm/rad",
         )
+    bound_mm = None
+    if stiffness:
+        least = [lowest(arm, kept, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
+        bound_mm = np.min(least, axis=0)
     found = Found(
         postures=made,
         points=points,
@@ -248,7 +251,7 @@ def posture(
         words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
         cases=_cases(chooser, choice, over),
-        bound=_bound(arm, kept, at, rotations, ways) if stiffness else None,
+        bound=bound_mm,
         law_bound=None if bound is None else bound / len(points.loaded),
         law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
         asked=None if keeps is None else keeps.asked,
@@ -381,12 +384,6 @@ def _best(
     if best is None:
         raise refused[0]
     return *best[:2], dataclasses.replace(best[2], examined=examined, of=of), best[3]
-
-
-def _bound(arm: AnyArm, kept: Cell, at: Int, rotations: Float, ways: list[Searched]) -> Float:
-    """Least displacement of each sampled loaded point over all grids, collision aside."""
-    found = [lowest(arm, kept, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
-    return np.asarray(np.min(found, axis=0))
 
 
 def _tilting(examiner: Examiner, law: Law, grid: Grid, limits: Limits, allowed: Bool) -> tuple[Examiner, Law]:
@@ -572,24 +569,17 @@ def _rows(found: Found, chosen: AnyArray) -> list[dict[str, Any]]:
 
 def _map(found: Found) -> dict[str, Any]:
     over = found.map
-    return {
+    shown = {
         **_angles_deg(found, over.rotations, found.points.external(over.tables, 0)),
         **_measured(found, _rounded(over.mean, 6)),
         "cause": [[CAUSES[i] for i in row] for row in over.cause.tolist()],
         "judged": [[JUDGED[i] for i in row] for row in over.how.tolist()],
         "collision_pairs": [list(pair) for pair in over.pairs],
         "collision_pair": [[None if i < 0 else i for i in row] for row in over.pair.tolist()],
-        **_stability(found),
     }
-
-
-def _stability(found: Found) -> dict[str, Any]:
-    """The map of chatter's margin, by the screen; null where infeasible or beyond all depths."""
-    over = found.map
-    if over.chatter is None or found.asked is None:
-        return {}
-    margin, left = over.chatter
-    return {"margin": _rounded(margin, 4), "margin_kept": left >= found.asked}
+    if over.chatter is not None and found.asked is not None:  # by the screen; null: infeasible, or beyond all depths
+        shown |= {"margin": _rounded(over.chatter[0], 4), "margin_kept": over.chatter[1] >= found.asked}
+    return shown
 
 
 def _rounded(values: Float | float, digits: int) -> Float:

@@ -61,7 +61,12 @@ def read(
         'JointStiffness'
     """
     if stiffness is not None:
-        return read_stiffness(stiffness)
+        found = StiffnessFile.read(stiffness)
+        covariance = np.array(found.covariance)
+        if not is_covariance(covariance):
+            raise InputError(f"{stiffness}: $.covariance", "expected a symmetric positive semi-definite 6x6 matrix")
+        k, condition = np.array(found.joint_stiffness_nm_per_rad), found.condition_number or 0.0
+        return JointStiffness(k, covariance, condition, found.postures, found.loads, str(stiffness))
     given = joint_stiffness_nm_per_rad
     if given is None and cell is not None and cell.joint_stiffness_nm_per_rad is not None:
         return _exact(cell.joint_stiffness_nm_per_rad, cell.source)
@@ -70,16 +75,6 @@ def read(
 
 def _exact(values: Float, source: str) -> JointStiffness:
     return JointStiffness(values, np.zeros((6, 6)), 0.0, 0, 0, source)
-
-
-def read_stiffness(path: Path) -> JointStiffness:
-    """The stiffness in a file; raises InputError with the place and what was expected."""
-    found = StiffnessFile.read(path)
-    covariance = np.array(found.covariance)
-    if not is_covariance(covariance):
-        raise InputError(f"{path}: $.covariance", "expected a symmetric positive semi-definite 6x6 matrix")
-    k, condition = np.array(found.joint_stiffness_nm_per_rad), found.condition_number or 0.0
-    return JointStiffness(k, covariance, condition, found.postures, found.loads, str(path))
 
 
 def stiffness_document(stiffness: JointStiffness, **more: Any) -> Document:

@@ -302,17 +302,6 @@ class Unsprung:
 AnyArm = Arm | GeneralArm | Unsprung
 
 
-def lowest_displacements(arm: AnyArm, path: LoadedPath, angles: Float) -> Float:
-    """The least displacement (a, p), mm, over all rotations and branches; inf: no posture."""
-    least = np.full(path.base_from_cutter.shape[:2], np.inf)
-    for row, *each in zip(least, *path[1:], strict=True):
-        single = LoadedPath(path.flange_from_cutter, *(part[:, None] for part in each))
-        for branch in range(BRANCHES):
-            mean, said = arm.traverse(single, angles, branch)
-            np.minimum(row, np.where(said == FREE, mean, np.inf).min(axis=(0, 2)), out=row)
-    return least
-
-
 def awkwardness(cell: Cell, joints: Shaped[Float, "n 6"]) -> Float:
     """How near postures (n, 6) are to singular ones and to limits (n,): 1 at best, infinite there.
 

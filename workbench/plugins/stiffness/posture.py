@@ -238,7 +238,7 @@ def posture(
         )
     bound_mm = None
     if stiffness:
-        least = [lowest(arm, kept, way.only(at), rotations, tables).min(axis=1) for way, tables, _ in ways]
+        least = [lowest(arm, kept, way.only(at), rotations, tables) for way, tables, _ in ways]
         bound_mm = np.min(least, axis=0)
     found = Found(
         postures=made,

@@ -127,9 +127,7 @@ def limits(
     for k, low in enumerate(first):
         one = Judge(dynamics.at(k), cut, steps)
         count = max(int(np.ceil(np.log(largest_mm / low) / np.log(RATIO))), 1)
-        depth = (
-            low * (largest_mm / low) ** (np.arange(count + 1) / count) if low < largest_mm else np.array([largest_mm])
-        )
+        depth = np.geomspace(low, largest_mm, count + 1) if low < largest_mm else np.array([largest_mm])
         found[k] = _least(one, depth)
     return found
 

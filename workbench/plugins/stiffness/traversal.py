@@ -42,7 +42,6 @@ from workbench.plugins.stiffness.arm import (
     LoadedPath,
     Unsprung,
     awkwardness,
-    lowest_displacements,
 )
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.margins import Steadiness
@@ -125,10 +124,14 @@ def traversal(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tab
 
 
 def lowest(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tables: Float) -> Float:
-    """The least displacement (n, a) of each loaded point, over all rotations and branches: no law can do better."""
-    path = placed(cell, points, tables)
-    loaded = LoadedPath(path.flange_from_cutter, *(part[:, points.loaded] for part in path[1:]))
-    return lowest_displacements(arm, loaded, rotations).T
+    """The least displacement (n,) of each loaded point over the grid in any branch: no law can do better."""
+    path = placed(cell, points.only(points.loaded), tables)
+    least = np.full(len(points.loaded), np.inf)
+    for a, branch in np.ndindex(len(tables), BRANCHES):
+        each = LoadedPath(path.flange_from_cutter, *(part[a][:, None] for part in path[1:]))  # a path of its own
+        mean, said = arm.traverse(each, rotations, branch)
+        np.minimum(least, np.where(said == FREE, mean, np.inf).min(axis=(0, 2)), out=least)
+    return least
 
 
 def placed(cell: Cell, points: PathPoints, tables: Float) -> LoadedPath:

@@ -12,6 +12,7 @@ FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # as `arm` counts the
 
 
 Vector: TypeAlias = tuple[float, float, float]
+Pair: TypeAlias = tuple[float, float]
 
 
 class Branch(NamedTuple):
@@ -89,35 +90,47 @@ def joints_kernel(
     branch: Branch, bend: float, flip: float, w: AnyArray, a: AnyArray, b: AnyArray, found: AnyArray
 ) -> None:
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
-    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = branch.lengths
-    front, side = branch.front, branch.side
-    l2, l3 = ur * ur + ui * ui, fr * fr + fi * fi
+    sense3, sense5 = branch.lengths[9], branch.lengths[10]
     for n in range(w.shape[1]):
-        wx, wy, wz, ax, ay, az = w[0, n], w[1, n], w[2, n], a[0, n], a[1, n], a[2, n]
-        x = front * np.sqrt(max(wx * wx + wy * wy - d * d, 0.0))
-        turned = np.arctan2(wy * x - wx * d, wx * x + wy * d)
-        c1, s1 = np.cos(turned), np.sin(turned)
-        tr, ti = wz - z2, x - a1
-        far = tr * tr + ti * ti
-        along = (far + l2 - l3) / (2 * far)
-        height = side * np.sqrt(max(l2 / far - along * along, 0.0))
-        er, ei = along * tr - height * ti, along * ti + height * tr
-        mr, mi = tr - er, ti - ei
-        c2, s2 = (er * ur + ei * ui) / l2, (ei * ur - er * ui) / l2
-        c23, s23 = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
-        hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
-        hx, hy, hz = c1 * hi, s1 * hi, hr
+        ax, ay, az = a[0, n], a[1, n], a[2, n]
+        first, second, both, _, (hx, hy, hz), _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
+        (c1, s1), (c2, s2), (c23, s23) = first, second, both
         gx, gy, gz = flip * (hy * az - hz * ay), flip * (hz * ax - hx * az), flip * (hx * ay - hy * ax)
         bent = flip * np.sqrt(gx * gx + gy * gy + gz * gz)
         across = sense5 * (gy * c1 - gx * s1)
         up = sense5 * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
         bx, by, bz = b[0, n], b[1, n], b[2, n]
         over = ax * (gy * bz - gz * by) + ay * (gz * bx - gx * bz) + az * (gx * by - gy * bx)
-        found[n, 0], found[n, 1] = turned, np.arctan2(s2, c2)
+        found[n, 0], found[n, 1] = np.arctan2(s1, c1), np.arctan2(s2, c2)
         found[n, 2] = np.arctan2(sense3 * (s23 * c2 - c23 * s2), c23 * c2 + s23 * s2)
         found[n, 3] = np.arctan2(up, across)
         found[n, 4] = (np.arctan2(bent, hx * ax + hy * ay + hz * az) - bend + np.pi) % (2 * np.pi) - np.pi
         found[n, 5] = np.arctan2(over, gx * bx + gy * by + gz * bz)
+
+
+@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
+def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector, Pair]:
+    """Cosine and sine of joints 1, 2, 2 and 3 together; the elbow; axis 4; what is below 0 where nothing reaches."""
+    a1, z2, d, ur, ui, fr, fi, gr, gi, _, _ = branch.lengths
+    wx, wy, wz = wrist
+    # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
+    flat = wx * wx + wy * wy
+    x2 = flat - d * d
+    x = branch.front * np.sqrt(max(x2, 0.0))
+    c1, s1 = (wx * x + wy * d) / flat, (wy * x - wx * d) / flat
+    # Joints 2 and 3: the triangle upper arm, forearm, distance; its elbow e on one side of the line.
+    tr, ti = wz - z2, x - a1
+    far, l2, l3 = tr * tr + ti * ti, ur * ur + ui * ui, fr * fr + fi * fi
+    along = (far + l2 - l3) / (2 * far)
+    height2 = l2 / far - along * along
+    height = branch.side * np.sqrt(max(height2, 0.0))
+    er, ei = along * tr - height * ti, along * ti + height * tr
+    mr, mi = tr - er, ti - ei
+    second = (er * ur + ei * ui) / l2, (ei * ur - er * ui) / l2
+    both = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
+    # Axis 4 along the forearm.
+    hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
+    return (c1, s1), second, both, (er, ei), (c1 * hi, s1 * hi, hr), (x2, height2)
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
@@ -127,28 +140,13 @@ def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vecto
     Without a jump, so that several run side by side once inlined. Given are the wrist's centre, joint 6's axis, and the
     force with the point that it acts at.
     """
-    a1, z2, d, ur, ui, fr, fi, gr, gi, sense3, sense5 = branch.lengths
-    limits, k, front, side = branch.limits, branch.springs, branch.front, branch.side
+    a1, z2, sense3, sense5 = branch.lengths[0], branch.lengths[1], branch.lengths[9], branch.lengths[10]
+    limits, k = branch.limits, branch.springs
     (wx, wy, wz), (ax, ay, az), (px, py, pz), (fx, fy, fz) = wrist, axis, at, acts
-    # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
-    flat = wx * wx + wy * wy
-    x2 = flat - d * d
-    x = front * np.sqrt(max(x2, 0.0))
-    c1, s1 = (wx * x + wy * d) / flat, (wy * x - wx * d) / flat
-    # Joints 2 and 3: the triangle upper arm, forearm, distance; its elbow e on one side of the line.
-    tr, ti = wz - z2, x - a1
-    far, l2, l3 = tr * tr + ti * ti, ur * ur + ui * ui, fr * fr + fi * fi
-    along = (far + l2 - l3) / (2 * far)
-    height2 = l2 / far - along * along
-    height = side * np.sqrt(max(height2, 0.0))
-    er, ei = along * tr - height * ti, along * ti + height * tr
-    mr, mi = tr - er, ti - ei
-    c2, s2 = (er * ur + ei * ui) / l2, (ei * ur - er * ui) / l2
-    c23, s23 = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
+    first, second, both, (er, ei), (hx, hy, hz), (x2, height2) = _arm(branch, wrist)
+    (c1, s1), (c2, s2), (c23, s23) = first, second, both
     c3, s3 = c23 * c2 + s23 * s2, sense3 * (s23 * c2 - c23 * s2)
-    # Axis 4 along the forearm, axis 5 across 4 and 6.
-    hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
-    hx, hy, hz = c1 * hi, s1 * hi, hr
+    # Axis 5 across 4 and 6.
     gx, gy, gz = hy * az - hz * ay, hz * ax - hx * az, hx * ay - hy * ax
     bent2 = gx * gx + gy * gy + gz * gz
     bent = np.sqrt(bent2)

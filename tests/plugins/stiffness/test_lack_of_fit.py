@@ -67,6 +67,18 @@ def turned_joint(joint: int, deg: float) -> Change:
     return lambda tests, cell: dataclasses.replace(tests, joints=tests.joints + np.radians(deg) * np.eye(6)[joint - 1])
 
 
+def shifted(*by: tuple[Any, Any, float]) -> Change:
+    """Rows and columns of what moved, and by how much more."""
+
+    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+        moved = tests.moved.copy()
+        for rows, columns, more in by:
+            moved[rows, columns] += more
+        return dataclasses.replace(tests, moved=moved)
+
+    return change
+
+
 SMALL: list[tuple[str, Change, str]] = [
     ("sensor 60 mm nearer", lever(60.0), "the force sensor -"),
     ("base that gives", giving(0.1), "a base or links that give by +0."),
@@ -78,15 +90,28 @@ SMALL: list[tuple[str, Change, str]] = [
 ]
 
 
-@pytest.mark.parametrize("targets", [0, 4])
-@pytest.mark.parametrize(("change", "words"), [pytest.param(*one[1:], id=one[0]) for one in SMALL])
+ALONE: list[tuple[str, int, Change, str, int]] = [
+    ("point off the body", 4, shifted((10, 6, 0.3)), "line 12: point p3 does not move with the others", 72),
+    ("gross loads", 0, shifted((7, 2, 1.0), (31, 1, -2.0)), "line 33: this load contradicts the others", 70),
+    ("drift in a posture", 0, shifted((slice(24, 48), 0, 0.05)), "posture 2: opposite loads do not give opposite", 72),
+]
+
+
+@pytest.mark.parametrize(
+    ("targets", "change", "words", "loads"),
+    [
+        *(pytest.param(targets, *one[1:], None, id=f"{one[0]}, {targets}") for one in SMALL for targets in (0, 4)),
+        *(pytest.param(*one[1:], id=one[0]) for one in ALONE),
+    ],
+)
 def test_small_faults_stand_in_u_and_are_named(
-    cell: Cell, noisy: Any, targets: int, change: Change, words: str
+    cell: Cell, noisy: Any, targets: int, change: Change, words: str, loads: int | None
 ) -> None:
     assert cell.loading is not None
     found, _ = identify_from(cell.chain, cell.loading, change(noisy(61, targets), cell))
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
     assert any(words in note for note in found.warnings), found.warnings
+    assert loads in (None, found.loads)
 
 
 @pytest.mark.parametrize(

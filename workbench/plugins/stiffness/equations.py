@@ -24,7 +24,7 @@ from workbench.api import (
     jacobian_derivative,
     joint_axes,
 )
-from workbench.plugins.stiffness.elastic import MM, geometric_stiffness, torques, wrench_at
+from workbench.plugins.stiffness.elastic import MM, geometric_stiffness, wrench_at
 from workbench.plugins.stiffness.values import LoadingTests
 
 TYPICAL = 1e-6  # rad/Nm, to begin with
@@ -63,24 +63,23 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     flange = forward_kinematics(chain, tests.joints)
     sensor = flange @ setup.flange_from_sensor
     at_sensor = jacobian_at(axes, points, sensor[:, :3, 3])
-    tip = (flange @ setup.flange_from_tool)[:, :3, 3]
-    at_tip = jacobian_at(axes, points, tip)
-    wrench = wrench_at(sensor[:, :3, :3], sensor[:, :3, 3] - tip, tests.wrench)
-    torque = torques(at_tip, wrench)
-    derivative = jacobian_derivative(axes, at_tip)
     turn = np.zeros((len(sensor), 6, 6))  # of unit wrenches, from the sensor's axes
     turn[:, :3, :3], turn[:, 3:, 3:] = sensor[:, :3, :3] / MM, sensor[:, :3, :3]
     in_base = wrench_at(sensor[:, :3, :3], np.zeros(3), tests.wrench)  # the sensor keeps its point
-    jacobian, curved = at_tip, derivative
+    by_wrench = np.swapaxes(at_sensor, -1, -2) @ turn
+    torque = (by_wrench @ tests.wrench[..., None])[..., 0]
     if tests.points:
         jacobian, curved = _of_points(axes, points, flange, setup.targets_mm[: tests.points])
+    else:
+        jacobian = jacobian_at(axes, points, (flange @ setup.flange_from_tool)[:, :3, 3])
+        curved = jacobian_derivative(axes, jacobian)
     seen = np.isfinite(tests.moved)
     return Equations(
         y=np.where(seen, tests.moved, 0.0),
         a=jacobian * torque[:, None, :],
         curved=curved,
         torque=torque,
-        by_wrench=np.swapaxes(at_sensor, -1, -2) @ turn,
+        by_wrench=by_wrench,
         jacobian=jacobian,
         kc=geometric_stiffness(jacobian_derivative(axes, at_sensor), in_base),
         across_n=np.linalg.norm(np.cross(axes, in_base[:, None, :3]), axis=2),

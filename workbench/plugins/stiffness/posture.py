@@ -468,7 +468,7 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 
 def posture_document(found: Found) -> bytes:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
-    made = found.postures
+    made, best = found.postures, found.cases["best"]
     air = made.layer == 0
     return PostureFile.written(
         {
@@ -480,7 +480,7 @@ def posture_document(found: Found) -> bytes:
             "constant": {
                 **_angles_deg(found, found.choice.rotation, found.points.external(found.choice.table, 0)),
                 "configuration": list(found.configuration),
-                **_measured(found, None if (best := found.cases["best"]) is None else best.cost.mean()),
+                **_measured(found, None if best is None else best.cost.mean()),
                 "cells_examined": found.choice.examined,
                 **_margin(found),
             },

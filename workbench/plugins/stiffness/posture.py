@@ -469,7 +469,6 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 def posture_document(found: Found) -> bytes:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
     made, best = found.postures, found.cases["best"]
-    air = made.layer == 0
     return PostureFile.written(
         {
             "format": "posture",
@@ -491,8 +490,8 @@ def posture_document(found: Found) -> bytes:
             "law_bound_mm": found.law_bound if found.measure == DISPLACEMENT else None,
             "gap_to_best_law": found.law_gap,
             "warnings": list(made.warnings),
-            "points": _rows(found, np.flatnonzero(~air)),
-            "travels": _rows(found, np.flatnonzero(air)),
+            "points": _rows(found, np.flatnonzero(made.layer)),
+            "travels": _rows(found, np.flatnonzero(made.layer == 0)),
             "map": _map(found),
         }
     )

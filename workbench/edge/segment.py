@@ -255,12 +255,12 @@ def _forms(
     cloud: Cloud, tracked: TrackedFaces, s_low: Float, at: Float, checks: Sequence[Check], sensor: Linearity
 ) -> tuple[FaceForm, FaceForm]:
     """What lasts in the residuals of both faces; where a face holds a corner, its direction is either piece's."""
-    images = tuple(
+    images = [
         face_image(cloud, tracked.labels, tracked.faces[label], label, tracked.side, s_low)
-        for label in (ROOT_FACE, BEVEL_FACE)
-    )
+        for label in (ROOT_FACE, BEVEL_FACE, UPPER_SURFACE)  # which tells of the sensor
+    ]
     either = either_piece_u(checks)
-    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, at, sensor))
+    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, at, sensor)[:2])
     return root, bevel
 
 

@@ -206,6 +206,7 @@ def information(
     steep = abs(math.tan(view.elevation))
     place = root.place_mm * (1.0 / math.tan(joint.bevel) + (0.0 if is_corner else steep))
     tilt = math.tan(abs(view.lead))
+    root_form, bevel_form = _forms((root, bevel), profiler, view, length_mm)
     return PassInformation(
         view=view,
         per_mm=1.0 / view.frame_pitch_mm,
@@ -215,8 +216,8 @@ def information(
         bevel=bevel.turn,
         root_run=tilt * abs(math.sin(view.elevation)),
         bevel_run=tilt * abs(math.sin(view.elevation - joint.bevel)),
-        root_form=_form(root, profiler, view, length_mm, 1),
-        bevel_form=_form(bevel, profiler, view, length_mm, 2),
+        root_form=root_form,
+        bevel_form=bevel_form,
         seen=()
         if is_corner
         else _broken(joint.root_mm, profiler, known, view._replace(lead=0.0, frame_pitch_mm=0.0), frames),
@@ -243,32 +244,30 @@ def _face(profiler: Profiler, width_mm: float, incidence: float, pitch_mm: float
     return _Face(width_mm, incidence, count, free, noise, place, place * math.sqrt(12.0) / width_mm)
 
 
-def _form(face: _Face, profiler: Profiler, view: View, length_mm: float, key: int) -> FaceForm:
-    """What the residual image will leave open, on average over noise."""
+def _forms(faces: Sequence[_Face], profiler: Profiler, view: View, length_mm: float) -> list[FaceForm]:
+    """What the residual images of the faces will leave open, on average over noise."""
+    rng, at, total = np.random.default_rng(1), np.zeros(1), np.zeros((len(faces), 3))
+    for _ in range(DRAWS):
+        images = [_image(one, view, length_mm, rng) for one in faces]
+        found = forms(images, at, profiler.linearity)
+        total += np.square([[one.turn_u[0], one.lower_u_mm[0], one.upper_u_mm[0]] for one in found])
+    rms = np.sqrt(total / DRAWS)[:, :, None]
+    return [FaceForm(*one, face.width_mm) for one, face in zip(rms, faces, strict=True)]
+
+
+def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) -> FaceImage:
+    """A residual image of noise alone."""
     places = int(min(face.columns, PLACES))
-    width = face.width_mm / places
-    place = np.asarray((np.arange(places) + 0.5 - 0.5 * places) * width)
-    noise = face.noise_mm**2 / (face.free / places)
-    stretch = min(length_mm, STRETCH_MM)
-    frames, all_frames = stretch / view.frame_pitch_mm, length_mm / view.frame_pitch_mm
-    draws = np.random.default_rng(key).normal(size=(2, DRAWS, places))
-    at, middle = np.zeros(1), np.zeros(1)
+    place = np.asarray((np.arange(places) + 0.5 - 0.5 * places) * face.width_mm / places)
     line = np.stack([np.ones(places), place / place[-1]], axis=1)
     left = np.eye(places) - line @ np.linalg.pinv(line)  # each frame's residuals are those beside its own line
-    unit = np.asarray(left[None], float)
-    total = np.zeros(3)
-    for one, other in zip(*draws, strict=True):
-        mean, beside = (
-            math.sqrt(noise / frames) * (left @ one)[None],
-            math.sqrt(noise / all_frames) * (left @ other)[None],
-        )
-        lean = 1.0 / math.cos(face.incidence)
-        columns = FaceImage(middle, beside, noise / all_frames * unit, place, lean)
-        image = FaceImage(middle, mean, noise / frames * unit, place, lean, columns)
-        form = forms((image,), at, profiler.linearity)[0]
-        total += np.square([form.turn_u[0], form.lower_u_mm[0], form.upper_u_mm[0]])
-    turn, lower, upper = (np.array([one]) for one in np.sqrt(total / DRAWS))
-    return FaceForm(turn, lower, upper, face.width_mm)
+    variance, lean = face.noise_mm**2 * places / face.free, 1.0 / math.cos(face.incidence)
+    frames, all_frames = min(length_mm, STRETCH_MM) / view.frame_pitch_mm, length_mm / view.frame_pitch_mm
+    mean, beside = (math.sqrt(variance / n) * (left @ rng.normal(size=places))[None] for n in (frames, all_frames))
+    noise = variance * left[None]
+    middle = np.zeros(1)
+    columns = FaceImage(middle, beside, noise / all_frames, place, lean)
+    return FaceImage(middle, mean, noise / frames, place, lean, columns)
 
 
 # The broken end: edges of the prior, as a pass would see them.

@@ -124,6 +124,6 @@ def test_what_a_certificate_holds_beside_is_named(points: Cloud, plain: MilledEd
         edge.segment(points, sensor_dcc=unclear)
 
 
-def test_a_temperature_needs_its_thermometer(points: Cloud) -> None:
-    with pytest.raises(InputError, match="expected thermometer_dcc beside it"):
-        edge.segment(points, temperature_c=31.0)
+def test_a_temperature_without_its_thermometer_is_said_to_be_in_no_u(points: Cloud) -> None:
+    told = set(edge.segment(points, temperature_c=31.0).warnings) - set(edge.segment(points).warnings)
+    assert told == {"31 °C is not in u: expected thermometer_dcc, the certificate of what told it"}

@@ -46,14 +46,11 @@ def certified(
     """The edge with what the certificates add, as far as there are any; what they hold beside it is in its warnings.
 
     Raises:
-        InputError: a certificate without what it is for, or with what may be it; one of thermometer and temperature.
+        InputError: a certificate without what it is for, or with what may be it; a thermometer without temperature.
     """
-    if thermometer is None and temperature_c is not None:
-        alone = """for the report's first page alone: --set 'report.html.sheet={"temperature_c": 20}'"""
-        raise InputError(
-            "temperature_c", f"expected thermometer_dcc beside it, the certificate of what told it; {alone}"
-        )
     unused: tuple[str, ...] = ()
+    if thermometer is None and temperature_c is not None:
+        unused += (f"{temperature_c:g} °C is not in u: expected thermometer_dcc, the certificate of what told it",)
     if sensor is not None:
         unused += left_out(sensor, SCALES, LINEARITY)
         edge = _with_scale(edge, sensor)

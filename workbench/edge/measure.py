@@ -17,6 +17,7 @@ from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import BrokenEnd, weights, whole_end
 from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
+from workbench.edge.steps import Readings, readings
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
@@ -37,6 +38,7 @@ START_FRAMES = 5  # of each stretch over which a course averages, that the first
 ROUGH_TIMES, ROUGH_NOISE = 3.0, 36.0
 # By which the lower edge moves from one round to the next: over some mm it would turn the sections by a degree.
 ASTRAY_MM, MOST_ROUNDS = 0.1, 4
+SETTLED_MM = 0.01  # where the first look took what stands out of the end for the face's own
 MOST_ASTRAY = 0.05  # of the frames, whose corners may lie far off the edge: beside clamps a few do
 
 
@@ -61,7 +63,8 @@ class Measured:
     s_low: Shaped[Float, " N"]  # where each frame shows it; NaN where it does not
     faces: Faces
     ends: RootEnds  # of N frames
-    end: EndCourse  # root face
+    end: EndCourse  # root face, less what stands out of its end or is lost of it
+    said: Readings  # of that, at the course's own places
     upper_s: Shaped[Float, " N"]  # where each frame shows the upper edge of the root face
     lever_mm: Shaped[Float, " N"]  # distance of the bevel's measured points from it; NaN: does not see the break
     root_turn: Shaped[Float, " N"]  # what obliquity adds to the direction of the root face, rad
@@ -103,7 +106,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
         measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s)
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
-        if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
+        if np.nanmax(moved, initial=0.0) < (SETTLED_MM if measured.said.shift_mm.any() else ASTRAY_MM):
             break
         good = _sound(cloud, lower_edge, s_low, corners)
         clean = good & ~tracked.end_is_burred
@@ -251,11 +254,13 @@ def _state(
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
     course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
-    end = None
+    end = said = None
     if few is None:
         ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
         end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course, broken), course)
-        course = end.course
+        said = readings(end.s, end.middle, end.middle_u, end.course, end.course.at_mm)
+        course = said.moved(end.course)
+        end = replace(end, course=course)
         made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     upper_s, up = made.upper_s, made.up
     safe = np.where(np.isfinite(upper_s), upper_s, 0.0)
@@ -272,6 +277,7 @@ def _state(
         faces,
         ends,
         end,  # type: ignore[arg-type]
+        said,  # type: ignore[arg-type]
         upper_s,
         np.where(weights(upper_s, broken.u_mm) < 0.5, np.nan, made.lever),
         made.root_turn,

@@ -46,7 +46,7 @@ from workbench.edge.rim import (
     weights,
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
-from workbench.edge.steps import readings, waves_u
+from workbench.edge.steps import waves_u
 from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.blocks import as_input, as_rows, over_blocks
@@ -102,7 +102,7 @@ def segment(
         sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u; warnings name what
             else it holds.
         thermometer_dcc: the certificate of the thermometer, by which the part's temperature enters u of the root face.
-        temperature_c: of the part, of steel, while it was scanned; refused without the thermometer's certificate.
+        temperature_c: of the part, of steel, while it was scanned; in u with the thermometer's certificate.
 
     Raises:
         InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
@@ -221,7 +221,6 @@ def milled_edge(
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
-    position -= end.level_mm[:, None] * across
     told: tuple[str, ...] = (
         () if rounding.size_mm == 0 else (ROUNDED.format(rounding.size_mm, rounding.beyond_mm.max()),)
     )
@@ -269,13 +268,12 @@ def _end_terms(
 ) -> EndTerms:
     """What the course leaves open of the root face's end at arc lengths `at` (m,) of the lower edge."""
     s, end = at + measured.shift, measured.end
-    said = readings(end.s, end.middle, end.middle_u, end.course, s)
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
     on = np.flatnonzero(np.isfinite(shown))
     face = tracked.faces[ROOT_FACE]
     hidden = np.hypot(hidden_end_u_mm(cloud, face), under_u_mm(cloud, tracked, measured.s_low, at))
     frames = measured.ends
-    own = np.interp(np.nan_to_num(measured.upper_s), end.s, said.own) > 0.5
+    own = np.interp(np.nan_to_num(measured.upper_s), end.s, measured.said.own) > 0.5
     left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
     left[~own | (weights(shown, broken.u_mm) < 0.5)] = np.nan
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
@@ -283,9 +281,9 @@ def _end_terms(
     reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
     order = on[np.argsort(measured.upper_s[on], kind="stable")]
     unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
-    level_u = np.sqrt(said.u_mm**2 + waves**2 + reached**2 + unsettled**2)
+    level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
-    return EndTerms(said.shift_mm, level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
+    return EndTerms(level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
 
 
 def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:

@@ -18,8 +18,7 @@ NEAR_MM = 1.5  # of a section: frames that speak for it
 class EndTerms(NamedTuple):
     """What the root face's course leaves open of its end, at m stations."""
 
-    level_mm: Shaped[Float, " m"]  # correction by the levels between which the end steps
-    level_u_mm: Shaped[Float, " m"]
+    level_u_mm: Shaped[Float, " m"]  # of the levels between which the end steps
     broken_u_mm: Shaped[Float, " m"]  # of what a rounding or a chamfer hides
     hidden_u_mm: Shaped[Float, " m"]  # of columns that never return, or a gap over what the plate lies on
     declared_u_mm: float
@@ -41,7 +40,7 @@ def sizes(
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
     _, beta = corrected_angles(measured, s)
-    root = measured.end.course.value(s) + end.level_mm
+    root = measured.end.course.value(s)
     lever = _along(measured, measured.lever_mm, s)
     run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))

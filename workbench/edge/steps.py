@@ -10,13 +10,16 @@ Artificial Intelligence 174 (2010), 215).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy.interpolate
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course
 from workbench.geometry.medians import median
+from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
 from workbench.units import Float, Int, Shaped
 
@@ -42,6 +45,13 @@ class Readings(NamedTuple):
     shift_mm: Shaped[Float, " m"]
     u_mm: Shaped[Float, " m"]
     own: Shaped[Float, " c"]  # probability that a cell shows the face's own end
+
+    def moved(self, course: Course) -> Course:
+        """The course, whose own places these are, where they say that the face itself ends."""
+        if not self.shift_mm.any():
+            return course
+        found = scipy.interpolate.make_interp_spline(course.at_mm, course.value(course.at_mm) + self.shift_mm)
+        return replace(course, spline=Spline(found.t, found.c))
 
 
 class _Reading(NamedTuple):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge
+from workbench.edge import segment
 
 Scans = Callable[..., Any]
 BURR = {"edge": "lower", "from_mm": 20.0, "to_mm": 30.0, "height_mm": 0.4, "width_mm": 0.5}
@@ -41,3 +45,37 @@ def test_a_burr_does_not_move_the_edge(scanned: Scans) -> None:
         assert np.abs(with_burr - without).max() < (0.3 if k == 0 else 0.05)
     size = [np.nanmedian(e.root.value) for e in (plain, burred)]
     assert size[0] == pytest.approx(size[1], abs=0.03)
+
+
+def prolonged(cloud: Cloud, edge: MilledEdge, from_mm: float, to_mm: float) -> Cloud:
+    """The root face goes on in its own plane, by 0.1 mm in the middle of a stretch."""
+    x, z, keep, root = cloud.x_mm.copy(), cloud.z_mm.copy(), cloud.keep.copy(), edge.faces[ROOT_FACE]
+    pitch, at = float(np.nanmedian(np.diff(x, axis=1))), edge.frame_arc_length_mm
+    for i in np.flatnonzero((at > from_mm) & (at < to_mm)):
+        on, bevel = (np.flatnonzero(edge.labels[i] == label) for label in (ROOT_FACE, BEVEL_FACE))
+        way = int(np.sign(on.mean() - bevel.mean()))
+        end = on.max() if way > 0 else on.min()
+        slope = root.sxz[i] / root.sxx[i]
+        height = 0.1 * np.sin(np.pi * (at[i] - from_mm) / (to_mm - from_mm))
+        for k in range(1, round(height / (abs(pitch) * np.hypot(1.0, slope))) + 1):
+            column = end + way * k
+            x[i, column] = x[i, end] + way * k * pitch
+            z[i, column] = root.z_mean[i] + slope * (x[i, column] - root.x_mean[i])
+            keep[i, column] = True
+    return dataclasses.replace(cloud, x_mm=x, z_mm=z, keep=keep)
+
+
+def test_the_edge_lies_where_the_root_face_ends_under_what_stands_out_of_it(scanned: Scans) -> None:
+    scan = scanned(part=part())
+    plain = segment(scan.cloud)
+    other = segment(prolonged(scan.cloud, plain, 15.0, 35.0))
+    at = np.linspace(3.0, 47.0, 45)
+
+    def along(edge: MilledEdge, columns: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(at, edge.arc_length_mm, column) for column in columns.T], axis=1)
+
+    off = along(other, other.position_mm) - along(plain, plain.position_mm)
+    below = -(off * along(plain, plain.across)).sum(axis=1)
+    longer = along(other, other.root.value[:, None]) - along(plain, plain.root.value[:, None])
+    assert np.abs(below - longer[:, 0]).max() < 0.01
+    assert np.abs(below).max() < 0.05

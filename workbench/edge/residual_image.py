@@ -27,6 +27,7 @@ SHRUNK = 0.2  # of the covariance between places towards none: a few frames tell
 # Strengths that are alike likely before: of the walk of the range, rms over 1 lateral mm, and of single places; mm.
 WALKS = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 12)])
 SINGLES = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 9)])
+SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk for all faces
 # Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
 NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line and a parabola may be anything
@@ -173,14 +174,15 @@ def _together(left: Float) -> float:
 def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> tuple[FaceForm, ...]:
     """The form of each face at arc lengths `at` (m,) mm.
 
-    The strength of the walk, along the faces or over the sensor's columns, is one for all of them: a sensor's. So every
-    face that a scan shows tells it, and a wide one most.
+    A walk's strength, along the faces or over the sensor's columns, is one for all faces, as a sensor's is, so that
+    each that a scan shows tells it, a wide one most; or each face's own: weighed by what the images say.
     """
     tables = [None if one is None else _likelihoods(one) for one in images]
     columns = [None if one is None or one.of_columns is None else _likelihoods(one.of_columns) for one in images]
-    walk, column_walk = _walk_shares(tables), _walk_shares(columns)
     nothing, out = np.zeros(at.size), []
-    for image, table, by_column in zip(images, tables, columns, strict=True):
+    for image, table, walk, by_column, column_walk in zip(
+        images, tables, _walks(tables), columns, _walks(columns), strict=True
+    ):
         if image is None or table is None:
             out.append(FaceForm(nothing, nothing, nothing, 1.0))
             continue
@@ -192,11 +194,16 @@ def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> t
     return tuple(out)
 
 
-def _walk_shares(tables: Sequence[Float | None]) -> Float:
-    """Shares (w,) of the walk's strengths, by what all faces say; each table has the prior once."""
-    known = [np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in tables if one is not None]
-    log = np.sum(known, axis=0) - (len(known) - 1) * _log_prior(WALKS)
-    return np.asarray(np.exp(log - np.logaddexp.reduce(log)))
+def _walks(tables: Sequence[Float | None]) -> list[Float]:
+    """Shares (w,) of the walk's strengths for each face: one for all, SENSOR times likelier before, or its own."""
+    known = [None if one is None else np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in tables]
+    logs = [one for one in known if one is not None]
+    before = _log_prior(WALKS)
+    together = np.sum(logs, axis=0) - (len(logs) - 1) * before if logs else before
+    apart, one_for_all = sum(float(np.logaddexp.reduce(one)) for one in logs), float(np.logaddexp.reduce(together))
+    share = 1.0 / (1.0 + math.exp(np.clip(apart - one_for_all, -50.0, 50.0)) / SENSOR)
+    shared = share * np.exp(together - one_for_all)
+    return [shared if one is None else shared + (1.0 - share) * np.exp(one - np.logaddexp.reduce(one)) for one in known]
 
 
 def _lasting(image: FaceImage, log: Float, walk: Float) -> Float:

@@ -106,7 +106,8 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
         measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s)
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
-        if np.nanmax(moved, initial=0.0) < (SETTLED_MM if measured.said.shift_mm.any() else ASTRAY_MM):
+        stands_out = np.abs(measured.said.shift_mm).max() > SETTLED_MM
+        if np.nanmax(moved, initial=0.0) < (SETTLED_MM if stands_out else ASTRAY_MM):
             break
         good = _sound(cloud, lower_edge, s_low, corners)
         clean = good & ~tracked.end_is_burred

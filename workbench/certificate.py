@@ -38,10 +38,11 @@ BESIDE = (
     "of|an|the|in|along|across|at|for|with|and|der|des|die|das|von|vom|im|bei|am|axis|axes|achse|direction|"
     "richtung|relativ|absolut|non|nicht|max|maximum|mean|mittler|measured|calibrated|gemessen|kalibriert|"
     "reference|referenz|sensor|profiler|laser|scanner|instrument|thermometer|sphere|ball|kugel|range|"
-    "messbereich|lot|nr|mm|basic|math|geometry|optical|axial"
+    "messbereich|full|measuring|lot|nr|mm|basic|math|geometry|optical|axial"
 )
 APART = re.compile(
-    "division|teilung|full|standard|uncertainty|unsicherheit|repeatability|wiederholbar|coefficient|koeffizient"
+    "division|teilung|standard ?(?:deviation|error|abweichung|fehler)|uncertainty|unsicherheit|repeatability|"
+    "wiederholbar|temperature coefficient|temperaturkoeffizient"
 )
 CAMEL = re.compile("_|(?<=[a-z])(?=[A-Z])")  # between the words of a refType
 UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue"})  # the fourth, ß, folds with the case
@@ -202,7 +203,7 @@ def _said(quantity: ElementTree.Element) -> list[str]:
     names = (one.text or "" for one in quantity.iterfind(f"{DCC}name/{DCC}content"))
     told = (*quantity.get("refType", "").split(), *names)
     folded = (CAMEL.sub(" ", one).casefold().translate(UMLAUTS) for one in told)
-    return [" ".join(re.findall(r"[^\W\d_]{2,40}", one)) for one in folded]
+    return [" ".join(re.findall(r"[^\W\d_]{2,40}", one)).replace("full scale", "full range") for one in folded]
 
 
 def _reals(quantity: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:

@@ -1,5 +1,6 @@
 """Clouds of other programs, written by their own libraries; and what is refused of them."""
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -110,6 +111,10 @@ def test_a_part_in_inches_is_no_small_part(tmp_path: Path, points: Float) -> Non
 
 
 WKT1 = 'PROJCS["x",GEOGCS["g",DATUM["d",SPHEROID["s",6378137,298.257]],UNIT["degree",0.0174532925199433]],UNIT[{}]]'
+DEGREES_AND_METRES = (  # as GDAL writes them
+    'COMPD_CS["c",GEOGCS["g",DATUM["d",SPHEROID["s",6378137,298.257]],UNIT["degree",0.0174532925199433]],'
+    'VERT_CS["h",VERT_DATUM["v",2005,EXTENSION["PROJ4_GRIDS","egm96_15.gtx"]],UNIT["metre",1]]]'
+)
 WKT2 = (
     'PROJCRS["x",BASEGEOGCRS["g",DATUM["d",ELLIPSOID["s",6378137,298.257,LENGTHUNIT["metre",1]]]],'
     'CS[Cartesian,2],AXIS["(E)",east],LENGTHUNIT[{}]]'
@@ -159,6 +164,8 @@ def test_a_map_has_the_unit_of_its_record(tmp_path: Path, points: Float, record:
         ([wkt('GEOGCS["g",UNIT["degree",0.0174532925199433]]')], "found no unit"),
         ([geo_keys((3076, 9003))], "found US survey foot"),
         ([geo_keys((3072, 25832))], "found no unit"),
+        ([geo_keys((3072, 2225), (4099, 9001))], "found no unit"),  # a plane in feet by its number
+        ([wkt(DEGREES_AND_METRES)], "found no unit"),
         ([geo_keys((3076, 9001)), wkt(WKT1.format('"foot",0.3048'))], "found foot and metre"),
     ],
 )
@@ -177,6 +184,12 @@ def test_a_map_told_behind_the_points(tmp_path: Path, points: Float) -> None:
     las.evlrs = laspy.vlrs.vlrlist.VLRList([wkt(WKT1.format('"metre",1'))])
     las.write(str(file))
     assert np.ptp(read(file=file).points_mm, axis=0) == pytest.approx(np.ptp(points, axis=0), abs=0.01)
+    damaged = bytearray(file.read_bytes())
+    (record,) = struct.unpack_from("<Q", damaged, 235)
+    struct.pack_into("<Q", damaged, record + 20, 2**63)  # its length
+    file.write_bytes(damaged)
+    with pytest.raises(InputError):
+        read(file=file)
 
 
 def test_what_was_taken_for_granted_is_told(tmp_path: Path, points: Float) -> None:

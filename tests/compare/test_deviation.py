@@ -75,8 +75,10 @@ def test_registration_enters_the_level() -> None:
 def test_registered_scans(tmp_path: object) -> None:
     """A part laid down anew: what the registration takes away is no change, what it leaves is within its level."""
     scan, reference = scanned(5, "corner"), scanned(6, "corner")
-    moved = Surface(scan.points_mm + np.array([0.2, -0.1, 0.15]), frame=scan.frame, range_axis=scan.range_axis)
-    found = deviation(moved, reference, register(moved, reference)[0], position_u_mm=0.0)[0]
+    place, told = scan.points_mm + np.array([0.2, -0.1, 0.15]), ("taken as mm",)
+    moved = Surface(place, frame=scan.frame, range_axis=scan.range_axis, warnings=told)
+    found, _, chapter = deviation(moved, reference, register(moved, reference)[0], position_u_mm=0.0)
+    assert chapter.warnings.count(*told) == 1
     assert found.significant[np.isfinite(found.distance_mm)].mean() < 0.1
 
 

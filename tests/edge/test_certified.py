@@ -117,11 +117,16 @@ def test_what_a_certificate_holds_beside_is_named(points: Cloud, plain: MilledEd
         )
         assert any(source.startswith("scale of the profiler") for source in used.root.u_by_source)
         assert not set(used.warnings) - set(plain.warnings)
+    scale = LISTED.format("", "Scale", "1.02", *other)
+    for name in ("Linearity, full scale", "Linearity in the full measuring range"):
+        whole = certificate(tmp_path / "s.xml", scale, LISTED.format("", name, "1 -1", r"\micro\metre", "1"))
+        assert not set(edge.segment(points, sensor_dcc=whole).warnings) - set(plain.warnings)
     beside = certificate(tmp_path / "s.xml", known, LISTED.format("", "Gain", "1.02", *other))
     assert "certificate K-17: 'Gain', 1.02 one, is not used" in edge.segment(points, sensor_dcc=beside).warnings
-    unclear = certificate(tmp_path / "s.xml", known, LISTED.format("", "Rescaled gain", "1.02", *other))
-    with pytest.raises(InputError, match="what is 'Rescaled gain'"):
-        edge.segment(points, sensor_dcc=unclear)
+    for name in ("Rescaled gain", "Scale coefficient", "Scale error of the standard range"):
+        unclear = certificate(tmp_path / "s.xml", known, LISTED.format("", name, "1.02", *other))
+        with pytest.raises(InputError, match=f"what is '{name}'"):
+            edge.segment(points, sensor_dcc=unclear)
 
 
 def test_a_temperature_without_its_thermometer_is_said_to_be_in_no_u(points: Cloud) -> None:

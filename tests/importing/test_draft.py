@@ -273,6 +273,8 @@ def test_the_units_of_arrays_are_told_by_their_numbers(
     assert any("arrays.length_unit" in text for text in tree["uncertain"])
     assert main(["look", str(tmp_path / "poses.npy")]) == 0
     shown = capsys.readouterr().out
+    np.savez(tmp_path / "flat.npz", base_from_flange=poses[:1].reshape(1, 16))  # as a row of a table
+    assert drafted(tmp_path, capsys, tmp_path / "flat.npz")[0]["arrays"]["length_unit"] == unit
     assert "flange: x 900 to 900 mm, y 0 to 60 mm" in shown
     assert f"arrays.length_unit: {unit}, by the size of the numbers" in shown
     x = np.linspace(-120.0, 120.0, 90) / mm  # that wide alone a profile may be in inch too

@@ -16,10 +16,12 @@ Unit = Literal["mm", "m", "inch"]
 MM: dict[Unit, float] = {"mm": 1.0, "m": 1000.0, "inch": 25.4}
 OF_A_MAP = b"LASF_Projection"  # who signs the records of a reference system
 WKT, GEO_KEYS = 2112, 34735  # numbers of the records that tell a unit
-UNIT_KEYS = {3076, 4099}  # GeoTIFF: in the plane, of the height
+IN_PLANE, OF_HEIGHT = 3076, 4099  # GeoTIFF keys of units
+MOST_BYTES = 2**20  # of a record that tells one
 CODES = {9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937)}  # EPSG
 OF_ELLIPSOID = re.compile(r"\b(?:ELLIPSOID|SPHEROID)\[(?:[^][]|\[(?:[^][]|\[[^][]*\])*\])*\]", re.IGNORECASE)
 UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"([^"]*)"\s*,\s*(\d+(?:\.\d*)?(?:e[-+]?\d+)?)', re.IGNORECASE)
+PROJECTED = re.compile(r"\bPROJ(?:CS|CRS|ECTEDCRS)\[", re.IGNORECASE)
 OF_ANGLES = re.compile("deg|rad|gon|arc|unity", re.IGNORECASE)
 
 
@@ -59,14 +61,14 @@ def _records(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
                 break
             owner, number, length = struct.unpack(form, told)
             if owner.rstrip(b"\0") == OF_A_MAP:
-                yield number, stream.read(length)
+                yield number, stream.read(min(length, MOST_BYTES))
             at += len(told) + length
 
 
 def _by_wkt(body: bytes) -> Iterator[tuple[str, float]]:
     """Units of length of a system, in metres; of one in degrees none, an ellipsoid's own neither."""
     text = body.decode("utf-8", errors="replace")
-    if "PROJ" not in text.upper() and "GEOG" in text.upper():
+    if not PROJECTED.search(text) and "GEOG" in text.upper():
         return
     for name, factor in UNIT.findall(OF_ELLIPSOID.sub("", text)):
         if not OF_ANGLES.search(name):
@@ -74,7 +76,8 @@ def _by_wkt(body: bytes) -> Iterator[tuple[str, float]]:
 
 
 def _by_keys(number: int, body: bytes) -> Iterator[tuple[str, float]]:
+    """Units of a system that tells that in its plane; the height's alone says nothing of it."""
     if number == GEO_KEYS:
-        for key, _, _, value in struct.iter_unpack("<4H", body[: len(body) // 8 * 8]):
-            if key in UNIT_KEYS:
-                yield CODES.get(value, (f"EPSG {value}", math.nan))
+        keys = {key: value for key, _, _, value in struct.iter_unpack("<4H", body[: len(body) // 8 * 8])}
+        for value in (keys[key] for key in (IN_PLANE, OF_HEIGHT) if IN_PLANE in keys and key in keys):
+            yield CODES.get(value, (f"EPSG {value}", math.nan))

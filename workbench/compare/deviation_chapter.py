@@ -62,11 +62,8 @@ def deviation_chapter(
         *_registration(registration, position_u_mm),
     ]
     unknown = [one for one in (scan, reference) if one.triangles is None and one.frame is None]
-    warnings = (
-        *found.warnings,
-        *(registration.warnings if registration else ()),
-        *((NO_FRAMES,) if unknown else ()),
-    )
+    registered = registration.warnings if registration else ()  # of both surfaces too
+    warnings = tuple(dict.fromkeys((*found.warnings, *registered, *((NO_FRAMES,) if unknown else ()))))
     return Chapter(
         "Deviation from the reference",
         "\n".join(parts),

@@ -25,7 +25,7 @@ from workbench.units import AnyArray
 LINEARITY = Asked(("linearity", "linearitaet"), ERRORS, ("linear",))
 SCALES = Asked(("scale", "scaling", "skalierung", "massstab"), ERRORS, ("scal", "skal", "massstab"))
 THERMOMETER = Asked(
-    ("error", "deviation", "fehler", "abweichung", "correction", "korrektion"),
+    ("error", "deviation", "fehler", "abweichung", "correction", "korrektion", "korrektur"),
     ("measurement", "mess", "indication", "anzeige", "temperatur"),
 )
 REFERENCE_C = 20.0  # ISO 1

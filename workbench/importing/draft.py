@@ -119,7 +119,9 @@ def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
             if codes := _codes(z[:: 1 + z.size // MOST].astype(float)):
                 part["missing"] = codes
         if {"position", "base_from_flange"} & set(names):
-            places = values["position"] if "position" in names else values["base_from_flange"][..., :3, 3]
+            places = (
+                values["position"] if "position" in names else values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
+            )
             lengths.append((float(np.linalg.norm(np.atleast_2d(places), axis=1).max()), USUAL_REACH_MM))
         elif "joints" in names:
             largest = float(np.abs(values["joints"]).max())

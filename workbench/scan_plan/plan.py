@@ -682,8 +682,9 @@ def _known(one: PassInformation) -> PassInformation:
 
 
 def _better(what: str, before: float, after: float) -> str:
-    reached = "what is wanted" if after <= 1.0 else f"{after:.2f} times what is wanted"
-    return f"{what}: U from {before:.2f} times to {reached}"
+    return (
+        f"{what}: U from {before:.2f} times what is wanted to {'within it' if after <= 1.0 else f'{after:.2f} times'}"
+    )
 
 
 def _gate(made: ScanPlan) -> Gate:

@@ -44,6 +44,7 @@ APART = re.compile(
     "division|teilung|standard ?(?:deviation|error|abweichung|fehler)|uncertainty|unsicherheit|repeatability|"
     "wiederholbar|temperature coefficient|temperaturkoeffizient"
 )
+OF_A_BALL = ("calibration", "kalibrier", "master", "pruef", "ceramic", "keramik", "steel", "stahl", "no", "number")
 CAMEL = re.compile("_|(?<=[a-z])(?=[A-Z])")  # between the words of a refType
 UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue"})  # the fourth, ß, folds with the case
 
@@ -82,12 +83,12 @@ def certified_length(path: Path, words: tuple[str, ...]) -> Certified:
     Raises:
         InputError: no such file, no DCC, no or several such lengths, one without an uncertainty or a unit of length.
     """
-    root = _parsed(path)
-    points = _points(_the_one(root, Asked(words), path), LENGTHS, path)
+    root, asked = _parsed(path), Asked(words, OF_A_BALL)
+    points = _points(_the_one(root, asked, path), LENGTHS, path)
     value, u = points[0]
     if len(points) > 1 or not value > 0.0:
         raise InputError(f"{path}: {words[0]}", f"expected one length above 0, found {len(points)}, {value:g} mm")
-    return Certified(value, u, _identifier(root), left_out(path, Asked(words)))
+    return Certified(value, u, _identifier(root), left_out(path, asked))
 
 
 def certified_errors(path: Path, asked: Asked, units: Mapping[str, float]) -> Errors | None:

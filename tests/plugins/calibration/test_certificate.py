@@ -59,6 +59,8 @@ GOOD = quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"))
         f"<dcc:list>{quantity('25401.2', chr(92) + 'micro' + chr(92) + 'metre', STANDARD.format('0.4'))}</dcc:list>",
         quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "D", "geometry_sphereDiameter"),
         quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "Kugeldurchmesser"),
+        quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "Durchmesser der Keramik-Prüfkugel"),
+        quantity("25.4012", r"\milli\metre", EXPANDED.format("0.0008"), "Diameter of calibration sphere No. 3"),
         GOOD + quantity("0.0003", r"\milli\metre", EXPANDED.format("0.0001"), "Roundness"),
         GOOD + quantity("7", r"\kilogram", "", "Mass"),
     ],

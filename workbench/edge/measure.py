@@ -36,9 +36,9 @@ START_FRAMES = 5  # of each stretch over which a course averages, that the first
 # that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
 # correlated; those left of raw ones rough by 0.3 mm by 6 and 50 or more.
 ROUGH_TIMES, ROUGH_NOISE = 3.0, 36.0
-# By which the lower edge moves from one round to the next: over some mm it would turn the sections by a degree.
-ASTRAY_MM, MOST_ROUNDS = 0.1, 4
-SETTLED_MM = 0.01  # where the first look took what stands out of the end for the face's own
+# By which the lower edge moves from one round to the next, whose curve lies through that of the round before: over some
+# mm it turns the sections by half a degree.
+ASTRAY_MM, MOST_ROUNDS = 0.03, 4
 MOST_ASTRAY = 0.05  # of the frames, whose corners may lie far off the edge: beside clamps a few do
 
 
@@ -106,8 +106,7 @@ def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None =
         measured, lower_edge, s_low = _state(cloud, tracked, broken, curve, s)
         astray = float(np.mean(np.isnan(measured.upper_s[np.isfinite(s)])))
         moved = np.linalg.norm(lower_edge - before, axis=1)[clean]
-        stands_out = np.abs(measured.said.shift_mm).max() > SETTLED_MM
-        if np.nanmax(moved, initial=0.0) < (SETTLED_MM if stands_out else ASTRAY_MM):
+        if np.nanmax(moved, initial=0.0) < ASTRAY_MM:
             break
         good = _sound(cloud, lower_edge, s_low, corners)
         clean = good & ~tracked.end_is_burred

@@ -86,13 +86,12 @@ def _filled(solids: Sequence[Any], mass_kg: float) -> Any:
 
 def _solid(shape: Shape) -> Any:
     """Inertia (pinocchio's) of a shape of 1 kg a cubic metre, base axes, m; a mesh must be closed."""
-    import coal
     import pinocchio as pin
 
     if shape.vertices_mm is None or shape.triangles is None:
-        made = getattr(coal, shape.kind.capitalize())(*(np.array(shape.size_mm) / MM))
+        made = getattr(pin.coal, shape.kind.capitalize())(*(np.array(shape.size_mm) / MM))
     else:
-        made = coal.BVHModelOBBRSS()
+        made = pin.coal.BVHModelOBBRSS()
         made.beginModel(len(shape.triangles), len(shape.vertices_mm))
         made.addVertices(shape.vertices_mm / MM)
         made.addTriangles(shape.triangles)

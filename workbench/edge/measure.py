@@ -77,11 +77,11 @@ class Measured:
 def measure_edge(cloud: Cloud, tracked: TrackedFaces, broken: BrokenEnd | None = None) -> Measured:
     """Estimate the state of a milled edge.
 
-    Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats once with
-    the lower edge that this gives; and again, which elsewhere changed neither errors nor uncertainties, where that
-    lower edge followed ends which the likelihood of the frames then tells to be lost. Where it never settles, how far
-    the last round moved it is in the uncertainty of the root face's end. For the start, frames are enough that lie a
-    fifth of what is averaged apart.
+    Starts from the corners between root face and bevel face, which every frame shows by itself, and repeats with the
+    lower edge that this gives, until it moves by less than ASTRAY_MM: mostly once; again where a first look followed
+    what stands out of the end, or ends that the likelihood of the frames tells to be lost. Where it never settles, how
+    far the last round moved it is in the uncertainty of the root face's end. For the start, frames are enough that lie
+    a fifth of what is averaged apart.
     """
     broken = broken or whole_end(len(tracked.seen))
     corners, along = _corners(cloud, tracked)

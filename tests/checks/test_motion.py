@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from workbench.checks.motion import SURE, TWISTED_MM, _twist, jump_mm
-from workbench.checks.window import end_step_check
 from workbench.units import DEG, Float
 
 TIME = np.arange(300) / 100.0
@@ -47,23 +46,6 @@ def test_what_robots_do_is_no_jump() -> None:
     last = np.append(TIME, TIME[-1] + 1e-4)  # a pose right before the end: what it moved is noise
     steady = np.vstack([STEADY, STEADY[-1]]) + np.random.default_rng(6).normal(0.0, 0.02, (301, 3))
     assert all(of(np.roll(steady, k, axis=1) * [1, -1, 1], last) < 0.5 for k in range(3))
-
-
-def test_a_window_that_follows_the_part_in_steps_is_told() -> None:
-    rng = np.random.default_rng(5)
-    moves = 300.0 + 40.0 * np.sin(TIME) + rng.normal(0.0, 0.3, TIME.size)
-    steps = (moves // 16 * 16).astype(np.int64)
-    steps[::9] += 3  # returns lost there
-    assert end_step_check(steps).value == 16
-    assert not end_step_check(steps).passed
-    for good in (
-        moves.astype(np.int64),
-        np.full(300, 320),
-        np.full(5, 8),
-        300 + rng.integers(0, 2, 300),
-        304 + 8 * rng.integers(0, 2, 300),
-    ):
-        assert end_step_check(good).passed
 
 
 def twist(turn_deg: float, length_mm: float, u_deg: float = 0.0) -> tuple[float, float]:

@@ -37,6 +37,7 @@ from workbench.artefacts.edges import EdgeProfile, Uncertainty, named
 from workbench.batch.fleet import characteristics, fleet_files
 from workbench.batch.part import Record
 from workbench.compare import study
+from workbench.errors import one_line
 from workbench.export import inspection as export_inspection
 from workbench.export import qdas, qif, sections
 from workbench.export.qif import NAMESPACE
@@ -58,6 +59,9 @@ class Row:
     u: float | None
     limits: tuple[float, float] | None = None
     verdict: str | None = None
+
+
+REASON = 'a "quoted", reason\nof two lines'  # that must stay in its cell
 
 
 def nominal(terms: Any, name: str) -> float:
@@ -84,7 +88,7 @@ def bevel(kind: str) -> Inspection:
         verdict = kind if kind in ("pass", "fail") else "undecided"
         of = {name: {source: float(u) for source, u in one.u_by_source.items()} for name, one in told.items()}
         places.append(
-            Section(k + 1, 5.0 * k, 10.0 * k * AXES[0], *AXES, *values, verdict, kind, np.arange(2), of)  # type: ignore[arg-type]
+            Section(k + 1, 5.0 * k, 10.0 * k * AXES[0], *AXES, *values, verdict, REASON, np.arange(2), of)  # type: ignore[arg-type]
         )
     wanted = Requirements(
         nominal(Inspection.terms, "root_mm"), TOLERANCE, nominal(Inspection.terms, "bevel_deg"), TOLERANCE
@@ -208,7 +212,9 @@ def from_csv(inspection: JointInspection) -> Found:
 
 
 def from_report_csv(inspection: JointInspection) -> Found:
-    yield from table_rows(inspection, rows_of(csv(inspection)))
+    rows = rows_of(csv(inspection))
+    assert [row["reason"] for row in rows] == [one_line(section.reason) for section in inspection.sections]
+    yield from table_rows(inspection, rows)
 
 
 def from_file(inspection: JointInspection) -> Found:

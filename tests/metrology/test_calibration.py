@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from bench.drawn.spheres import random_sphere_recipe
-from bench.metrology.calibration.part import CalibrationResult, measure_calibration, recorded
-from bench.metrology.calibration.summary import CalibrationSummary, named
+from bench.metrology.calibration.part import measure_calibration, recorded
+from bench.metrology.calibration.summary import named
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.summary import Share
 from bench.peers.genetic import evolve
-from bench.tables import not_met
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.plugins.calibration.model import Estimate, Noise, information
 from workbench.plugins.calibration.observations import from_arrays
@@ -73,23 +72,6 @@ def test_sets_that_determine_nothing_are_refused_by_name():
         result = measure_calibration(condition, 5)
         assert named(result.refused or "")
     assert not named("no sphere in view")
-
-
-def test_tables_tell_what_fell_short():
-    results = [CalibrationResult("sphere_nine", s, vol_mm=0.2, bound_mm=0.1, u_mm=0.1, nees=20.0) for s in range(40)]
-    results += [CalibrationResult("sphere_nine", 90, refused="the postures do not determine the rotation about x")]
-    summary = CalibrationSummary("sphere_nine", results)
-    assert summary.ratio == pytest.approx(2)
-    short = list(summary.shortcomings)
-    assert [words.split(": ")[1] for words in short] == [
-        "1 sound sets refused",
-        "error over its bound",
-        "coverage of the ellipsoid",
-    ]
-    text = CalibrationSummary.text([summary], "the command")
-    assert "**2.000**" in text
-    assert not_met(short) in text
-    assert set(CalibrationSummary.conditions) >= {"sphere_nine", "repeats", "sphere_planned"}
 
 
 def test_interval_of_a_share():

@@ -11,7 +11,7 @@ import pytest
 from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.figures import cover, spread
 from bench.metrology.planning.part import PlanResult, compare_path
-from bench.metrology.planning.summary import GOALS, PlanSummary
+from bench.metrology.planning.summary import GOALS
 from workbench.artefacts import Cutter, Layer, Toolpath
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.synthetic import parse_recipe
@@ -88,41 +88,6 @@ def test_what_is_not_cut_is_not_covered(truth):
 def test_wrong_sides_are_wrong(truth):
     assert compared(truth, mirrored=True).wrong_side
     assert compared(truth, turn=math.pi).wrong_side
-
-
-def part(seed, **changes):
-    values = {"distance_mm": 0.01, "axis_deg": 0.02, "spacing_error": 0.01, "covered": 1.0, "reachable_covered": 1.0}
-    return PlanResult("raw_rough", seed, **(values | changes))
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"distance_mm": 0.061}, "distance"),
-        ({"axis_deg": 0.16}, "axis"),
-        ({"spacing_error": 0.06}, "spacing"),
-        ({"reachable_covered": 0.98}, "coverage of the edge"),
-        ({"wrong_side": True}, "wrong side"),
-        ({"blind_points": 1}, "invented edge"),
-        ({"rejected": "too deep"}, "1 rejected by path.check"),
-    ],
-)
-def test_the_worst_part_decides(change, words):
-    parts = [part(seed) for seed in range(50)]
-    assert list(PlanSummary("raw_rough", parts).shortcomings) == []
-    found = PlanSummary("raw_rough", [*parts, part(50, **change)])
-    assert list(found.shortcomings) == [f"raw_rough: {words}"]
-    assert f"Not met: {words} (raw_rough)." in PlanSummary.text([found], "command")
-
-
-def test_refusals_and_crashes_are_told():
-    lost = [PlanResult("raw_rough", 1, refused="no raw edge in view"), PlanResult("raw_rough", 2, crashed="KeyError")]
-    found = PlanSummary("raw_rough", [part(0), *lost])
-    text = PlanSummary.text([found], "command")
-    assert "1 refused, the first (seed 1): no raw edge in view" in text
-    assert "1 **crashed**, the first (seed 2): KeyError" in text
-    assert "raw_rough: 1 crashed" in found.shortcomings
-    assert "raw_rough: 1 refused although most of the edge is in view" in found.shortcomings
 
 
 def test_every_raw_condition_has_its_goal():

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.metrology.stiffness.part import StiffnessResult, measure_stiffness
-from bench.metrology.stiffness.summary import StiffnessSummary
+from bench.metrology.stiffness.part import measure_stiffness
 from bench.metrology.stiffness.truth import K, known, noisy
 from workbench.plugins.stiffness.equations import covariances, equations
 
@@ -44,39 +43,3 @@ def test_a_trial_is_measured_against_the_truth():
     assert result.loads == [6, 6, 6]
     assert np.abs(np.divide(result.error, result.bound)).max() < 5
     assert 0 < result.nees < 40
-
-
-def trial(seed, error, nees):
-    return StiffnessResult(
-        "planned",
-        seed,
-        loads=[40, 6],
-        error=[error] * 6,
-        bound=[0.02] * 6,
-        stated=[0.02] * 6,
-        nees=nees,
-        seconds={"identify": 0.01},
-    )
-
-
-def test_what_falls_short_is_told():
-    """Twice the bound and a chi-square out of the ellipsoid in every trial; then all as it should be."""
-    bad = StiffnessSummary("planned", [trial(seed, 0.04 * (-1) ** seed, 24.0) for seed in range(100)])
-    assert bad.rmse_ratio == pytest.approx(np.full(6, 2.0))
-    assert list(bad.shortcomings) == ["planned: errors over their bound", "planned: coverage of the ellipsoid"]
-    good = [trial(seed, 0.02 * (-1) ** seed, 14.0 if seed % 20 == 0 else 6.0) for seed in range(200)]
-    summary = StiffnessSummary("planned", good)
-    assert not list(summary.shortcomings)
-    text = StiffnessSummary.text([summary], "typed")
-    assert "| planned | 40 + 6 | 4.00 |" in text
-    assert "| 95.0 | 91.0 to 97.6 |" in text
-    assert "Not met: nothing." in text
-    assert next(iter(StiffnessSummary.worst(good, 1))).startswith("planned, seed 0: chi-square 14.0")
-
-
-def test_a_refused_trial_and_a_wide_joint_count():
-    refused = StiffnessResult("planned", 1, refused="joint 4 cannot be determined", loads=[44], bound=[0.03] * 6)
-    summary = StiffnessSummary("planned", [trial(0, 0.02, 6.0), refused])
-    assert len(summary.results) == 2
-    assert "planned: 1 refused" in summary.shortcomings
-    assert "the first (seed 1): joint 4 cannot" in StiffnessSummary.text([summary], "typed")

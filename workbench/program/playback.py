@@ -9,14 +9,13 @@ from workbench.geometry.poses import inverse
 from workbench.robot.bounds import CollisionScreen
 from workbench.robot.cell import Cell
 from workbench.robot.collision import base_from_targets, standing_poses
+from workbench.robot.drawing import HUGE_MM, shape_triangles
 from workbench.robot.kinematics import forward_kinematics, motions
-from workbench.robot.picture import shape_triangles
 from workbench.units import AnyArray, Float
 
 FRAMES = 600  # that are shown at most, spread evenly over the places at which the judge looked first
 CREASE = np.cos(np.radians(20.0))  # of neighbouring triangles: sharper, their edge is drawn
 ROUND_MM = 0.01  # by which corners of two triangles may differ and be one
-HUGE_MM = 7200.0  # a body that is larger, a floor or an envelope, is left out: it hides the others
 WAY, AROUND = "way of the cutter", (120, 140, 125)
 COLOURS = {
     "robot": (201, 130, 30),

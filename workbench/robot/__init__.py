@@ -16,6 +16,7 @@ from workbench.robot.collision import (
     standing_poses,
     turntable_pose,
 )
+from workbench.robot.drawing import cell_triangles
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import (
     AngleConvention,
@@ -30,7 +31,6 @@ from workbench.robot.kinematics import (
     motions,
     within_limits,
 )
-from workbench.robot.picture import cell_triangles
 from workbench.robot.plate import plate
 from workbench.robot.process import refusal, turntable_at_home
 from workbench.robot.read import cell, read_cell

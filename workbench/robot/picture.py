@@ -1,41 +1,38 @@
-"""`workbench view-cell`: a picture of a robot cell in a posture, and what there is to say of both.
-
-The picture is drawn by VTK in a process of its own: where a system's OpenGL is missing, VTK ends the process that it
-runs in (a segmentation fault with libegl1 absent, seen with VTK 9.7), and no exception handler survives that.
-"""
+"""`workbench view-cell`: a picture of a robot cell in a posture, and what there is to say of both."""
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
-from workbench.children import environment
-from workbench.errors import InputError, OutputError, PipelineError
-from workbench.extras import require
-from workbench.robot.cell import ON_BASE, Cell, Shape
-from workbench.robot.collision import Clearance, CollisionModel, external_at, standing_poses, turntable_pose
+from workbench.errors import InputError, PipelineError
+from workbench.robot.cell import ON_BASE, Cell
+from workbench.robot.collision import Clearance, CollisionModel, external_at, turntable_pose
+from workbench.robot.drawing import COLOURS, CUBE, RED, Sheet, cell_triangles, is_huge, looking, png
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
 from workbench.robot.read import read_cell
 from workbench.robot.wrist import arm_size_mm, spherical_wrist
 from workbench.storage import write_whole
-from workbench.units import DEG, AnyArray, Float, Shaped
+from workbench.units import DEG, Float
 
 STEP = np.radians(2.0)  # of the joints that the reach is looked for with
 OFF_LIMIT = 1e-9  # rad
 SINGULAR = 0.01  # least of the singular values, that of a good posture being about 0.5
-ROUND = 16  # sides of a round body
-SIDES = 64  # of a round body
-ROBOT, HIT = ("#e8a33d", "#d9922b"), "#d11f1f"  # one link and the next
-COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
-RED = "; red: in collision"
-AROUND = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
+LINKS = ("#e8a33d", "#d9922b")  # one link and the next
+FIXTURES = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
+AXES, GRID = ("#d55e00", "#009e73", "#0072b2"), "#a4adb8"  # x, y, z
+VIEWS: tuple[tuple[str, tuple[float, float, float], tuple[float, float, float]], ...] = (
+    ("overview", (0.75, -1.0, 0.55), (0, 0, 1)),
+    ("from the side: x to the right, z up", (0, -1, 0), (0, 0, 1)),
+    ("from above: x to the right, y up", (0, 0, 1), (0, 1, 0)),
+)
+VIEW_PX, FILLED = (1000, 750), 0.8  # of one view, and the share of it that is filled
+TOOL, LEAST_MM = ("flange", "cutter", "sensor"), 60.0  # what the close-up shows, and half of its width at least
+AXIS_PX = 160.0
+BESIDE_PX = (-70.0, -60.0)  # right and up of a place, where its name stands
 
 
 def described(cell: Cell, joints: Float, turntable: Float | float) -> list[str]:
@@ -148,127 +145,107 @@ def _span(low: float, high: float) -> str:
     return f"{low / DEG:.6g} to {high / DEG:.6g} deg"
 
 
-def cell_triangles(cell: Cell, joints: Float, turntable: Float | float, sides: int = ROUND) -> list[tuple[str, Float]]:
-    """Body and triangles (t, 3, 3) of every shape, in the base, at joint angles (6,) and a turntable angle, rad."""
-    links, standing = motions(cell.chain, joints), standing_poses(cell, turntable)
-    moved = [*links, *standing]  # by `Shape.link`
-    found = []
-    for shape in cell.shapes:
-        pose = moved[max(shape.link, 0)] @ shape.pose
-        corners = shape_triangles(shape, sides)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        found.append((shape.body, corners[area > 0] @ pose[:3, :3].T + pose[:3, 3]))
-    return found
-
-
-def shape_triangles(shape: Shape, sides: int = ROUND) -> Float:
-    """Triangles (t, 3, 3) of a shape in its own frame."""
-    if shape.vertices_mm is not None:
-        return np.asarray(shape.vertices_mm[shape.triangles])
-    if shape.kind == "box":
-        half = np.array(shape.size_mm) / 2
-        ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
-        return _skin(
-            np.array(
-                [
-                    np.column_stack([ring * s, np.full(4, z)])
-                    for s, z in ((0, -half[2]), (1, -half[2]), (1, half[2]), (0, half[2]))
-                ]
-            )
-        )
-    radius = shape.size_mm[0]
-    length = shape.size_mm[1] if len(shape.size_mm) > 1 else 0.0
-    if shape.kind == "cylinder":
-        outline = np.array([[0, -length / 2], [radius, -length / 2], [radius, length / 2], [0, length / 2]])
-    else:
-        bow = np.linspace(0, np.pi / 2, sides // 4 + 2)
-        cap = np.column_stack([radius * np.sin(bow), length / 2 + radius * np.cos(bow)])
-        outline = np.vstack([cap * (1, -1), cap[::-1]])
-    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    return _skin(np.array([np.column_stack([r * circle, np.full(sides, z)]) for r, z in outline]))
-
-
-def _skin(rings: Float) -> Float:
-    """Triangles between rings (r, k, 3) one above the other."""
-    a, b = rings[:-1], rings[1:]
-    a_next, b_next = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
-    return np.concatenate(
-        [np.stack(corners, axis=2).reshape(-1, 3, 3) for corners in ((a, a_next, b_next), (a, b_next, b))]
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CellPicture:
-    """What is drawn, in mm in the base. F frames, B bodies."""
-
-    triangles_mm: Shaped[Float, "t 3 3"]
-    body: Shaped[AnyArray, " t"]  # index of the body of each triangle
-    names: tuple[str, ...]  # (B,)
-    colours: tuple[str, ...]  # (B,) '#rrggbb'
-    named: Shaped[AnyArray, " B"]  # bool: its name is written beside it
-    base_from_frame: Shaped[Float, "F 4 4"]
-    frames: tuple[str, ...]  # (F,)
-    gaps_mm: Shaped[Float, "g 2 3"]  # the nearest points of bodies
-    caption: str
-
-
 def cell_picture(cell: Cell, joints: Float, turntable: Float | float) -> bytes:
-    """A PNG of the cell at joint angles (6,) and a turntable angle, rad.
+    """A PNG of the cell at joint angles (6,) and a turntable angle, rad: overview, side, top, and the tool close up.
 
-    Robot, tool, turntable, workpiece and fixtures as their collision shapes, colliding ones in red; frames; and the
-    shortest distance.
+    Robot, tool, turntable, workpiece and fixtures as their collision shapes, colliding ones in red; what is huge is
+    left out; frames; and the shortest distances.
 
     Raises:
-        OutputError: VTK cannot draw here; the line names the missing system libraries.
+        InputError: no body is known.
     """
-    require("pyvista")
-    view = _view(cell, joints, turntable)
-    with tempfile.TemporaryDirectory(prefix="workbench-cell-") as folder:
-        np.savez(Path(folder) / "cell.npz", **{f.name: getattr(view, f.name) for f in fields(view)})
-        try:
-            problem = problem_of(start_drawing("workbench.robot.draw", ["cell"], folder))
-        except OSError as error:
-            problem = str(error)
-        drawn = Path(folder) / "cell.png"
-        if problem or not drawn.is_file():
-            raise OutputError("picture of the cell", f"VTK could not draw offscreen ({cause_of(problem)})")
-        return drawn.read_bytes()
-
-
-def _view(cell: Cell, joints: Float, turntable: Float | float) -> CellPicture:
-    """Bodies, frames and the gap between the nearest two."""
     gaps = CollisionModel(cell).gaps(joints, turntable)
     hit = {name for gap in gaps if gap.near for name in gap.pair}
-    shown = [gap.points_mm for gap in nearest_gaps(cell, gaps) if gap.points_mm is not None and gap.distance_mm > 0]
-    made = cell_triangles(cell, joints, turntable, SIDES)
+    near = [gap.points_mm for gap in nearest_gaps(cell, gaps) if gap.points_mm is not None and gap.distance_mm > 0]
+    made = [(name, one) for name, one in cell_triangles(cell, joints, turntable) if not is_huge(one)]
     if not made:
         raise InputError(cell.source, "expected bodies to draw: neither the URDF nor the cell file gives any")
-    names = tuple(dict.fromkeys(name for name, _ in made))
-    frames = _frames(cell, joints, turntable)
-    posture = posture_text(joints, turntable) + (RED if hit else "")
-    return CellPicture(
-        triangles_mm=np.concatenate([triangles for _, triangles in made]),
-        body=np.concatenate([np.full(len(triangles), names.index(name)) for name, triangles in made]),
-        names=names,
-        colours=_colours(cell, names, hit),
-        named=np.array([any(s.body == name and s.link == ON_BASE for s in cell.shapes) for name in names]),
-        base_from_frame=np.array(list(frames.values())),
-        frames=tuple(frames),
-        gaps_mm=np.array(shown).reshape(-1, 2, 3),
-        caption=f"{cell.title}\n{posture}",
+    colours, frames = body_colours(cell, hit), cell_frames(cell, joints, turntable)
+    bodies = [(triangles, colours[name]) for name, triangles in made]
+    corners = np.concatenate(
+        [*(one.reshape(-1, 3) for one, _ in bodies), *(one[None, :3, 3] for one in frames.values())]
     )
+    steps = np.outer(10.0 ** np.arange(4), (1, 2, 5)).ravel()
+    spacing = steps[np.abs(np.log(10 * steps / np.ptp(corners, axis=0).max())).argmin()]
+    views = [
+        (f"{name}; grid {spacing:.0f} mm", looking(look, up, corners, VIEW_PX, FILLED), ("base", "turntable", "cutter"))
+        for name, look, up in VIEWS
+    ]
+    tool = looking(*VIEWS[0][1:], _about_tool(made, frames), VIEW_PX, FILLED)
+    views.append(("tool; axes x vermilion, y green, z blue", tool, TOOL))
+    told = f"{cell.title}\n{posture_text(joints, turntable)}{'; red: in collision' if hit else ''}\n"
+    picture = Image.new("RGB", (2 * VIEW_PX[0], 2 * VIEW_PX[1]))
+    for i, (name, camera, named) in enumerate(views):
+        sheet = Sheet(camera, bodies)
+        if named != TOOL:
+            _add_grid(sheet, corners, spacing)
+        sheet.caption(name if i else told + name)
+        _add_frames(sheet, frames, named)
+        _add_gaps(sheet, near)
+        if i == 0:
+            _add_names(sheet, cell, made)
+        picture.paste(sheet.smaller(), (i % 2 * VIEW_PX[0], i // 2 * VIEW_PX[1]))
+    return png(picture)
 
 
-def _colours(cell: Cell, names: tuple[str, ...], hit: set[str]) -> tuple[str, ...]:
-    links = {shape.body: ROBOT[shape.link % 2] for shape in cell.shapes if 0 <= shape.link <= 6}
+def _about_tool(made: list[tuple[str, Float]], frames: dict[str, Float]) -> Float:
+    """Corners (8, 3) of a cube around flange, sensor, cutter and the tool's bodies."""
+    tool = [one.reshape(-1, 3) for name, one in made if name in ("tool", "cutter")]
+    points = np.concatenate([*tool, *(frames[name][None, :3, 3] for name in TOOL if name in frames)])
+    half = max(float(np.ptp(points, axis=0).max()) / 2, LEAST_MM)
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2 + half * CUBE)
+
+
+def _add_names(sheet: Sheet, cell: Cell, made: list[tuple[str, Float]]) -> None:
+    """What stands around, named on top of it."""
+    around = {shape.body for shape in cell.shapes if shape.link == ON_BASE}
+    for body in dict.fromkeys(name for name, _ in made if name in around):
+        corners = np.concatenate([one.reshape(-1, 3) for name, one in made if name == body])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        sheet.note(np.append((low + high)[:2] / 2, high[2]), (0.0, 30.0), body)
+
+
+def _add_grid(sheet: Sheet, corners: Float, spacing: float) -> None:
+    """Lines at whole multiples of the spacing on the floor or, seen from the side, behind everything."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    across = 1 if sheet.camera.screen[2, 2] == 0 else 2
+    level = high[1] if across == 1 else np.clip(0.0, low[2], high[2])
+    first, second = (axis for axis in range(3) if axis != across)
+    for along, other in ((first, second), (second, first)):
+        for at in np.arange(np.ceil(low[other] / spacing), high[other] / spacing) * spacing:
+            ends = np.full((2, 3), level)
+            ends[:, other], ends[:, along] = at, (low[along], high[along])
+            sheet.hidden_line(ends, GRID)
+
+
+def _add_frames(sheet: Sheet, frames: dict[str, Float], names: tuple[str, ...]) -> None:
+    """Three axes and a name for each frame, over all bodies."""
+    for name in (name for name in names if name in frames):
+        origin, length_mm = frames[name][:3, 3], AXIS_PX / sheet.camera.scale_px_mm
+        for axis, colour in zip(frames[name][:3, :3].T, AXES, strict=True):
+            sheet.line(np.array([origin, origin + length_mm * axis]), colour, 3.0)
+        sheet.note(origin, BESIDE_PX, name)
+
+
+def _add_gaps(sheet: Sheet, gaps_mm: list[Float]) -> None:
+    """The shortest distances (2, 3), over all bodies."""
+    for ends in gaps_mm:
+        if sheet.shows(ends):
+            sheet.line(ends, RED, 3.0)
+            sheet.note(ends.mean(axis=0), BESIDE_PX, f"{np.linalg.norm(ends[1] - ends[0]):.1f} mm", RED)
+
+
+def body_colours(cell: Cell, hit: set[str]) -> dict[str, str]:
+    """The colour of each body by its name."""
+    names = dict.fromkeys(shape.body for shape in cell.shapes)
+    links = {shape.body: LINKS[shape.link % 2] for shape in cell.shapes if 0 <= shape.link <= 6}
     others = [name for name in names if name not in links and name not in COLOURS]
-    own = {**links, **COLOURS, **{name: AROUND[i % len(AROUND)] for i, name in enumerate(others)}}
-    return tuple(HIT if name in hit else own[name] for name in names)
+    own = {**links, **COLOURS, **{name: FIXTURES[i % len(FIXTURES)] for i, name in enumerate(others)}}
+    return {name: RED if name in hit else own[name] for name in names}
 
 
-def _frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str, Float]:
-    """`base_from_frame` by name."""
+def cell_frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str, Float]:
+    """`base_from_frame` (4, 4) by name."""
     flange = forward_kinematics(cell.chain, joints)
     found = {"base": np.eye(4), "flange": flange, "cutter": flange @ cell.flange_from_cutter}
     if cell.loading is not None:
@@ -312,51 +289,3 @@ def _angles(text: str) -> Float:
     if len(angles) != 6 or not np.isfinite(angles).all():
         raise PipelineError(f"--posture '{text}'", "expected six joint angles in deg, separated by commas")
     return angles
-
-
-TIME_LIMIT_S = 120.0
-LIBRARIES = {"libGL.so.1": "libgl1", "libEGL.so.1": "libegl1"}  # what VTK loads -> its package in Debian
-
-
-def start_drawing(module: str, arguments: list[str], folder: str) -> subprocess.Popen[bytes]:
-    """`python -m module arguments` at work in `folder`, with this project's own copy, from whatever directory."""
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *arguments],
-        cwd=folder,
-        env=environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    )
-
-
-def problem_of(process: subprocess.Popen[bytes]) -> str:
-    """Waits for the process: '' where it ended well, else what went wrong."""
-    try:
-        _, messages = process.communicate(timeout=TIME_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        return f"drawing took more than {TIME_LIMIT_S:.0f} s"
-    if process.returncode == 0:
-        return ""
-    if process.returncode < 0:
-        return f"its process was ended by signal {-process.returncode}"
-    lines = messages.decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else f"its process ended with status {process.returncode}"
-
-
-def cause_of(problem: str) -> str:
-    """The missing system libraries and how to get them, if that is what it was; else `problem`."""
-    missing = {library: package for library, package in LIBRARIES.items() if not _loads(library)}
-    if not missing:
-        return problem
-    return f"missing {' and '.join(missing)}; on Debian or Ubuntu: apt-get install {' '.join(missing.values())}"
-
-
-def _loads(library: str) -> bool:
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True

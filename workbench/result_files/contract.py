@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -20,8 +21,9 @@ from pydantic import (
     with_config,
 )
 
-from workbench.artefacts import UNKNOWN_PART, Check, Part, Verdict
-from workbench.errors import InputError
+from workbench.artefacts import UNKNOWN_PART, Check, HandEye, Part, Verdict
+from workbench.errors import InputError, nearest
+from workbench.geometry.poses import is_rigid
 from workbench.parameters import complaint
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
 
@@ -33,6 +35,26 @@ Quaternion = tuple[Number, Number, Number, Number]
 Matrix = tuple[Quaternion, Quaternion, Quaternion, Quaternion]
 Six = tuple[Number, Number, Number, Number, Number, Number]
 Matrix6 = tuple[Six, Six, Six, Six, Six, Six]
+
+
+def _rigid(pose: Matrix) -> Matrix:
+    if not is_rigid(np.array(pose)):
+        raise ValueError("expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1")
+    return pose
+
+
+def _covariance(matrix: Matrix6) -> Matrix6:
+    values, variance = np.array(matrix), np.diag(matrix)
+    scale = np.sqrt(np.where(variance > 0, variance, 1.0))  # mm^2 and rad^2 differ by many powers of ten
+    correlation = values / np.outer(scale, scale)
+    plausible = variance.min() >= 0 and np.abs(correlation - correlation.T).max() <= 1e-6
+    if not plausible or np.linalg.eigvalsh((correlation + correlation.T) / 2).min() < -1e-6:
+        raise ValueError("expected a covariance: symmetric, no negative eigenvalue")
+    return matrix
+
+
+RigidMotion = Annotated[Matrix, AfterValidator(_rigid)]
+Covariance6 = Annotated[Matrix6, AfterValidator(_covariance)]
 Unknown = Number | None
 UnknownU = NotNegative | None
 
@@ -333,10 +355,10 @@ class HandEyeFile(PartFile):
     ANOTHER: ClassVar[dict[str, str]] = {
         "robot-calibration": "a robot.json: give the handeye.json that calibrate.robot writes beside it"
     }
-    flange_from_profiler: Matrix
+    flange_from_profiler: RigidMotion
     translation_mm: Vector | None = None
     rotation_rpy_deg: Vector | None = None
-    covariance: Matrix6 | None = Field(default=None, description="tx ty tz in mm, then a rotation vector in rad")
+    covariance: Covariance6 | None = Field(default=None, description="tx ty tz in mm, then a rotation vector in rad")
     sensor_scale: tuple[Scale, Scale] | None = Field(
         default=None, description="of the profiler's x and z, measured over true: taken out of scans"
     )
@@ -357,13 +379,29 @@ class HandEyeFile(PartFile):
     verdict: str | None = None
     warnings: list[str] = Field(default_factory=list)
 
+    @classmethod
+    def hand_eye(cls, path: Path) -> HandEye:
+        """The pose of a file, its covariance where it gives one, and the profiler's scales.
+
+        Raises:
+            InputError: it is no such file, or has a key that may be a known one misspelt.
+        """
+        found, keys = cls.read(path), set(cls.model_fields)
+        for key in found.model_extra or {}:  # a covariance must not be lost without a word; other keys are free
+            if difflib.get_close_matches(key, keys, n=1, cutoff=0.8):
+                raise InputError(f"{path}: $.{key}", f"unknown key{nearest(key, keys)}")
+        covariance = None if found.covariance is None else np.array(found.covariance)
+        scale, middle = found.sensor_scale or (1.0, 1.0), found.sensor_middle_mm or (0.0, 0.0)
+        pose = np.array(found.flange_from_profiler)
+        return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
+
 
 class StiffnessFile(PartFile):
     """`stiffness.json`: joint stiffness of a robot, which `part` names."""
 
     NAME: ClassVar[str] = "stiffness.json"
     joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-    covariance: Matrix6
+    covariance: Covariance6
     condition_number: Unknown = None
     postures: int = 0
     loads: int = 0

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from workbench.result_files.contract import (
+    Covariance6,
     Matrix,
     Matrix6,
     NotNegative,
@@ -297,7 +298,7 @@ class CoefficientsFile(ResultFile):
     kte_n_mm: Number
     kre_n_mm: Number
     kae_n_mm: Number
-    covariance: Matrix6
+    covariance: Covariance6
     not_included: list[str]
 
 

@@ -53,7 +53,7 @@ def test_held_out_postures_lie_as_near_as_by_a_direct_fit_of_all_points() -> Non
         pose = found.hand_eye.flange_from_profiler
         turn = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
         x = np.concatenate([turn, pose[:3, 3], found.sphere_center_mm, [found.sphere_radius_mm]])
-        ours.append(away(x, rec, profiles, [frame], sensor_of(found).true(rec)))
+        ours.append(away(x, rec, profiles, [frame], sensor_of(found.hand_eye).true(rec)))
         kept = [one for one in range(len(rec.time_s)) if one != frame]
         fitted = least_squares(away, x, x_scale="jac", args=(rec, profiles, kept, raw)).x
         direct.append(away(fitted, rec, profiles, [frame], raw))

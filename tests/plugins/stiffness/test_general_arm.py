@@ -28,7 +28,8 @@ from workbench.plugins.stiffness.arm import (
     fast_arm,
 )
 from workbench.plugins.stiffness.values import JointStiffness
-from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell
+from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, spherical_wrist
+from workbench.units import Float
 
 from .conftest import ROOT, K
 from .test_posture import PATH, thinned
@@ -69,6 +70,32 @@ def test_the_numbers_are_the_kernels(cell: Cell, sense: tuple[int, ...]) -> None
             ours = arm.joint_angles(flange[there], row)
             assert np.abs((ours - wanted[there] + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9
     assert sorted(alike) == [0, 1, 2, 3]  # whatever the sides of the arm are called
+
+
+def test_a_wrist_on_axis_1_or_2_has_finite_angles(cell: Cell) -> None:
+    """Joint 1 is free there, and 0 as the inverse has it: forward kinematics tells whether the posture is one."""
+    arm, chain = arm_of(cell.chain, K), cell.chain
+    centre, flange = spherical_wrist(chain).centre_mm, chain.base_from_flange_at_zero
+    on_axis_1, on_axis_2 = flange.copy(), flange.copy()
+    on_axis_1[:2, 3] += chain.points_mm[0, :2] - centre[:2]
+    on_axis_2[:3, 3] += chain.points_mm[1] - centre
+    on_axis_1[2, 3] = 2000.0
+    reached = 0
+    for row in range(8):
+        found = arm.joint_angles(np.stack([on_axis_1, on_axis_2]), row)
+        assert np.isfinite(found).all()
+        assert found[0, 0] == 0.0
+        reached += np.abs(forward_kinematics(chain, found[0]) - on_axis_1).max() < 1e-6
+    assert reached >= 2
+    path = LoadedPath(cell.flange_from_cutter, *_still(on_axis_1 @ cell.flange_from_cutter))
+    for branch in range(BRANCHES):
+        moved, said = arm.traverse(path, np.zeros(1), branch)
+        assert np.isfinite(moved).all()
+        assert set(np.unique(said)) <= {1, 3}
+
+
+def _still(cutter: Float) -> tuple[Float, Float, Float]:
+    return cutter[None, None], cutter[None, None, :3, 3], np.full((1, 1, 3), 50.0)
 
 
 def test_a_path_costs_what_its_points_cost_on_average(cell: Cell) -> None:

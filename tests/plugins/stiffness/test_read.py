@@ -51,9 +51,9 @@ def test_a_file_comes_back(tmp_path: Path) -> None:
         ({"joint_stiffness_nm_per_rad": [1e6] * 5}, "expected 6 entries, found 5"),
         ({"joint_stiffness_nm_per_rad": "soft"}, "expected a valid array"),
         ({"covariance": [[1.0] * 6] * 5}, "expected 6 entries, found 5"),
-        ({"covariance": (-np.eye(6)).tolist()}, "positive semi-definite"),
+        ({"covariance": (-np.eye(6)).tolist()}, "no negative eigenvalue"),
         ({"covariance": (np.eye(6) + np.eye(6, k=1)).tolist()}, "symmetric"),
-        ({"covariance": (1e10 * np.eye(6)[::-1]).tolist()}, "positive semi-definite"),  # of what is exact there is none
+        ({"covariance": (1e10 * np.eye(6)[::-1]).tolist()}, "no negative eigenvalue"),  # of what is exact there is none
         ({"covariance": None}, "expected a valid array"),
     ],
 )

@@ -26,7 +26,6 @@ from workbench.api import (
     RobotFile,
     Shaped,
     pieces,
-    rotation_from_vector,
 )
 from workbench.plugins.calibration.tables import sentence
 
@@ -166,19 +165,10 @@ def _words(way: Float) -> str:
 
 
 def _exponential(twist: Float) -> Float:
-    """Rigid motion (4, 4) of a twist: by the pose's series, exact for pure shifts and for turns about a line."""
-    shift, turn = twist[:3], twist[3:]
-    angle = float(np.linalg.norm(turn))
-    moved = np.eye(4)
-    moved[:3, :3] = rotation_from_vector(turn)
-    if angle < 1e-12:
-        moved[:3, 3] = shift
-        return moved
-    axis = turn / angle
-    cross = np.cross(np.eye(3), axis)
-    series = (np.eye(3) * angle + (1.0 - np.cos(angle)) * cross + (angle - np.sin(angle)) * cross @ cross) / angle
-    moved[:3, 3] = series @ shift
-    return moved
+    """Rigid motion (4, 4) of a twist."""
+    import pinocchio as pin
+
+    return np.asarray(pin.exp6(twist).homogeneous)
 
 
 def arm_document(arm: ArmErrors, values: Float, covariance: Float, more: dict[str, Any]) -> dict[str, Any]:

@@ -14,18 +14,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from workbench.api import Bool, Float, Int, Shaped, estimator, kernel, vector_from_rotation
-from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Sphere, linearise
+from workbench.api import Bool, Float, Int, Shaped, estimator, rotation_from_vector, vector_from_rotation
+from workbench.plugins.calibration.model import SIZE, Estimate, Linear, Noise, Sphere, cross_matrix, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
 SEED_SIZE = 5  # postures whose signs are tried exhaustively: 32 patterns
 SEEDS = 24  # sets of them: with 2 gross postures in 15, two in five have none
 KEPT = 24  # answers of a seed that are judged by all postures
+PATTERN_STEPS, PATTERN_TURN = 12, 0.7  # of each pattern's fit, and the most that a step turns, rad
 HOPELESS = 300.0  # chi-square of a seed's five postures, over four times the best: no answer
 GATE = 25.0  # squared Mahalanobis distance at which a posture stops counting against an answer
 SLACK = 9.0  # how much more than its noise a seed's answer may be off elsewhere: it is not refined yet
@@ -36,81 +36,6 @@ GROSS = float(scipy.special.chdtri(3, 1e-5))  # squared distance of a posture, l
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 
 
-@kernel
-def _exp(v: Float) -> Float:
-    """Rotation matrix of a rotation vector (3,)."""
-    angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    a = np.sin(angle) / angle if angle > 1e-9 else 1.0
-    b = (1 - np.cos(angle)) / (angle * angle) if angle > 1e-9 else 0.5
-    x, y, z = v[0], v[1], v[2]
-    out = np.empty((3, 3))
-    out[0, 0], out[0, 1], out[0, 2] = 1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
-    out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x
-    out[2, 0], out[2, 1], out[2, 2] = b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)
-    return out
-
-
-class WeightedCentres(NamedTuple):
-    """Sphere centres in the profiler frame, and where the flange was, mm."""
-
-    at: Shaped[Float, "m 3"]
-    weight: Shaped[Float, "m 3"]  # inverse variances
-    turn: Shaped[Float, "m 3 3"]  # of the flange
-    shift: Shaped[Float, "m 3"]
-
-
-@kernel
-def _equations(centres: WeightedCentres, R: Float, t: Float, C: Float, N: Float, g: Float) -> float:
-    """Add the normal equations of the centres in (t, w, C) to N (9, 9) and g (9,); returns chi-square."""
-    c, weight, A, b = centres
-    chi2 = 0.0
-    J = np.empty(9)
-    for i in range(len(c)):
-        d0, d1, d2 = C[0] - b[i, 0], C[1] - b[i, 1], C[2] - b[i, 2]
-        l0 = A[i, 0, 0] * d0 + A[i, 1, 0] * d1 + A[i, 2, 0] * d2 - t[0]
-        l1 = A[i, 0, 1] * d0 + A[i, 1, 1] * d1 + A[i, 2, 1] * d2 - t[1]
-        l2 = A[i, 0, 2] * d0 + A[i, 1, 2] * d1 + A[i, 2, 2] * d2 - t[2]
-        for k in range(3):
-            r0, r1, r2 = R[0, k], R[1, k], R[2, k]
-            e = c[i, k] - (r0 * l0 + r1 * l1 + r2 * l2)
-            J[0], J[1], J[2] = -r0, -r1, -r2
-            J[3], J[4], J[5] = r1 * l2 - r2 * l1, r2 * l0 - r0 * l2, r0 * l1 - r1 * l0
-            for j in range(3):
-                J[6 + j] = A[i, j, 0] * r0 + A[i, j, 1] * r1 + A[i, j, 2] * r2
-            w = weight[i, k]
-            chi2 += w * e * e
-            for p in range(9):
-                g[p] += w * J[p] * e
-                for q in range(p + 1):
-                    N[p, q] += w * J[p] * J[q]
-    return chi2
-
-
-@kernel
-def _solve(N: Float, g: Float) -> Float:
-    """N x = g for a symmetric positive definite N (9, 9) given by its lower triangle: Cholesky in place."""
-    n = len(g)
-    for j in range(n):
-        for k in range(j):
-            N[j, j] -= N[j, k] * N[j, k]
-        N[j, j] = np.sqrt(max(N[j, j], 1e-12))
-        for i in range(j + 1, n):
-            for k in range(j):
-                N[i, j] -= N[i, k] * N[j, k]
-            N[i, j] /= N[j, j]
-    x = g.copy()
-    for i in range(n):
-        for k in range(i):
-            x[i] -= N[i, k] * x[k]
-        x[i] /= N[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= N[k, i] * x[k]
-        x[i] /= N[i, i]
-    return x
-
-
-@kernel
 def solve_patterns(
     xz: Float, h: Float, weight: Float, A: Float, b: Float, start_R: Float, start_t: Float, pull: Float
 ) -> tuple[Float, Float, Float, Float]:
@@ -120,50 +45,48 @@ def solve_patterns(
     rotation about the start. Returns R (s 2^m, 3, 3), t, C and chi-square.
     """
     m, starts = len(h), len(start_R)
-    total = starts << m
-    Rs, ts, Cs, chi2s = np.empty((total, 3, 3)), np.empty((total, 3)), np.empty((total, 3)), np.empty(total)
-    c, N, g = np.empty((m, 3)), np.empty((9, 9)), np.empty(9)
-    for index in range(total):
-        s, pattern = index >> m, index & ((1 << m) - 1)
-        R, t, C = start_R[s].copy(), start_t[s].copy(), np.zeros(3)
-        turned = np.zeros(3)  # away from the start, to first order
-        for i in range(m):
-            c[i, 0], c[i, 2] = xz[i, 0], xz[i, 1]
-            c[i, 1] = h[i] if (pattern >> i) & 1 else -h[i]
-            C += (A[i] @ (R @ c[i] + t) + b[i]) / m
-        chi2 = 1e300
-        for step in range(12):
-            N[:], g[:] = 0.0, 0.0
-            new = _equations(WeightedCentres(c, weight, A, b), R, t, C, N, g)
-            for p in range(3):
-                N[p, p] += pull[0]
-                g[p] -= pull[0] * (t[p] - start_t[s, p])
-                N[3 + p, 3 + p] += pull[1]
-                g[3 + p] -= pull[1] * turned[p]
-            done = step > 1 and abs(chi2 - new) < 0.05 + 1e-3 * new
-            chi2 = new
-            if done or (step > 4 and chi2 > 2000.0 * m):
-                break
-            x = _solve(N, g)
-            angle = np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
-            short = min(1.0, 0.7 / max(angle, 1e-12))
-            t += short * x[:3]
-            R = _exp(short * x[3:6]) @ R
-            C += short * x[6:]
-            turned += short * x[3:6]
-        Rs[index], ts[index], Cs[index], chi2s[index] = R, t, C, chi2
-    return Rs, ts, Cs, chi2s
+    signs = np.where(np.arange(2**m)[:, None] >> np.arange(m) & 1, 1.0, -1.0)
+    x, z = (np.broadcast_to(one, signs.shape) for one in xz.T)
+    c = np.tile(np.stack([x, signs * h, z], axis=2), (starts, 1, 1))
+    R, t = np.repeat(start_R, 2**m, axis=0), np.repeat(start_t, 2**m, axis=0)
+    C = (np.einsum("mij,smj->smi", A, c @ np.swapaxes(R, 1, 2) + t[:, None]) + b).mean(axis=1)
+    away, chi2, open_ = np.zeros((len(t), 9)), np.full(len(t), 1e300), np.arange(len(t))  # away from the start
+    pulls = np.append(np.repeat(pull, 3), np.zeros(3))
+    for step in range(PATTERN_STEPS):
+        off, J = _equations(c[open_], A, b, R[open_], t[open_], C[open_])
+        before, chi2[open_] = chi2[open_], (weight.ravel() * off**2).sum(axis=1)
+        now = chi2[open_]
+        done = (step > 1) & (np.abs(before - now) < 0.05 + 1e-3 * now) | (step > 4) & (now > 2000.0 * m)
+        off, J, open_ = off[~done], J[~done], open_[~done]
+        weighted = np.swapaxes(weight.reshape(-1, 1) * J, 1, 2)
+        side = (weighted @ off[..., None])[..., 0] - pulls * away[open_]
+        by = np.linalg.solve(weighted @ J + np.diag(pulls), side[..., None])[..., 0]
+        by *= np.minimum(1.0, PATTERN_TURN / np.maximum(np.linalg.norm(by[:, 3:6], axis=1), 1e-12))[:, None]
+        R[open_] = rotation_from_vector(by[:, 3:6]) @ R[open_]
+        away[open_] += by
+        t[open_] += by[:, :3]
+        C[open_] += by[:, 6:]
+    return R, t, C, chi2
+
+
+def _equations(c: Float, A: Float, b: Float, R: Float, t: Float, C: Float) -> tuple[Float, Float]:
+    """Of s answers: centres (s, m, 3) less their predictions (s, 3 m), and derivatives of these by t, w, C."""
+    back = np.swapaxes(R, 1, 2)[:, None]
+    lever = np.einsum("mji,smj->smi", A, C[:, None] - b) - t[:, None]
+    parts = np.broadcast_to(-back, (*c.shape, 3)), back @ cross_matrix(lever), back @ np.swapaxes(A, 1, 2)
+    off = c - (back @ lever[..., None])[..., 0]
+    return off.reshape(len(c), 3 * len(b)), np.concatenate(parts, axis=-1).reshape(len(c), 3 * len(b), 9)
 
 
 def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterator[list[tuple[float, Estimate]]]:
     """For one seed of postures after the other: answers with their truncated score over all postures, best first."""
     starts_R, starts_t, pull = _starts(design)
     centre, weight = _centres(seen, noise)
-    A, b = seen.base_from_flange[:, :3, :3].copy(), seen.base_from_flange[:, :3, 3].copy()
+    A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
     middle = b.mean(axis=0)
     for rows in _seeds(seen, centre):
         R, t, C, chi2 = solve_patterns(
-            centre[rows][:, ::2].copy(),
+            centre[rows][:, ::2],
             centre[rows, 1],
             weight[rows],
             A[rows],
@@ -207,7 +130,7 @@ def _centres(seen: Observations, noise: Noise) -> tuple[Float, Float]:
 def _starts(design: Float | None) -> tuple[Float, Float, Float]:
     """Starts of the search and how weakly they pull: the design, or the 24 orientations of a cube."""
     if design is not None:
-        return design[None, :3, :3].copy(), design[None, :3, 3].copy(), np.array([DESIGN_MM, DESIGN_RAD]) ** -2
+        return design[None, :3, :3], design[None, :3, 3], np.array([DESIGN_MM, DESIGN_RAD]) ** -2
     turns = []
     for axes in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):

@@ -281,7 +281,7 @@ def _known(
     calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate, noise: Noise
 ) -> tuple[Float, Noise]:
     """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
-    profiles = rescaled(profiles, recording, sensor_of(calibration))
+    profiles = rescaled(profiles, recording, sensor_of(calibration.hand_eye))
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
     noise = as_noisy_as_found(estimate, seen, noise)[1]
     return information(estimate, seen, noise)[:10, :10], noise

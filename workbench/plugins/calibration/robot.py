@@ -48,7 +48,7 @@ from workbench.plugins.calibration.model import (
     volume_weight,
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.solve import Demand, check_determined, solve
+from workbench.plugins.calibration.solve import Demand, cause_of, refuse_undetermined, solve
 from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves
@@ -174,7 +174,9 @@ def robot(
     kept, estimate, covariance = found.used, found.at.estimate, found.covariance
     used = seen.subset(kept)
     built = together(start, used, angles[kept], noise, chain, NO_ERRORS)
-    check_determined(covariance[:6, :6], estimate, used, noise, Demand(view, max_u_mm, where))
+    centre = linearise(estimate, used, noise).centre
+    demand, cause = Demand(view, max_u_mm, where), cause_of(used.base_from_flange, centre, with_offset=False)
+    refuse_undetermined(covariance[:6, :6], estimate, demand, lambda: cause)
     u, rms = volume_u(covariance[:6, :6], estimate.rotation, view), rms_mm(found.rows.residual[kept, :2])
     slope = found.rows.jacobian[kept, :2]
     place_u2 = float(np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean())

@@ -12,10 +12,9 @@ from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.model import Ball, Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.values import SphereProfiles
-from workbench.plugins.calibration.verdicts import Sensor, rescaled
+from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
 LEAST_POSTURES = 3  # of a sphere: one circle does not tell its side of the laser plane, and a third one checks two
-RIGID = 1e-6
 BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covariance, for what it is off is in the result"
 
 
@@ -38,20 +37,12 @@ def known_hand_eye(path: InputFile | None, recording: Recording) -> HandEye:
         if recording.flange_from_profiler is None:
             raise InputError(f"{recording.source}: /hand_eye", "missing, and no handeye.json is given (hand_eye)")
         return HandEye(recording.flange_from_profiler, source=recording.source)
-    found = HandEyeFile.read(path)
-    pose = np.array(found.flange_from_profiler)
-    turn = pose[:3, :3]
-    if np.abs(turn @ turn.T - np.eye(3)).max() > RIGID or np.linalg.det(turn) < 0.0:
-        raise InputError(f"{path}: $.flange_from_profiler", "expected a rigid motion")
-    covariance = None if found.covariance is None else np.array(found.covariance)
-    scale, middle = found.sensor_scale or (1.0, 1.0), found.sensor_middle_mm or (0.0, 0.0)
-    return HandEye(pose, covariance, str(path), found.part.recorded_at, found.volume_u_mm, scale, middle)
+    return HandEyeFile.hand_eye(path)
 
 
 def seen_by(hand_eye: HandEye, profiles: SphereProfiles, recording: Recording) -> Observations:
     """The circles of a recording's postures, the errors of the profiler's scales taken out."""
-    sensor = Sensor(np.array(hand_eye.sensor_scale) - 1.0, np.array(hand_eye.sensor_middle_mm))
-    seen = by_pass(rescaled(profiles, recording, sensor), recording).place()
+    seen = by_pass(rescaled(profiles, recording, sensor_of(hand_eye)), recording).place()
     if seen.scans:
         raise InputError(f"{recording.source}: /robot", "expected postures held still (one pose a pass)")
     return seen

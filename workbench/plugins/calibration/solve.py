@@ -210,8 +210,12 @@ def check_fit(
     best: Fit, seen: Observations, noise: Noise, demand: Demand, *, with_offset: bool = False, raised: str = ""
 ) -> None:
     """Refuse a fit that leaves a point of the field more uncertain than is demanded."""
-    covariance, used = best.covariance[:6, :6], seen.subset(best.used)
-    check_determined(covariance, best.estimate, used, noise, demand, with_offset=with_offset, raised=raised)
+    used = seen.subset(best.used)
+
+    def cause() -> str:
+        return raised or cause_of(used.base_from_flange, linearise(best.estimate, used, noise).centre, with_offset)
+
+    refuse_undetermined(best.covariance[:6, :6], best.estimate, demand, cause)
 
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:
@@ -312,35 +316,6 @@ class Demand(NamedTuple):
     view: View
     limit_mm: float  # largest uncertainty of a point, RMS over the field
     where: str  # the recording
-
-
-def check_determined(
-    covariance: Float,
-    estimate: Estimate,
-    seen: Observations,
-    noise: Noise,
-    demand: Demand,
-    *,
-    with_offset: bool = False,
-    raised: str = "",
-) -> None:
-    """Refuse a set that leaves a point of the field more uncertain than the limit: which direction, and why.
-
-    Args:
-        covariance: of the hand-eye pose, (6, 6).
-        estimate: the answer.
-        seen: the observations that it rests on.
-        noise: of these.
-        demand: what the answer must be good for.
-        with_offset: whether the clock's offset is unknown too.
-        raised: that the noise is larger than stated, in words.
-    """
-    refuse_undetermined(
-        covariance,
-        estimate,
-        demand,
-        lambda: raised or cause_of(seen.base_from_flange, linearise(estimate, seen, noise).centre, with_offset),
-    )
 
 
 def refuse_undetermined(covariance: Float, estimate: Estimate, demand: Demand, cause: Callable[[], str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated
@@ -10,7 +9,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import Document, Float, InputError, Int, Part, Recording, Shaped, estimator, frozen, stage
+from workbench.api import (
+    Document,
+    Float,
+    InputError,
+    Int,
+    Part,
+    Recording,
+    Shaped,
+    estimator,
+    frozen,
+    stage,
+    strict_json,
+)
 from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import SIZE, Estimate, Noise, Sphere, linearise
@@ -133,7 +144,7 @@ def validate(
     """
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     estimate = estimate_of(calibration)
-    seen = by_pass(rescaled(profiles, recording, sensor_of(calibration)), recording).place(estimate.offset_s)
+    seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording).place(estimate.offset_s)
     if recording.source == calibration.hand_eye.source:
         seen = seen.subset(calibration.used)
         how, held = by_folds(estimate, seen, noise, folds, recording.source)
@@ -166,22 +177,11 @@ def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
 
 
 def _document(found: Validation, part: Part) -> Document:
-    """`calibration_validation.json`: strict JSON."""
+    """`calibration_validation.json`."""
     rows = [
-        {"frames": list(frames), "error_mm": _plain(error), "u_mm": _plain(u)}
+        {"frames": list(frames), "error_mm": error, "u_mm": u}
         for frames, error, u in zip(found.frames, found.error_mm, found.u_mm, strict=True)
     ]
-    content = {
-        "part": asdict(part),
-        "how": found.how,
-        "rms_mm": found.rms_mm,
-        "expected_mm": found.expected_mm,
-        "misfit": found.misfit,
-        "freedom": found.freedom,
-        "postures": rows,
-    }
-    return Document("calibration_validation.json", (json.dumps(content, allow_nan=False, indent=1) + "\n").encode())
-
-
-def _plain(values: Float) -> list[float | None]:
-    return [float(v) if math.isfinite(v) else None for v in values]
+    names = ("how", "rms_mm", "expected_mm", "misfit", "freedom")
+    content = {"part": asdict(part), **{name: getattr(found, name) for name in names}, "postures": rows}
+    return Document("calibration_validation.json", strict_json(content))

@@ -17,7 +17,7 @@ from workbench.plugins.calibration.model import Linear, Noise, Sphere, View, pla
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
-from workbench.plugins.calibration.values import Calibration, Method, Rejected, SphereProfiles
+from workbench.plugins.calibration.values import Method, Rejected, SphereProfiles
 
 # The profiler's own scales: x and z may count a millimetre as a little more or less than it is.
 #
@@ -75,9 +75,9 @@ class Sensor:
         return replace(self, error=self.error + STEP * np.eye(2)[axis])
 
 
-def sensor_of(calibration: Calibration) -> Sensor:
-    """What a calibration took out."""
-    return Sensor(np.array(calibration.hand_eye.sensor_scale) - 1.0, np.array(calibration.hand_eye.sensor_middle_mm))
+def sensor_of(hand_eye: HandEye) -> Sensor:
+    """What its calibration took out."""
+    return Sensor(np.array(hand_eye.sensor_scale) - 1.0, np.array(hand_eye.sensor_middle_mm))
 
 
 def rescaled(profiles: SphereProfiles, recording: Recording, sensor: Sensor) -> SphereProfiles:

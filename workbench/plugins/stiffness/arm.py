@@ -135,7 +135,7 @@ def fast_arm(chain: Chain, springs: Float = NO_SPRINGS) -> Arm:
     Raises:
         InputError: axes 2 and 3 are not parallel, axis 2 is not square to axis 1, the forearm's axis not to axis 3,
             axis 5 not to axes 4 and 6 or not along axis 3 at zero. Limits of joint 6 are not looked at here:
-            `feasible.followed` and `law_nodes` do.
+            `traversal.followed` and `law.nodes` do.
     """
     h, o, wrist = chain.axes, chain.points_mm, spherical_wrist(chain)
     if not (wrist.behind_parallel_axes and wrist.square):

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.api import AnyArray, kernel
 
 FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # as `arm` counts them
+NOWHERE = 1e-12  # mm^2, of the wrist's centre from axis 2: nearer, nothing tells where the elbow is
 
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -93,7 +94,7 @@ def joints_kernel(
     sense3, sense5 = branch.lengths[9], branch.lengths[10]
     for n in range(w.shape[1]):
         ax, ay, az = a[0, n], a[1, n], a[2, n]
-        first, second, both, _, (hx, hy, hz), _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
+        first, second, both, _, (hx, hy, hz), _, _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
         (c1, s1), (c2, s2), (c23, s23) = first, second, both
         gx, gy, gz = flip * (hy * az - hz * ay), flip * (hz * ax - hx * az), flip * (hx * ay - hy * ax)
         bent = flip * np.sqrt(gx * gx + gy * gy + gz * gz)
@@ -109,18 +110,22 @@ def joints_kernel(
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
-def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector, Pair]:
-    """Cosine and sine of joints 1, 2, 2 and 3 together; the elbow; axis 4; what is below 0 where nothing reaches."""
+def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector, Pair, bool]:
+    """Cosine and sine of joints 1, 2, 2 and 3 together; the elbow; axis 4; what is below 0 where nothing reaches.
+
+    And whether the wrist's centre lies on axis 1 or 2, where a joint is free.
+    """
     a1, z2, d, ur, ui, fr, fi, gr, gi, _, _ = branch.lengths
     wx, wy, wz = wrist
     # Joint 1: the wrist's centre at (x, d) in the arm's plane, turned to (wx, wy).
     flat = wx * wx + wy * wy
     x2 = flat - d * d
     x = branch.front * np.sqrt(max(x2, 0.0))
-    c1, s1 = (wx * x + wy * d) / flat, (wy * x - wx * d) / flat
+    on_axis = flat == 0.0  # joint 1 is free there: 0, as the inverse has it
+    c1, s1 = (1.0, 0.0) if on_axis else ((wx * x + wy * d) / flat, (wy * x - wx * d) / flat)
     # Joints 2 and 3: the triangle upper arm, forearm, distance; its elbow e on one side of the line.
     tr, ti = wz - z2, x - a1
-    far, l2, l3 = tr * tr + ti * ti, ur * ur + ui * ui, fr * fr + fi * fi
+    far, l2, l3 = max(tr * tr + ti * ti, NOWHERE), ur * ur + ui * ui, fr * fr + fi * fi
     along = (far + l2 - l3) / (2 * far)
     height2 = l2 / far - along * along
     height = branch.side * np.sqrt(max(height2, 0.0))
@@ -130,7 +135,7 @@ def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector,
     both = (mr * fr + mi * fi) / l3, (mi * fr - mr * fi) / l3
     # Axis 4 along the forearm.
     hr, hi = mr * gr - mi * gi, mr * gi + mi * gr
-    return (c1, s1), second, both, (er, ei), (c1 * hi, s1 * hi, hr), (x2, height2)
+    return (c1, s1), second, both, (er, ei), (c1 * hi, s1 * hi, hr), (x2, height2), on_axis | (far == NOWHERE)
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
@@ -143,7 +148,7 @@ def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vecto
     a1, z2, sense3, sense5 = branch.lengths[0], branch.lengths[1], branch.lengths[9], branch.lengths[10]
     limits, k = branch.limits, branch.springs
     (wx, wy, wz), (ax, ay, az), (px, py, pz), (fx, fy, fz) = wrist, axis, at, acts
-    first, second, both, (er, ei), (hx, hy, hz), (x2, height2) = _arm(branch, wrist)
+    first, second, both, (er, ei), (hx, hy, hz), (x2, height2), free = _arm(branch, wrist)
     (c1, s1), (c2, s2), (c23, s23) = first, second, both
     c3, s3 = c23 * c2 + s23 * s2, sense3 * (s23 * c2 - c23 * s2)
     # Axis 5 across 4 and 6.
@@ -184,7 +189,7 @@ def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vecto
     straight, sideways = c5 * limits[12], bent * limits[13]
     kept = (turned >= limits[11] * bent) & (straight + sideways >= limits[14])
     flipped = (-turned >= limits[11] * bent) & (straight - sideways >= limits[14])
-    missed = (x2 < 0.0) | (height2 < 0.0)
-    said = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & kept else LIMIT))
-    other = UNREACHABLE if missed else (SINGULAR if bent < 1e-6 else (FREE if inside & flipped else LIMIT))
+    missed, singular = (x2 < 0.0) | (height2 < 0.0), (bent < 1e-6) | free
+    said = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & kept else LIMIT))
+    other = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & flipped else LIMIT))
     return np.sqrt(dx * dx + dy * dy + dz * dz), said, other

@@ -153,19 +153,14 @@ class Loading:
         """Loads that contradict each other make joints softer than any robot's: their second order would run away."""
         return np.clip(at + step, -SOFTEST, SOFTEST)
 
+    def misfits(self, rows: estimator.Rows) -> Float:
+        """Chi-square of each load (L,) over how many values were seen of it."""
+        of_load = [rows.only(self.load == i) for i in range(len(self.eq.y))]
+        return np.array([one.normal().chi2 / max(float(one.values.sum()), 1.0) for one in of_load])
+
     def fit(self) -> estimator.Fit[Float]:
         """The compliance by all loads."""
         return estimator.fit(self, np.full(6, TYPICAL))
-
-
-def misfit_of_loads(eq: Equations, compliance: Float) -> Float:
-    """Chi-square of each load (L,) over how many rows were seen of it."""
-    off, covariance = eq.residual(compliance), covariances(eq, np.abs(compliance))
-    found = np.zeros(len(off))
-    for i, seen in enumerate(eq.seen):
-        e = off[i, seen]
-        found[i] = e @ np.linalg.solve(covariance[i][np.ix_(seen, seen)], e) / max(len(e), 1)
-    return found
 
 
 def unobserved(compliance: Float, covariance: Float, largest_relative_u: float) -> list[int]:

@@ -29,7 +29,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit, lack_of_fit
-from workbench.plugins.stiffness.equations import Loading, equations, misfit_of_loads
+from workbench.plugins.stiffness.equations import Loading, equations
 from workbench.plugins.stiffness.load_checks import (
     check_clipped,
     check_filled,
@@ -148,7 +148,7 @@ def identify_from(
         "joint_compliance_rad_per_nm": found.at,
         "compliance_covariance": known,
         "residual_over_noise": float(np.sqrt(found.misfit)),
-        "residual_over_noise_of_load": np.sqrt(misfit_of_loads(eq, found.at)),
+        "residual_over_noise_of_load": np.sqrt(loading.misfits(found.rows)),
         "load_used": use.tolist(),
         "rejected": out,
         "not_included": [*([] if scale_relative_u else [_gain(found)]), *lack.hidden],

@@ -24,7 +24,6 @@ from workbench.api import (
     StiffnessFile,
     stage,
 )
-from workbench.plugins.stiffness.coefficients import is_covariance
 from workbench.plugins.stiffness.values import DISPLACEMENT, JointStiffness, LoadingTests, moved_columns
 from workbench.plugins.table import Table
 
@@ -62,11 +61,8 @@ def read(
     """
     if stiffness is not None:
         found = StiffnessFile.read(stiffness)
-        covariance = np.array(found.covariance)
-        if not is_covariance(covariance):
-            raise InputError(f"{stiffness}: $.covariance", "expected a symmetric positive semi-definite 6x6 matrix")
-        k, condition = np.array(found.joint_stiffness_nm_per_rad), found.condition_number or 0.0
-        return JointStiffness(k, covariance, condition, found.postures, found.loads, str(stiffness))
+        k, covariance = np.array(found.joint_stiffness_nm_per_rad), np.array(found.covariance)
+        return JointStiffness(k, covariance, found.condition_number or 0.0, found.postures, found.loads, str(stiffness))
     given = joint_stiffness_nm_per_rad
     if given is None and cell is not None and cell.joint_stiffness_nm_per_rad is not None:
         return _exact(cell.joint_stiffness_nm_per_rad, cell.source)

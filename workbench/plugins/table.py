@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,13 @@ from workbench.api import Float, InputError, Int, numbered_lines, read_text
 
 MAX_BYTES = 2**26
 MOST = 1e6  # degrees, N, Nm, mm: beyond it lies nobody's measurement
+
+
+def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
+    """A table as a CSV file."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([head, *rows])
+    return out.getvalue().encode()
 
 
 class Table:

@@ -12,8 +12,9 @@ it. More seeds are tried until one explains the data.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -97,7 +98,8 @@ def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterat
         )
         hopeless = 4 * np.nanmin(chi2) + HOPELESS
         order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
-        answers = _distinct([Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order])[:KEPT]
+        made = (Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order)
+        answers = distinct(made, lambda one: one)[:KEPT]
         yield sorted(((truncated(answer, seen, noise), answer) for answer in answers), key=lambda pair: pair[0])
 
 
@@ -161,11 +163,16 @@ def _seeds(seen: Observations, centre: Float) -> Iterator[Int]:
         yield rng.choice(k, SEED_SIZE, replace=False)
 
 
-def _distinct(answers: list[Estimate]) -> list[Estimate]:
-    """Answers that differ: several starts and signs of small h lead to the same."""
-    kept: list[Estimate] = []
+T = TypeVar("T")
+
+
+def distinct(
+    answers: Iterable[T], pose: Callable[[T], Estimate], within_mm: float = 0.5, within_rad: float = 0.02
+) -> list[T]:
+    """Answers whose poses differ by more: several starts and signs of small h lead to the same."""
+    kept: list[T] = []
     for one in answers:
-        if not any(same(one, other) for other in kept):
+        if not any(same(pose(one), pose(other), within_mm, within_rad) for other in kept):
             kept.append(one)
     return kept
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
+from workbench.plugins.calibration.bundle import distinct
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
 from workbench.plugins.calibration.observations import Placed, placed
 from workbench.plugins.calibration.profile_lines import Marks, Target
@@ -236,16 +237,6 @@ def answers(part: Part, design: Float | None, offsets: Float) -> list[estimator.
     for offset in offsets:
         held = replace(few, noise=blurred, with_offset=False, held=few.placed(float(offset)))
         rough += [estimator.fit(held, at, steps=ROUGH_STEPS) for at in held.starts(design, float(offset))]
-    kept: list[estimator.Fit[At]] = []
-    for one in sorted(rough, key=lambda found: found.chi2)[:REFINED]:
-        fit = estimator.fit(few, one.at)
-        if not any(same(fit.at, other.at) for other in kept):
-            kept.append(fit)
-    return sorted(kept, key=lambda found: found.chi2)
-
-
-def same(one: At, other: At) -> bool:
-    """Whether two answers have one hand-eye pose."""
-    turn = np.abs(one.pose.rotation - other.pose.rotation).max()
-    shift = np.abs(one.pose.translation_mm - other.pose.translation_mm).max()
-    return bool(turn < 0.01 and shift < 1.0)
+    likeliest = sorted(rough, key=lambda found: found.chi2)[:REFINED]
+    fits = (estimator.fit(few, one.at) for one in likeliest)
+    return sorted(distinct(fits, lambda one: one.at.pose, 1.0, 0.01), key=lambda found: found.chi2)

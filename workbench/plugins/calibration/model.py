@@ -8,11 +8,11 @@ uncertain c_y, of variance V, lowers the expected w by V.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.api import DEG, Bool, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
+from workbench.api import DEG, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
 from workbench.plugins.calibration.observations import Group, Observations, Passes
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
@@ -70,10 +70,6 @@ class Linear:
     covariance: Shaped[Float, "k 3 3"]  # C_fit + H S H^T of each observation by itself
     by_pose: Shaped[Float, "k 3 6"]  # H: derivative by the errors of position (base) and orientation (flange)
     bent: Shaped[Float, " k"]  # standard deviation of w by the square of the error of c_y
-
-    def subset(self, keep: Bool) -> Linear:
-        """Of the observations marked in `keep` (k,)."""
-        return Linear(*(getattr(self, f.name)[keep] for f in fields(self)))
 
 
 def cross_matrix(v: Float) -> Float:

@@ -8,8 +8,6 @@ exchange (Fedorov, Theory of Optimal Experiments, 1972).
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -39,8 +37,10 @@ from workbench.plugins.calibration.circles import STEEP
 from workbench.plugins.calibration.model import POSE, Estimate, Noise, information, linearise, volume_weight
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.shared_errors import settled
+from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
+from workbench.plugins.table import csv_bytes
 
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
@@ -335,26 +335,9 @@ def _map(
 
 def _table(found: PosturePlan) -> Document:
     """`calibration_plan.csv`: a row a posture."""
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(
-        [
-            "posture",
-            "x_mm",
-            "y_mm",
-            "z_mm",
-            "qw",
-            "qx",
-            "qy",
-            "qz",
-            "sphere_x_mm",
-            "sphere_y_mm",
-            "sphere_z_mm",
-            "volume_u_after_mm",
-        ]
-    )
-    quaternion = quaternion_from_rotation(found.base_from_flange[:, :3, :3])
+    head = ["posture", *POSE_COLUMNS, "sphere_x_mm", "sphere_y_mm", "sphere_z_mm", "volume_u_after_mm"]
+    quaternion, rows = quaternion_from_rotation(found.base_from_flange[:, :3, :3]), []
     for i, pose in enumerate(found.base_from_flange):
         values = [*(f"{v:.3f}" for v in pose[:3, 3]), *(f"{v:.8f}" for v in quaternion[i])]
-        rows.writerow([i + 1, *values, *(f"{v:.2f}" for v in found.centre_mm[i]), f"{found.volume_u_mm[i + 1]:.4f}"])
-    return Document("calibration_plan.csv", out.getvalue().encode())
+        rows.append([i + 1, *values, *(f"{v:.2f}" for v in found.centre_mm[i]), f"{found.volume_u_mm[i + 1]:.4f}"])
+    return Document("calibration_plan.csv", csv_bytes(head, rows))

@@ -73,12 +73,8 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     found = [likely.along(WHOLE, own) for own in likely.owns()]
     log = np.concatenate([one.log for one in found])
     believed = log + np.concatenate([_prior_of_scans(WHOLE, one.own) for one in found])
-    weights = np.exp(believed - believed.max())
-    weights /= weights.sum()
     steps, covariances = (np.concatenate([getattr(one, name) for one in found]) for name in ("step", "covariance"))
-    mean = weights @ steps
-    spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
-    covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
+    weights, mean, covariance = _mixture(believed, steps, covariances)
     covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
     best = int(np.argmax(believed))
     whole, own = WHOLE[best % len(WHOLE)], found[best // len(WHOLE)].own
@@ -87,6 +83,15 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
     misfit = bool(np.hypot(whole, own) > 1.0 and log[best] > as_stated + CERTAIN)
     return Settled(fit, likely.noise(whole, own), misfit)
+
+
+def _mixture(log: Float, steps: Float, covariances: Float) -> tuple[Float, Float, Float]:
+    """Weights (g,), mean (P,) and covariance (P, P) of answers (g, P) with logarithms of their likelihood (g,)."""
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    mean = weights @ steps
+    spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
+    return weights, mean, np.einsum("g,gpq->pq", weights, covariances) + spread
 
 
 def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> float:
@@ -179,17 +184,8 @@ class _Likelihood:
         into[:, size, size - 1], into[:, size, size] = whole**2, np.sqrt(2.0) * whole**2
         into[:, size + 1 :, size + 1 :] = whole[:, None, None] * np.eye(6)
         by_scan, log_more = estimator.with_common(np.swapaxes(into, 1, 2)[:, None] @ joined @ into[:, None], 7)
-        normal = by_scan.sum(axis=1)  # (g, P + 1, P + 1)
-        pull = self._stated.radius_u_mm**-2
-        normal[:, SIZE - 1, SIZE - 1] += pull
-        normal[:, [SIZE - 1, -1], [-1, SIZE - 1]] += pull * self._off_mm
-        normal[:, -1, -1] += pull * self._off_mm**2
-        matrix, side = normal[:, :-1, :-1], normal[:, :-1, -1]
-        covariance = np.linalg.inv(matrix)
-        step = np.einsum("gpq,gq->gp", covariance, side)
-        left = normal[:, -1, -1] - np.sum(side * step, axis=1)
-        log = -0.5 * (left + np.linalg.slogdet(matrix)[1] + log_size + log_more.sum(axis=1))
-        return _Along(own, log, step, covariance)
+        log_size = log_size + log_more.sum(axis=1)
+        return _Along(own, *_answers(by_scan.sum(axis=1), log_size, self._stated, self._off_mm))
 
     def _weighted(self, own: float) -> tuple[Float, float]:
         """Products (s, c, c) of the columns J, r, square of c_y, errors of a pose, weighted by what frames have alone.
@@ -230,32 +226,28 @@ def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, floa
     estimate = result.estimate
     seen_mm = HIDDEN * matched(result, seen, noise)[1].pose_mm
     for _ in range(ROUNDS):
-        weights, steps, covariances, amplitudes = _over_grid(estimate, here, noise, seen_mm)
-        mean = weights @ steps
-        estimate = estimate.moved(mean)
-    spread = np.einsum("g,gp,gq->pq", weights, steps - mean, steps - mean)
-    covariance = np.einsum("g,gpq->pq", weights, covariances) + spread
-    return replace(result, estimate=estimate, covariance=covariance), float(np.sqrt(weights @ amplitudes**2))
+        step, covariance, amplitude_mm = _over_grid(estimate, here, noise, seen_mm)
+        estimate = estimate.moved(step)
+    return replace(result, estimate=estimate, covariance=covariance), amplitude_mm
 
 
-def _over_grid(
-    estimate: Estimate, here: Observations, noise: Noise, seen_mm: float
-) -> tuple[Float, Float, Float, Float]:
-    """Weights (g,) of the grid's points, Gauss-Newton steps (g, P), their covariances (g, P, P), amplitudes (g,)."""
-    linear = linearise(estimate, here, noise)
-    apart = _distances(here)
+def _over_grid(estimate: Estimate, here: Observations, noise: Noise, seen_mm: float) -> tuple[Float, Float, float]:
+    """Gauss-Newton step (P,), its covariance (P, P) and the RMS amplitude, mm, of the mixture over the grid."""
+    linear, apart = linearise(estimate, here, noise), _distances(here)
+    columns = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=2).reshape(-1, SIZE + 1)
     grid = [(a, length) for a in AMPLITUDES_MM for length in (LENGTHS_RAD if a > 0 else LENGTHS_RAD[:1])]
-    found = [_restricted(linear, noise, a**2 * np.exp(-0.5 * (apart / length) ** 2), estimate) for a, length in grid]
-    log = np.array([one[0] for one in found])
-    log += _prior_of_amplitude(np.array([max(a, AMPLITUDES_MM[1]) for a, _ in grid]), seen_mm)
+    amplitude, products, sizes = np.array([a for a, _ in grid]), [], []
+    for a, length in grid:
+        factor = np.linalg.cholesky(_covariance(linear, a**2 * np.exp(-0.5 * (apart / length) ** 2)))
+        white = np.linalg.solve(factor, columns)
+        products.append(white.T @ white)
+        sizes.append(2.0 * np.log(np.diagonal(factor)).sum())
+    off_mm = noise.radius_mm - estimate.radius_mm
+    log, steps, covariances = _answers(np.array(products), np.array(sizes), noise, off_mm)
+    log += _prior_of_amplitude(np.maximum(amplitude, AMPLITUDES_MM[1]), seen_mm)
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
-    weights = np.exp(log - log.max())
-    return (
-        weights / weights.sum(),
-        np.array([one[1] for one in found]),
-        np.array([one[2] for one in found]),
-        np.array([a for a, _ in grid]),
-    )
+    weights, mean, covariance = _mixture(log, steps, covariances)
+    return mean, covariance, float(np.sqrt(weights @ amplitude**2))
 
 
 def _prior_of_amplitude(amplitude: Float, seen_mm: float) -> Float:
@@ -267,21 +259,21 @@ def _prior_of_amplitude(amplitude: Float, seen_mm: float) -> Float:
     return np.asarray(np.log(amplitude) - np.log1p((amplitude / seen_mm) ** 2))
 
 
-def _restricted(linear: Linear, noise: Noise, kernel: Float, estimate: Estimate) -> tuple[float, Float, Float]:
-    """Restricted log-likelihood of one kernel (k, k), the step to its answer (P,) and the covariance (P, P)."""
-    L = np.linalg.cholesky(_covariance(linear, kernel))
-    white = np.linalg.solve(L, np.column_stack([linear.jacobian.reshape(-1, SIZE), linear.residual.reshape(-1)]))
-    J, r = white[:, :-1], white[:, -1]
-    pull = np.zeros(SIZE)
-    pull[SIZE - 1] = noise.radius_u_mm**-2
-    off = noise.radius_mm - estimate.radius_mm
-    information = J.T @ J + np.diag(pull)
-    side = J.T @ r + pull * off
-    covariance = np.linalg.inv(information)
-    step = covariance @ side
-    cost = r @ r + off**2 * pull[-1] - side @ step
-    log = -0.5 * (cost + np.linalg.slogdet(information)[1]) - np.log(np.diagonal(L)).sum()
-    return float(log), step, covariance
+def _answers(products: Float, log_size: Float, noise: Noise, off_mm: float) -> tuple[Float, Float, Float]:
+    """Restricted log-likelihood (g,), step (g, P) and covariance (g, P, P) of answers, the radius' prior included.
+
+    products (g, P + 1, P + 1): of the weighted columns J, r; log_size (g,): logarithm of their weights' determinant;
+    off_mm: from the estimate's radius to the stated one.
+    """
+    normal, pull = products.copy(), noise.radius_u_mm**-2
+    normal[:, SIZE - 1, SIZE - 1] += pull
+    normal[:, [SIZE - 1, -1], [-1, SIZE - 1]] += pull * off_mm
+    normal[:, -1, -1] += pull * off_mm**2
+    matrix, side = normal[:, :-1, :-1], normal[:, :-1, -1]
+    covariance = np.asarray(np.linalg.inv(matrix), float)
+    step: Float = np.einsum("gpq,gq->gp", covariance, side)
+    left = normal[:, -1, -1] - np.sum(side * step, axis=1)
+    return np.asarray(-0.5 * (left + np.linalg.slogdet(matrix)[1] + log_size)), step, covariance
 
 
 def _covariance(linear: Linear, kernel: Float) -> Float:

@@ -188,12 +188,8 @@ def _search(seen: Observations, noise: Noise, design: Float | None) -> list[Esti
 
 def _refine(starts: list[Estimate], seen: Observations, noise: Noise) -> list[Fit]:
     """Maximum likelihood from each start, the better first; the same answer once."""
-    kept: list[Fit] = []
-    for start in starts:
-        one = bundle.without_gross(start, seen, noise)
-        if not any(bundle.same(one.estimate, other.estimate, 1e-3, 1e-5) for other in kept):
-            kept.append(one)
-    return sorted(kept, key=_cost)
+    fits = (bundle.without_gross(start, seen, noise) for start in starts)
+    return sorted(bundle.distinct(fits, lambda one: one.estimate, 1e-3, 1e-5), key=_cost)
 
 
 def _with_free_radius(best: Fit, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:

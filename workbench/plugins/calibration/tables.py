@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def poses(table: Table) -> Float:
     return pose_from(rotation_from_quaternion(pose[:, 3:] / norm[:, None]), pose[:, :3])
 
 
-def check_misfit(found: Found, labels: estimator.Labels) -> None:
+def check_misfit(found: estimator.Fit[Any], labels: estimator.Labels) -> None:
     """Refuse rows of which too many lie too far from what fits them best for any to be called a blunder."""
     if found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT:
         raise estimator.contradictory(found.misfit, labels)
@@ -66,7 +66,7 @@ def enough(
     return good, f"{takes}: {'good enough' if good else f'not good enough, more than half of it; {else_}'}"
 
 
-def noisy(found: Found, what: str, ask: str) -> tuple[str, ...]:
+def noisy(found: estimator.Fit[Any], what: str, ask: str) -> tuple[str, ...]:
     """A warning where the residuals are larger than the stated noise, or smaller by far."""
     if found.freedom < estimator.LEAST_FREEDOM:
         return ()
@@ -119,15 +119,3 @@ def turned_noise(lever: Float, sigma_mm: float, sigma: float) -> Float:
     """Covariance (n, 3, 3) of points at the ends of levers (n, 3): of their place, and of an orientation (rad)."""
     across = (lever**2).sum(axis=1)[:, None, None] * np.eye(3) - lever[:, :, None] * lever[:, None, :]
     return np.asarray(sigma_mm**2 * np.eye(3) + sigma**2 * across)
-
-
-class Found(Protocol):
-    """A fit of some rows."""
-
-    @property
-    def misfit(self) -> float:
-        """Chi-square over degrees of freedom."""
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom."""

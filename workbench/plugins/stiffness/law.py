@@ -123,9 +123,8 @@ class Limits(NamedTuple):
 class Nodes(NamedTuple):
     """The nodes of n windows of a x t."""
 
-    cost: Shaped[Float, "n a t"]
+    cost: Shaped[Float, "n a t"]  # infinite where the node may not be used
     joints: Shaped[Float, "n a t m"]  # coordinates; angles, rad
-    free: Shaped[Bool, "n a t"]  # whether the node may be used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,8 +227,8 @@ COARSE, POINTS = 4, 8  # of how many nodes each way, and points, one is looked a
 
 def nodes(
     examiner: Examiner, configuration: int, rotation: Float, table: Float, which: Int | None = None
-) -> tuple[Float, Float, Bool]:
-    """Displacement (n, ...), joint and turntable angles (n, ..., 7) and whether each is feasible (n, ...).
+) -> tuple[Float, Float]:
+    """Displacement (n, ...), infinite where it is infeasible; joint and turntable angles (n, ..., 7).
 
     At all points of the path, or at those with indices `which` (n,).
     """
@@ -249,7 +248,7 @@ def nodes(
     cost = np.full(len(at), np.inf)
     cost[free] = examiner.cost(kept[free], alpha[free], at[free])
     seven = np.column_stack([joints, alpha]).reshape(*shape, 7)
-    return cost.reshape(shape), seven, free.reshape(shape)
+    return cost.reshape(shape), seven
 
 
 def window(examiner: Examiner, configuration: int, way: Int, grid: Grid) -> tuple[tuple[AnyArray, AnyArray], Nodes]:
@@ -264,8 +263,8 @@ def window(examiner: Examiner, configuration: int, way: Int, grid: Grid) -> tupl
     else:
         inside &= (rotation >= 0) & (rotation < counts[1])
     table, rotation = (np.clip(part, 0, c - 1) for part, c in zip((table, rotation), counts, strict=True))
-    cost, joints, free = nodes(examiner, configuration, grid.rotations[rotation], grid.tables[table])
-    return (table, rotation), Nodes(cost, joints, free & inside)
+    cost, joints = nodes(examiner, configuration, grid.rotations[rotation], grid.tables[table])
+    return (table, rotation), Nodes(np.where(inside, cost, np.inf), joints)
 
 
 def closed_off(examiner: Examiner, configuration: int, grid: Grid) -> Callable[[int], Bool]:
@@ -275,7 +274,8 @@ def closed_off(examiner: Examiner, configuration: int, grid: Grid) -> Callable[[
     table, rotation = np.meshgrid(grid.tables[at[0]], grid.rotations[at[1]], indexing="ij")
     looked = np.minimum(np.arange(POINTS // 2, n + POINTS // 2, POINTS), n - 1)
     looked[[0, -1]] = 0, n - 1  # where the program comes from and goes to counts
-    judged = [~nodes(examiner, configuration, rotation[None], table[None], np.array([i]))[2][0] for i in looked]
+    of = rotation[None], table[None]
+    judged = [~np.isfinite(nodes(examiner, configuration, *of, np.array([i]))[0][0]) for i in looked]
     return lambda i: judged[i // POINTS].repeat(COARSE, axis=0).repeat(COARSE, axis=1)[: shape[0], : shape[1]]
 
 
@@ -357,14 +357,14 @@ def best_law(
         bands: (2,) largest step along a and t, in nodes.
         restless: cost of a step, times its size in nodes squared.
     """
-    cost, joints, free = windows
+    cost, joints = windows
     speed, acceleration, most_step = limits
     n, rows, columns, m = joints.shape
     e_most, d_most = 2 * bands[0] + 1, 2 * bands[1] + 1
     value, fresh = np.full((rows, columns, e_most, d_most), np.inf), np.full((rows, columns, e_most, d_most), np.inf)
     came = np.full((n, rows, columns, e_most, d_most), -1, np.int16)
     before, now = np.zeros((rows, columns, e_most, d_most, m)), np.zeros((rows, columns, e_most, d_most, m))
-    _enter(value[:, :, bands[0], bands[1]], cost[0], free[0])
+    value[:, :, bands[0], bands[1]] = cost[0]
     for i in range(1, n):
         fresh[:] = np.inf
         for a in range(rows):
@@ -374,7 +374,7 @@ def best_law(
                 for e in range(e_most):
                     for d in range(d_most):
                         to_a, to_t = a + e - bands[0] - shift[i, 0], t + d - bands[1] - shift[i, 1]
-                        if not (0 <= to_a < rows and 0 <= to_t < columns) or not free[i, to_a, to_t]:
+                        if not (0 <= to_a < rows and 0 <= to_t < columns) or cost[i, to_a, to_t] == np.inf:
                             continue
                         rests = e == bands[0] and d == bands[1]
                         allowed = _moves(
@@ -405,15 +405,6 @@ def best_law(
         value, fresh = fresh, value
         before, now = now, before
     return _traced(value, came, shift, bands)
-
-
-@kernel
-def _enter(value: AnyArray, cost: AnyArray, free: AnyArray) -> None:
-    """The way may begin in every free node (a, t) of the first window."""
-    for a in range(value.shape[0]):
-        for t in range(value.shape[1]):
-            if free[a, t]:
-                value[a, t] = cost[a, t]
 
 
 @kernel

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -59,6 +59,9 @@ Unknown = Number | None
 UnknownU = NotNegative | None
 
 
+HEAD = ("format", "version")
+
+
 class Row(BaseModel):
     """A part of a file; further keys are kept."""
 
@@ -79,8 +82,13 @@ class ResultFile(Row):
 
     @classmethod
     def written(cls, content: Mapping[str, Any]) -> bytes:
-        """The file's bytes: strict JSON that this model accepts. ValidationError: a defect of the caller."""
-        made = strict_json(dict(content))
+        """The file's bytes: strict JSON that this model accepts, its format and version first.
+
+        Raises:
+            ValidationError: a defect of the caller.
+        """
+        named = {name: get_args(cls.model_fields[name].annotation) for name in HEAD if name in cls.model_fields}
+        made = strict_json({**{name: value for name, (value,) in named.items()}, **content})
         cls.model_validate_json(made)
         return made
 

@@ -708,8 +708,6 @@ def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
 
     return ScanPlanFile.written(
         {
-            "format": "scan-plan",
-            "version": 1,
             "frame": "base",
             "edge": made.edge.source,
             "thickness_mm": made.joint.thickness_mm,

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -40,7 +39,7 @@ from workbench.api import (
 from workbench.plugins.calibration import circles
 from workbench.plugins.calibration import robot as robot_stage
 from workbench.plugins.calibration import tracker as tracker_stage
-from workbench.plugins.calibration.arm_errors import _exponential, corrected, pose_derivatives
+from workbench.plugins.calibration.arm_errors import corrected, pose_derivatives
 from workbench.plugins.calibration.model import Estimate, Noise, View
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import as_flange_errors, together
@@ -64,10 +63,6 @@ def test_the_chain_with_errors_is_the_product_of_exponentials() -> None:
         turn = vector_from_rotation(np.swapaxes(minus[:, :3, :3], 1, 2) @ plus[:, :3, :3])
         numeric = np.concatenate([(plus - minus)[:, :3, 3], turn], axis=1) / (2 * step[p])
         np.testing.assert_allclose(by_errors[:, :, p], numeric, rtol=1e-4, atol=1e-3)
-    twist = np.array([300.0, -20.0, 50.0, 0.3, 0.2, -0.5])
-    matrix = np.zeros((4, 4))
-    matrix[:3, :3], matrix[:3, 3] = np.cross(np.eye(3), twist[3:]), twist[:3]
-    np.testing.assert_allclose(_exponential(twist), expm(matrix), atol=1e-10)
 
 
 def changed_readings(folder: Path, change: Any) -> Path:

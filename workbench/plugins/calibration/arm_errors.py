@@ -92,11 +92,13 @@ NO_ERRORS = ArmErrors((), np.zeros(0, np.int64), np.zeros((0, 6)), np.zeros(0), 
 
 def corrected(chain: Chain, errors: ArmErrors, x: Float) -> tuple[Chain, ArmErrors]:
     """The chain with its errors `x` (P,), and the errors as they then act: more of each on top of those."""
+    import pinocchio as pin
+
     moved = np.eye(4)
     axes, points, twist = chain.axes.copy(), chain.points_mm.copy(), errors.twist.copy()
     for k in range(6):
         for p in np.flatnonzero(errors.before == k):
-            moved = moved @ _exponential(errors.twist[p] * x[p])
+            moved = moved @ pin.exp6(errors.twist[p] * x[p]).homogeneous
             turn = moved[:3, :3] @ errors.twist[p, 3:]
             twist[p] = np.concatenate([moved[:3, :3] @ errors.twist[p, :3] + np.cross(moved[:3, 3], turn), turn])
         axes[k] = moved[:3, :3] @ chain.axes[k]
@@ -164,13 +166,6 @@ def _words(way: Float) -> str:
     )
 
 
-def _exponential(twist: Float) -> Float:
-    """Rigid motion (4, 4) of a twist."""
-    import pinocchio as pin
-
-    return np.asarray(pin.exp6(twist).homogeneous)
-
-
 def arm_document(arm: ArmErrors, values: Float, covariance: Float, more: dict[str, Any]) -> dict[str, Any]:
     """The content of robot.json; `more`: what else the stage found."""
     u = np.sqrt(np.diagonal(covariance))
@@ -185,8 +180,6 @@ def arm_document(arm: ArmErrors, values: Float, covariance: Float, more: dict[st
         for k, name in enumerate(arm.names)
     ]
     return {
-        "format": "robot-calibration",
-        "version": 1,
         "frame": "base",
         "parameters": parameters,
         "covariance": covariance,  # of their values, mm and rad

@@ -270,6 +270,9 @@ def _calibration(
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
     pose = pose_from(estimate.rotation, estimate.translation_mm)
+    centre, before = bundle.signed_centres(estimate, linear, seen), estimate
+    if (design := recording.flange_from_profiler) is not None:
+        before = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
     off = bundle.left_out(result, seen, noise)
     offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
@@ -297,9 +300,9 @@ def _calibration(
         time_offset_s=estimate.offset_s if answer.with_offset else None,
         time_offset_u_s=offset_u,
         frames=seen.frames,
-        centre_mm=bundle.signed_centres(estimate, linear, seen),
-        center_base_before_mm=_before(recording.flange_from_profiler, estimate, linear, seen),
-        center_base_mm=bundle.to_base(bundle.signed_centres(estimate, linear, seen), estimate, seen),
+        centre_mm=centre,
+        center_base_before_mm=bundle.to_base(centre * (np.nan if design is None else 1.0), before, seen),
+        center_base_mm=bundle.to_base(centre, estimate, seen),
         residual=linear.residual,
         distance=np.sqrt(off),
         used=result.used,
@@ -312,15 +315,6 @@ def _calibration(
         verdict=verdict[1],
         warnings=warnings(result, answer, sized.scales, profiles, stated, systematic_mm, method),
     )
-
-
-def _before(design: Float | None, estimate: Estimate, linear: Linear, seen: Observations) -> Float:
-    """Sphere centres (k, 3) in the base by the design's hand-eye pose; NaN without one."""
-    centre = bundle.signed_centres(estimate, linear, seen)
-    if design is None:
-        return np.full_like(centre, np.nan)
-    start = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
-    return bundle.to_base(centre, start, seen)
 
 
 def _point_rms(

@@ -111,11 +111,13 @@ def hand_eye_faces(
     search_s = clock_search_s if recording.clock == "own" else 0.0
     part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
     where = f"{recording.source}: /robot"
-    fits = answers(part, recording.flange_from_profiler, _offsets(search_s))
+    offsets = np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
+    fits = answers(part, recording.flange_from_profiler, offsets)
     best, left_out = _without_gross(part, estimator.fit(part, fits[0].at))
     _check_alone(fits, recording.flange_from_profiler, where)
     check_misfit(best, estimator.Labels(where, (), ask="is the part fixed and flat, and are the poses the flange's?"))
-    view = view_of_points(*_in_view(marks), np.array([[*part.middle_mm, 0.0]]))
+    x_mm, z_mm = marks.point_mm.reshape(-1, 2).T
+    view = view_of_points(x_mm, z_mm, np.array([[*part.middle_mm, 0.0]]))
     demand, covariance = Demand(view, max_u_mm, where), best.covariance
     placed = part.placed(best.at.pose.offset_s)
     between = np.insert(part.marks.point_mm.mean(axis=1), 1, 0.0, axis=1)
@@ -164,10 +166,6 @@ def _joined(
     return part, frames
 
 
-def _offsets(search_s: float) -> Float:
-    return np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
-
-
 def _without_gross(part: Part, first: estimator.Fit[At]) -> tuple[estimator.Fit[At], list[int]]:
     """The fit without what all others contradict, the farthest first; and which these are."""
     best = first
@@ -195,10 +193,6 @@ def _check_alone(fits: list[estimator.Fit[At]], design: Float | None, where: str
         shift = np.linalg.norm(rivals[0].translation_mm - rivals[1].translation_mm)
         said = f"two hand-eye poses, {shift:.1f} mm apart, explain the profiles equally: turn the flange about two axes"
         raise InputError(where, f"{said}, and give the design's pose (/hand_eye)")
-
-
-def _in_view(marks: Marks) -> tuple[Float, Float]:
-    return marks.point_mm[..., 0].ravel(), marks.point_mm[..., 1].ravel()
 
 
 def _results(

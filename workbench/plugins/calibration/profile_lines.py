@@ -36,6 +36,17 @@ class _Line(NamedTuple):
     variance: float  # of the middle across the line
     rms_mm: float
 
+    @property
+    def ends(self) -> Float:
+        """Two points (2, 2) that tell the line, one standard deviation from its middle."""
+        return self.middle + np.outer([-1.0, 1.0], self.spread_mm * self.direction)
+
+    @property
+    def covariance(self) -> Float:
+        """Of either point (2, 2): their errors across the line are independent, each twice the middle's."""
+        normal = np.array([-self.direction[1], self.direction[0]])
+        return np.asarray(2.0 * self.variance * np.outer(normal, normal))
+
 
 def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: float) -> Marks:
     """What every frame shows of the target; frames that do not show it are rejected with the cause."""
@@ -53,24 +64,14 @@ def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: f
             if isinstance(lines, str):
                 rejected.append(Rejected(frame, lines))
                 continue
-            found = np.concatenate([[one.middle - s, one.middle + s] for one in lines for s in [_reach(one)]])
-            spread = np.concatenate([[_across(one)] * 2 for one in lines])
+            found = np.concatenate([one.ends for one in lines])
+            spread = np.concatenate([[one.covariance] * 2 for one in lines])
             off = float(np.sqrt(np.mean([one.rms_mm**2 for one in lines])))
         frames.append(frame)
         points.append(found)
         covariance.append(spread)
         rms.append(off)
     return Marks(np.array(frames, int), np.array(points), np.array(covariance), np.array(rms), tuple(rejected))
-
-
-def _reach(line: _Line) -> Float:
-    return line.spread_mm * line.direction
-
-
-def _across(line: _Line) -> Float:
-    """Covariance (2, 2) of either point: their errors across the line are independent, each twice the middle's."""
-    normal = np.array([-line.direction[1], line.direction[0]])
-    return np.asarray(2.0 * line.variance * np.outer(normal, normal))
 
 
 def _lines(xz: Float, count: int, noise_mm: float, corner_mm: float) -> list[_Line] | str:

@@ -158,8 +158,6 @@ def tcp(
     warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(place, names)
     who = UNKNOWN_PART.with_names(part)
     document = {
-        "format": "tool-calibration",
-        "version": 1,
         "part": asdict(who),
         "frame": "flange",
         "points": [

@@ -206,8 +206,6 @@ def turntable(
         )
     who = UNKNOWN_PART.with_names(part)
     document = {
-        "format": "turntable-calibration",
-        "version": 1,
         "part": asdict(who),
         "frame": "base",
         "base_from_turntable": pose_from(axis.frame.T, axis.point_mm),

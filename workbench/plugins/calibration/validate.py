@@ -13,7 +13,6 @@ from workbench.api import (
     Document,
     Float,
     InputError,
-    Int,
     Part,
     Recording,
     Shaped,
@@ -48,7 +47,7 @@ class HeldOut:
 
 def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, source: str) -> tuple[str, HeldOut]:
     """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
-    passes = _passes(seen)
+    passes = [*seen.still[:, None], *(scan.rows for scan in seen.scans)]  # each posture, each scan
     count = len(passes)
     parts = min(folds, count) if folds > 1 else count
     if count - math.ceil(count / parts) < MIN_POSTURES:
@@ -78,11 +77,6 @@ def _predicted(fitted: Fit, out: Observations, noise: Noise) -> tuple[Float, Flo
     chi2 = joined[-1, -1] - side @ np.linalg.solve(np.linalg.inv(spread) + matrix, side)  # Woodbury's identity
     covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
     return rows.residual, covariance, linearise(fitted.estimate, out, noise).centre[:, 1], float(chi2)
-
-
-def _passes(seen: Observations) -> list[Int]:
-    """Rows of each posture held still, and of each scan: what is held out together."""
-    return [*seen.still[:, None], *(scan.rows for scan in seen.scans)]
 
 
 def second_recording(

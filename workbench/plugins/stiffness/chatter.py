@@ -21,7 +21,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
-from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, fastest_hz, speeds
+from workbench.plugins.stiffness.milling_choice import Bounds, Chosen, choose, speeds
 from workbench.plugins.stiffness.predict import base_from_point
 from workbench.plugins.stiffness.stability import Dynamics
 from workbench.plugins.stiffness.values import CuttingProcess, MillingForce, PathStability, RobotModes
@@ -112,7 +112,7 @@ def chatter(
 
 def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> Float:
     """Speeds, and limits up and down (3, s), of one point."""
-    every = speeds(cut.rpm, change, cut.cutter.flutes, fastest_hz(dynamics))
+    every = speeds(cut.rpm, change, cut.cutter.flutes, dynamics.fastest_hz)
     rows = [
         [rpm, *(judged_limits(dynamics, replace(cut, rpm=float(rpm)), way, largest_mm)[0] for way in (0, 1))]
         for rpm in every
@@ -171,8 +171,6 @@ def _document(page: _Page) -> bytes:
     }
     return ChatterFile.written(
         {
-            "format": "chatter",
-            "version": 1,
             "part": asdict(page.toolpath.part),
             "spindle_rpm": found.spindle_rpm,
             "coefficients": page.process.coefficients.source,

@@ -404,8 +404,6 @@ def _document(found: Identified) -> bytes:
     chosen = found.chosen
     return CoefficientsFile.written(
         {
-            "format": "cutting-coefficients",
-            "version": 1,
             "material": found.material,
             "tool": found.tool,
             "cutter_diameter_mm": found.cut.cutter.diameter_mm,

@@ -86,11 +86,6 @@ def speeds(rpm: float, change: float, flutes: int, fastest_hz: float) -> Float:
     return np.asarray(rpm * np.linspace(1 - change, 1 + change, count))
 
 
-def fastest_hz(dynamics: Dynamics) -> float:
-    """The highest frequency of any place."""
-    return float(np.sqrt(np.abs(np.linalg.eigvals(dynamics.stiffness)).max()) / (2 * np.pi))
-
-
 def mean_load(cuts: Cuts, cut: Milling, chip_mm: Float, axial_mm: Float) -> tuple[Float, Float]:
     """Mean force (m, 3), N, in the points' axes and torque (m,), Nm, of an even cutter with chips along a path (m,)."""
     means = mean_matrices(cuts.cutter, cut.entry, cut.exit, chip_mm) @ cuts.process.coefficients.values
@@ -103,7 +98,7 @@ def choose(
     """Of each direction the option of least time that keeps all bounds, at places (m,) of a path with their layers."""
     planned_s = toolpath.time_s
     count = len(toolpath.layers)
-    every = speeds(cuts.rpm, bounds.speed_change, cuts.cutter.flutes, fastest_hz(dynamics))
+    every = speeds(cuts.rpm, bounds.speed_change, cuts.cutter.flutes, dynamics.fastest_hz)
     best: dict[str, Option | None] = dict.fromkeys(DIRECTIONS)
     faster = {way: Counter[str]() for way in DIRECTIONS}
     pairs = sorted(product(range(1, bounds.most_layers + 1), every), key=lambda pair: (pair[0] / pair[1], pair[0]))

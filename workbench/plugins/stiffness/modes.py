@@ -245,8 +245,6 @@ def _document(found: RobotModes, shown: Dynamics, who: dict[str, object], joints
     frequency, ratio = swings(shown)
     return ModesFile.written(
         {
-            "format": "robot-modes",
-            "version": 1,
             "part": who,
             "joint_stiffness_nm_per_rad": found.nm_per_rad,
             "link_masses_kg": found.bodies.mass_kg,

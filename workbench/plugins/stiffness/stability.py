@@ -47,6 +47,11 @@ class Dynamics(NamedTuple):
         """One place."""
         return Dynamics(*(part[index : index + 1] for part in self))
 
+    @property
+    def fastest_hz(self) -> float:
+        """The highest frequency of any place."""
+        return float(np.sqrt(np.abs(np.linalg.eigvals(self.stiffness)).max()) / (2 * np.pi))
+
 
 class Milling(NamedTuple):
     """How a tooth meets the material."""
@@ -110,9 +115,7 @@ def directions(cut: Milling, depth_mm: Float, steps: int) -> Float:
     return np.asarray(np.diff(upto, axis=3).sum(axis=0).mean(axis=1) * steps / pitch)
 
 
-def limits(
-    dynamics: Dynamics, cut: Milling, largest_mm: float, start_mm: Float | None = None, steps: int | None = None
-) -> Float:
+def limits(dynamics: Dynamics, cut: Milling, largest_mm: float, start_mm: Float | None = None) -> Float:
     """Least depth (k,) at which the cut is unstable, mm, to 0.3 %; infinite where none is up to `largest_mm`.
 
     Args:
@@ -120,12 +123,11 @@ def limits(
         cut: the same at all.
         largest_mm: that is looked at.
         start_mm: (k,) from which the search begins; None: a hundredth of the largest. Stable depths below it are told.
-        steps: of a tooth's period; None: as the modes ask for.
     """
     first = np.full(len(dynamics.shape), largest_mm / 100) if start_mm is None else np.maximum(start_mm, 1e-6)
     found = np.full(len(dynamics.shape), np.inf)
     for k, low in enumerate(first):
-        one = Judge(dynamics.at(k), cut, steps)
+        one = Judge(dynamics.at(k), cut)
         count = max(int(np.ceil(np.log(largest_mm / low) / np.log(RATIO))), 1)
         depth = np.geomspace(low, largest_mm, count + 1) if low < largest_mm else np.array([largest_mm])
         found[k] = _least(one, depth)
@@ -155,8 +157,7 @@ class Judge:
     """Spectral radius of the map over one tooth's period, for one place."""
 
     def __init__(self, dynamics: Dynamics, cut: Milling, steps: int | None = None) -> None:
-        fastest = float(np.sqrt(np.abs(np.linalg.eigvals(dynamics.stiffness[0])).max())) / (2 * np.pi)
-        self.cut, self.steps = cut, steps or max(STEPS, int(np.ceil(PER_SWING * fastest * cut.period_s)))
+        self.cut, self.steps = cut, steps or max(STEPS, int(np.ceil(PER_SWING * dynamics.fastest_hz * cut.period_s)))
         n, step = dynamics.shape.shape[2], cut.period_s / self.steps
         whole = np.zeros((2 * n + 6, 2 * n + 6))  # q, q' in periods, force, slope of the force
         whole[:n, n : 2 * n] = np.eye(n) / cut.period_s

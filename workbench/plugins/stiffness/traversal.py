@@ -275,7 +275,7 @@ class Examiner:
         if not inside[0]:
             return joints[0], LIMIT, -1
         poor = self.poor(joints)[0]
-        if _swings(joints, np.ones(len(rotation) - 1, bool))[0] or (poor == SINGULAR).any():
+        if (np.abs(np.diff(joints[0], axis=0)) > MOST_STEP).any() or (poor == SINGULAR).any():
             return joints[0], SINGULAR, -1
         if (poor == LIMIT).any():
             return joints[0], LIMIT, -1
@@ -376,12 +376,6 @@ class Examiner:
         condition *= 1 + STEEPEST * condition * written.sum(axis=1)
         said[(wrist < margins.wrist + written[:, 4]) | (condition > margins.condition)] = SINGULAR
         return np.asarray(said.reshape(joints.shape[:-1]))
-
-
-def _swings(joints: Float, neighbours: Bool) -> Bool:
-    """Whether a joint moves too far between neighbouring points, on each path (c, p, 6)."""
-    steps = np.abs(np.diff(joints, axis=1)).max(axis=2, initial=0.0)
-    return np.asarray((steps[:, neighbours] > MOST_STEP).any(axis=1))
 
 
 def _is_chord(there: Float) -> bool:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.robot import Cell
 from workbench.robot.cell import ON_TURNTABLE, Shape
+from workbench.robot.collision import borne_doubtfully
 from workbench.units import Bool, Float, Int
 
 STEP_MM, STEP_DEG = 0.5, 0.2
@@ -200,7 +201,9 @@ class Outsider:
             on_arm = link < ON_TURNTABLE
             own = links[:, link] @ np.linalg.inv(self.at_zero[link]) if on_arm else standing[ON_TURNTABLE - 1 - link]
             poses[:, s] = own @ shape.pose
-        pairs = [(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes)) if self._may_hit(cell, a, b)]
+        told = {pair for pair, text in borne_doubtfully(cell).items() if text in cell.unchecked}  # not driven
+        every = {(a, b) for a in range(len(shapes)) for b in range(a + 1, len(shapes))} - told
+        pairs = [two for two in sorted(every) if self._may_hit(cell, *two)]
         around = np.array([np.linalg.norm(_half(shape)) for shape in shapes])
         first = TOGETHER * (np.arange(len(joints)) // TOGETHER)  # bounds hold at one place in eight
         away = np.linalg.norm(poses[..., :3, 3] - poses[first, :, :3, 3], axis=2)
@@ -214,13 +217,9 @@ class Outsider:
         """Whether an axis moves two shapes against each other, and not by turning one of them within itself.
 
         Links that share a joint meet at it. An axis' own body is borne where it meets what carries it all around, as
-        deep along the axis everywhere, or where one of the two is round about it. What a cell tells as unchecked is
-        not driven.
+        deep along the axis everywhere, or where one of the two is round about it.
         """
         one, other = cell.shapes[a], cell.shapes[b]
-        told = tuple(f"collision of {x} and {y}:" for x, y in ((one.body, other.body), (other.body, one.body)))
-        if any(text.startswith(told) for text in cell.unchecked):
-            return False
         between = _under(one, len(cell.axes)) ^ _under(other, len(cell.axes))
         if len(between) != 1:
             return bool(between)

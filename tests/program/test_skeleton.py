@@ -397,7 +397,11 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
         ("kuka", {"before": ["halt"]}, "a name that has no meaning to KUKA yet, found 'halt'"),
         ("kuka", {"mechanical_unit": "STN1"}, "mechanical_unit: expected null for KUKA"),
         ("fanuc", {"coolant_signal": "doCoolant"}, "coolant_signal: expected one of a signal's numbers for FANUC"),
-        ("ur", {"home": {"joints_deg": HOME, "controller_name": "jHome"}}, "controller_name: expected null for UR"),
+        (
+            "ur",
+            {"home": {"joints_deg": HOME, "controller_name": "jHome"}},
+            "controller_name: expected null, since programs say home themselves",
+        ),
         ("fanuc", {"home": {"joints_deg": HOME, "controller_name": "PR[99]"}}, "a position register PR"),
         ("yaskawa", {"home": {"joints_deg": HOME, "controller_name": "PR[1]"}}, "a position variable, P000 to P99999"),
         ("yaskawa", {"coolant_signal": "doCoolant"}, "expected one of a signal's numbers for Yaskawa"),

@@ -11,7 +11,7 @@ import pytest
 from workbench.artefacts import Judgement, ProgramMove
 from workbench.robot import Cell, CollisionModel, inverse_kinematics, read_cell
 from workbench.robot.judge import judge
-from workbench.robot.process import refusal
+from workbench.robot.refusal import refusal
 
 from .conftest import plainly
 from .programs import START, driven, outsiders_least, program, shifted, start_pose, to

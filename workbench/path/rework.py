@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -18,7 +18,6 @@ from workbench.path.feed import feed
 from workbench.path.obstacles import LEAST_CUT_MM, Lift, sections_of
 from workbench.path.plan import (
     Air,
-    Plan,
     Scanned,
     cut_stretches,
     key_points,
@@ -194,18 +193,7 @@ def _path(
     plan = make_plan(Scanned(edge, cloud, table), course, bevel, before.cutter, air, before.v_slow_mm_s, leave)
     good = np.isfinite(excess.height_mm)
     stock = np.interp(s, edge.arc_length_mm[good], excess.height_mm[good])
-    plan = Plan(
-        course,
-        bevel,
-        stock,
-        plan.outward,
-        plan.quaternion_wxyz,
-        plan.lifts,
-        plan.clear_mm,
-        air,
-        plan.length_mm,
-        plan.v_slow_mm_s,
-    )
+    plan = replace(plan, stock_mm=stock)
     down = make_layer(plan, 1, 0.0).cutting
     if not down.any():
         raise InputError("edge", "what fails lies beside clamps or was not measured: the cutter cannot reach it")

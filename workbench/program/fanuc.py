@@ -31,7 +31,7 @@ from workbench.errors import InputError
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file, one_or_all
-from workbench.program.skeleton import SWITCHED, Numbered, check_words, limited
+from workbench.program.skeleton import SWITCHED, Numbered, check_words, limited, numbered
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
@@ -137,14 +137,8 @@ class Fanuc(Numbered):
                 "program.write",
                 f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
             )
-        process = self.cell.process
-        if process is None:
-            return
-        check_words(self.cell, process, "FANUC", signals="numbers")
-        home = process.home.controller_name
-        if home is not None and (not re.fullmatch(r"PR\[\d+\]", home) or home == f"PR[{REGISTER}]"):
-            where = f"{self.cell.source}: $.process.home.controller_name"
-            raise InputError(where, f"expected a position register PR[n] but {REGISTER} for FANUC, found {home!r}")
+        register = rf"PR\[(?!{REGISTER}\])\d+\]", f"a position register PR[n] but {REGISTER}"
+        check_words(self.cell, "FANUC", signals="numbers", home=register)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
         """Seconds in hundredths; a label has a number; other programs' names are in capitals."""
@@ -177,13 +171,11 @@ class Fanuc(Numbered):
     @functools.cached_property
     def frame(self) -> tuple[int, int]:
         """Numbers of the user frame and of the tool."""
-        return self._number("UFRAME", self.job.work_object_name), self._number("UTOOL", self.job.tool_name)
-
-    def _number(self, what: str, name: str | None) -> int:
-        found = re.fullmatch(rf"{what}\[(\d+)\]", f"{what}[{DECLARED}]" if name is None else name)
-        if found is None:
-            raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for FANUC, found {name!r}")
-        return int(found[1])
+        named = ("work_object", "UFRAME", self.job.work_object_name), ("tool", "UTOOL", self.job.tool_name)
+        frame, tool = (
+            DECLARED if name is None else numbered(self.cell, "FANUC", part, kind, name) for part, kind, name in named
+        )
+        return frame, tool
 
     def head(self) -> Iterator[str]:
         """Remarks; frame and tool, as far as the program declares them; their numbers."""

@@ -31,7 +31,7 @@ from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file
-from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, limited
+from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, limited, numbered
 from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
@@ -122,14 +122,8 @@ class Inform(Numbered):
                 f"expected at most {MOST_POSITIONS} positions in a job for Yaskawa, found {self._count}: larger "
                 "tolerances of path.simplify make fewer",
             )
-        process = self.cell.process
-        if process is None:
-            return
-        check_words(self.cell, process, "Yaskawa", signals="numbers")
-        home = process.home.controller_name
-        if home is not None and not re.fullmatch(r"P\d{3,5}", home):
-            where = f"{self.cell.source}: $.process.home.controller_name"
-            raise InputError(where, f"expected a position variable, P000 to P99999, for Yaskawa, found {home!r}")
+        variable = r"P\d{3,5}", "a position variable, P000 to P99999,"
+        check_words(self.cell, "Yaskawa", signals="numbers", home=variable)
 
     @functools.cached_property
     def tool(self) -> int:
@@ -139,20 +133,13 @@ class Inform(Numbered):
                 f"{self.cell.source}: $.tool.controller_name",
                 "expected TOOL[n], the number of the tool as measured on Yaskawa's controller: its jobs declare none",
             )
-        return self._number("TOOL", self.job.tool_name, "tool")
+        return numbered(self.cell, "Yaskawa", "tool", "TOOL", self.job.tool_name, "{1,2}")
 
     @functools.cached_property
     def frame(self) -> int | None:
         """Number of the user frame on the controller; None: the robot's own frame."""
         name = self.job.work_object_name
-        return None if name is None else self._number("USER", name, "work_object")
-
-    def _number(self, what: str, name: str, part: str) -> int:
-        found = re.fullmatch(rf"{what}\[(\d{{1,2}})\]", name)
-        if found is None:
-            where = f"{self.cell.source}: $.{part}.controller_name"
-            raise InputError(where, f"expected {what}[n] for Yaskawa, found {name!r}")
-        return int(found[1])
+        return None if name is None else numbered(self.cell, "Yaskawa", "work_object", "USER", name, "{1,2}")
 
     @functools.cached_property
     def arm(self) -> Arm:

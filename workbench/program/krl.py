@@ -21,11 +21,10 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
 from workbench.dialect import rounded_feeds
-from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import NAME, NUMBER, Language, reading, row
 from workbench.program.reading import Reading, euler_pose, numbers_in, one_file, one_or_all
-from workbench.program.skeleton import SWITCHED, CellDialect, check_words, limited
+from workbench.program.skeleton import SWITCHED, CellDialect, check_words, limited, numbered
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
@@ -96,11 +95,11 @@ class Krl(CellDialect):
 
     def __post_init__(self) -> None:
         """Refuse names that are none of the controller's."""
-        for what, name in (("TOOL_DATA", self.job.tool_name), ("BASE_DATA", self.job.work_object_name)):
-            if name is not None and not re.fullmatch(rf"{what}\[\d+\]", name):
-                raise InputError(f"{self.cell.source}: controller_name", f"expected {what}[n] for KUKA, found {name!r}")
-        if self.cell.process is not None:
-            check_words(self.cell, self.cell.process, "KUKA", signals="both")
+        named = ("tool", "TOOL_DATA", self.job.tool_name), ("work_object", "BASE_DATA", self.job.work_object_name)
+        for part, kind, name in named:
+            if name is not None:
+                numbered(self.cell, "KUKA", part, kind, name)
+        check_words(self.cell, "KUKA", signals="both")
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
         """A signal by its number, or by the name that the controller has declared (SIGNAL)."""

@@ -164,7 +164,7 @@ class Rapid(CellDialect):
                 free_name(name)
             except ValueError as error:
                 raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
-        check_words(self.cell, process, "ABB", signals="names", units=True)
+        check_words(self.cell, "ABB", signals="names", units=True)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
         """A longest wait stops the program; feed limits are two numbers."""

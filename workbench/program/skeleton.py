@@ -11,6 +11,7 @@ Events follow moves that reach their target only: controllers run ahead of moves
 from __future__ import annotations
 
 import functools
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -276,16 +277,30 @@ def limited(feed_mm_s: Float, cell: Cell) -> Float:
     return feed_mm_s if feed is None else np.minimum(feed_mm_s * feed.override_percent / 100, feed.most_mm_s)
 
 
-def check_words(cell: Cell, process: ProcessPart, what: str, *, signals: str, units: bool = False) -> None:
+def numbered(cell: Cell, what: str, part: str, kind: str, name: str, digits: str = "+") -> int:
+    """The number in the controller's name of a tool or frame: 3 of UTOOL[3]; `part` of the cell file has it."""
+    found = re.fullmatch(rf"{kind}\[(\d{digits})\]", name)
+    if found is None:
+        where = f"{cell.source}: $.{part}.controller_name"
+        raise InputError(where, f"expected {kind}[n] for {what}, found {name!r}")
+    return int(found[1])
+
+
+def check_words(
+    cell: Cell, what: str, *, signals: str, units: bool = False, home: tuple[str, str] = (".*", "")
+) -> None:
     """Refuse what a maker's programs cannot name.
 
     Args:
-        cell: whose file it is.
-        process: of it.
+        cell: whose process it is; without one there is nothing to refuse.
         what: the controller, for messages.
         signals: 'names', 'numbers', or 'both'.
         units: whether programs activate mechanical units.
+        home: pattern of its name on the controller, and in words what is expected.
     """
+    process = cell.process
+    if process is None:
+        return
     spindle = process.spindle
     where = f"{cell.source}: $.process"
     named = {"coolant_signal": process.coolant_signal}
@@ -298,6 +313,9 @@ def check_words(cell: Cell, process: ProcessPart, what: str, *, signals: str, un
     for name in (*process.before, *process.after, *(one for one in named.values() if isinstance(one, str))):
         if name.lower() in RESERVED or NUMBERED.fullmatch(name):
             raise InputError(where, f"expected a name that has no meaning to {what} yet, found {name!r}")
+    known = process.home.controller_name
+    if known is not None and not re.fullmatch(home[0], known):
+        raise InputError(f"{where}.home.controller_name", f"expected {home[1]} for {what}, found {known!r}")
     if process.mechanical_unit and not units:
         raise InputError(f"{where}.mechanical_unit", f"expected null for {what}: its programs activate no unit")
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
 from workbench.dialect import rounded_feeds
-from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
 from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading, one_file
@@ -76,15 +75,7 @@ class UrScript(CellDialect):
     def __post_init__(self) -> None:
         """Refuse what the controller cannot do."""
         check_standing_turntable(self.job, self.cell, "controllers of Universal Robots drive no external axis")
-        process = self.cell.process
-        if process is None:
-            return
-        check_words(self.cell, process, "UR", signals="numbers")
-        if process.home.controller_name is not None:
-            where = f"{self.cell.source}: $.process.home.controller_name"
-            raise InputError(
-                where, f"expected null for UR: programs say home themselves, found {process.home.controller_name!r}"
-            )
+        check_words(self.cell, "UR", signals="numbers", home=("(?!)", "null, since programs say home themselves,"))
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
         """A stop asks."""

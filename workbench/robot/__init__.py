@@ -32,8 +32,9 @@ from workbench.robot.kinematics import (
     within_limits,
 )
 from workbench.robot.plate import plate
-from workbench.robot.process import refusal, turntable_at_home
+from workbench.robot.process import turntable_at_home
 from workbench.robot.read import cell, read_cell
+from workbench.robot.refusal import refusal
 from workbench.robot.report_picture import posture_key, posture_picture
 from workbench.robot.wrist import SIDES, Side, SphericalWrist, arm_sides, refuse_contradiction, spherical_wrist
 

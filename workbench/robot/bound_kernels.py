@@ -15,7 +15,6 @@ from workbench.units import DEG, AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
 SECTION = 0.6180339887498949  # golden
-FAR_MM = 1e9  # farther apart than anything
 MOST_SWEPT = 0.6  # rad, of all joints together: beyond it the levers change too much for a bound to be of use
 DEPTHS = 34  # of halving a way of up to 2**31 places, and one more
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
@@ -90,8 +89,8 @@ def bound_kernel(scene: Scene, joints: AnyArray, most: float) -> AnyArray:
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(scene: Scene, joints: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """A lower bound of the distance of each pair (n, P), and the middles of the volumes (n, S, 3) in the base."""
+def pairs_kernel(scene: Scene, joints: AnyArray, most: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """A lower bound of the distance of each pair (n, P), or `most` (P,), and the middles of the volumes (n, S, 3)."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
     motion, turn, standing = _room(scene)
     axes, points = scene.axes, scene.points
@@ -100,23 +99,8 @@ def pairs_kernel(scene: Scene, joints: AnyArray) -> tuple[AnyArray, AnyArray]:
         _place(standing, motion, scene, False)
         middles[n] = standing.middle
         for i in range(len(scene.pairs)):
-            found[n, i] = _smallest(standing, scene, i, i + 1, FAR_MM)
+            found[n, i] = _smallest(standing, scene, i, i + 1, most[i])
     return found, middles
-
-
-@kernel(error_model="numpy")
-def near_kernel(scene: Scene, joints: AnyArray, least: AnyArray) -> AnyArray:
-    """Whether each pair (n, P) may come as near as `least` (P,)."""
-    found = np.zeros((len(joints), len(scene.pairs)), np.bool_)
-    motion, turn, standing = _room(scene)
-    axes, points = scene.axes, scene.points
-    for n in range(len(joints)):
-        _move(motion, turn, axes, points, joints, scene.slides, n)
-        _place(standing, motion, scene, False)
-        for i in range(len(scene.pairs)):
-            start = least[i] + 1e-6  # what is farther apart need not be known
-            found[n, i] = _smallest(standing, scene, i, i + 1, start) <= least[i]
-    return found
 
 
 @kernel(error_model="numpy")

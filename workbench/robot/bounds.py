@@ -22,11 +22,9 @@ from workbench.geometry.poses import inverse
 from workbench.robot.bound_kernels import (
     BOX,
     CYLINDER,
-    FAR_MM,
     NONE,
     Scene,
     bound_kernel,
-    near_kernel,
     pairs_kernel,
     swept_kernel,
 )
@@ -38,6 +36,7 @@ from workbench.units import DEG, Bool, Float, Int, Shaped
 SAFE_MM = 1e-3  # a posture counts as free only beyond this, so that rounding decides nothing
 WAYS_A_BLOCK = 8  # some 20 ms
 FREE = -1
+FAR_MM = 1e9  # farther apart than anything
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,13 +120,18 @@ def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: F
 
     Angles in rad.
     """
-    q = with_externals(cell, joints, turntable)
-    return np.asarray(near_kernel(scene(cell, volumes), q, least_mm + SAFE_MM))
+    return pair_bounds_mm(cell, volumes, joints, turntable, least_mm + 2 * SAFE_MM)[0] <= least_mm + SAFE_MM
 
 
-def pair_bounds_mm(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float) -> tuple[Float, Float]:
-    """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,)."""
-    found, middles = pairs_kernel(scene(cell, volumes), with_externals(cell, joints, turntable))
+def pair_bounds_mm(
+    cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, most_mm: Float | None = None
+) -> tuple[Float, Float]:
+    """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,).
+
+    What is farther apart than `most_mm` (P,) need not be known, and takes less time.
+    """
+    most = np.full(len(volumes.pairs), FAR_MM) if most_mm is None else most_mm
+    found, middles = pairs_kernel(scene(cell, volumes), with_externals(cell, joints, turntable), most)
     return np.asarray(found), np.asarray(middles)
 
 

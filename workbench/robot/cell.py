@@ -15,7 +15,6 @@ import numpy as np
 
 from workbench.artefacts import RobotCell
 from workbench.errors import InputError
-from workbench.kernels import kernel
 from workbench.robot.cell_file import ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.robot.wrist import Side
@@ -145,7 +144,8 @@ def dexterity(
     axes, points = joint_axes(chain, joints)
     scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
     j = np.ascontiguousarray(jacobian_at(axes, points, tip_mm) / scale[:, None])
-    back = _inverses(j)
+    back, regular = np.full_like(j, np.nan), np.linalg.det(j) != 0.0
+    back[regular] = np.linalg.inv(j[regular])
     condition = np.sqrt((j * j).sum(axis=(1, 2)) * (back * back).sum(axis=(1, 2)))
     condition[~np.isfinite(condition)] = np.inf
     open_ = np.flatnonzero((condition > enough) & np.isfinite(j).all(axis=(1, 2)))
@@ -157,45 +157,6 @@ def dexterity(
         by_joint = np.einsum("nij,...j->...ni", np.abs(back), twist / scale)
         asked = np.where((condition < REGULAR)[:, None], by_joint, np.inf)
     return wrist_angles(axes), condition, asked
-
-
-@kernel
-def _inverses(matrices: AnyArray) -> AnyArray:
-    """Inverses (n, 6, 6) by elimination with pivots; NaN where there is none."""
-    found = np.empty_like(matrices)
-    work = np.empty((6, 12))
-    for n in range(len(matrices)):
-        _put_beside_one(matrices[n], work)
-        for c in range(6):
-            best = c
-            for r in range(c + 1, 6):
-                if abs(work[r, c]) > abs(work[best, c]):
-                    best = r
-            size = work[best, c]
-            if not abs(size) > 0.0:
-                size = np.nan
-            for k in range(12):
-                held = work[best, k] / size
-                work[best, k] = work[c, k]
-                work[c, k] = held
-            for r in range(6):
-                if r != c:
-                    factor = work[r, c]
-                    for k in range(12):
-                        work[r, k] -= factor * work[c, k]
-        for r in range(6):
-            for c in range(6):
-                found[n, r, c] = work[r, 6 + c]
-    return found
-
-
-@kernel(inline="always")
-def _put_beside_one(matrix: AnyArray, work: AnyArray) -> None:
-    """Fill `work` (6, 12) with the matrix and, beside it, the identity."""
-    for r in range(6):
-        for c in range(6):
-            work[r, c] = matrix[r, c]
-            work[r, 6 + c] = 1.0 if r == c else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -491,14 +491,25 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     yield from _bodies(part)
     yield from _margins(part)
     yield from _robot(part)
-    if part.process is not None and part.process.feed is not None and part.process.feed.most_mm_s < SLOWEST_MM_S:
-        found = f"found {part.process.feed.most_mm_s:g}: is it in m/s?"
-        yield "process.feed.most_mm_s", f"expected at least {SLOWEST_MM_S:g} mm/s, {found}"
     if part.process is not None:
+        feed = part.process.feed.most_mm_s if part.process.feed else None
+        yield from _least("process.feed.most_mm_s", feed, SLOWEST_MM_S, "mm/s", "is it in m/s?")
         home = part.process.home.joints_deg
         if 0 < max(map(abs, home)) < FOLDED_DEG:
             found = ", ".join(f"{value:g}" for value in home)
             yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
+
+
+def _least(place: str, value: float | None, least: float, unit: str, guess: str = METRES) -> Iterator[tuple[str, str]]:
+    """A stated value below the least that is one."""
+    if value is not None and value < least:
+        yield place, f"expected at least {least:g} {unit}, found {value:g}: {guess}"
+
+
+def _none_or_least(place: str, value: float, least: float, unit: str, guess: str = METRES) -> Iterator[tuple[str, str]]:
+    """Likewise where 0 means none."""
+    if 0 < value < least:
+        yield place, f"expected 0 or at least {least:g} {unit}, found {value:g}: {guess}"
 
 
 def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart]]:
@@ -521,10 +532,8 @@ def _axis(place: str, axis: AxisPart) -> Iterator[tuple[str, str]]:
     parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
     if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
         yield f"{place}.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
-    turned = axis.acceleration_deg_s2
-    if turned is not None and turned < SLOWEST_TABLE_DEG_S2:
-        found = f"found {turned:g}: is it in rad/s^2?"
-        yield f"{place}.acceleration_deg_s2", f"expected at least {SLOWEST_TABLE_DEG_S2:g} deg/s^2, {found}"
+    unit = "deg/s^2", "is it in rad/s^2?"
+    yield from _least(f"{place}.acceleration_deg_s2", axis.acceleration_deg_s2, SLOWEST_TABLE_DEG_S2, *unit)
 
 
 def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
@@ -549,8 +558,7 @@ def _track(track: TrackPart) -> Iterator[tuple[str, str]]:
             "track.limits_mm",
             f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {low:g}, {high:g}: {METRES}",
         )
-    if track.speed_mm_s < SLOWEST_MM_S:
-        yield "track.speed_mm_s", f"expected at least {SLOWEST_MM_S:g} mm/s, found {track.speed_mm_s:g}: is it in m/s?"
+    yield from _least("track.speed_mm_s", track.speed_mm_s, SLOWEST_MM_S, "mm/s", "is it in m/s?")
 
 
 def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
@@ -569,16 +577,12 @@ def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
 
 
 def _margins(part: CellPart) -> Iterator[tuple[str, str]]:
-    if 0 < part.margin_mm < LEAST_MARGIN_MM:
-        yield "margin_mm", f"expected 0 or at least {LEAST_MARGIN_MM:g} mm, found {part.margin_mm:g}: {METRES}"
+    yield from _none_or_least("margin_mm", part.margin_mm, LEAST_MARGIN_MM, "mm")
     for name in ("limit_deg", "wrist_deg"):
-        margin = getattr(part.margins, name)
-        if 0 < margin < LEAST_DEG:
-            yield f"margins.{name}", f"expected 0 or at least {LEAST_DEG:g} deg, found {margin:g}: is it in radians?"
+        yield from _none_or_least(f"margins.{name}", getattr(part.margins, name), LEAST_DEG, "deg", "is it in radians?")
     for name in ("tool_u_mm", "base_u_mm", "turntable_u_mm"):
-        u = 0.0 if part.uncertainty is None else getattr(part.uncertainty, name)
-        if 0 < u < LEAST_U_MM:
-            yield f"uncertainty.{name}", f"expected 0 or at least {LEAST_U_MM:g} mm, found {u:g}: {METRES}"
+        u = getattr(part.uncertainty or UncertaintyPart(), name)
+        yield from _none_or_least(f"uncertainty.{name}", u, LEAST_U_MM, "mm")
 
 
 def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
@@ -589,14 +593,9 @@ def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
             "robot.joint_stiffness_nm_per_rad",
             f"expected at most {STIFFEST:g} Nm/rad, found {max(springs):g}: {unit}",
         )
-    if fastest is not None and min(fastest) < SLOWEST_DEG_S2:
-        yield (
-            "robot.acceleration_deg_s2",
-            f"expected at least {SLOWEST_DEG_S2:g} deg/s^2, found {min(fastest):g}: is it in rad/s^2?",
-        )
-    repeats = part.robot.repeatability_mm
-    if repeats is not None and repeats < LEAST_U_MM:
-        yield "robot.repeatability_mm", f"expected at least {LEAST_U_MM:g} mm, found {repeats:g}: {METRES}"
+    least = fastest and min(fastest)
+    yield from _least("robot.acceleration_deg_s2", least, SLOWEST_DEG_S2, "deg/s^2", "is it in rad/s^2?")
+    yield from _least("robot.repeatability_mm", part.robot.repeatability_mm, LEAST_U_MM, "mm")
 
 
 def bare_mm(part: CellPart) -> float:

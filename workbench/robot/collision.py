@@ -256,16 +256,21 @@ def left_out(cell: Cell, allowed: Sequence[tuple[str, str]]) -> Iterator[str]:
             apart.add(names)
     for one, other in sorted(map(sorted, apart)):
         yield f"collision of {one} and {other}: the cell file lets them touch ($.may_touch)"
-    yield from dict.fromkeys(_borne_doubtfully(cell))
+    yield from dict.fromkeys(borne_doubtfully(cell).values())
 
 
-def _borne_doubtfully(cell: Cell) -> Iterator[str]:
+def borne_doubtfully(cell: Cell) -> dict[tuple[int, int], str]:
+    """Shapes that count as borne though they may not be, and what is said of them."""
+    found = {}
     for (a, b), (gap, alike) in _borne(cell).items():
         names = f"collision of {cell.shapes[a].body} and {cell.shapes[b].body}"
         if not alike:
-            yield f"{names}: too near wherever their axis stands: one bears the other, and may meet elsewhere too"
+            found[a, b] = (
+                f"{names}: too near wherever their axis stands: one bears the other, and may meet elsewhere too"
+            )
         elif ALIKE_MM < gap < least_mm(cell, [(a, b)])[0]:
-            yield f"{names}: {gap:.1f} mm apart, nearer than bodies must keep"
+            found[a, b] = f"{names}: {gap:.1f} mm apart, nearer than bodies must keep"
+    return found
 
 
 def _carrier(shape: Shape, axes: tuple[Turntable, ...]) -> int:

@@ -8,7 +8,7 @@ A stretch is proven where limits, wrist and every pair of bodies keep their marg
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,13 +28,13 @@ from workbench.robot.way import (
     Places,
     Way,
     WayError,
-    axis_name,
     between,
     first_look,
     flange_among_targets,
     joined,
     timed_faults,
     way_of,
+    worst,
 )
 from workbench.units import Bool, Float, Int
 
@@ -527,22 +527,13 @@ def _speeds(cell: Cell, way: Way, places: Places, arc: Float) -> tuple[list[Viol
     rate = np.where(long_enough[:, None], moved / np.maximum(seconds, 1e-9)[:, None], 0.0)
     asked = np.nan_to_num(rate / cell.rated_speeds)
     asked[way.kind[places.segment[1:]] == JOINTS] = 0.0
-    worst = asked.max(axis=1, initial=0.0)
     faults = []
-    if (worst > 1 + 1e-6).any():
-        i = int(worst.argmax())
-        name = axis_name(cell, int(asked[i].argmax()))
-        faults.append(
-            Violation(
-                int(way.line[places.segment[i + 1]]),
-                float(arc[i + 1]),
-                "speed",
-                f"{name} would need {worst[i]:.2f} times its largest speed",
-            )
-        )
+    if (found := worst(cell, asked, "speed")) is not None:
+        i, finding = found
+        faults.append(Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "speed", finding))
     if cell.rated_accelerations is not None:
         faults += _accelerations(cell, cell.rated_accelerations, way, places, seconds, arc)
-    return faults, float(worst.max(initial=0.0))
+    return faults, float(asked.max(initial=0.0))
 
 
 def _accelerations(cell: Cell, most: Float, way: Way, places: Places, seconds: Float, arc: Float) -> list[Violation]:
@@ -554,18 +545,15 @@ def _accelerations(cell: Cell, most: Float, way: Way, places: Places, seconds: F
     change = np.abs(np.diff(rate, axis=0)) / np.maximum(middle, 1e-9)[:, None]
     asked = np.where(flying[:, None], np.nan_to_num(change / most), 0.0)
     asked[way.kind[places.segment[1:-1]] == JOINTS] = 0.0
-    worst = asked.max(axis=1, initial=0.0)
-    if not (worst > 1 + 1e-6).any():
+    if (found := worst(cell, asked, "acceleration")) is None:
         return []
-    i = int(worst.argmax())
-    finding = f"{axis_name(cell, int(asked[i].argmax()))} would need {worst[i]:.2f} times its largest acceleration"
+    i, finding = found
     return [Violation(int(way.line[places.segment[i + 1]]), float(arc[i + 1]), "acceleration", finding)]
 
 
 def _told(faults: list[Violation]) -> Iterator[Violation]:
     """One of each kind and line, in the order of the way, not more than can be read."""
-    seen: Mapping[tuple[int, str], Violation] = {}
-    kept: dict[tuple[int, str], Violation] = dict(seen)
+    kept: dict[tuple[int, str], Violation] = {}
     for fault in sorted(faults, key=lambda fault: fault.arc_length_mm):
         kept.setdefault((fault.line, fault.kind), fault)
     yield from list(kept.values())[:MOST_TOLD]

@@ -488,7 +488,7 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
     moved = np.column_stack([way.joints[:, 1] - way.joints[:, 0], way.turntable[:, 2] - way.turntable[:, 0]])
     rate = np.where(way.timed[:, None], moved / way.duration_s[:, None], 0.0)
     speed = np.abs(rate) / cell.rated_speeds
-    faults = _worst(cell, speed, np.arange(len(rate)), "speed")
+    found = [("speed", np.arange(len(rate)), worst(cell, speed, "speed"))]
     most = cell.rated_accelerations
     if most is not None:
         still, step = np.zeros((1, len(most))), np.where(way.timed, way.duration_s, np.inf)
@@ -496,14 +496,14 @@ def timed_faults(cell: Cell, way: Way) -> tuple[list[tuple[int, float, str, str]
         before, after = np.append(np.inf, step), np.append(step, np.inf)
         within = np.minimum(before, after) * np.where(np.isinf(before + after), 0.5, 1.0)
         here = np.arange(len(step) + 1) - np.isinf(after)  # the segment that begins at the row, or ends there
-        faults += _worst(cell, change / within[:, None] / most, here, "acceleration")
+        found.append(("acceleration", here, worst(cell, change / within[:, None] / most, "acceleration")))
+    faults = [(int(at[one[0]]), 1.0, kind, one[1]) for kind, at, one in found if one is not None]
     return faults, float(speed.max())
 
 
-def _worst(cell: Cell, asked: Float, segment: Int, kind: str) -> list[tuple[int, float, str, str]]:
-    """Where most (n, 6 + e) is asked of a joint, if that is more than it can."""
-    i, joint = np.unravel_index(int(asked.argmax()), asked.shape)
-    if asked[i, joint] <= 1 + ROUNDING:
-        return []
-    name = axis_name(cell, int(joint))
-    return [(int(segment[i]), 1.0, kind, f"{name} would need {asked[i, joint]:.2f} times its largest {kind}")]
+def worst(cell: Cell, asked: Float, kind: str) -> tuple[int, str] | None:
+    """Where most (n, 6 + e) of its largest speed or acceleration is asked of a joint, in words; None: all can."""
+    i, joint = np.unravel_index(int(asked.argmax()), asked.shape) if asked.size else (0, 0)
+    if not asked.size or asked[i, joint] <= 1 + ROUNDING:
+        return None
+    return int(i), f"{axis_name(cell, int(joint))} would need {asked[i, joint]:.2f} times its largest {kind}"

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_vector
-from workbench.robot import Chain, forward_kinematics, inverse_kinematics, spherical_wrist, within_limits
-from workbench.robot.kinematics import motions
-from workbench.robot.wrist import general_position, parallel_position
+from workbench.robot import Chain, forward_kinematics, inverse_kinematics, within_limits
 from workbench.units import Float
 
 
@@ -35,14 +32,6 @@ def test_every_branch_reaches_and_the_posture_is_among_them(chain: Chain, postur
     count = np.isfinite(found[..., 0]).sum(axis=1)
     assert set(count) == {4, 8}
     assert (np.abs(found[np.isfinite(found)]) <= np.pi).all()
-
-
-def test_branches_are_eight_different_postures(chain: Chain, postures: Any) -> None:
-    found = inverse_kinematics(chain, forward_kinematics(chain, postures(200, 12)))
-    for branches in found:
-        there = branches[np.isfinite(branches[:, 0])]
-        distances = apart(there[:, None], there[None]) + 10 * np.eye(len(there))
-        assert distances.min() > 1e-6
 
 
 @pytest.mark.parametrize("bend", [0.0, 1e-15, 1e-12, 1e-8, 1e-4])
@@ -120,42 +109,10 @@ def test_arms_of_any_kind_reach_by_every_branch(chain: Chain, axes: Any, points_
     assert np.nanmin(apart(found, q[:, None]), axis=1).max() < 1e-6
 
 
-def test_general_method_has_the_branches_of_the_parallel_one(chain: Chain, postures: Any) -> None:
-    centre = spherical_wrist(chain).centre_mm
-    wanted = forward_kinematics(chain, postures(500, 16))[:, :3, 3]
-    general = general_position(chain, centre, wanted)
-    parallel = parallel_position(chain.axes, chain.points_mm / 1e3, centre / 1e3, wanted / 1e3)[0]
-    assert (np.isfinite(general).sum(axis=1) == np.isfinite(parallel).sum(axis=1)).all()
-    distance = apart(parallel[:, :, None], general[:, None])
-    assert (
-        np.nanmax(np.nanmin(np.where(np.isnan(distance), np.inf, distance), axis=2)[np.isfinite(parallel[..., 0])])
-        < 1e-9
-    )
-
-
 def test_general_arm_out_of_reach_has_no_branch(arms: Any) -> None:
     far = np.tile(np.eye(4), (2, 1, 1))
     far[:, :3, 3] = [[4000, 0, 1000], [0, 0, 5000]]
     assert np.isnan(inverse_kinematics(arms("skewed"), far)).all()
-
-
-def test_oblique_wrist_reaches_what_its_axes_allow(arms: Any) -> None:
-    """Axis 6 stands between the difference and the sum of its and axis 4's angles with axis 5, as seen from axis 4."""
-    arm, rng = arms("oblique"), np.random.default_rng(17)
-    h, at_zero, centre = arm.axes, arm.base_from_flange_at_zero, spherical_wrist(arm).centre_mm
-    poses = forward_kinematics(arm, rng.uniform(-2, 2, (200, 6)))
-    wrist = poses[:, :3, :3] @ at_zero[:3, :3].T @ (centre - at_zero[:3, 3]) + poses[:, :3, 3]
-    poses[:, :3, :3] = pinned = rotation_from_vector(rng.normal(size=(200, 3)))
-    poses[:, :3, 3] = wrist - pinned @ at_zero[:3, :3].T @ (centre - at_zero[:3, 3])
-    first = general_position(arm, centre, wrist)
-    links = motions(arm, np.concatenate([np.nan_to_num(first), np.zeros_like(first)], axis=-1))[..., 3, :3, :3]
-    bend = np.degrees(np.arccos(np.sum(links @ h[3] * (pinned @ at_zero[:3, :3].T @ h[5])[:, None], axis=-1)))
-    side, other_side = np.degrees(np.arccos([h[3] @ h[4], h[4] @ h[5]]))
-    reached = np.isfinite(first[..., 0]) & (abs(side - other_side) < bend) & (bend < side + other_side)
-    found = inverse_kinematics(arm, poses)
-    assert np.nanmax(errors(arm, found, poses)) < 1e-12
-    assert (np.isfinite(found[..., 0]).sum(axis=1) == 2 * reached.sum(axis=1)).all()
-    assert 0 < reached.sum() < np.isfinite(first[..., 0]).sum()
 
 
 @pytest.mark.parametrize(

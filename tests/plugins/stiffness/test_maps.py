@@ -7,7 +7,6 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.plugins.stiffness import maps
-from workbench.plugins.stiffness.maps import sphere
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell
 
@@ -59,13 +58,6 @@ def test_other_axes_do_not_change_dexterity_but_axis_5_does(cell: Cell, stiffnes
     assert np.allclose(found.inverse_dexterity[:1], found.inverse_dexterity, rtol=1e-6)
     ranged, _ = maps(cell, stiffness, ranges_deg=((-10, 10), (0, 20)), steps=5, directions=6)
     assert np.allclose(np.degrees(ranged.at[0]), [-10, -5, 0, 5, 10])
-
-
-def test_directions_are_even() -> None:
-    u = sphere(60)
-    assert np.allclose(np.linalg.norm(u, axis=1), 1)
-    assert np.abs(u.mean(axis=0)).max() < 0.01
-    assert np.abs(u.T @ u / 60 - np.eye(3) / 3).max() < 0.01
 
 
 @pytest.mark.parametrize("change", [{"axes": (2, 2)}, {"ranges_deg": ((10, 10), (0, 5))}])

@@ -32,10 +32,9 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration import bundle
-from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.circles import STEEP
 from workbench.plugins.calibration.model import POSE, Estimate, Noise, information, linearise, volume_weight
-from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
+from workbench.plugins.calibration.observations import by_pass, from_arrays
 from workbench.plugins.calibration.shared_errors import settled
 from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
@@ -283,17 +282,8 @@ def _known(
     """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
     profiles = rescaled(profiles, recording, sensor_of(calibration.hand_eye))
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
-    noise = as_noisy_as_found(estimate, seen, noise)[1]
+    noise = settled(bundle.fit(estimate, seen, noise), seen, noise).noise
     return information(estimate, seen, noise)[:10, :10], noise
-
-
-def as_noisy_as_found(estimate: Estimate, seen: Observations, noise: Noise) -> tuple[Fit, Noise]:
-    """The fit from an estimate, and the noise: the robot's as large as the residuals say where they exceed it."""
-    whole = bundle.fit(estimate, seen, noise)
-    if seen.scans:
-        found = settled(whole, seen, noise)
-        return found.fit, found.noise
-    return bundle.matched(whole, seen, noise) if bundle.misfits(whole) else (whole, noise)
 
 
 def _reached(cell: InputFile, flange: Float) -> Float:

@@ -28,7 +28,7 @@ import numpy as np
 import scipy
 
 from workbench.api import Float, Shaped, estimator, inverse, vector_from_rotation
-from workbench.plugins.calibration.bundle import Fit, matched, without_gross
+from workbench.plugins.calibration.bundle import Fit, matched, misfits, without_gross
 from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, linearise
 from workbench.plugins.calibration.observations import Observations, Passes
 
@@ -60,7 +60,7 @@ class Settled:
 
 
 def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool = False) -> Settled:
-    """The fit of scans with the errors of their poses estimated.
+    """The fit with the errors of its poses as large as the residuals say; of scans, with those that they share.
 
     Args:
         result: a fit with errors that are new in each recorded pose.
@@ -68,6 +68,9 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
         noise: as stated.
         with_offset: whether the clock's offset is among the unknowns.
     """
+    if isinstance(seen, Observations) and not seen.scans:
+        beyond = misfits(result)
+        return Settled(*(matched(result, seen, noise) if beyond else (result, noise)), beyond)
     estimate = _moved(result, seen, noise, with_offset)
     likely = _Likelihood(estimate, seen, result, noise, with_offset)
     found = [likely.along(WHOLE, own) for own in likely.owns()]

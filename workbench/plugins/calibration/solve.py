@@ -88,18 +88,12 @@ def solve(
     demand = Demand(view, limit_mm, where)
     check_fit(best, seen, noise, demand)  # before rivals: with nothing determined there are many
     best, alone = only_answer(refined, design, seen, noise, where)
-    stated, misfit, raised = best, bundle.misfits(best), noise
-    if seen.scans:
-        found = settled(best, seen, noise)
-        best, raised, misfit = found.fit, found.noise, found.misfit
-    elif misfit:
-        best, raised = bundle.matched(best, seen, noise)
-    free, final = _with_free_radius(best, seen, raised)
-    if final is not raised:
-        best = free
-        if seen.scans:
-            found = settled(best, seen, dataclasses.replace(noise, radius_u_mm=final.radius_u_mm))
-            best, final = found.fit, found.noise
+    found = settled(best, seen, noise)
+    stated, misfit = best, found.misfit
+    best, final = _with_free_radius(found.fit, seen, found.noise)
+    if final is not found.noise and seen.scans:
+        found = settled(best, seen, dataclasses.replace(noise, radius_u_mm=final.radius_u_mm))
+        best, final = found.fit, found.noise
     if judged:
         check_fit(best, seen, final, demand, raised=asked(noise, final))
     return Answer(best, seen, final, stated, alone, misfit, radius_free=final.radius_u_mm > noise.radius_u_mm)

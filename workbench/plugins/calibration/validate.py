@@ -25,8 +25,9 @@ from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import SIZE, Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.plan import as_noisy_as_found, estimate_of
+from workbench.plugins.calibration.plan import estimate_of
 from workbench.plugins.calibration.scanned import start_center
+from workbench.plugins.calibration.shared_errors import settled
 from workbench.plugins.calibration.solve import MIN_POSTURES
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
@@ -56,13 +57,14 @@ def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, s
             f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
             f"expected {MIN_POSTURES} others at least",
         )
-    whole, noise = as_noisy_as_found(estimate, seen, noise)
+    whole = settled(bundle.fit(estimate, seen, noise), seen, noise)
+    start, noise = whole.fit.estimate, whole.noise
     residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
     chi2 = 0.0
     for part in range(parts):
         rows = np.concatenate(passes[part::parts])
         out = np.isin(np.arange(len(seen)), rows)
-        fitted = bundle.fit(whole.estimate, seen, noise, used=~out)
+        fitted = bundle.fit(start, seen, noise, used=~out)
         residual[out], covariance[out], y[out], one = _predicted(fitted, seen.subset(out), noise)
         chi2 += one
     how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"

@@ -22,7 +22,6 @@ from workbench.plugins.stiffness.law import (
     nodes,
     relaxed_law,
     shift_of,
-    stepped,
 )
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.traversal import Examiner, search, traversal
@@ -107,35 +106,19 @@ def test_straight_on_is_always_a_way() -> None:
     assert np.isclose(cost[:, way[0, 0], way[0, 1]].sum(), cost.sum(axis=0).min())
 
 
-@pytest.mark.parametrize(("bands", "closed"), [((0, 2), True), ((1, 2), False), ((2, 1), True)])
-def test_a_step_is_the_minimum_over_its_window(bands: tuple[int, int], closed: bool) -> None:
-    rng = np.random.default_rng(5)
-    value = np.where(rng.random((7, 9)) < 0.3, np.inf, rng.random((7, 9)))
-    least, came = np.empty_like(value), np.empty(value.shape, np.int8)
-    stepped(value, np.array(bands), 0.05, closed, least, came)
-    for i, j in np.ndindex(value.shape):
-        reached = {}
-        for e in range(-bands[0], bands[0] + 1):
-            for d in range(-bands[1], bands[1] + 1):
-                if 0 <= i - e < 7 and (closed or 0 <= j - d < 9):
-                    reached[e, d] = value[i - e, (j - d) % 9] + 0.05 * (e * e + d * d)
-        assert np.isclose(least[i, j], min(reached.values()), rtol=1e-15)
-        if np.isfinite(least[i, j]):
-            e, d = np.divmod(int(came[i, j]), 2 * bands[1] + 1) - np.array(bands)
-            assert np.isclose(reached[int(e), int(d)], least[i, j], rtol=1e-15)
-
-
 @pytest.fixture(scope="module")
 def points() -> PathPoints:
     path = thinned(read(toolpath=PATH), 12)
     return path_points(path, force(path)[0], load="mean", reach_mm=6.5, planned=0.0)
 
 
-def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points: PathPoints) -> None:
+@pytest.mark.parametrize("last_deg", [180.0, 75.0])  # a full turn, and less of one
+def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points: PathPoints, last_deg: float) -> None:
     """On the whole grid with plain loops over steps; more points than are kept, so that the way back is computed."""
     longer = points.only(np.repeat(np.arange(len(points.layer)), 4)[:40])
     examiner = Examiner(cell, fast_arm(cell.chain, K), longer)
-    grid = Grid(np.radians(np.arange(-180, 180, 15.0)), np.radians(np.arange(-90, -50, 5.0)), np.array([1, 1]), 1e-4)
+    rotations, tables = np.radians(np.arange(-180, last_deg, 15.0)), np.radians(np.arange(-90, -50, 5.0))
+    grid = Grid(rotations, tables, np.array([1, 2]), 1e-4)
     found = relaxed_law(examiner, 0, grid, np.inf)
     assert found is not None
     turns, tables = np.meshgrid(grid.rotations, grid.tables)
@@ -144,12 +127,13 @@ def test_relaxed_law_is_the_best_by_plain_dynamic_programming(cell: Cell, points
     ).min(axis=0)
     value = each[0]
     for cost in each[1:]:
-        near = [np.roll(value, d, axis=1) + 1e-4 * d * d for d in (-1, 0, 1)]
+        wide = np.pad(value, ((0, 0), (2, 2)), **({"mode": "wrap"} if grid.closed else {"constant_values": np.inf}))
+        near = [wide[:, 2 + d :][:, : value.shape[1]] + 1e-4 * d * d for d in (-2, -1, 0, 1, 2)]
         along = np.pad(np.minimum.reduce(near), ((1, 1), (0, 0)), constant_values=np.inf)
         value = cost + np.minimum.reduce([along[1 + e : 9 + e] + 1e-4 * e * e for e in (-1, 0, 1)])
     assert np.isclose(found.cost_mm, value.min(), rtol=1e-12)
     steps = shift_of(found.way, grid)
-    assert np.abs(steps).max() <= 1
+    assert (np.abs(steps) <= grid.bands).all()
     total = each[np.arange(40), found.way[:, 0], found.way[:, 1]].sum() + 1e-4 * (steps**2).sum()
     assert np.isclose(total, found.cost_mm, rtol=1e-12)
     assert relaxed_law(examiner, 0, grid, found.cost_mm * 0.999) is None

@@ -82,26 +82,46 @@ def relaxed_law(
             return None
         if i % BLOCK == 0 and i < n - 1:
             kept.append(value)
-        value = _next(value, grid, cost, i + 1)[0] if i < n - 1 else value
+        value = _next(value, grid, cost, i + 1) if i < n - 1 else value
     way = np.empty((n, 2), np.int64)
     way[-1] = np.unravel_index(int(value.argmin()), value.shape)
     for block in range(len(kept) - 1, -1, -1):
-        start, now = block * BLOCK, kept[block]
-        steps = []
-        for i in range(start, min(start + BLOCK, n - 1)):
-            now, came = _next(now, grid, cost, i + 1)
-            steps.append(came)
-        for i, came in zip(range(start + len(steps), start, -1), reversed(steps), strict=True):
-            step = np.divmod(int(came[tuple(way[i])]), 2 * grid.bands[1] + 1) - grid.bands
-            way[i - 1] = (way[i] - step) % shape
+        start, values = block * BLOCK, [kept[block]]
+        for i in range(start + 1, min(start + BLOCK, n - 1)):
+            values.append(_next(values[-1], grid, cost, i))
+        for i, before in zip(range(start + len(values), start, -1), reversed(values), strict=True):
+            way[i - 1] = _came_from(before, way[i], grid)
     return Relaxed(branch, float(value.min()), way)
 
 
-def _next(value: Float, grid: Grid, cost: Callable[[int, AnyArray], Float], i: int) -> tuple[Float, AnyArray]:
-    """Cost (a, t) of reaching point i, and from where."""
-    least, came = np.empty_like(value), np.empty(value.shape, np.int8)
-    stepped(value, grid.bands, grid.step_cost_mm, grid.closed, least, came)
-    return np.asarray(least + cost(i, np.asarray(np.isfinite(least).any(axis=1)))), came
+def _next(value: Float, grid: Grid, cost: Callable[[int, AnyArray], Float], i: int) -> Float:
+    """Cost (a, t) of reaching point i, by those of the point before.
+
+    The least over a window with a cost that is a sum over the axes, so each axis goes by itself (Felzenszwalb and
+    Huttenlocher 2012): the work is that of the nodes times the width of one window plus the other.
+    """
+    for axis, closed in ((1, grid.closed), (0, False)):
+        least = value.copy()
+        for way in (sign * step for step in range(1, grid.bands[axis] + 1) for sign in (1, -1)):
+            moved = np.roll(value, way, axis=axis)
+            if not closed:  # from beyond the ends comes nothing
+                np.moveaxis(moved, axis, 0)[slice(way) if way > 0 else slice(way, None)] = np.inf
+            np.minimum(least, moved + grid.step_cost_mm * way * way, out=least)
+        value = least
+    return np.asarray(value + cost(i, np.asarray(np.isfinite(value).any(axis=1))))
+
+
+def _came_from(before: Float, node: Int, grid: Grid) -> Int:
+    """The node (2,) of the point before from which `node` (2,) costs least; one that rests goes first."""
+    steps = np.stack(np.meshgrid(*(np.arange(-b, b + 1) for b in grid.bands), indexing="ij"), axis=-1).reshape(-1, 2)
+    steps = steps[np.argsort((steps**2).sum(axis=1), kind="stable")]
+    there = node - steps
+    if grid.closed:
+        there[:, 1] %= before.shape[1]
+    inside = ((there >= 0) & (there < before.shape)).all(axis=1)
+    there, (e, d) = there[inside], steps[inside].T
+    price = before[there[:, 0], there[:, 1]] + grid.step_cost_mm * d * d + grid.step_cost_mm * e * e
+    return np.asarray(there[np.argmin(price)])
 
 
 BAND = 2  # steps of the grid that the law may go from one point to the next
@@ -288,56 +308,6 @@ def shift_of(way: Int, grid: Grid) -> Int:
 
 
 # The compiled kernels.
-
-
-@kernel
-def stepped(value: AnyArray, bands: AnyArray, restless: float, closed: bool, least: AnyArray, came: AnyArray) -> None:
-    """Least cost (a, t) of reaching each node from a neighbour: at most `bands` (2,) steps along each axis.
-
-    The minimum over a window with a cost that is a sum over the axes, so each axis goes by itself (Felzenszwalb and
-    Huttenlocher 2012): the work is that of the nodes times the width of one window plus the other.
-
-    Args:
-        value: (a, t) cost of being at each node before.
-        bands: largest step along a and t.
-        restless: cost of a step, times its size squared, along each axis.
-        closed: whether the first node along t is a neighbour of the last.
-        least: (a, t) out.
-        came: (a, t) out, the step that was best: (e + bands[0]) (2 bands[1] + 1) + d + bands[1].
-    """
-    rows, columns = value.shape
-    width = 2 * bands[1] + 1
-    along, turn = np.empty_like(value), np.empty(value.shape, np.int8)
-    _turned(value, bands[1], restless, closed, along, turn)
-    for i in range(rows):
-        for j in range(columns):
-            least[i, j], came[i, j] = along[i, j], bands[0] * width + turn[i, j] + bands[1]
-        for e in range(-bands[0], bands[0] + 1):
-            if i - e < 0 or i - e >= rows:
-                continue
-            for j in range(columns):
-                cost = along[i - e, j] + restless * e * e
-                if cost < least[i, j]:
-                    least[i, j] = cost
-                    came[i, j] = (e + bands[0]) * width + turn[i - e, j] + bands[1]
-
-
-@kernel
-def _turned(value: AnyArray, band: int, restless: float, closed: bool, along: AnyArray, turn: AnyArray) -> None:
-    """Fill in the least cost (a, t) of reaching each node along t alone, and the step that was best."""
-    rows, columns = value.shape
-    for i in range(rows):
-        along[i], turn[i] = value[i], 0
-        for d in range(-band, band + 1):
-            for j in range(columns):
-                source = j - d
-                if source < 0 or source >= columns:
-                    if not closed:
-                        continue
-                    source %= columns
-                cost = value[i, source] + restless * d * d
-                if cost < along[i, j]:
-                    along[i, j], turn[i, j] = cost, d
 
 
 @kernel

@@ -97,7 +97,7 @@ def candidates(seen: Observations, noise: Noise, design: Float | None) -> Iterat
             pull,
         )
         hopeless = 4 * np.nanmin(chi2) + HOPELESS
-        order = [int(i) for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
+        order = [i for i in np.argsort(chi2, kind="stable")[: 4 * KEPT] if chi2[i] <= hopeless]
         made = (Estimate(R[i], t[i], C[i] + middle, noise.radius_mm) for i in order)
         answers = distinct(made, lambda one: one)[:KEPT]
         yield sorted(((truncated(answer, seen, noise), answer) for answer in answers), key=lambda pair: pair[0])

@@ -237,6 +237,5 @@ def answers(part: Part, design: Float | None, offsets: Float) -> list[estimator.
     for offset in offsets:
         held = replace(few, noise=blurred, with_offset=False, held=few.placed(float(offset)))
         rough += [estimator.fit(held, at, steps=ROUGH_STEPS) for at in held.starts(design, float(offset))]
-    likeliest = sorted(rough, key=lambda found: found.chi2)[:REFINED]
-    fits = (estimator.fit(few, one.at) for one in likeliest)
+    fits = (estimator.fit(few, one.at) for one in sorted(rough, key=lambda found: found.chi2)[:REFINED])
     return sorted(distinct(fits, lambda one: one.at.pose, 1.0, 0.01), key=lambda found: found.chi2)

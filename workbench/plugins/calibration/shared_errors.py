@@ -73,7 +73,8 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
         return Settled(*(matched(result, seen, noise) if beyond else (result, noise)), beyond)
     estimate = _moved(result, seen, noise, with_offset)
     likely = _Likelihood(estimate, seen, result, noise, with_offset)
-    found = [likely.along(WHOLE, own) for own in likely.owns()]
+    owns = likely.owns()
+    found = [likely.along(WHOLE, own) for own in owns]
     log = np.concatenate([one.log for one in found])
     believed = log + np.concatenate([_prior_of_scans(WHOLE, one.own) for one in found])
     steps, covariances = (np.concatenate([getattr(one, name) for one in found]) for name in ("step", "covariance"))
@@ -81,10 +82,8 @@ def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset:
     covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
     best = int(np.argmax(believed))
     whole, own = WHOLE[best % len(WHOLE)], found[best // len(WHOLE)].own
-    less = [one for one in (*AS_STATED, *(part.own for part in found)) if one <= 1.0]
-    as_stated = max(likely.along(np.sqrt([1.0 - one**2]), one).log[0] for one in less)
     fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
-    misfit = bool(np.hypot(whole, own) > 1.0 and log[best] > as_stated + CERTAIN)
+    misfit = bool(np.hypot(whole, own) > 1.0 and log[best] > likely.as_stated(owns) + CERTAIN)
     return Settled(fit, likely.noise(whole, own), misfit)
 
 
@@ -173,6 +172,11 @@ class _Likelihood:
             middle = float(np.clip(middle, at[0], at[-1]))
         return np.exp(middle + width * AROUND)
 
+    def as_stated(self, owns: Float) -> float:
+        """The greatest log-likelihood of errors that together are as stated."""
+        less = (one for one in (*AS_STATED, *owns) if one <= 1.0)
+        return float(max(self.along(np.sqrt([1.0 - one**2]), one).log[0] for one in less))
+
     def _all(self, log_own: float) -> float:
         own = float(np.exp(log_own))
         log = self.along(WHOLE, own).log + _prior_of_scans(WHOLE, own)
@@ -225,8 +229,7 @@ def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, floa
     """The fit with systematic robot errors allowed for, and their amplitude in mm (RMS over the grid)."""
     lenient = replace(noise, pose_mm=LENIENT * noise.pose_mm, pose_deg=LENIENT * noise.pose_deg)
     result = without_gross(result.estimate, seen, lenient)
-    here = seen.subset(result.used)
-    estimate = result.estimate
+    here, estimate = seen.subset(result.used), result.estimate
     seen_mm = HIDDEN * matched(result, seen, noise)[1].pose_mm
     for _ in range(ROUNDS):
         step, covariance, amplitude_mm = _over_grid(estimate, here, noise, seen_mm)
@@ -239,14 +242,13 @@ def _over_grid(estimate: Estimate, here: Observations, noise: Noise, seen_mm: fl
     linear, apart = linearise(estimate, here, noise), _distances(here)
     columns = np.concatenate([linear.jacobian, linear.residual[..., None]], axis=2).reshape(-1, SIZE + 1)
     grid = [(a, length) for a in AMPLITUDES_MM for length in (LENGTHS_RAD if a > 0 else LENGTHS_RAD[:1])]
-    amplitude, products, sizes = np.array([a for a, _ in grid]), [], []
+    amplitude, products, sizes = np.array(grid)[:, 0], [], []
     for a, length in grid:
         factor = np.linalg.cholesky(_covariance(linear, a**2 * np.exp(-0.5 * (apart / length) ** 2)))
         white = np.linalg.solve(factor, columns)
         products.append(white.T @ white)
         sizes.append(2.0 * np.log(np.diagonal(factor)).sum())
-    off_mm = noise.radius_mm - estimate.radius_mm
-    log, steps, covariances = _answers(np.array(products), np.array(sizes), noise, off_mm)
+    log, steps, covariances = _answers(np.array(products), np.array(sizes), noise, noise.radius_mm - estimate.radius_mm)
     log += _prior_of_amplitude(np.maximum(amplitude, AMPLITUDES_MM[1]), seen_mm)
     log[0] += np.log(len(LENGTHS_RAD))  # no amplitude stands for all lengths
     weights, mean, covariance = _mixture(log, steps, covariances)

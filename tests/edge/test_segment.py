@@ -149,10 +149,9 @@ def test_no_edge_in_view(drawn: Scans) -> None:
         segment(blank)
 
 
-@pytest.mark.parametrize("seed", [7_900_003, 7_900_010])
-def test_passes_that_make_no_one_edge_are_refused_in_a_sentence(seed: int) -> None:
+def test_passes_that_make_no_one_edge_are_refused_in_a_sentence() -> None:
     """One orientation for passes that were made in others: by these poses the places along the edge lie km apart."""
-    recording, _ = simulate_recording(random_recipe("two_pass", seed))
+    recording, _ = simulate_recording(random_recipe("two_pass", 7_900_010))
     held = np.tile(recording.robot_quaternion_wxyz[:1], (len(recording.robot_quaternion_wxyz), 1))
     cloud = denoise(fuse(replace(recording, robot_quaternion_wxyz=held)))
     with pytest.raises(InputError, match=r"do not determine one smooth edge|points along a smooth curve"):

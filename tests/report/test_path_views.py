@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 
 import numpy as np
@@ -39,30 +38,6 @@ def test_the_whole_path_is_drawn_layer_by_layer(planned, run, views):
         np.testing.assert_allclose(line + origin, position, atol=1e-9)
 
 
-def test_layers_have_a_colour_each_and_grow_darker(run, views):
-    shades = [colour[0] for _, colour in views["layers"].lines()][1::2]
-    brightness = np.array(shades) @ [0.3, 0.6, 0.1]
-    assert (np.diff(brightness) < 0).all()
-    between = [tuple(colour[0]) for _, colour in views["layers"].lines()][0::2]
-    assert len(set(between)) == 1
-
-
-def test_the_darker_the_slower(run):
-    colours = plan_colours.feed_colours(run) @ np.array([0.3, 0.6, 0.1])
-    order = np.argsort(run.feed_mm_s, kind="stable")
-    assert (np.diff(colours[order]) >= 0).all()
-    assert colours[run.feed_mm_s == 1.0].max() < colours[run.feed_mm_s == 20.0].min() - 50
-    constant = dataclasses.replace(run, feed_mm_s=np.full(len(run.layer), 3.0))
-    assert plan_colours.feed_range(constant) == (0.0, 3.0)
-
-
-def test_the_close_up_shows_layers_near_the_middle_only(views):
-    view = views["layers_close"]
-    assert len(view.lines()) == 6
-    assert np.abs(view.lines_mm[:, 0]).max() <= 12.0
-    assert np.abs(view.points_mm[:, 0]).max() <= 12.5
-
-
 def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     figures = []
     monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
@@ -72,14 +47,6 @@ def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     assert layers.ticks["x"][1] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
     assert (layers.labels["x"], feeds.labels["x"]) == ("layer (its height above the finished bevel)", "feed, mm/s")
     assert feeds.get_xlim() == (1.0, 20.0)
-
-
-def test_many_layers_are_not_all_named(planned, monkeypatch):
-    figures = []
-    monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
-    layer = planned().toolpath.layers[0]
-    plan_colours.layer_scale(dataclasses.replace(planned().toolpath, layers=(layer,) * 40))
-    assert len(figures[0].axes[0].ticks["x"][1]) == 12
 
 
 def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.report import path_charts
-from workbench.report.marks import FACES, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, rgb
+from workbench.report.marks import TOOL_AXES, rgb
 
 BETA = np.radians(40.0)
 
@@ -17,42 +17,12 @@ def views(planned):
     return path_charts.procedure_views(p.cloud, p.edge, p.toolpath, 50_000)
 
 
-def of_colour(points, colours, colour):
-    return points[(colours == rgb(colour)).all(axis=1)]
-
-
 def test_a_long_edge_is_shown_in_part(planned, views):
     stretch = path_charts.shown_stretch(planned(clamp=(-2.0, -1.0), frames=400).edge)
     assert (stretch.from_mm, stretch.to_mm) == (50.0, 150.0)
     assert len(stretch.frames) == 200
     for view in views.values():  # the origin lies at arc length 100 mm, x runs along the edge
         assert np.abs(view.everything_mm()[:, 0]).max() < 50.0 + path_charts.TOOL_AXIS_MM
-
-
-def test_vertices_lie_on_the_edges(views):
-    view = views["b"]
-    lower = of_colour(view.dots_mm, view.dot_colour, LOWER_EDGE)
-    upper = of_colour(view.dots_mm, view.dot_colour, UPPER_EDGE)
-    assert len(lower) == len(upper) == 200  # one a frame
-    pitch, noise = 0.14, 0.05  # of the columns on the end face: 20 mm / 200 / cos 42 deg
-    assert -noise < lower[:, 2].min() < lower[:, 2].max() < 2 * pitch
-    assert 10.0 - 2 * pitch < upper[:, 2].min() < upper[:, 2].max() < 10.0 + noise
-    assert np.abs(np.vstack([lower, upper])[:, 1]).max() < 0.1
-
-
-def test_the_end_face_alone_is_coloured(views):
-    end_face = of_colour(views["c"].points_mm, views["c"].colour, FACES[1])
-    assert 0.3 * len(views["c"].points_mm) < len(end_face) < 0.6 * len(views["c"].points_mm)
-    assert np.percentile(np.abs(end_face[:, 1]), 99) < 0.1
-    assert np.ptp(end_face[:, 2]) > 9.5
-
-
-def test_edges_are_drawn_where_they_are_and_broken_where_hidden(planned, views):
-    lower, upper = (line for line, _ in views["e"].lines())
-    np.testing.assert_allclose(lower[:, 1:], 0.0, atol=1e-9)
-    np.testing.assert_allclose(upper[:, 1:], np.tile([0.0, 10.0], (len(upper), 1)), atol=1e-9)
-    p = planned()
-    assert len(path_charts.procedure_views(p.cloud, p.edge, p.toolpath, 10_000)["e"].lines()) == 4
 
 
 def test_key_points_carry_frames_along_the_feed_and_down_the_bevel(views):

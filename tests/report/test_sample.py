@@ -32,12 +32,6 @@ def test_positions_are_those_of_the_grid(part):
     assert p.cloud.keep[i, j].all()
 
 
-def test_points_without_return_are_never_drawn(part):
-    p = part(frames=60, columns=80)
-    for points in (overview(p.cloud, p.edge, 10**6), rejected(p.cloud, p.edge, 10**6)[0]):
-        assert np.isfinite(points.position_mm).all()
-
-
 def test_rejected_points_are_all_found_when_no_frame_is_skipped(part):
     p = part(frames=100, columns=100)
     points, step = rejected(p.cloud, p.edge, 10**6)
@@ -54,13 +48,6 @@ def test_around_and_of_section_stay_near_their_section(part):
     near = around(p.cloud, p.edge, section.arc_length_mm, 5.0, 10**6)
     assert np.abs(arc_length[near.frame] - section.arc_length_mm).max() <= 5.0
     assert set(of_section(p.cloud, p.edge, section, 10**6).frame) <= set(section.frames)
-
-
-def test_hidden_frames_get_their_arc_length_from_their_pass(part):
-    p = part(frames=101)
-    hidden = np.isnan(p.edge.frame_arc_length_mm)
-    assert hidden.any()
-    np.testing.assert_allclose(frame_arc_length_mm(p.cloud, p.edge), np.linspace(0, 200, 101), atol=1e-9)
 
 
 def test_a_large_cloud_is_not_copied(part):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import json
 
 import numpy as np
@@ -12,14 +11,12 @@ import pytest
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Chapter, Mark, Scene, Shading, Strokes
 from workbench.report import closed_loop, html, inspection, plan
 from workbench.report.html import packed
-from workbench.report.scene import Points
 from workbench.report.scenes import (
     UNKNOWN,
     along,
     always,
     by_deviation,
     deviation_mm,
-    evenly,
     inspection_scene,
     laid_out_faces,
     loop_scene,
@@ -82,24 +79,6 @@ def test_any_first_part_of_the_points_shows_the_whole(dense):
     np.testing.assert_allclose(
         np.ptp(points.position_mm[:3_000], axis=0), np.ptp(points.position_mm, axis=0), rtol=0.02
     )
-
-
-def test_a_small_cloud_is_taken_whole(part):
-    small = part(frames=40, columns=60, clamp=(-2.0, -1.0))
-    points = telling(small.cloud, small.edge, 100_000)
-    near_the_faces = small.cloud.keep & (small.edge.labels > 0)
-    assert near_the_faces.sum() <= len(points.label) <= small.cloud.keep.sum()
-
-
-def test_evenly_leaves_one_point_a_cell():
-    rng = np.random.default_rng(0)
-    x = np.concatenate([rng.uniform(0, 10, 50_000), rng.uniform(0, 1, 50_000)])  # ten times as dense at one end
-    position = np.column_stack([x, rng.uniform(0, 10, 100_000), np.zeros(100_000)])
-    nothing = np.zeros(100_000, np.int64)
-    few = evenly(Points(position, nothing.astype(np.uint8), nothing, nothing), 2_000)
-    assert 1_700 < len(few.label) <= 2_000
-    counts = np.histogram(few.position_mm[:, 0], bins=10, range=(0, 10))[0]
-    assert counts.max() < 1.6 * counts.min()
 
 
 def test_deviations_are_noise_about_the_true_faces_and_see_a_wrong_size(dense):
@@ -209,12 +188,3 @@ def test_the_closed_loop_is_shown_on_the_milled_part_only(part, planned, by_form
     rows = compared(made.inspection, path)
     assert len(loop_scene(made.inspection, path, rows, made.cloud, made.edge, 5_000).points_mm) > 1_000
     assert len(loop_scene(made.inspection, path, rows, raw.cloud, raw.edge, 5_000).points_mm) == 0
-
-
-def test_marks_are_frozen_values(dense):
-    scene = inspection_scene(dense.cloud, dense.edge, dense.inspection, 10_000)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        scene.marks = ()
-    for mark, section in zip(scene.marks, dense.inspection.sections, strict=True):
-        np.testing.assert_allclose((mark.outline_mm - section.origin_mm) @ section.tangent, 0.0, atol=1e-9)
-        np.testing.assert_array_equal(mark.outline_mm[0], mark.outline_mm[-1])

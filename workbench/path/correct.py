@@ -88,14 +88,8 @@ def correct(
     repeatability_mm: Annotated[float, Field(ge=0, le=2)] = 0.03,
     repeatability_deg: Annotated[float, Field(ge=0, le=2)] = 0.01,
     repeatability_length_mm: Annotated[float, Field(ge=1, le=10000)] = 50.0,
-    yield_share: Annotated[
-        float,
-        Field(ge=0, le=1),
-    ] = 0.1,
-    wear_mm: Annotated[
-        float,
-        Field(ge=0, le=1),
-    ] = 0.02,
+    yield_share: Annotated[float, Field(ge=0, le=1)] = 0.1,
+    wear_mm: Annotated[float, Field(ge=0, le=1)] = 0.02,
     most_moved_mm: Annotated[float, Field(gt=0, le=10)] = 0.3,
     earlier: InputFile | None = None,
 ) -> tuple[Toolpath, PathCorrection]:

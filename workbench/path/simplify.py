@@ -40,10 +40,7 @@ def simplify(
     feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 0.1,
     air_feed_tolerance: Annotated[float, Field(ge=0, le=10)] = 1.0,
     arcs: bool = True,
-    least_sweep_deg: Annotated[
-        float,
-        Field(gt=0, le=90),
-    ] = 4.2,
+    least_sweep_deg: Annotated[float, Field(gt=0, le=90)] = 4.2,
 ) -> Moves:
     r"""Replace runs of key points by straight moves and circular arcs.
 

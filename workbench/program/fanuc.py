@@ -31,7 +31,7 @@ from workbench.errors import InputError
 from workbench.language import NUMBER, Language, refuse
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file, one_or_all
-from workbench.program.skeleton import SWITCHED, Numbered, check_words, limited, numbered
+from workbench.program.skeleton import SWITCHED, Numbered, check_words, numbered
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
@@ -128,11 +128,11 @@ class Fanuc(Numbered):
     """The dialect of FANUC's controllers."""
 
     language = PROGRAM
-    begin, home_as = 1, "register"
+    begin, home_as, slowest = 1, "register", 0.1
 
     def __post_init__(self) -> None:
         """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
-        if self.job.moves.feed_mm_s.min() < 0.1:
+        if self.job.moves.feed_mm_s.min() < self.slowest:
             raise InputError(
                 "program.write",
                 f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
@@ -141,10 +141,9 @@ class Fanuc(Numbered):
         check_words(self.cell, "FANUC", signals="numbers", home=register)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """Seconds in hundredths; a label has a number; other programs' names are in capitals."""
-        seconds = f"{float(value):.2f}" if kind == "wait_time" else ""
+        """A label has a number; other programs' names are in capitals."""
         said = value.upper() if kind == "hook" else value
-        return {"value": said, "signal": value, "seconds": seconds, "number": value.removeprefix("layer")}
+        return super().fields(kind, value) | {"value": said, "number": value.removeprefix("layer")}
 
     def event(self, kind: EventKind, value: str) -> list[str]:
         """Behind a restart point stand the numbers of frame and tool."""
@@ -158,9 +157,8 @@ class Fanuc(Numbered):
     @functools.cached_property
     def ends(self) -> list[dict[str, Any]]:
         """All that stands behind the target of each move: speed and termination."""
-        controller, moves = self.cell.controller, self.job.moves
+        controller, moves, feeds = self.cell.controller, self.job.moves, self.feeds
         region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        feeds = np.maximum(np.floor(limited(moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, 0.1)
         length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
         room = np.minimum(np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2, self.job.zone_mm)
         within = (continuous_mm(self.cell, feeds) <= room) & (np.append(feeds[1:], 0.0) <= feeds)

@@ -31,7 +31,7 @@ from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
 from workbench.program.krl import euler_deg
 from workbench.program.reading import Reading, euler_pose, one_file
-from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, limited, numbered
+from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, numbered
 from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import Chain, forward_kinematics
@@ -102,7 +102,7 @@ class Inform(Numbered):
     """The dialect of Yaskawa's controllers."""
 
     language = JOB
-    begin, home_as = 0, "variable"
+    begin, home_as, slowest = 0, "variable", SLOWEST_MM_S
 
     def __post_init__(self) -> None:
         """Refuse what a job cannot say."""
@@ -148,9 +148,8 @@ class Inform(Numbered):
         return Arm(self.cell.chain, self.cell.flange_from_cutter, base_from_frame)
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """Seconds in hundredths; names are in capitals."""
-        seconds = f"{float(value):.2f}" if kind == "wait_time" else ""
-        return {"value": value.upper(), "signal": value, "seconds": seconds}
+        """Names are in capitals."""
+        return super().fields(kind, value) | {"value": value.upper()}
 
     @functools.cached_property
     def ends(self) -> list[tuple[float, str]]:
@@ -161,11 +160,10 @@ class Inform(Numbered):
         within = [level for level, zone_mm in enumerate(levels, 1) if zone_mm <= self.job.zone_mm]
         level = max(within, key=lambda level: levels[level - 1], default=0)
         rounded = f"CR={corner:.1f}" if corner >= LEAST_CORNER_MM else f"PL={level}"
-        feeds = np.maximum(np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9) / 10, SLOWEST_MM_S)
         blends = self.blends
         arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
         near = [rounded if free and not arc else "PL=0" for free, arc in zip(blends, arc_next, strict=True)]
-        return list(zip(feeds.tolist(), near, strict=True))
+        return list(zip(self.feeds.tolist(), near, strict=True))
 
     def head(self) -> Iterator[str]:
         """Remarks; the first posture's angles, by which its branch is told on the pendant; the turntable's."""

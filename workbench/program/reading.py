@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramEvent, ProgramMove
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from
+from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.language import NUMBER, Language, Said, refuse
 from workbench.robot.cell_file import ProcessPart, Signal
 from workbench.units import DEG, Float
@@ -148,15 +148,7 @@ def one_or_all(values: list[float]) -> Float | float | None:
 
 def euler_pose(at: list[float], abc: list[float]) -> Float:
     """The pose (4, 4) of X, Y, Z in mm and A, B, C in deg: R = Rz(A) Ry(B) Rx(C)."""
-    (ca, cb, cc), (sa, sb, sc) = np.cos(np.array(abc) * DEG), np.sin(np.array(abc) * DEG)
-    turn = np.array(
-        [
-            [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
-            [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
-            [-sb, cb * sc, cb * cc],
-        ]
-    )
-    return pose_from(turn, np.array(at))
+    return pose_from(rotation_from_rpy(*(np.array(abc) * DEG).tolist()), np.array(at))
 
 
 def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:

@@ -255,6 +255,18 @@ class Numbered(CellDialect):
     begin: ClassVar[int]  # number of the first
     home_as: ClassVar[str]  # what the form of a move to the controller's own home calls it
 
+    slowest: ClassVar[float]  # mm/s, that its speeds, in tenths, can say
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
+        """Seconds in hundredths."""
+        return super().fields(kind, value) | {"seconds": f"{float(value):.2f}" if kind == "wait_time" else ""}
+
+    @functools.cached_property
+    def feeds(self) -> Float:
+        """Of the moves (k,), mm/s in tenths, rounded down."""
+        tenths = np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9)
+        return np.maximum(tenths / 10, self.slowest)
+
     @functools.cached_property
     def numbers(self) -> list[int]:
         """Of each target's position."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -121,11 +121,11 @@ class _Leg:
     start: Shaped[Float, "4 4"]  # tool in the base
     end: Float
     tables: tuple[Values, Values]
-    joints: tuple[Float, Float] | None
-    centre: Float
-    turn: Float
-    length: float
-    cut: list[float]  # shares at which it begins and ends
+    joints: tuple[Float, Float] | None = None
+    centre: Float = field(default_factory=lambda: np.zeros(3))
+    turn: Float = field(default_factory=lambda: np.zeros(3))
+    length: float = 0.0
+    cut: list[float] = field(default_factory=lambda: [0.0, 1.0])  # shares at which it begins and ends
     seconds: float | None = None  # that the program says it takes
 
     def at(self, share: float) -> tuple[Float, Float, Values]:
@@ -219,7 +219,7 @@ def _leg(
     tables: tuple[Values, Values],
     flange_at: ToFlange,
 ) -> _Leg:
-    start, nothing = flange @ tool, np.zeros(3)
+    start = flange @ tool
     if move.kind == "J":
         if move.joints is None:
             raise WayError(
@@ -228,20 +228,7 @@ def _leg(
         if move.zone_mm > 0:
             raise WayError(move.line, BLENDING_JOINTS)
         both = (np.full(6, np.nan) if joints is None else joints, move.joints)
-        return _Leg(
-            i,
-            move,
-            JOINTS,
-            tool,
-            start,
-            flange_at(move.joints, tables[1]) @ tool,
-            tables,
-            both,
-            nothing,
-            nothing,
-            0.0,
-            [0.0, 1.0],
-        )
+        return _Leg(i, move, JOINTS, tool, start, flange_at(move.joints, tables[1]) @ tool, tables, both)
     assert move.pose is not None
     assert frame is not None
     end = frame @ move.pose
@@ -254,11 +241,11 @@ def _leg(
         )
     if move.kind == "L":
         length = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
-        return _Leg(i, move, STRAIGHT, tool, start, end, tables, None, nothing, nothing, length, [0.0, 1.0])
+        return _Leg(i, move, STRAIGHT, tool, start, end, tables, length=length)
     assert move.via is not None
     centre, turn = _circle(start[:3, 3], (frame @ move.via)[:3, 3], end[:3, 3], move.line)
     length = float(np.linalg.norm(start[:3, 3] - centre) * np.linalg.norm(turn))
-    return _Leg(i, move, CIRCULAR, tool, start, end, tables, None, centre, turn, length, [0.0, 1.0])
+    return _Leg(i, move, CIRCULAR, tool, start, end, tables, None, centre, turn, length)
 
 
 def _circle(a: Float, via: Float, b: Float, line: int) -> tuple[Float, Float]:
@@ -365,7 +352,7 @@ class Places:
 
 def joined(parts: list[Places]) -> Places:
     """All of them, one after the other."""
-    columns = ([getattr(part, field.name) for part in parts] for field in dataclasses.fields(Places))
+    columns = ([getattr(part, one.name) for part in parts] for one in dataclasses.fields(Places))
     return Places(*(np.concatenate(column) for column in columns))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import zip_longest
 
 import numpy as np
@@ -69,6 +69,16 @@ def mill_path(shape: Shape = Shape(), **more) -> Toolpath:
         travels.append(travel([ends[i][1], above[i][1], above[i + 1][0], ends[i + 1][0]], q[[-1, -1, 0, 0]]))
     travels.append(travel([ends[-1][1], above[-1][1]], q[[-1, -1]]))
     return Toolpath(Cutter(), layers, tuple(travels), 1.5, 40.0, 1.0, 1.0, float(shape.length_mm), **more)
+
+
+def thinned(path: Toolpath, some) -> Toolpath:
+    """The path with some points (indices) of every layer."""
+
+    def fewer(layer: Layer) -> Layer:
+        columns = {one.name: getattr(layer, one.name) for one in fields(layer)}
+        return replace(layer, **{name: part[some] for name, part in columns.items() if isinstance(part, np.ndarray)})
+
+    return replace(path, layers=tuple(map(fewer, path.layers)))
 
 
 def travel(points, quaternions) -> Travel:

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from workbench.artefacts import Layer, Moves, Postures, Toolpath
+from bench.program_outsider import Outsider, Target
+from workbench.artefacts import Layer, Moves, Postures, ProgramMoves, Toolpath
 from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.path.simplify import _points
 from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, within_limits
 from workbench.robot.cell import Turntable
+from workbench.units import Float
 
 from .paths import Shape, mill_path
 
@@ -88,6 +91,33 @@ def postured(cell: Cell, robot: str, shape: Shape, turned: float = 0.0) -> Moves
         has_turntable=isinstance(cell.turntable, Turntable),
     )
     return simplify(path, made)
+
+
+def by_an_outsider(cell: Cell, read: ProgramMoves) -> tuple[Any, Outsider, Float, Float]:
+    """A program of the shipped robot driven in fine steps by other formulas, clear of everything.
+
+    Its moves on the path, the outsider, joint angles (n, 6), rad, and the external axes (n, ...), deg or mm.
+    """
+    begin = max(i for i, move in enumerate(read.moves[:-1]) if move.kind == "J")
+    on_path, start = read.moves[begin + 1 : -2], read.moves[begin]  # behind the last target the tool is drawn back
+    tool = read.tools[start.tool].flange_from_tool
+    outsider = Outsider(DATA / "irb6700_150_320.urdf", replace(cell, flange_from_cutter=tool))
+    frame = read.work_objects[start.work_object]
+    targets = [
+        Target(
+            move.kind,
+            frame @ move.pose,
+            None if move.via is None else frame @ move.via,
+            None,
+            np.degrees(move.turntable),
+            move.zone_mm,
+        )
+        for move in on_path
+    ]
+    ((wrong, joints, tables),) = outsider.drive([(start.joints, np.degrees(start.turntable), targets)])
+    assert wrong == ""
+    assert outsider.unsafe(cell, joints, tables) == ""
+    return on_path, outsider, joints, tables
 
 
 def filled(path: Toolpath, step_mm: float) -> Toolpath:

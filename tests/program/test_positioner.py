@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.program_outsider import Outsider, Target
+from bench.program_outsider import Outsider
 from workbench import path, program
 from workbench.artefacts import (
     Gate,
     Judgement,
-    Layer,
     Moves,
     PathGate,
     Postures,
@@ -32,8 +31,8 @@ from workbench.robot import Cell, read_cell
 from workbench.robot.judge import judge
 from workbench.units import Float
 
-from .paths import Shape, mill_path
-from .postured import DATA, URDFS, moved
+from .paths import Shape, mill_path, thinned, to_polyline
+from .postured import DATA, URDFS, by_an_outsider, moved
 
 TILT_AT, TABLE_ABOVE = np.array([0.0, 0.0, -180.0]), np.array([0.0, 0.0, 120.0])
 ROBOTS = {  # URDF, base frame, home, and where the table is, mm
@@ -79,12 +78,7 @@ def edge(cell: Cell, lean: float = 0.0, bend: float = 0.0, every: int = 3) -> To
     """An edge of 120 mm above the table's middle, on an arc in an upright plane; `lean`: turned about the base's y."""
     plan = mill_path(Shape(length_mm=120, layers=1, turn=(np.pi / 2, 0, 0) if bend else (0, 0, 0.5), bend=bend))
     some = np.r_[0:11, 10 + every : 130 : every, 130:141]
-
-    def fewer(layer: Layer) -> Layer:
-        columns = {one.name: getattr(layer, one.name) for one in fields(layer)}
-        return replace(layer, **{name: part[some] for name, part in columns.items() if isinstance(part, np.ndarray)})
-
-    plan = replace(plan, layers=tuple(map(fewer, plan.layers)))
+    plan = thinned(plan, some)
     place = np.eye(4)
     place[:3, :3] = Rotation.from_rotvec([0, lean, 0]).as_matrix()
     middle = plan.layers[0].position_mm.mean(axis=0)
@@ -152,27 +146,8 @@ def test_the_outsider_finds_the_law_on_the_edge_and_clear_of_everything(law: Any
     """Driven in fine steps by other formulas: the tool as the part sees it, and the bodies."""
     cell, plan, postures, gate, _ = law
     moves, read, _ = written(cell, plan, postures, gate)
-    begin = max(i for i, move in enumerate(read.moves[:-1]) if move.kind == "J")
-    on_path = read.moves[begin + 1 : -2]  # to the last target; behind it the tool is drawn back
+    on_path, outsider, joints, tables = by_an_outsider(cell, read)
     assert np.degrees([move.turntable for move in on_path]) == pytest.approx(moves.turntable_deg, abs=1e-3)
-    tool = read.tools[read.moves[0].tool].flange_from_tool
-    outsider = Outsider(DATA / "irb6700_150_320.urdf", replace(cell, flange_from_cutter=tool))
-    frame = read.work_objects[read.moves[0].work_object]
-    targets = [
-        Target(
-            move.kind,
-            frame @ move.pose,
-            None if move.via is None else frame @ move.via,
-            None,
-            np.degrees(move.turntable),
-            move.zone_mm,
-        )
-        for move in on_path
-    ]
-    start = read.moves[begin]
-    ((wrong, joints, tables),) = outsider.drive([(start.joints, np.degrees(start.turntable), targets)])
-    assert wrong == ""
-    assert outsider.unsafe(cell, joints, tables) == ""
     flange = outsider.links(joints)[:, 6] @ outsider.tip
     seen = np.linalg.inv(on_part(cell, tables)) @ flange
     axis = seen[:, :3, 3] - plan.cutter.diameter_mm / 2 * seen[:, :3, 0]
@@ -184,15 +159,6 @@ def test_the_outsider_finds_the_law_on_the_edge_and_clear_of_everything(law: Any
     assert cutting.sum() > 200
     assert off[cutting].max() < gate.tolerance_mm
     assert to_polyline(wanted, axis)[0].max() < gate.tolerance_mm
-
-
-def to_polyline(points: Float, places: Float) -> tuple[Float, Float]:
-    """Distance (n,) of points from a polyline (k, 3), and at which share of its places."""
-    a, d = places[:-1], np.diff(places, axis=0)
-    t = np.clip(np.einsum("nki,ki->nk", points[:, None] - a, d) / np.maximum((d * d).sum(axis=1), 1e-12), 0, 1)
-    away = np.linalg.norm(points[:, None] - a - t[..., None] * d, axis=2)
-    best, rows = away.argmin(axis=1), np.arange(len(points))
-    return away[rows, best], (best + t[rows, best]) / len(d)
 
 
 @pytest.mark.parametrize("dialect", ["abb", "kuka", "fanuc"])

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.program_outsider import Outsider, Target
 from workbench import path, program
-from workbench.artefacts import Gate, Judgement, Layer, Moves, PathGate, Postures, Toolpath
+from workbench.artefacts import Gate, Judgement, Moves, PathGate, Postures, Toolpath
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.plugins import stiffness
@@ -24,8 +23,8 @@ from workbench.robot import Cell, read_cell
 from workbench.robot.judge import judge
 from workbench.units import Float
 
-from .paths import Shape, mill_path
-from .postured import DATA, URDFS, moved
+from .paths import Shape, mill_path, thinned
+from .postured import DATA, URDFS, by_an_outsider, moved
 
 LENGTH_MM, EVERY = 6000, 20
 ALONG = np.array([0.6, 0.8, 0.0])  # of the track, in the base
@@ -76,13 +75,7 @@ def edge(length_mm: int, dialect: str = "abb") -> Toolpath:
     start = np.eye(4)
     start[:3, 3] = [-900, 200, -700]
     some = np.r_[0:11, 20 : length_mm + 10 : EVERY, length_mm + 10 : length_mm + 21]
-
-    def fewer(layer: Layer) -> Layer:
-        columns = {one.name: getattr(layer, one.name) for one in fields(layer)}
-        return replace(layer, **{name: part[some] for name, part in columns.items() if isinstance(part, np.ndarray)})
-
-    layers = tuple(map(fewer, plan.layers))
-    return moved(replace(plan, layers=layers), pose_along(0, ROBOTS[dialect][3]) @ start)
+    return moved(thinned(plan, some), pose_along(0, ROBOTS[dialect][3]) @ start)
 
 
 def planned(cell: Cell, plan: Toolpath) -> tuple[Postures, PathGate]:
@@ -140,12 +133,7 @@ def test_what_is_written_is_read_back_and_follows_the_edge(milled: Any, monkeypa
     assert np.degrees([move.turntable for move in straight]) == pytest.approx(moves.turntable_deg, abs=1e-3)
     if cell.controller.dialect != "abb":
         return
-    tool = read.tools[read.moves[0].tool].flange_from_tool
-    outsider = Outsider(DATA / "irb6700_150_320.urdf", replace(cell, flange_from_cutter=tool))
-    targets = [Target("L", move.pose, None, None, float(np.degrees(move.turntable)), move.zone_mm) for move in straight]
-    start = read.moves[begin]
-    ((wrong, joints, tables),) = outsider.drive([(start.joints, float(np.degrees(start.turntable)), targets)])
-    assert wrong == ""
+    _, outsider, joints, tables = by_an_outsider(cell, read)
     flange = outsider.links(joints)[:, 6] @ outsider.tip
     place = flange[:, :3, 3] + tables[:, None] * ALONG  # on the floor
     axis = place - plan.cutter.diameter_mm / 2 * flange[:, :3, 0]
@@ -160,7 +148,6 @@ def test_what_is_written_is_read_back_and_follows_the_edge(milled: Any, monkeypa
     inside = (share > 20) & (share < LENGTH_MM - 20) & (np.linalg.norm(beside - share[:, None] * along, axis=1) < 5)
     assert inside.sum() > LENGTH_MM / 4 - 20
     assert np.linalg.norm(beside - share[:, None] * along, axis=1)[inside].max() < 0.01  # ... on its straight edge
-    assert outsider.unsafe(cell, joints, tables) == ""
 
 
 def test_what_the_track_cannot_do_is_refused(milled: Any) -> None:

@@ -19,11 +19,11 @@ from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell_file import ProbePart
 from workbench.robot.judge import judge
-from workbench.robot.process import disorders
+from workbench.robot.process import disorders, not_seen
 
 from .conftest import passed
 from .paths import Shape
-from .postured import CUTTER, ROBOTS, cell_of, postured
+from .postured import CUTTER, DATA, ROBOTS, cell_of, postured
 from .test_dialects import DIALECTS
 
 OFF = ",tMill\\WObj:=woEdge;\n    SetDO doCoolant,0;"  # behind a move
@@ -203,6 +203,17 @@ def test_home_by_the_controllers_name(tmp_path: Path, layers: Moves) -> None:
     assert judge(cell, program).passed
     (found, *_) = judge(cell, back(written.replace("jSafe", "jOther"), layers, cell)).violations
     assert "no joint angles" in found.finding
+
+
+def test_a_table_that_is_free_at_home_may_come_from_anywhere(tmp_path: Path) -> None:
+    """A post on its rim meets the arm at some angle: then where the table stands is among what nobody looks at."""
+    tree = json.loads((DATA / "cell.json").read_text())
+    tree["robot"]["urdf"] = str(DATA / tree["robot"]["urdf"])
+    post = {"name": "post", "on": "turntable", "pose": {"position_mm": [-450, 0, 820]}, "box_mm": [80, 80, 2600]}
+    for more, said in (([], "the robot stands to home"), ([post], "the robot and its external axes stand to home")):
+        (tmp_path / "cell.json").write_text(json.dumps(tree | {"fixtures": [*tree["fixtures"], *more]}))
+        made = read_cell(tmp_path / "cell.json")
+        assert next(not_seen(made, made.process, "abb")) == f"the way from where {said}"
 
 
 def test_what_is_not_said_is_told(tmp_path: Path, layers: Moves) -> None:

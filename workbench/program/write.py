@@ -168,7 +168,7 @@ def _told(cell: Cell, chosen: str) -> Cell:
     if process is None:
         return cell
     if chosen == known and chosen != "trajectory":
-        return dataclasses.replace(cell, unseen=(*cell.unseen, *not_seen(process, chosen)))
+        return dataclasses.replace(cell, unseen=(*cell.unseen, *not_seen(cell, process, chosen)))
     why = "a trajectory has no words for it" if chosen == "trajectory" else f"the cell file's words are for {known}"
     return dataclasses.replace(cell, process=None, unchecked=(*cell.unchecked, f"{NO_PROCESS} ({why})"))
 

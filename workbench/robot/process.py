@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
+from workbench.robot.bounds import Pairs
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import HomePart, ProcessPart
 from workbench.robot.collision import outermost
@@ -16,12 +17,14 @@ from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float, Shaped
 
 NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
+HOME_PLACES = 2000  # of an external axis, at which it is looked at with the robot at home
 SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a program may turn them by
 
 
-def not_seen(process: ProcessPart, dialect: str) -> Iterator[str]:
+def not_seen(cell: Cell, process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
-    yield "the way from where the robot and its external axes stand to home"
+    beside = "stands" if turns_freely(cell, process.home) else "and its external axes stand"
+    yield f"the way from where the robot {beside} to home"
     yield "the cutter against the plate between the path's ends and the points of approach and retract"
     if process.home.controller_name:
         yield f"that {process.home.controller_name} on the controller is the cell file's home"
@@ -35,6 +38,17 @@ def not_seen(process: ProcessPart, dialect: str) -> Iterator[str]:
         yield "restart points: URScript has none, a program begins at its begin"
     elif process.restart:
         yield "the way to a restart point: lead the robot by hand to the target before its label"
+
+
+def turns_freely(cell: Cell, home: HomePart) -> bool:
+    """Whether, with the robot at home, the external axis may go from anywhere to anywhere; of two nothing is proven."""
+    if cell.turntable is None or len(cell.axes) > 1:
+        return cell.turntable is None
+    strict = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)  # nothing is milled there
+    places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], HOME_PLACES)
+    joints = np.tile(np.array(home.joints_deg) * DEG, (len(places), 1))
+    pairs = Pairs(dataclasses.replace(cell, may_touch=strict))
+    return not pairs.swept(joints[None], places[None]).any()
 
 
 def placed(program: ProgramMoves, cell: Cell) -> ProgramMoves:

@@ -128,7 +128,7 @@ class Fanuc(Numbered):
     """The dialect of FANUC's controllers."""
 
     language = PROGRAM
-    begin, home_as, slowest = 1, "register", 0.1
+    begin, home_as = 1, "register"
 
     def __post_init__(self) -> None:
         """Refuse feeds that its tenths of mm/sec cannot say without being faster."""

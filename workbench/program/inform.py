@@ -38,7 +38,7 @@ from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Shaped
 
-SLOWEST_MM_S, FASTEST_MM_S = 0.1, 1500.0  # of the tag V=
+FASTEST_MM_S = 1500.0  # of the tag V=
 LEAST_CORNER_MM = 1.0  # of the tag CR=
 MOST_POSITIONS = 9999  # of a job: their names have five digits, and a job has as many steps
 REMARK = 32  # characters of a comment and of MSG
@@ -102,15 +102,15 @@ class Inform(Numbered):
     """The dialect of Yaskawa's controllers."""
 
     language = JOB
-    begin, home_as, slowest = 0, "variable", SLOWEST_MM_S
+    begin, home_as = 0, "variable"
 
     def __post_init__(self) -> None:
         """Refuse what a job cannot say."""
         feed = self.job.moves.feed_mm_s
-        if not SLOWEST_MM_S <= feed.min() <= feed.max() <= FASTEST_MM_S:
+        if not self.slowest <= feed.min() <= feed.max() <= FASTEST_MM_S:
             raise InputError(
                 "program.write",
-                f"expected feeds of {SLOWEST_MM_S:g} to {FASTEST_MM_S:g} mm/s for Yaskawa, found {feed.min():.3g} to "
+                f"expected feeds of {self.slowest:g} to {FASTEST_MM_S:g} mm/s for Yaskawa, found {feed.min():.3g} to "
                 f"{feed.max():.5g}",
             )
         check_standing_turntable(

@@ -255,7 +255,7 @@ class Numbered(CellDialect):
     begin: ClassVar[int]  # number of the first
     home_as: ClassVar[str]  # what the form of a move to the controller's own home calls it
 
-    slowest: ClassVar[float]  # mm/s, that its speeds, in tenths, can say
+    slowest: ClassVar[float] = 0.1  # mm/s: speeds are said in tenths
 
     def fields(self, kind: EventKind, value: str) -> dict[str, str]:
         """Seconds in hundredths."""

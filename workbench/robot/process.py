@@ -17,7 +17,6 @@ from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, Float, Shaped
 
 NO_PROCESS = "the way to the first posture and back home, spindle and coolant: the program does none of it"
-HOME_PLACES = 2000  # of an external axis, at which it is looked at with the robot at home
 SAME_PLACE = 0.001 * DEG  # joint angles that are home's: what the digits of a program may turn them by
 
 
@@ -45,7 +44,7 @@ def turns_freely(cell: Cell, home: HomePart) -> bool:
     if cell.turntable is None or len(cell.axes) > 1:
         return cell.turntable is None
     strict = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)  # nothing is milled there
-    places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], HOME_PLACES)
+    places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], 1000)
     joints = np.tile(np.array(home.joints_deg) * DEG, (len(places), 1))
     pairs = Pairs(dataclasses.replace(cell, may_touch=strict))
     return not pairs.swept(joints[None], places[None]).any()

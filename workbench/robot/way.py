@@ -110,6 +110,14 @@ def _turned(arm: Float, turn: Float, share: Float) -> Float:
     return np.asarray(arm * c + np.cross(axis, arm) * s + axis * along * (1 - c))
 
 
+def _nowhere() -> Float:
+    return np.zeros(3)
+
+
+def _whole() -> list[float]:
+    return [0.0, 1.0]
+
+
 @dataclass
 class _Leg:
     """One whole move, before its ends are rounded off."""
@@ -122,10 +130,10 @@ class _Leg:
     end: Float
     tables: tuple[Values, Values]
     joints: tuple[Float, Float] | None = None
-    centre: Float = field(default_factory=lambda: np.zeros(3))
-    turn: Float = field(default_factory=lambda: np.zeros(3))
-    length: float = 0.0
-    cut: list[float] = field(default_factory=lambda: [0.0, 1.0])  # shares at which it begins and ends
+    centre: Float = field(default_factory=_nowhere)
+    turn: Float = field(default_factory=_nowhere)
+    length: float = field(default_factory=float)
+    cut: list[float] = field(default_factory=_whole)  # shares at which it begins and ends
     seconds: float | None = None  # that the program says it takes
 
     def at(self, share: float) -> tuple[Float, Float, Values]:

@@ -5,7 +5,8 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
-from workbench.robot.bounds import BoundingVolumes, CollisionScreen, bounding_volumes, clearance_bound_mm
+from workbench.robot.bound_kernels import BoundingVolumes
+from workbench.robot.bounds import CollisionScreen, bounding_volumes, clearance_bound_mm
 from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
 from workbench.robot.collision import (
     Clearance,

@@ -20,24 +20,26 @@ DEPTHS = 34  # of halving a way of up to 2**31 places, and one more
 STEPS = 22  # of the search along a segment: 2.5e-5 of its length is left
 
 
-class Scene(NamedTuple):
-    """A robot's axes at zero, e external axes from the base outwards, and the volumes of `BoundingVolumes`.
+class BoundingVolumes(NamedTuple):
+    """A robot's axes at zero, e external axes from the base outwards, and S shapes in volumes; pairs to look at.
 
-    Joint angles are those of the robot and the values of the external axes behind them.
+    Volumes are capsules, and solids within some of them, where they are at zero: in the base, or the frame of the
+    external axis that carries them. Joint angles are those of the robot and the values of the external axes behind
+    them.
     """
 
     axes: Shaped[AnyArray, "6 3"]  # unit
-    points: Shaped[AnyArray, "6 3"]  # mm
-    frames: Shaped[AnyArray, "e 4 4"]  # of each axis at 0, in what carries it
+    points_mm: Shaped[AnyArray, "6 3"]  # on them
+    frames: Shaped[AnyArray, "e 4 4"]  # of each external axis at 0, in what carries it
     slides: Shaped[AnyArray, " e"]  # whether it is a track's floor
-    link: AnyArray
-    solid: AnyArray
-    ends: AnyArray
-    radius: AnyArray
-    pose: AnyArray
-    half: AnyArray
-    around: Shaped[AnyArray, " S"]  # radius of the sphere around each volume
-    pairs: AnyArray
+    link: Shaped[AnyArray, " S"]  # as in `Shape`, the fixed ones 0
+    solid: Shaped[AnyArray, " S"]  # a box, a cylinder, or none: a capsule alone
+    ends_mm: Shaped[AnyArray, "S 2 3"]  # of capsules
+    radius_mm: Shaped[AnyArray, " S"]
+    pose: Shaped[AnyArray, "S 4 4"]  # of solids
+    half_mm: Shaped[AnyArray, "S 3"]  # their half lengths
+    around_mm: Shaped[AnyArray, " S"]  # radius of the sphere around each
+    pairs: Shaped[AnyArray, "P 2"]
 
 
 class Standing(NamedTuple):
@@ -49,10 +51,10 @@ class Standing(NamedTuple):
 
 
 @kernel(error_model="numpy")
-def _place(standing: Standing, motion: AnyArray, scene: Scene, arm_only: bool) -> None:
+def _place(standing: Standing, motion: AnyArray, scene: BoundingVolumes, arm_only: bool) -> None:
     """Every volume where its link carries it; `arm_only`: those of base and turntable stay where they are."""
     at, placed, middle = standing
-    link, solid, ends, pose = scene.link, scene.solid, scene.ends, scene.pose
+    link, solid, ends, pose = scene.link, scene.solid, scene.ends_mm, scene.pose
     for s in range(len(link)):
         if arm_only and not 1 <= link[s] <= 6:
             continue
@@ -65,7 +67,7 @@ def _place(standing: Standing, motion: AnyArray, scene: Scene, arm_only: bool) -
 
 
 @kernel(error_model="numpy")
-def _room(scene: Scene) -> tuple[AnyArray, AnyArray, Standing]:
+def _room(scene: BoundingVolumes) -> tuple[AnyArray, AnyArray, Standing]:
     """Room for motions of links, for turns of joints and external axes, and for what `_place` places."""
     count, e = len(scene.link), len(scene.slides)
     motion, turn = np.zeros((7 + e, 3, 4)), np.zeros((7 + 2 * e, 3, 4))
@@ -75,12 +77,12 @@ def _room(scene: Scene) -> tuple[AnyArray, AnyArray, Standing]:
 
 
 @kernel(error_model="numpy")
-def bound_kernel(scene: Scene, joints: AnyArray, most: float) -> AnyArray:
+def bound_kernel(scene: BoundingVolumes, joints: AnyArray, most: float) -> AnyArray:
     """See `clearance_bound_mm`; `most` is enough to know."""
     found = np.empty(len(joints))
     motion, turn, standing = _room(scene)
     # Taken out of the scene once: in the loop that would be counted for every posture.
-    axes, points = scene.axes, scene.points
+    axes, points = scene.axes, scene.points_mm
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, scene.slides, n)
         _place(standing, motion, scene, False)
@@ -89,11 +91,11 @@ def bound_kernel(scene: Scene, joints: AnyArray, most: float) -> AnyArray:
 
 
 @kernel(error_model="numpy")
-def pairs_kernel(scene: Scene, joints: AnyArray, most: AnyArray) -> tuple[AnyArray, AnyArray]:
+def pairs_kernel(scene: BoundingVolumes, joints: AnyArray, most: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A lower bound of the distance of each pair (n, P), or `most` (P,), and the middles of the volumes (n, S, 3)."""
     found, middles = np.zeros((len(joints), len(scene.pairs))), np.zeros((len(joints), len(scene.link), 3))
     motion, turn, standing = _room(scene)
-    axes, points = scene.axes, scene.points
+    axes, points = scene.axes, scene.points_mm
     for n in range(len(joints)):
         _move(motion, turn, axes, points, joints, scene.slides, n)
         _place(standing, motion, scene, False)
@@ -105,7 +107,7 @@ def pairs_kernel(scene: Scene, joints: AnyArray, most: AnyArray) -> tuple[AnyArr
 
 @kernel(error_model="numpy")
 def swept_kernel(
-    scene: Scene, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
+    scene: BoundingVolumes, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
 ) -> AnyArray:
     """See `Pairs.swept`: which places (c, s) of ways (c, s, 6 + e) stay open; a stretch that is not proven is halved.
 
@@ -116,7 +118,7 @@ def swept_kernel(
     count, places = len(joints), joints.shape[1]
     found = np.zeros((count, places), np.bool_)
     motion, turn, standing = _room(scene)
-    axes, points = scene.axes, scene.points
+    axes, points = scene.axes, scene.points_mm
     many_axes = joints.shape[2]
     step, reach, lever = np.zeros((places, many_axes)), np.zeros(many_axes), np.zeros((6, 2, 3))
     first, last, depth = np.zeros(64, np.int64), np.zeros(64, np.int64), np.zeros(64, np.int64)
@@ -142,7 +144,7 @@ def swept_kernel(
                 _place(standing, motion, scene, stands)
                 _axes_there(motion, axes, points, lever)
                 for w in range(len(carried)):
-                    moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around)
+                    moved = _moved(carried[w], moves, w, lever, reach, standing.middle, scene.around_mm)
                     need[w] = moved / (1.0 - total)
                 if not stands:
                     _beside(motion, scene, standing.middle, reach, 1.0 / (1.0 - total), beside)
@@ -163,7 +165,7 @@ def swept_kernel(
 @kernel(error_model="numpy")
 def _proven(
     standing: Standing,
-    scene: Scene,
+    scene: BoundingVolumes,
     need: AnyArray,
     by: AnyArray,
     least: AnyArray,
@@ -175,7 +177,7 @@ def _proven(
 
     What stands on external axes moves by `beside` (S,) mm besides.
     """
-    pairs, around, middle = scene.pairs, scene.around, standing.middle
+    pairs, around, middle = scene.pairs, scene.around_mm, standing.middle
     for k in range(many):
         i = asked[k]
         s, t = pairs[i, 0], pairs[i, 1]
@@ -189,7 +191,9 @@ def _proven(
 
 
 @kernel(error_model="numpy")
-def _beside(motion: AnyArray, scene: Scene, middle: AnyArray, reach: AnyArray, slack: float, beside: AnyArray) -> None:
+def _beside(
+    motion: AnyArray, scene: BoundingVolumes, middle: AnyArray, reach: AnyArray, slack: float, beside: AnyArray
+) -> None:
     """What each volume (S,) on external axes moves by within their reaches, at most, mm, times `slack`."""
     e = len(scene.slides)
     for s in range(len(scene.link)):
@@ -206,7 +210,7 @@ def _beside(motion: AnyArray, scene: Scene, middle: AnyArray, reach: AnyArray, s
             z = middle[s, 2] - motion[carrier, 2, 3]
             u, v, w = motion[carrier, 0, 2], motion[carrier, 1, 2], motion[carrier, 2, 2]
             cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-            beside[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around[s]) * slack
+            beside[s] += reach[6 + k] * (np.sqrt(cx * cx + cy * cy + cz * cz) + scene.around_mm[s]) * slack
 
 
 @kernel(error_model="numpy")
@@ -271,14 +275,14 @@ def _moved(
 @kernel(error_model="numpy")
 def _smallest(
     standing: Standing,
-    scene: Scene,
+    scene: BoundingVolumes,
     first: int,
     last: int,
     best: float,
 ) -> float:
     """The smallest distance of pairs [first, last) below `best`, or one of 0 or less; what is farther is left out."""
     at, placed, middle = standing
-    radius, half, around, solid, pairs = scene.radius, scene.half, scene.around, scene.solid, scene.pairs
+    radius, half, around, solid, pairs = scene.radius_mm, scene.half_mm, scene.around_mm, scene.solid, scene.pairs
     for i in range(first, last):
         a, b = pairs[i, 0], pairs[i, 1]
         reach = best + around[a] + around[b]

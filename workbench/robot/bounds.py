@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from workbench.robot.bound_kernels import (
     BOX,
     CYLINDER,
     NONE,
-    Scene,
+    BoundingVolumes,
     bound_kernel,
     pairs_kernel,
     swept_kernel,
@@ -39,20 +38,6 @@ FREE = -1
 FAR_MM = 1e9  # farther apart than anything
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BoundingVolumes:
-    """S shapes as capsules (two ends, a radius) and solids (pose and half lengths), and the pairs to look at."""
-
-    link: Shaped[Int, " S"]  # as in `Shape`, the fixed ones 0
-    solid: Shaped[Int, " S"]  # 1: a box, 2: a cylinder, and the capsule around it, 0: a capsule alone
-    ends_mm: Shaped[Float, "S 2 3"]  # at zero, in the base (or the turntable's frame)
-    radius_mm: Shaped[Float, " S"]
-    pose: Shaped[Float, "S 4 4"]  # of solids, likewise
-    half_mm: Shaped[Float, "S 3"]
-    around_mm: Shaped[Float, " S"]  # radius of the sphere around each
-    pairs: Shaped[Int, "P 2"]
-
-
 def bounding_volumes(cell: Cell) -> BoundingVolumes:
     """The cell's shapes in volumes whose distances are quick."""
     made = [_volume(shape) for shape in cell.shapes]
@@ -62,6 +47,10 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
     solid = np.array([_solid(shape) for shape in cell.shapes], np.int64)
     around = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2 + radius
     return BoundingVolumes(
+        axes=cell.chain.axes,
+        points_mm=cell.chain.points_mm,
+        frames=_frames(cell),
+        slides=np.array([axis.slides for axis in cell.axes] or [False]),
         link=np.array([max(shape.link, 0) for shape in cell.shapes], np.int64),
         solid=solid,
         ends_mm=ends,
@@ -70,24 +59,6 @@ def bounding_volumes(cell: Cell) -> BoundingVolumes:
         half_mm=half,
         around_mm=np.where(solid == BOX, np.linalg.norm(half, axis=1), around),
         pairs=np.array(checked_pairs(cell), np.int64).reshape(-1, 2),
-    )
-
-
-def scene(cell: Cell, volumes: BoundingVolumes) -> Scene:
-    """The cell and its volumes as the kernels see them."""
-    return Scene(
-        cell.chain.axes,
-        cell.chain.points_mm,
-        _frames(cell),
-        np.array([axis.slides for axis in cell.axes] or [False]),
-        volumes.link,
-        volumes.solid,
-        volumes.ends_mm,
-        volumes.radius_mm,
-        volumes.pose,
-        volumes.half_mm,
-        volumes.around_mm,
-        volumes.pairs,
     )
 
 
@@ -112,7 +83,7 @@ def clearance_bound_mm(
     `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
     """
     q = with_externals(cell, np.asarray(joints, float).reshape(-1, 6), turntable)
-    return np.asarray(bound_kernel(scene(cell, volumes), q, most_mm))
+    return np.asarray(bound_kernel(volumes, q, most_mm))
 
 
 def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, least_mm: Float) -> Bool:
@@ -131,7 +102,7 @@ def pair_bounds_mm(
     What is farther apart than `most_mm` (P,) need not be known, and takes less time.
     """
     most = np.full(len(volumes.pairs), FAR_MM) if most_mm is None else most_mm
-    found, middles = pairs_kernel(scene(cell, volumes), with_externals(cell, joints, turntable), most)
+    found, middles = pairs_kernel(volumes, with_externals(cell, joints, turntable), most)
     return np.asarray(found), np.asarray(middles)
 
 
@@ -228,7 +199,7 @@ class Pairs:
         """
         beside = table if table.ndim > 2 else table[..., None]
         ways = np.ascontiguousarray(np.concatenate([joints, beside], axis=2), float)
-        bodies, least = scene(self.cell, self.volumes), self.least_mm
+        bodies, least = self.volumes, self.least_mm
 
         def some(first: int, last: int) -> Bool:
             chosen = slice(first, last)

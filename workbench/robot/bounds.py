@@ -11,7 +11,6 @@ than the point moves, hence the division (Schwarzer, Saha, Latombe, IEEE Trans. 
 
 from __future__ import annotations
 
-import functools
 import itertools
 
 import numpy as np
@@ -213,8 +212,8 @@ class CollisionScreen:
 
     def __init__(self, cell: Cell) -> None:
         """Build once, ask often."""
-        self.model = CollisionModel(cell)
-        self.cell, self._volumes = cell, bounding_volumes(cell)
+        self._pairs = Pairs(cell)
+        self.cell, self.model, self._volumes = cell, self._pairs.model, self._pairs.volumes
 
     def __repr__(self) -> str:
         """What it asks."""
@@ -271,10 +270,6 @@ class CollisionScreen:
             if distance < best:
                 best, at = distance, one
         return best, at % count, at // count
-
-    @functools.cached_property
-    def _pairs(self) -> Pairs:
-        return Pairs(self.cell)
 
     def swept(self, joints: Float, turntable: Float) -> Bool:
         """Which places (c, s) of ways (c, s, 6), (c, s) are not proven free; see `Pairs.swept`."""

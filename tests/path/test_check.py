@@ -85,38 +85,26 @@ def test_a_path_in_the_work_objects_frame_passes(raw: Callable[..., Raw]) -> Non
     assert not check(replace(there, base_from_workobject=None), scan.edge, scan.cloud).passed
 
 
-def mirrored(edge: Edge) -> Edge:
-    """The edge of someone who takes the lower side for the upper one: m and t the other way, the other edge."""
-    assert edge.upper_position_mm is not None
+def misread(edge: Edge, lower: str, upper: str, n: int) -> Edge:
+    """The edge of someone who takes the lower side for the upper one (n 1), or the way into the plate for the way out.
+
+    Two of its axes go the other way, along the edge too.
+    """
     back = slice(None, None, -1)
     return replace(
         edge,
-        position_mm=edge.upper_position_mm[back],
-        upper_position_mm=edge.position_mm[back],
-        across=-edge.across[back],
+        position_mm=getattr(edge, lower)[back],
+        upper_position_mm=getattr(edge, upper)[back],
+        across=-n * edge.across[back],
         tangent=-edge.tangent[back],
-        normal=edge.normal[back],
+        normal=n * edge.normal[back],
         seen=edge.seen[back],
-        upper_inward=-edge.normal[back],
+        upper_inward=-n * edge.normal[back],
         frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
     )
 
 
-def inverted(edge: Edge) -> Edge:
-    """The edge of someone who takes the way into the plate for the way out: n and t the other way."""
-    assert edge.upper_position_mm is not None
-    back = slice(None, None, -1)
-    return replace(
-        edge,
-        position_mm=edge.position_mm[back],
-        upper_position_mm=edge.upper_position_mm[back],
-        across=edge.across[back],
-        tangent=-edge.tangent[back],
-        normal=-edge.normal[back],
-        seen=edge.seen[back],
-        upper_inward=edge.normal[back],
-        frame_arc_length_mm=edge.arc_length_mm[-1] - edge.frame_arc_length_mm,
-    )
+MIRRORED, INVERTED = ("upper_position_mm", "position_mm", 1), ("position_mm", "upper_position_mm", -1)
 
 
 FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
@@ -215,20 +203,18 @@ def test_an_injected_fault_is_found(raw: Callable[..., Raw], name: str) -> None:
     assert any(word in gate.reason for word in words.split("|")), gate.reason
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"), [(mirrored, "layer 1 does not move along"), (inverted, "layer 1 lies below")]
-)
-def test_a_path_for_the_wrong_side_is_found(raw: Callable[..., Raw], wrong: Callable[[Edge], Edge], words: str) -> None:
+@pytest.mark.parametrize("wrong", [MIRRORED, INVERTED])
+def test_a_path_for_the_wrong_side_is_found(raw: Callable[..., Raw], wrong: tuple[str, str, int]) -> None:
     scan = raw(scanner={"columns": 400})
     nothing = replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep))  # so that no obstacle stops the wrong plan
-    path = layers(wrong(scan.edge), nothing)
+    path = layers(misread(scan.edge, *wrong), nothing)
     assert not check(path, scan.edge, scan.cloud).passed
 
 
 def test_a_wrong_edge_is_found_by_the_cloud_alone(raw: Callable[..., Raw]) -> None:
     """Path and edge agree on the wrong way out: the cutter would go through the plate."""
     scan = raw(scanner={"columns": 400})
-    wrong = inverted(scan.edge)
+    wrong = misread(scan.edge, *INVERTED)
     path = layers(wrong, replace(scan.cloud, keep=np.zeros_like(scan.cloud.keep)))
     gate = check(path, wrong, scan.cloud)
     assert not gate.passed

@@ -44,6 +44,13 @@ def section_at(scan: Raw, s: Float) -> tuple[Float, Float, Float, Float]:
     return rows[0], rows[1], rows[2], rows[3]
 
 
+def heights(scan: Raw, layer: Layer, s: Float) -> Float:
+    """Of a layer's points above the true bevel, at arc lengths s."""
+    p, _, n, m = section_at(scan, s)
+    b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
+    return ((layer.position_mm - p - 1.5 * m) * b).sum(axis=1)
+
+
 @pytest.mark.parametrize("name", CURVES)
 def test_layers_lie_on_planes_of_the_true_bevel(raw: Callable[..., Raw], name: str) -> None:
     scan = curved(raw, name)
@@ -109,9 +116,7 @@ def test_leads_come_down_smoothly_from_above_the_stock(raw: Callable[..., Raw]) 
     scan = curved(raw, "convex")
     path = layers(scan.edge, scan.cloud, clearance_mm=4)
     for layer in path.layers:
-        p, _, n, m = section_at(scan, np.clip(layer.arc_length_mm, 0, path.edge_length_mm))
-        b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
-        height = ((layer.position_mm - p - 1.5 * m) * b).sum(axis=1)
+        height = heights(scan, layer, np.clip(layer.arc_length_mm, 0, path.edge_length_mm))
         before, after = layer.arc_length_mm < 0, layer.arc_length_mm > path.edge_length_mm
         assert not layer.cutting[before | after].any()
         np.testing.assert_allclose(height[[0, -1]], (8 - 1.5) * math.sin(40 * DEG) + 4, atol=0.05)
@@ -169,9 +174,7 @@ def test_a_gap_without_a_clamp_is_passed_in_the_air(raw: Callable[..., Raw]) -> 
     final = path.layers[-1]
     np.testing.assert_array_equal(final.cutting, final.measured & (np.abs(final.arc_length_mm - 30) <= 30))
     assert path.refused == ("arc length 20.0 to 44.0 mm: not measured",)
-    p, _, n, m = section_at(scan, final.arc_length_mm)
-    b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
-    height = ((final.position_mm - p - 1.5 * m) * b).sum(axis=1)
+    height = heights(scan, final, final.arc_length_mm)
     assert (height[(final.arc_length_mm > 25) & (final.arc_length_mm < 39)] > 9).all()
 
 
@@ -184,9 +187,7 @@ def test_an_end_that_is_not_known_is_passed_in_the_air(raw: Callable[..., Raw], 
     edge = replace(scan.edge, position_u_mm=u)
     path = layers(edge, scan.cloud)
     final = path.layers[-1]
-    p, _, n, m = section_at(scan, final.arc_length_mm)
-    b = n * math.cos(40 * DEG) + m * math.sin(40 * DEG)
-    height = ((final.position_mm - p - 1.5 * m) * b).sum(axis=1)
+    height = heights(scan, final, final.arc_length_mm)
     there = scan.edge.arc_length_mm[lost]
     middle = np.abs(final.arc_length_mm - there[len(there) // 2]) < 1.0
     assert (height[middle] > 1.0).all()

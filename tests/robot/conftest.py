@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from workbench.robot import Cell, Chain, read_cell
+from workbench.robot import Cell, Chain, forward_kinematics, read_cell
 from workbench.robot.urdf import read_urdf
 from workbench.units import Float
 
@@ -41,6 +41,18 @@ class Pin:
         model = self.model.copy()
         index = model.addFrame(frame)
         return np.array(pin.computeFrameJacobian(model, model.createData(), q, index, pin.LOCAL_WORLD_ALIGNED))
+
+
+def missing(chain: Chain, joints: Float, poses: Float) -> Float:
+    """Largest entry of what branches (..., b, 6) miss of poses (..., 4, 4), in m and 1; NaN where there is no branch."""
+    difference = forward_kinematics(chain, np.nan_to_num(joints)) - poses[..., None, :, :]
+    difference[..., :3, 3] /= 1e3
+    return np.where(np.isnan(joints[..., 0]), np.nan, np.abs(difference).max(axis=(-1, -2)))
+
+
+def apart(a: Float, b: Float) -> Float:
+    """Largest difference of angles (..., 6), a turn being nothing."""
+    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
 
 
 def plainly(tree: Any) -> None:

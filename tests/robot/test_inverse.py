@@ -10,24 +10,14 @@ from workbench.errors import InputError
 from workbench.robot import Chain, forward_kinematics, inverse_kinematics, within_limits
 from workbench.units import Float
 
-
-def errors(chain: Chain, joints: Float, poses: Float) -> Float:
-    """Largest entry of pose errors (..., 8), in m and 1; NaN where there is no branch."""
-    difference = forward_kinematics(chain, np.nan_to_num(joints)) - poses[..., None, :, :]
-    difference[..., :3, 3] /= 1e3
-    return np.where(np.isnan(joints[..., 0]), np.nan, np.abs(difference).max(axis=(-1, -2)))
-
-
-def apart(a: Float, b: Float) -> Float:
-    """Largest difference of angles, a turn being nothing."""
-    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
+from .conftest import apart, missing
 
 
 def test_every_branch_reaches_and_the_posture_is_among_them(chain: Chain, postures: Any) -> None:
     q = postures(2000, 11)
     poses = forward_kinematics(chain, q)
     found = inverse_kinematics(chain, poses)
-    assert np.nanmax(errors(chain, found, poses)) < 1e-12
+    assert np.nanmax(missing(chain, found, poses)) < 1e-12
     assert np.nanmin(apart(found, q[:, None]), axis=1).max() < 1e-9
     count = np.isfinite(found[..., 0]).sum(axis=1)
     assert set(count) == {4, 8}
@@ -40,7 +30,7 @@ def test_stretched_wrist_keeps_its_pose(chain: Chain, postures: Any, bend: float
     q[:, 4] = bend
     poses = forward_kinematics(chain, q)
     found = inverse_kinematics(chain, poses)
-    assert np.nanmax(errors(chain, found, poses)) < 1e-12
+    assert np.nanmax(missing(chain, found, poses)) < 1e-12
     assert np.isfinite(found[..., 0]).sum(axis=1).min() >= 4
 
 
@@ -55,7 +45,7 @@ def test_wrist_above_axis_1_keeps_its_pose(chain: Chain) -> None:
     q3 = brentq(off, 0.5, 2.5, xtol=1e-15)
     poses = forward_kinematics(chain, np.array([[0.7, -0.5, q3, 0.3, 0.9, -0.2]]))
     found = inverse_kinematics(chain, poses)
-    assert np.nanmin(errors(chain, found, poses)) < 1e-9
+    assert np.nanmin(missing(chain, found, poses)) < 1e-9
 
 
 def test_out_of_reach_has_no_branch(chain: Chain) -> None:
@@ -105,7 +95,7 @@ def test_arms_of_any_kind_reach_by_every_branch(chain: Chain, axes: Any, points_
     q = np.random.default_rng(15).uniform(-np.pi, np.pi, (500, 6))
     poses = forward_kinematics(arm, q)
     found = inverse_kinematics(arm, poses)
-    assert np.nanmax(errors(arm, found, poses)) < 1e-12
+    assert np.nanmax(missing(arm, found, poses)) < 1e-12
     assert np.nanmin(apart(found, q[:, None]), axis=1).max() < 1e-6
 
 

@@ -13,6 +13,8 @@ import pytest
 from workbench.robot import Chain, forward_kinematics, inverse_kinematics
 from workbench.units import Float
 
+from .conftest import apart, missing
+
 EAIK = pytest.importorskip("eaik.pybindings.EAIK", reason="EAIK has no wheel for this Python")
 MOST = 64  # answers of EAIK, least squares included
 REACHES, ROUGHLY = 1e-9, 1e-6  # m, 1
@@ -44,8 +46,8 @@ def assert_same_branches(chain: Chain, q: Float) -> None:
     """Ours and EAIK's at the poses of postures `q` (n, 6)."""
     poses = forward_kinematics(chain, q)
     ours, theirs = inverse_kinematics(chain, poses), peer(chain, poses)
-    assert np.nanmax(miss(chain, ours, poses)) < 1e-12
-    distance = np.abs((ours[:, :, None] - theirs[:, None] + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
+    assert np.nanmax(missing(chain, ours, poses)) < 1e-12
+    distance = apart(ours[:, :, None], theirs[:, None])
     distance[np.isnan(distance)] = np.inf
     assert (distance.min(axis=1)[np.isfinite(theirs[..., 0])] < SAME).all()
     assert (distance.min(axis=2)[np.isfinite(ours[..., 0])] < SAME).all()
@@ -64,15 +66,8 @@ def peer(chain: Chain, poses: Float) -> Float:
         if len(solution.Q):
             row[: len(solution.Q)] = solution.Q
             marked = marked and all(solution.is_LS)
-    found[~(miss(chain, found, poses) < (ROUGHLY if marked else REACHES))] = np.nan
+    found[~(missing(chain, found, poses) < (ROUGHLY if marked else REACHES))] = np.nan
     return found
-
-
-def miss(chain: Chain, joints: Float, poses: Float) -> Float:
-    """Largest entry of what is missing of each pose, m and 1; NaN where there is no answer."""
-    difference = forward_kinematics(chain, np.nan_to_num(joints)) - poses[:, None]
-    difference[..., :3, 3] /= 1e3
-    return np.where(np.isnan(joints[..., 0]), np.nan, np.abs(difference).max(axis=(-1, -2)))
 
 
 @pytest.mark.parametrize("where", [random, on_limits, wrist_nearly_stretched, forearm_nearly_stretched])

@@ -12,10 +12,7 @@ from workbench.errors import InputError
 from workbench.robot import Chain, forward_kinematics, inverse_kinematics
 from workbench.robot.wrist import offset_wrist
 
-
-def apart(a: Any, b: Any) -> Any:
-    """Largest difference of joint angles, as angles."""
-    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1)
+from .conftest import apart
 
 
 @pytest.mark.parametrize("name", ["ur10e", "crx10ia"])

@@ -1,33 +1,13 @@
 """Our kernels against pinocchio, and the Jacobian's derivative against differences of pinocchio's Jacobian."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from workbench.robot import Chain, abb_angles, forward_kinematics, jacobian, jacobian_derivative, joint_axes
 from workbench.robot.kinematics import motions
 
-from .conftest import Pin
-
 METRES = np.array([1e-3] * 3 + [1.0] * 3)[:, None]
-
-
-def test_forward_is_pins(chain: Chain, by_pin: Any, postures: Any) -> None:
-    q = postures(300, 1)
-    ours = forward_kinematics(chain, q)
-    ours[:, :3, 3] /= 1e3
-    assert np.abs(ours - [by_pin.forward(one) for one in q]).max() < 1e-12
-
-
-@pytest.mark.parametrize("name", ["puma", "skewed", "oblique"])
-def test_forward_is_pins_for_other_robots(arms: Any, name: str) -> None:
-    chain, by_pin = arms(name), Pin(Path(__file__).parent / "urdf" / f"{name}.urdf")
-    q = np.random.default_rng(6).uniform(-np.pi, np.pi, (100, 6))
-    ours = forward_kinematics(chain, q)
-    ours[:, :3, 3] /= 1e3
-    assert np.abs(ours - [by_pin.forward(one) for one in q]).max() < 1e-12
 
 
 def test_jacobian_is_pins_at_a_point_of_the_flange(chain: Chain, by_pin: Any, postures: Any) -> None:

@@ -44,7 +44,7 @@ class Pin:
 
 
 def missing(chain: Chain, joints: Float, poses: Float) -> Float:
-    """Largest entry of what branches (..., b, 6) miss of poses (..., 4, 4), in m and 1; NaN where there is no branch."""
+    """Largest entry of what branches (..., b, 6) miss of poses (..., 4, 4), m and 1; NaN where there is no branch."""
     difference = forward_kinematics(chain, np.nan_to_num(joints)) - poses[..., None, :, :]
     difference[..., :3, 3] /= 1e3
     return np.where(np.isnan(joints[..., 0]), np.nan, np.abs(difference).max(axis=(-1, -2)))

@@ -33,7 +33,7 @@ def found(kind: str, seed: int = SEED, **given: object) -> tuple[Groove, GrooveT
 
 @pytest.mark.parametrize("kind", ["I", "V", "HY", "U", "J"])
 def test_type_and_sizes_come_back(kind: str) -> None:
-    groove, truth = found(kind)
+    groove, truth = found(kind, **({"groove": "I"} if kind == "I" else {}))  # what is square below, no view shows
     assert kind in (groove.type, *groove.alternatives)
     rows = errors(inspect_groove(groove), truth)
     assert {"gap_mm", "width_mm", "misalignment_mm"} <= {size for size, _, _ in rows}

@@ -52,7 +52,7 @@ SHADOW_MM, SHADOW_COLUMNS, SHADOW_FAN = 0.3, 3.0, math.tan(3.0 * DEG)  # lower r
 GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return nothing
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
-UNTOLD = 2.0  # a gap of which a second bevel that is not seen may take half, or more, is not told
+UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, is not told
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 NAMES = ("left", "right")
 
@@ -365,7 +365,7 @@ class GrooveSizes:
             self._hidden("gap_mm", reach)
             if "depth_mm" in self.sizes and not gap > reach:  # it may hide the root that is seen
                 self._untold("depth_mm")
-            if any(one.kind == "bevel" for one in self.plates) and not gap > UNTOLD * reach:
+            if not gap > UNTOLD * reach:
                 self._untold("gap_mm")
         elif doubtful and not unlit:
             beneath = self._beneath()

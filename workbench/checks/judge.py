@@ -25,7 +25,7 @@ from workbench.checks.window import (
     some_frames,
 )
 from workbench.errors import InputError
-from workbench.geometry.grids import blind_columns, extent
+from workbench.geometry.grids import blind_columns, extent, telling_returns
 from workbench.geometry.poses import interpolate_poses
 from workbench.units import Bool, Float
 
@@ -420,7 +420,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     if dropped:
         told = f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much"
     yield Check("dropped_columns", dropped, None, True, "in the uncertainty of the face's end", told)
-    seen = np.isfinite(ranges)
+    seen = telling_returns(recording.z_mm)
     yield from _fixed_end(seen)
     yield _blind(seen)
 

@@ -185,8 +185,13 @@ def columns_to_next(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
         >>> columns_to_next(z, np.array([2, 3, -6, 8])).tolist()
         [1, 3, 3, 1]
     """
-    up, down = _steps_to_next(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))
+    up, down = _steps_to_next(telling_returns(z_mm))
     return np.asarray(np.where(outwards > 0, up[np.abs(outwards)], down[np.abs(outwards)]))
+
+
+def telling_returns(z_mm: AnyArray) -> Bool:
+    """What returned (n, M) in up to `TELLING` frames of a grid (N, M): fewer would pass a seldom lit column as blind."""
+    return np.asarray(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))
 
 
 def blind_columns(keep: Bool) -> int:
@@ -201,7 +206,7 @@ def widest_blind(keep: Bool) -> int:
 
 def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
     """From each column (M,) to the next that measures, with rising and with falling column."""
-    share = keep[:: max(-(-len(keep) // TELLING), 1)].mean(axis=0)
+    share = keep.mean(axis=0)
     up, down = np.ones((2, len(share)), np.int64)
     for out, seen in ((up, share), (down[::-1], share[::-1])):
         for j in np.flatnonzero((seen[:-1] > LIVE_SHARE) & (seen[1:] == 0.0)):

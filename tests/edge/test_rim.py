@@ -54,6 +54,17 @@ def test_the_virtual_edge_lies_within_its_uncertainty(radius_mm: float, incline_
     assert max(found) < 4.0
 
 
+@pytest.mark.parametrize("radius_mm", [0.1, 0.2])
+@pytest.mark.parametrize("seed", [3, 8])
+def test_a_rounding_that_is_seen_from_below_hides_nothing(seed: int, radius_mm: float) -> None:
+    """Nor is its own end, nearly square to the root face, taken for the lower surface."""
+    part = rounded(seed, radius_mm, -8.0)
+    edge = measured(part)
+    off = errors(part, edge)
+    assert np.abs(off).max() < 0.02
+    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
+
+
 def test_a_rounding_that_is_seen_is_told_with_its_radius() -> None:
     edge = measured(rounded(3, 0.25, 25.0))
     assert any("rounded or chamfered, by about 0.2" in one for one in edge.warnings)

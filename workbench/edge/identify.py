@@ -29,6 +29,7 @@ GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond ret
 # the root face that noise puts below it.
 TABLE_ANGLE, TABLE_MM, TABLE_END_MM, BELOW_COLUMNS = 3.0 * DEG, 5.0, 1.0, 2.0
 PIECES_APART = 4  # places in the chain, at most, between two pieces of one face
+SURFACE_MM = 1.0  # of an upper or lower surface, in view
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
 
@@ -154,7 +155,8 @@ def _read(
     chain: Float, faces: _Numbers, sense: int, side: int, root_nominal_mm: float, bevel_nominal: float
 ) -> Candidate:
     """The reading of a chain by which these are its faces."""
-    upper, bevel, root, lower = faces
+    bevel, root = faces.bevel, faces.root
+    upper, lower = (one if one is not None and _is_surface(chain[one]) else None for one in (faces.upper, faces.lower))
     b, r = chain[bevel], chain[root]
 
     def convex(first: Float, second: Float) -> float:
@@ -188,6 +190,11 @@ def _read(
         _line(r, side, root_end),
         None if lower_row is None else _line(lower_row, side),
     )
+
+
+def _is_surface(row: Float) -> bool:
+    """Whether a face is long enough for a surface of the plate: shorter ones may be of a rounded edge."""
+    return bool((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]) > SURFACE_MM)
 
 
 def _lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:

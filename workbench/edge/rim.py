@@ -231,7 +231,7 @@ class EndView(NamedTuple):
 
     known: Depths
     edges_mm: Shaped[Float, " g1"]
-    inclination: float  # of the face to the rays' normal, rad
+    inclination: float  # of the face to the rays' normal, rad; negative: its end is the nearer one
     step_mm: float
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
@@ -246,12 +246,12 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     if frames.size < LEAST_FRAMES:
         frames = np.flatnonzero(here & (face.sxx > 0.0))
         step = float(np.median(rim.step_mm[frames])) if frames.size else 0.05
-        slope = float(np.median(np.abs(face.sxz[frames] / face.sxx[frames]))) if frames.size else 1.0
+        slope = float(np.median(_recession(rim, frames))) if frames.size else 1.0
         edges = np.arange(LEAST_GROUPS + 1.0) * step
         return EndView(_nothing_known(LEAST_GROUPS), edges, math.atan(slope), step, end_phases(True), 0.0, 0.0)
     step = float(np.median(rim.step_mm[frames]))
     slopes = face.sxz[frames] / face.sxx[frames]
-    slope = float(np.median(np.abs(slopes)))
+    slope = float(np.median(_recession(rim, frames)))
     width = float(np.median(np.sqrt(12.0 * face.sxx[frames] / face.count[frames]))) + rim.left_out_mm
     width *= math.hypot(1.0, slope)
     line = [face.x_mean[frames], face.z_mean[frames], slopes, rim.side[frames], rim.end_x_mm[frames]]
@@ -277,6 +277,11 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     return EndView(
         known, edges * step, math.atan(slope), step, end_phases(moved > STILL), further, float(np.median(last[:, 0]))
     )
+
+
+def _recession(rim: FaceRim, frames: Int) -> Float:
+    """How fast the face falls away from the sensor towards its end, by x; negative: seen from beyond the end."""
+    return np.asarray(rim.sense[frames] * rim.side[frames] * rim.face.sxz[frames] / rim.face.sxx[frames])
 
 
 def end_phases(moving: bool) -> Float:

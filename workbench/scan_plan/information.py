@@ -319,7 +319,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     blank = EndView(
         Depths(np.zeros(width.size), covariance, free_depths(edges * step)),
         edges * step,
-        abs(view.elevation),
+        view.elevation,
         step,
         end_phases(True),
         0.0,

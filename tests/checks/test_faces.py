@@ -356,8 +356,16 @@ def test_a_smaller_corner_within_the_bevel_face_is_in_its_uncertainty(differ_deg
 
 def test_faces_that_only_their_widths_tell_apart_are_refused() -> None:
     """A bevel face as wide as the root face, neither upper nor lower surface in view: root 0.66 mm off at 8 u."""
+    part = simulate(1504, False, None, Wide())
     with pytest.raises(InputError, match=r"read the other way.*readings_apart"):
-        judged_inspection(simulate(1504, False, None, Wide()))
+        judged_inspection(part)
+    section, up = part.section, part.base_from_section[:3, 1]  # for the user to say
+    given = {"root_nominal_mm": section.root_mm, "bevel_nominal_deg": section.bevel / DEG}
+    right, wrong = (segment(denoise(fuse(part.recording)), upper_side=tuple(one), **given) for one in (up, -up))
+    off = [np.nanmedian(np.abs(one.root.value - section.root_mm) / one.root.u) for one in (right, wrong)]
+    assert off[0] < 3.0 < off[1]
+    with pytest.raises(InputError, match=r"edge\.segment\.upper_side: expected a direction across the edge"):
+        segment(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 2]), **given)
 
 
 @pytest.mark.parametrize(("seed", "is_raw"), [(3, False), (12, False), (22, True), (5, True), (9, False), (14, True)])

@@ -50,7 +50,7 @@ def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
     part, found = walking(41, 0.0), []
     for number, rms in enumerate((0.001, 0.004, 0.016)):
         file = tmp_path / f"sensor{number}.json"
-        file.write_text(json.dumps({"name": "line profiler", "linearity_mm": rms, "linearity_length_mm": 4.0}))
+        file.write_text(json.dumps({"filters": None, "body": None, "linearity_mm": rms, "linearity_length_mm": 4.0}))
         found.append(float(np.nanmedian(measured(part, sensor=file).bevel.u_by_source[FORM])))
     assert found[1] / found[0] == pytest.approx(4.0, rel=0.2)
     assert found[2] / found[1] == pytest.approx(4.0, rel=0.05)

@@ -45,10 +45,13 @@ class TrackedFaces:
     readings_apart: float = math.inf  # in score, by which another reading of the profiles fits worse, in the worst pass
 
 
-def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0) -> TrackedFaces:
+def find_faces(
+    cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0, upper_side: Float | None = None
+) -> TrackedFaces:
     """Find root face and bevel face, and the surfaces that join them, in every frame of a milled edge.
 
     rim_mm: how much of the root face's free end, along x, is rounded: its line leaves that out.
+    upper_side: (3,) in the base, from the plate's lower to its upper surface; None: the views tell.
 
     Raises InputError where no pass shows a root face with a bevel face.
     """
@@ -64,7 +67,7 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     for frames in passes:
         named = labels[frames]  # a view, where the frames lie together
-        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, named)
+        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, upper_side, named)
         if found is not None:
             side_of[frames], rising[frames], tracked, told = found
             apart = min(apart, told)
@@ -75,7 +78,8 @@ def find_faces(cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, r
         raise InputError(
             cloud.source,
             "no edge in view: expected a root face next to a bevel face of "
-            f"{bevel_nominal_deg:g} deg in at least two frames (a raw edge has none)",
+            f"{bevel_nominal_deg:g} deg in at least two frames (a raw edge has none)"
+            + ("" if upper_side is None else ", with the bevel towards upper_side"),
         )
     if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
         raise InputError(
@@ -139,6 +143,7 @@ def _find_pass(
     root_nominal_mm: float,
     bevel_nominal: float,
     rim_mm: float,
+    upper_side: Float | None,
     labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
     """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
@@ -147,6 +152,9 @@ def _find_pass(
     """
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
         keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
+        if upper_side is not None:
+            up = cloud.base_from_profiler[frames][keys, :3, 0:3:2].swapaxes(1, 2) @ upper_side
+            readings = [[c for c in found if c.rises(towards)] for found, towards in zip(readings, up, strict=True)]
         found = vote(readings)
         if found is not None:
             _refuse_contradicted(cloud, readings, found)

@@ -45,6 +45,10 @@ class Candidate:
     root: Float
     lower: Float | None
 
+    def rises(self, towards: Float) -> bool:
+        """Whether the bevel lies on that side of the root face to which `towards` (2,), along x and z, points."""
+        return float(-self.side * (towards[0] + self.root[0] * towards[1])) > 0.0
+
 
 def crossing(a: Float, b: Float) -> float:
     """x where lines a and b (rows of a chain) cross; NaN if parallel."""

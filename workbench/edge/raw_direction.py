@@ -89,12 +89,12 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     return Directions(along, sense, (BY_LOWER_END.format("away from" if sense > 0 else "towards"),))
 
 
-def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
+def across_the_edge(cloud: Cloud, upper_side: Sequence[float], where: str = WHERE) -> Float:
     """`upper_side` as a unit vector (3,); InputError where it is zero or runs along the edge that was scanned."""
     wished = np.asarray(upper_side, dtype=float)
     size = float(np.linalg.norm(wished))
     if not np.isfinite(size) or size < 1e-9:
-        raise InputError(WHERE, f"expected a direction from the lower to the upper side, got {_text(upper_side)}")
+        raise InputError(where, f"expected a direction from the lower to the upper side, got {_text(upper_side)}")
     wished = wished / size
     travelled = _travelled(cloud)
     length = float(np.linalg.norm(travelled))
@@ -107,7 +107,7 @@ def across_the_edge(cloud: Cloud, upper_side: Sequence[float]) -> Float:
     angle = np.arccos(min(1.0, abs(float(wished @ travelled)) / length))
     if angle < LEAST_ACROSS:
         raise InputError(
-            WHERE,
+            where,
             f"expected a direction across the edge, from its lower to its upper side; "
             f"{_text(upper_side)} is within {angle / DEG:.0f} deg of the direction of the scan, "
             "which runs along the edge",

@@ -34,6 +34,7 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
+from workbench.edge.raw_direction import across_the_edge
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import (
     BrokenEnd,
@@ -82,6 +83,7 @@ def segment(
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
     robot_noise_length_mm: RobotNoiseLength = None,
     end_u_mm: EndU = 0.0,
+    upper_side: tuple[float, float, float] | None = None,
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
     sensor_dcc: InputFile | None = None,
@@ -96,6 +98,8 @@ def segment(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
+        upper_side: direction in the base from the plate's lower to its upper surface; null: what is seen tells. Needed
+            where root face and bevel face are about as wide, and neither surface is in view.
         edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
             view does not show of a rounding or a chamfer is in value and u by this prior.
         sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
@@ -117,13 +121,14 @@ def segment(
     """
     given = checked_limits(limits, "edge.segment.limits")
     columns = require_columns(cloud, root_nominal_mm, given)
-    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg)
+    side = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
+    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
     shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     if rounding.size_mm > 0.0:
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm)
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, side)
         rounding = broken_end(cloud, root_rim(tracked, rounding.rim_mm), is_free_end(tracked), edge_condition)
     free = is_free_end(tracked)
     checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))

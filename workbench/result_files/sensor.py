@@ -36,5 +36,5 @@ class SensorFile(ResultFile):
     )
     linearity_length_mm: Positive | None = Field(default=None, description="lateral length over which it changes")
     line_thickness_mm: Positive | None = None
-    filters: tuple[str, ...] = ()
-    body: tuple[Box, ...] = ()
+    filters: tuple[str, ...] | None = None
+    body: tuple[Box, ...] | None = None

@@ -206,7 +206,7 @@ def scan_cell(
             box.size_mm,
             at_zero @ flange_from_profiler @ pose_from(np.eye(3), np.array(box.centre_mm)),
         )
-        for box in sensor.body
+        for box in sensor.body or ()
     ]
     link = ON_BASE if cell.turntable is None else ON_TURNTABLE
     part_from_base = np.eye(4) if cell.turntable is None else inverse(turntable_pose(cell, 0.0))

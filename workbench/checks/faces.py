@@ -91,7 +91,7 @@ def require_bevel(
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
     told = "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
-    told += "nominal root face, and neither upper nor lower surface is in view to tell; give upper_side, or widen the view"
+    told += "nominal root face, and neither upper nor lower surface is in view: give upper_side, or widen the view"
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     apart = check("readings_apart", shown.readings_apart if alone else None, told, given=limits)
     judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)

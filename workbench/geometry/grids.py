@@ -190,7 +190,7 @@ def columns_to_next(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
 
 
 def telling_returns(z_mm: AnyArray) -> Bool:
-    """What returned (n, M) in up to `TELLING` frames of a grid (N, M): fewer would pass a seldom lit column as blind."""
+    """What returned (n, M) in up to `TELLING` frames of a grid (N, M): fewer pass a seldom lit column as blind."""
     return np.asarray(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))
 
 

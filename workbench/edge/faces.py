@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote
+from workbench.edge.raw_direction import across_the_edge
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
@@ -46,7 +48,11 @@ class TrackedFaces:
 
 
 def find_faces(
-    cloud: Cloud, root_nominal_mm: float, bevel_nominal_deg: float, rim_mm: float = 0.0, upper_side: Float | None = None
+    cloud: Cloud,
+    root_nominal_mm: float,
+    bevel_nominal_deg: float,
+    rim_mm: float = 0.0,
+    upper_side: Sequence[float] | None = None,
 ) -> TrackedFaces:
     """Find root face and bevel face, and the surfaces that join them, in every frame of a milled edge.
 
@@ -143,7 +149,7 @@ def _find_pass(
     root_nominal_mm: float,
     bevel_nominal: float,
     rim_mm: float,
-    upper_side: Float | None,
+    upper_side: Sequence[float] | None,
     labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
     """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
@@ -153,8 +159,8 @@ def _find_pass(
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
         keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
         if upper_side is not None:
-            up = cloud.base_from_profiler[frames][keys, :3, 0:3:2].swapaxes(1, 2) @ upper_side
-            readings = [[c for c in found if c.rises(towards)] for found, towards in zip(readings, up, strict=True)]
+            up = across_the_edge(cloud, upper_side, "edge.segment.upper_side")
+            readings = _rising(readings, cloud.base_from_profiler[frames][keys], up)
         found = vote(readings)
         if found is not None:
             _refuse_contradicted(cloud, readings, found)
@@ -173,6 +179,12 @@ def _find_pass(
             )
     labels[:] = 0
     return None
+
+
+def _rising(readings: list[list[Candidate]], base_from_profiler: Float, up: Float) -> list[list[Candidate]]:
+    """Those readings of frames (k, 4, 4) by which the bevel lies where the upper side does, `up` (3,) in the base."""
+    along = base_from_profiler[:, :3, 0:3:2].swapaxes(1, 2) @ up
+    return [[c for c in frame if c.rises(towards)] for frame, towards in zip(readings, along, strict=True)]
 
 
 def key_readings(

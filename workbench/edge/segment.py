@@ -34,7 +34,6 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.raw_direction import across_the_edge
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import (
     BrokenEnd,
@@ -121,14 +120,13 @@ def segment(
     """
     given = checked_limits(limits, "edge.segment.limits")
     columns = require_columns(cloud, root_nominal_mm, given)
-    side = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
-    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=side)
+    tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
     shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
     if rounding.size_mm > 0.0:
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, side)
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
         rounding = broken_end(cloud, root_rim(tracked, rounding.rim_mm), is_free_end(tracked), edge_condition)
     free = is_free_end(tracked)
     checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))

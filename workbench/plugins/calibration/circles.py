@@ -159,22 +159,12 @@ def fit_arc(x: Float, z: Float, start: Float, sense: float, sigma: float) -> tup
     return circle, inverse, scale, True
 
 
-@kernel
 def on_arc(x: Float, z: Float, circle: Float, sense: float, sigma: float, gap: float) -> Bool:
     """Which points (n,), in the order of the columns, make the largest contiguous arc: no gap in x wider than `gap`."""
     good = np.abs(_residuals(x, z, circle, sense)) < GATE * sigma
-    run = np.zeros(len(x), np.int64)
-    number, last = 0, -1
-    for k in range(len(x)):
-        if good[k]:
-            if last >= 0 and abs(x[k] - x[last]) > gap:
-                number += 1
-            run[k], last = number, k
-    counts = np.zeros(number + 1, np.int64)
-    for k in range(len(x)):
-        counts[run[k]] += good[k]
-    kept: Bool = good & (run == np.argmax(counts))
-    return kept
+    run = np.cumsum(np.abs(np.diff(x[good], prepend=x[good][:1])) > gap)
+    good[good] = run == np.argmax(np.bincount(run, minlength=1))
+    return np.asarray(good)
 
 
 def second_differences(z: Float) -> float:

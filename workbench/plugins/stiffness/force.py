@@ -10,7 +10,6 @@ from pydantic import Field
 
 from workbench.api import (
     DEG,
-    AnyArray,
     Cell,
     Cutter,
     Document,
@@ -23,7 +22,6 @@ from workbench.api import (
     Part,
     Shaped,
     Toolpath,
-    kernel,
     nearest,
     stage,
     strict_json,
@@ -239,13 +237,31 @@ def milling_force(
         teeth: how they stand.
         steps: angles of a revolution.
     """
-    pitch = 2 * np.pi / cutter.flutes
-    radius = cutter.diameter_mm / 2
-    offset = teeth.runout_mm * np.cos(teeth.runout_angle - pitch * np.arange(cutter.flutes))
+    radius, tooth = cutter.diameter_mm / 2, np.arange(cutter.flutes)
+    behind = 2 * np.pi / cutter.flutes * tooth  # of the first tooth
+    offset = teeth.runout_mm * np.cos(teeth.runout_angle - behind)
+    turned = 2 * np.pi * (np.arange(steps) + 0.5) / steps
     met = np.broadcast_arrays(feed_per_tooth_mm, radial_mm, axial_mm)
-    feed, radial, axial = (np.array(part, float).reshape(-1) for part in met)
-    edges = CutterEdges(np.ascontiguousarray(coefficients.table), offset, radius, float(np.tan(teeth.helix)))
-    return np.asarray(_revolutions(edges, feed, radial, axial, steps))
+    found = np.zeros((np.size(met[0]), steps, 4))
+    for force, feed, radial, axial in zip(found, *(part.reshape(-1) for part in met), strict=True):
+        if radial <= 0.0 or axial <= 0.0:
+            continue
+        db, last = axial / SLICES, np.arccos(max(1.0 - radial / radius, -1.0))
+        lag = np.tan(teeth.helix) * (np.arange(SLICES) + 0.5) * db / radius
+        phi = (turned[:, None, None] - behind[:, None] - lag) % (2 * np.pi)
+        step, j, i = np.nonzero(phi <= last)
+        sine, cosine = np.sin(phi[step, j, i]), np.cos(phi[step, j, i])
+        chip = np.min([m * feed * sine + offset[j] - offset[j - m] for m in tooth + 1], axis=0)
+        of = coefficients.table
+        tangential, inward, along = (chip > 0.0) * (of[:, :1] * chip + of[:, 1:]) * db
+        parts = (
+            tangential * sine - inward * cosine,
+            -tangential * cosine - inward * sine,
+            along,
+            tangential * radius / MM,
+        )
+        force[:] = np.stack([np.bincount(step, part, steps) for part in parts], axis=1)
+    return found
 
 
 def mean_matrices(cutter: Cutter, entry: float, exit_: float, chip_mm: Shaped[Float, " k"]) -> Shaped[Float, "k 4 6"]:
@@ -265,55 +281,3 @@ def mean_matrices(cutter: Cutter, entry: float, exit_: float, chip_mm: Shaped[Fl
         [arm * c * sine, zero, zero, arm * (q - p) * one, zero, zero],
     ]
     return np.asarray(cutter.flutes / (2 * np.pi) * np.moveaxis(np.array(rows), -1, 0))
-
-
-class CutterEdges(NamedTuple):
-    """A cutter's edges as the kernels take them, mm and N."""
-
-    table: Shaped[AnyArray, "3 2"]  # coefficients of chip and edge: tangential, radial, axial
-    offset: Shaped[AnyArray, " flutes"]  # of each tooth's radius
-    radius: float
-    lag: float  # of the helix, towards the shank: tangent of its angle
-
-
-@kernel
-def _revolutions(edges: CutterEdges, feed: AnyArray, radial: AnyArray, axial: AnyArray, steps: int) -> AnyArray:
-    force = np.zeros((len(feed), steps, 4))
-    for k in range(len(feed)):
-        if radial[k] > 0.0 and axial[k] > 0.0:
-            last = np.arccos(max(1.0 - radial[k] / edges.radius, -1.0))
-            for step in range(steps):
-                turned = 2 * np.pi * (step + 0.5) / steps
-                _add_teeth(force[k, step], edges, feed[k], last, axial[k], turned)
-    return force
-
-
-@kernel
-def _add_teeth(force: AnyArray, edges: CutterEdges, feed: float, last: float, axial: float, turned: float) -> None:
-    """Forces of all elements that cut when the first tooth's tip stands at `turned`."""
-    table, offset, radius, lag = edges
-    flutes, db = len(offset), axial / SLICES
-    for j in range(flutes):
-        for i in range(SLICES):
-            phi = (turned - 2 * np.pi * j / flutes - lag * (i + 0.5) * db / radius) % (2 * np.pi)
-            if phi > last:
-                continue
-            h = _chip(offset, j, feed * np.sin(phi))
-            if h <= 0.0:
-                continue
-            ft = (table[0, 0] * h + table[0, 1]) * db
-            fr = (table[1, 0] * h + table[1, 1]) * db
-            force[0] += ft * np.sin(phi) - fr * np.cos(phi)
-            force[1] += -ft * np.cos(phi) - fr * np.sin(phi)
-            force[2] += (table[2, 0] * h + table[2, 1]) * db
-            force[3] += ft * radius / 1000.0
-
-
-@kernel
-def _chip(offset: AnyArray, tooth: int, radial_feed: float) -> float:
-    """Chip thickness of a tooth: beyond the surface that the teeth before it left."""
-    flutes = len(offset)
-    least = np.inf
-    for m in range(1, flutes + 1):
-        least = min(least, m * radial_feed + offset[tooth] - offset[(tooth - m) % flutes])
-    return least

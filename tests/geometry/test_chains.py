@@ -9,7 +9,6 @@ import pytest
 
 from workbench.geometry.chains import (
     COUNT,
-    FIRST,
     LAST,
     LINE_PRICE,
     MAX_BREAKS,
@@ -56,25 +55,6 @@ def check_faces(chain: Float, x: Float, sigmas: float = 4.5) -> None:
         assert abs(row[X1] - end) < 0.2
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_four_faces_of_a_noisy_profile(seed: int) -> None:
-    x, z = columns(np.random.default_rng(seed))
-    chain = straight_faces(x, z)
-    check_faces(chain, x)
-    assert chain[:, COUNT].sum() > 0.98 * x.size
-    for row in chain:
-        assert (row[X0], row[X1]) == (x[int(row[FIRST])], x[int(row[LAST])])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_gaps_and_missing_returns(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    x, z = columns(rng)
-    keep = rng.random(x.size) > 0.2
-    keep[(x > 3) & (x < 4.5)] = False  # a face in two pieces is one face
-    check_faces(straight_faces(x[keep], z[keep]), x[keep])
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_a_stray_return_cuts_no_face(seed: int) -> None:
     """One a face, as is left after rejecting outliers: the pieces on both sides of it come as one line."""
@@ -113,15 +93,6 @@ def test_a_streak_beside_a_face_is_a_line_of_its_own() -> None:
     assert len(streak) == 1
     assert streak[0, COUNT] == pytest.approx(off.sum(), abs=2)
     assert len(chain) == 6  # the bevel face is cut in two: the streak lies between its pieces
-
-
-def test_one_straight_face_stays_one() -> None:
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        x = np.arange(400) * PITCH_MM
-        chain = straight_faces(x, 80 - 1.3 * x + rng.normal(0, NOISE_MM, x.size))
-        assert len(chain) == 1
-        assert chain[0, COUNT] >= 396
 
 
 def test_a_slightly_bent_face_comes_as_one() -> None:

@@ -54,11 +54,13 @@ def test_the_virtual_edge_lies_within_its_uncertainty(radius_mm: float, incline_
     assert max(found) < 4.0
 
 
-@pytest.mark.parametrize("radius_mm", [0.1, 0.2])
-@pytest.mark.parametrize("seed", [3, 8])
-def test_a_rounding_that_is_seen_from_below_hides_nothing(seed: int, radius_mm: float) -> None:
-    """Nor is its own end, nearly square to the root face, taken for the lower surface."""
-    part = rounded(seed, radius_mm, -8.0)
+@pytest.mark.parametrize(
+    ("seed", "radius_mm", "incline_deg"),
+    [(8, 0.1, -8.0), (3, 0.2, -8.0), (5, 0.0, -12.0), (8, 0.1, -12.0), (3, 0.25, -12.0), (5, 0.25, -18.0)],
+)
+def test_a_view_from_below_sees_all_of_a_rounding(seed: int, radius_mm: float, incline_deg: float) -> None:
+    """And some or all of the lower surface: the root face came out up to its radius too long, or the bevel for it."""
+    part = rounded(seed, radius_mm, incline_deg)
     edge = measured(part)
     off = errors(part, edge)
     assert np.abs(off).max() < 0.02

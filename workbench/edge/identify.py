@@ -139,7 +139,7 @@ def candidates(chain: Float, cut: Bool, root_nominal_mm: float, bevel_nominal: f
             for side, bevel, root in ((1, i, j), (-1, j, i)):
                 onward = after if side > 0 else before
                 backward = before if side > 0 else after
-                faces = _Numbers(backward.get(bevel), bevel, root, onward.get(root))
+                faces = _Numbers(_surface(chain, backward, bevel), bevel, root, _surface(chain, onward, root))
                 reading = _read(chain, faces, sense, side, root_nominal_mm, bevel_nominal)
                 first, last = bool(cut[0]) and root == 0, bool(cut[1]) and root == len(chain) - 1
                 if reading.score + CUT_OFF * (first or last) < WORST_SCORE:
@@ -159,8 +159,7 @@ def _read(
     chain: Float, faces: _Numbers, sense: int, side: int, root_nominal_mm: float, bevel_nominal: float
 ) -> Candidate:
     """The reading of a chain by which these are its faces."""
-    bevel, root = faces.bevel, faces.root
-    upper, lower = (one if one is not None and _is_surface(chain[one]) else None for one in (faces.upper, faces.lower))
+    upper, bevel, root, lower = faces
     b, r = chain[bevel], chain[root]
 
     def convex(first: Float, second: Float) -> float:
@@ -196,9 +195,17 @@ def _read(
     )
 
 
-def _is_surface(row: Float) -> bool:
-    """Whether a face is long enough for a surface of the plate: shorter ones may be of a rounded edge."""
-    return bool((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]) > SURFACE_MM)
+def _surface(chain: Float, beside: dict[int, int], face: int) -> int | None:
+    """The surface of the plate that a face meets, in a corner or over shorter faces: a rounded edge."""
+    found = beside.get(face)
+    while found is not None and width_mm(chain[found]) < SURFACE_MM:
+        found = beside.get(found)
+    return found
+
+
+def width_mm(row: Float) -> float:
+    """Length of a chain's line."""
+    return float((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]))
 
 
 def _lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
@@ -209,11 +216,10 @@ def _lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
     """
     row, face = chain[lower], chain[root]
     apart = abs(math.atan(row[SLOPE]) - math.atan(upper[SLOPE]))
-    long_mm = (row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE])
     side, last = (1.0, chain[-1][X1] - row[X1]) if lower > root else (-1.0, row[X0] - chain[0][X0])
     below = side * ((face[X1] if side > 0 else face[X0]) - crossing(face, row))
     most_below = BELOW_COLUMNS * (face[X1] - face[X0]) / face[COUNT]
-    return bool(apart < TABLE_ANGLE and long_mm > TABLE_MM and last < TABLE_END_MM and below < most_below)
+    return bool(apart < TABLE_ANGLE and width_mm(row) > TABLE_MM and last < TABLE_END_MM and below < most_below)
 
 
 def _line(row: Float, end: int, at: float | None = None) -> Float:

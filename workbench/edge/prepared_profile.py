@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from workbench.artefacts.edges import PreparationType
-from workbench.edge.identify import joined, turn
+from workbench.edge.identify import joined, turn, width_mm
 from workbench.geometry.chains import COUNT, OFFSET, SLOPE, X0, X1
 from workbench.units import DEG, Float
 
@@ -128,8 +128,3 @@ def kind_of(falls: Sequence[float]) -> PreparationType | None:
         return "nose"
     least = LEAST_FALL if falls[1] > falls[0] else TILTED
     return "compound" if least < falls[1] < MOST_FALL and abs(falls[1] - falls[0]) > LEAST_TURN else None
-
-
-def width_mm(row: Float) -> float:
-    """Length of a chain's line."""
-    return float((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]))

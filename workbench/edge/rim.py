@@ -56,6 +56,8 @@ QUARTER, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle, 
 FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
 PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
 PIXEL_PRIOR = np.append(1.0, np.full(FOOTPRINTS.size * FILLS.size, 1.0 / FILLS.size)) / (1.0 + FOOTPRINTS.size)
+# Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
+ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
 SAMPLE_FRAMES, LEAST_FRAMES = 480, 20  # of a pass, evenly over it; with fewer its depths tell nothing
 LAST, LEAST_GROUPS, DEEP_MM = 10, 5, 3.0  # columns pooled one by one, then by tenths, up to this far from the end
@@ -301,19 +303,25 @@ class SeenEnd(NamedTuple):
 
 
 def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
-    """Every template under every greatest incidence, place within the column and pixel, averaged over these three."""
-    sizes, limit, pixel, phase = (
+    """Every template under every greatest incidence, place within the column and pixel, averaged over these three.
+
+    And over how far the lower surface returns, where it does.
+    """
+    onwards = ONWARD if INCIDENCES[-1] > 0.5 * math.pi + view.inclination else ONWARD[:1]
+    sizes, limit, pixel, phase, further = (
         a.ravel()
         for a in np.meshgrid(
             np.arange(templates.size_mm.size),
             np.arange(INCIDENCES.size),
             np.arange(len(PIXELS)),
             np.arange(len(view.phases)),
+            np.arange(onwards.size),
             indexing="ij",
         )
     )
     size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
-    hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase)
+    under, onward = incidence > 0.5 * math.pi + view.inclination, onwards[further] * view.step_mm
+    hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
     fall_u = np.where(turn > 0.0, FLAT, QUARTER)[:, None] * fall
     fall -= raised
     log = np.empty(size.size)
@@ -322,8 +330,10 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u[order], score)
     log[order] = score
     log += np.log(PIXEL_PRIOR)[pixel] + np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
-    beyond = np.where(size > 0.0, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm
-    beyond_u = np.where(size > 0.0, QUARTER * hidden, view.usually_further * view.step_mm)
+    log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
+    goes_on = size + onward > 0.0
+    beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm
+    beyond_u = np.where(goes_on, QUARTER * hidden, view.usually_further * view.step_mm)
     shape = (templates.size_mm.size, -1)
     log, beyond, beyond_u = log.reshape(shape), beyond.reshape(shape), beyond_u.reshape(shape)
     most = log.max(axis=1, keepdims=True)
@@ -338,7 +348,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
 
 
 def rendered_end(
-    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int
+    view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
 ) -> tuple[Float, Float, Float]:
     """Virtual edge beyond the last return (n,), depths (n, g) by groups of columns, and how far part-filled pixels
     return above them (n, g), of n templates; mm.
@@ -360,24 +370,26 @@ def rendered_end(
     within = np.where(wide[:, None], 0.5 * width[:, None], view.phases[:, None, :] * width[:, None])
     place = view.edges_mm[None, :-1, None] + within  # (p, g, q) before the last return
     falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
-    known = np.stack([np.where(round_, size, 0.0), shown, falls], axis=1)
+    known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size], axis=1)
     depth = np.zeros((size.size, width.size))
     _depths(known, phase, pixel, place, PIXELS * column, lean, depth)
     before = place - column * PIXELS[:, 0, None, None, None]
     half = column * PIXELS[:, 1, None, None, None]
     raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
-    return size - shown, depth, raised
+    return size - shown - onward, depth, raised
 
 
 @kernel
 def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, lean: float, out: Float) -> None:
-    """Fill in depths (n, g) under the line of n templates, known (n, 3): radius or 0, what is seen, fall of a chamfer.
+    """Fill in depths (n, g) under the line of n templates, known (n, 5).
+
+    These are the radius or 0, what is seen, the fall of a chamfer, where the lower surface begins, and the size.
 
     place (p, g, q): of the pixels' middles before the last return; pixels (k, 2): how far they reach, half their width.
     """
     sine, cosine = math.sin(lean), math.cos(lean)
     for n in range(len(known)):
-        radius, shown, falls = known[n]
+        radius, shown, falls, under, size = known[n]
         past, half = pixels[pixel[n]]
         for g in range(place.shape[1]):
             total, count = 0.0, 0
@@ -391,7 +403,9 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
                     if w >= -ROUNDING:
                         count += 1
                         on = max(shown - w, 0.0)
-                        if radius > 0.0 and on > 0.0:
+                        if on > under:
+                            total += (on - size) * cosine / -sine
+                        elif radius > 0.0 and on > 0.0:
                             turn = min(on / radius * cosine + sine, 1.0)
                             total += radius * (1.0 - math.sqrt(1.0 - turn * turn) * cosine - turn * sine)
                         else:

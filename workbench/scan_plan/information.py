@@ -328,7 +328,14 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     templates = _templates(known.edge_condition)
     out = []
     for radius, _ in _edges(known.edge_condition, known.radius_mm):
-        at = np.array([radius]), np.zeros(1), np.array([MOST_INCIDENCE]), np.full(1, PIXEL), np.zeros(1, np.int64)
+        at = (
+            np.array([radius]),
+            np.zeros(1),
+            np.array([MOST_INCIDENCE]),
+            np.full(1, PIXEL),
+            np.zeros(1, np.int64),
+            np.zeros(1),
+        )
         _, depth, raised = rendered_end(blank, *at)
         view_of = blank._replace(known=blank.known.moved(depth[0] - raised[0]))
         out.append(seen_end(view_of, templates))

@@ -13,8 +13,8 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURF
 from workbench.artefacts.edges import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces
 from workbench.edge.fillet import SHARP_MM, fit_on_land
-from workbench.edge.identify import crossing, whole_faces
-from workbench.edge.prepared_profile import Reading, readings, width_mm
+from workbench.edge.identify import crossing, whole_faces, width_mm
+from workbench.edge.prepared_profile import Reading, readings
 from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order

@@ -114,5 +114,8 @@ def test_blind_columns_lie_between_others_that_measure() -> None:
     ends = np.array([19, -26, 18, 49, 39, -44, 0])
     assert grids.columns_to_next(np.where(keep, 1.0, np.nan), ends).tolist() == [7, 7, 1, 1, 1, 1, 1]
     assert grids.widest_blind(keep) == 6
+    keep[::4, 19] = False  # a face's end, which moves: a shadow beside it
+    assert grids.blind_columns(keep) == 0
+    keep[:, 19] = True
     keep[:, 26:50] = False  # more than one grain of dust, and beyond it nothing
     assert grids.blind_columns(keep) == 0

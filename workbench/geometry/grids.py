@@ -17,6 +17,7 @@ _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infin
 _MAGNITUDE = np.int32(0x7FFFFFFF)
 # Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
 MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
+AT_ONCE = 0.9  # of the share of the next column that returns, which the last one beside blind columns has at least
 
 FUSED_TOGETHER = 2**20  # points that one core has fused before another has begun
 
@@ -205,11 +206,17 @@ def widest_blind(keep: Bool) -> int:
 
 
 def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
-    """From each column (M,) to the next that measures, with rising and with falling column."""
+    """From each column (M,) to the next that measures, with rising and with falling column.
+
+    Blind columns begin and end at once; a shadow beside a face's end moves with it, and is none.
+    """
     share = keep.mean(axis=0)
     up, down = np.ones((2, len(share)), np.int64)
     for out, seen in ((up, share), (down[::-1], share[::-1])):
         for j in np.flatnonzero((seen[:-1] > LIVE_SHARE) & (seen[1:] == 0.0)):
-            after = np.flatnonzero(seen[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
-            out[j] = after[0] + 1 if len(after) else 1
+            after = j + 1 + np.flatnonzero(seen[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
+            if len(after):
+                beside = seen[max(j - 1, 0)], seen[min(after[0] + 1, len(seen) - 1)]
+                at_once = seen[j] > AT_ONCE * beside[0] and seen[after[0]] > AT_ONCE * beside[1]
+                out[j] = after[0] - j if at_once else 1
     return up, down

@@ -168,6 +168,22 @@ def test_no_program_is_released_in_a_frame_that_is_not_the_controllers(tmp_path:
     assert re.search(message, fault.finding), fault.finding
 
 
+@pytest.mark.parametrize("down", [False, True])
+def test_a_robot_that_hangs_has_its_controllers_world_for_base_frame(tmp_path: Path, down: bool) -> None:
+    """There a turntable's z points up, though it points down in the robot's own base."""
+    turned = {"quaternion_wxyz": [0, 1, 0, 0]}
+
+    def change(tree: Any) -> None:
+        base("here")(tree)
+        tree["controller"]["world_from_base"] = {"position_mm": [0, 0, 3000], **turned}
+        place = {"position_mm": [2500, 0, 500], **(turned if down else {})}
+        tree["turntable"] = {"base_from_turntable": place, "speed_deg_s": 30}
+
+    found = told(tmp_path, "abb", change, added(frame("here", "base_link", "0 0 3", "3.141592653589793 0 0")))
+    assert not found.violations
+    assert any("its z points down" in text for text in found.unchecked) == down
+
+
 @pytest.mark.parametrize("unit", ["tool", "urdf", "turntable", "home", "work object"])
 def test_cells_in_other_units_are_not_even_read(tmp_path: Path, unit: str) -> None:
     """In metres and radians, where the file has mm and deg; the URDF in mm."""

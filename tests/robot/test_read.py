@@ -152,20 +152,6 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
 ]
 
 
-def test_a_robot_that_hangs_says_how_it_stands(cell_file: Callable[..., Path]) -> None:
-    """Its turntable's z points down in its base, and up in the controller's world."""
-    down = {"quaternion_wxyz": [0, 1, 0, 0]}
-
-    def told(table_down: bool, hangs: bool) -> bool:
-        def change(tree: Any) -> None:
-            tree["controller"]["world_from_base"] = {"position_mm": [0, 0, 3000], **down} if hangs else None
-            tree["turntable"]["base_from_turntable"].update(down if table_down else {})
-
-        return any("its z points down" in text for text in read_cell(cell_file(change)).unchecked)
-
-    assert [told(*one) for one in ((True, True), (False, False), (True, False), (False, True))] == [0, 0, 1, 1]
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -144,11 +144,12 @@ def dexterity(
     axes, points = joint_axes(chain, joints)
     scale = np.array([own_length_mm(chain)] * 3 + [1.0] * 3)
     j = np.ascontiguousarray(jacobian_at(axes, points, tip_mm) / scale[:, None])
-    back, regular = np.full_like(j, np.nan), np.linalg.det(j) != 0.0
+    back, finite = np.full_like(j, np.nan), np.isfinite(j).all(axis=(1, 2))
+    regular = np.flatnonzero(finite)[np.linalg.det(j[finite]) != 0.0]
     back[regular] = np.linalg.inv(j[regular])
     condition = np.sqrt((j * j).sum(axis=(1, 2)) * (back * back).sum(axis=(1, 2)))
     condition[~np.isfinite(condition)] = np.inf
-    open_ = np.flatnonzero((condition > enough) & np.isfinite(j).all(axis=(1, 2)))
+    open_ = np.flatnonzero((condition > enough) & finite)
     sizes = np.linalg.svd(j[open_], compute_uv=False)
     with np.errstate(divide="ignore", over="ignore"):
         condition[open_] = sizes[:, 0] / sizes[:, 5]

@@ -144,10 +144,8 @@ def read_cell(path: Path) -> Cell:
 
 def _odd(part: CellPart, cell: Cell) -> Iterator[str]:
     """Frames that a cell may have, but hardly ever has."""
-    table, stated = cell.turntable, cell.controller.world_from_base if cell.controller else None
-    up = np.eye(3)[2] if stated is None else stated[2, :3]  # in the base: a robot that hangs says how it stands
-    if table is not None and not table.slides and up @ table.base_from_turntable[:3, 2] < -0.5:
-        why = "is it upside down, or does the robot hang ($.controller.world_from_base)?"
+    table, why = cell.turntable, "is it upside down, or does the robot hang, its $.robot.base_frame not the world?"
+    if table is not None and not table.slides and table.base_from_turntable[2, 2] < -0.5:
         yield f"which way the turntable turns: its z points down in $.turntable.base_from_turntable: {why}"
     if part.work_object is not None and part.envelope is not None:
         frame, room = cell.base_from_workobject, part.envelope

@@ -403,8 +403,8 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
                     if w >= -ROUNDING:
                         count += 1
                         on = max(shown - w, 0.0)
-                        if on > under:
-                            total += (on - size) * cosine / -sine
+                        if on > under + ROUNDING:
+                            total += (size - on) * cosine / sine
                         elif radius > 0.0 and on > 0.0:
                             turn = min(on / radius * cosine + sine, 1.0)
                             total += radius * (1.0 - math.sqrt(1.0 - turn * turn) * cosine - turn * sine)

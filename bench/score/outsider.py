@@ -50,6 +50,12 @@ class Worn(Sharp):
         return dataclasses.replace(super().section(rng, is_raw), radius_mm=float(rng.uniform(0.01, 0.3)))
 
 
+class Below(Worn):
+    """The same, seen from below the root face's normal, or squarely."""
+
+    incline = (-20.0, 5.0)
+
+
 def stations(part: Part) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Places along the edge (n,), their points in the base (n, 3), and whether frames see them."""
     place = flange_poses(part.recording) @ part.recording.flange_from_profiler
@@ -74,10 +80,19 @@ def sharp(seed: int) -> Drawn:
 
 
 def worn(seed: int) -> Drawn:
-    part = simulate(seed, False, cell=Worn())
-    recording, known = as_real(part.recording, generator("score outside worn", seed), 0.005, 0.03)
+    return _worn(simulate(seed, False, cell=Worn()), generator("score outside worn", seed), {})
+
+
+def below(seed: int) -> Drawn:
+    part = simulate(seed, False, cell=Below())
+    upper_side = {"upper_side": part.base_from_section[:3, 1].tolist()}
+    return _worn(part, generator("score outside below", seed), upper_side)
+
+
+def _worn(part: Part, rng: np.random.Generator, declared: dict[str, Any]) -> Drawn:
+    recording, known = as_real(part.recording, rng, 0.005, 0.03)
     about = f"radius {part.section.radius_mm:.3f} mm, {about_robot(known)}"
-    return milled_part(part._replace(recording=recording), known, about)
+    return milled_part(part._replace(recording=recording), known | declared, about)
 
 
 def odd(seed: int) -> Drawn:
@@ -108,4 +123,4 @@ def raw(seed: int) -> Drawn:
     )
 
 
-DRAWS = {"sharp": sharp, "worn": worn, "odd": odd, "raw": raw}
+DRAWS = {"sharp": sharp, "worn": worn, "below": below, "odd": odd, "raw": raw}

@@ -78,6 +78,7 @@ GROUPS = {
         "worn",
         {},
     ),
+    "below": Group("as worn, but for burrs, seen at -20 to 5 deg; the upper side is declared", "below", {}),
     "odd": Group("odd parts and faults of a shop, a kind a seed", "odd", {}),
     "raw": Group("raw edges: place along n and m, axis, heading; robot errors as a process", "raw", {}),
     "raw_undeclared": Group(

@@ -124,6 +124,16 @@ def worn(seed: int) -> Drawn:
     return made(part, eye, led, seed, known, about)
 
 
+def below(seed: int) -> Drawn:
+    rng = generator("score triangulated below", seed)
+    part, eye, led = ordinary(rng, "milled", seed, -20.0, 5.0)
+    eye, led, known = real(rng, eye, led, 0.005, 0.03)
+    part = replace(part, lower_radius_mm=float(rng.uniform(0.01, 0.3)))
+    drawn = made(part, eye, led, seed, known, f", rounded {part.lower_radius_mm:.3f} mm, {about_robot(known)}")
+    across = drawn.truth["across"]
+    return drawn._replace(declared=drawn.declared | {"upper_side": across[len(across) // 2].tolist()})
+
+
 def odd(seed: int) -> Drawn:
     """Every kind in turn."""
     rng = generator("score triangulated odd", seed)
@@ -156,4 +166,4 @@ def groove(seed: int) -> Drawn:
     return made(part, eye, led, seed, {}, "")
 
 
-DRAWS = {"sharp": sharp, "worn": worn, "odd": odd, "raw": raw, "groove": groove}
+DRAWS = {"sharp": sharp, "worn": worn, "below": below, "odd": odd, "raw": raw, "groove": groove}

@@ -247,7 +247,7 @@ def true(part: Workpiece, base_from_part: Float, seen: Float) -> dict[str, Any]:
     root = part.root_mm.at(s, part.length_mm)
     if part.kind == "groove":
         return found | {"gap_mm": part.gap_mm.at(s, part.length_mm), "depth_mm": part.thickness_mm - root}
-    return found | {"root_mm": root, "bevel_deg": np.degrees(part.bevel.at(s, part.length_mm))}
+    return found | {"root_mm": root, "bevel_deg": np.degrees(part.bevel.at(s, part.length_mm)), "across": up}
 
 
 def led(part: Workpiece, sensor: Sensor, way: Way, s: Float, rng: np.random.Generator) -> Float:

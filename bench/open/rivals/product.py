@@ -33,6 +33,7 @@ def measure(recording: Path, declared: Mapping[str, Any]) -> dict[str, Any]:
         drift = declared.get("robot_drift_u_mm", 0.0)
         raw = edge.segment_raw(points, upper_side=tuple(declared["upper_side"]), robot_drift_u_mm=drift, **known)
         return {"sections": raw_sections(raw)}
+    known |= {"upper_side": tuple(declared["upper_side"])} if "upper_side" in declared else {}
     nominal = {name: declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
     found = inspect.sections(edge.segment(points, **nominal, **known), **nominal).sections
     names = ("root_mm", "root_u_mm", "bevel_deg", "bevel_u_deg")

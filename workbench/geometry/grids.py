@@ -5,6 +5,7 @@ NaN (no return) goes through arithmetic as NaN, so `fastmath` is off.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,7 @@ _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infin
 _MAGNITUDE = np.int32(0x7FFFFFFF)
 # Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
 MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
-AT_ONCE = 0.9  # of the share of the next column that returns, which the last one beside blind columns has at least
+SELDOM = 0.1  # of the frames in which the next column returns, that the last one beside a shadow does not
 
 FUSED_TOGETHER = 2**20  # points that one core has fused before another has begun
 
@@ -210,13 +211,19 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
 
     Blind columns begin and end at once; a shadow beside a face's end moves with it, and is none.
     """
-    share = keep.mean(axis=0)
-    up, down = np.ones((2, len(share)), np.int64)
-    for out, seen in ((up, share), (down[::-1], share[::-1])):
-        for j in np.flatnonzero((seen[:-1] > LIVE_SHARE) & (seen[1:] == 0.0)):
-            after = j + 1 + np.flatnonzero(seen[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
-            if len(after):
-                beside = seen[max(j - 1, 0)], seen[min(after[0] + 1, len(seen) - 1)]
-                at_once = seen[j] > AT_ONCE * beside[0] and seen[after[0]] > AT_ONCE * beside[1]
-                out[j] = after[0] - j if at_once else 1
+    up, down = np.ones((2, keep.shape[1]), np.int64)
+    for out, seen in ((up, keep), (down[::-1], keep[:, ::-1])):
+        share = seen.mean(axis=0)
+        for j in np.flatnonzero((share[:-1] > LIVE_SHARE) & (share[1:] == 0.0)):
+            after = j + 1 + np.flatnonzero(share[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
+            if len(after) and not _fades(seen, j, j - 1) and not _fades(seen, int(after[0]), int(after[0]) + 1):
+                out[j] = after[0] - j
     return up, down
+
+
+def _fades(keep: Bool, j: int, beside: int) -> bool:
+    """Whether column j returns more seldom than the one beside it: by more than losses do, which are either's."""
+    if not 0 <= beside < keep.shape[1]:
+        return False
+    more, less = (keep[:, beside] & ~keep[:, j]).sum(), (keep[:, j] & ~keep[:, beside]).sum()
+    return bool(more - less > max(SELDOM * keep[:, beside].sum(), 2.0 * math.sqrt(more + less)))

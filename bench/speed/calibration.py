@@ -67,11 +67,9 @@ def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise
     middle = centres.t.mean(axis=0)
     off = centres.t - middle
     C = ((centres.r @ (centres.P @ R.T + t)[..., None])[..., 0] + off).mean(axis=0)
-    weight = np.full(centres.P.shape, noise.pose_mm**-2)
     for _ in range(STEPS):
-        N, g = np.zeros((9, 9)), np.zeros(9)
-        bundle._equations(bundle.WeightedCentres(centres.P, weight, centres.r, off), R, t, C, N, g)
-        step = bundle._solve(N, g)
+        left, by = bundle._equations(centres.P[None], centres.r, off, R[None], t[None], C[None])
+        step = np.linalg.lstsq(by[0], left[0], rcond=None)[0]
         t, R, C = t + step[:3], rotation_from_vector(step[3:6]) @ R, C + step[6:]
         if np.abs(step).max() < SETTLED:
             break

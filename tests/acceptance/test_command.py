@@ -131,6 +131,7 @@ def test_every_input_of_the_contract_is_there(command: Run) -> None:
     assert document["inputs"] | {"recording": 0} == {
         "recording": 0,
         "hand_eye": None,
+        "upper_side": None,
         "root_nominal_mm": 1.5,
         "root_tolerance_mm": [-0.5, 0.5],
         "bevel_nominal_deg": 40,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.checks import judge_recording
-from workbench.checks.window import end_stays_check, end_step_check, fixed_end_share, hidden_columns
+from workbench.checks.window import end_step_check, fixed_end_share, hidden_columns
 from workbench.scan import read
 from workbench.units import Bool
 
@@ -86,15 +86,3 @@ def test_a_face_that_ends_anywhere_or_in_two_places_is_not(columns: np.ndarray) 
     assert found.value == 0
     assert found.passed
     assert found.finding == "the face ends in any column"
-
-
-@pytest.mark.parametrize(("moves", "passed"), [(8.0, False), (2.0, True)])
-def test_an_end_that_stays_while_the_face_moves_is_the_windows(moves: float, passed: bool) -> None:
-    corner = 300.0 + moves * np.sin(np.linspace(0.0, 6.0, 200)) / 2.0 + np.random.default_rng(3).normal(0.0, 1.0, 200)
-    column, number = np.full(200, 529), np.zeros(200, int)
-    column[::12] = 528
-    found = end_stays_check(column, corner, number)
-    assert found.passed is passed
-    assert found.value == pytest.approx(moves, rel=0.25)
-    assert end_stays_check(column + np.round(corner).astype(int), corner, number).value == 0.0
-    assert end_stays_check(column, corner, np.arange(200)).value == 0.0

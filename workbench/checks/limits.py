@@ -244,11 +244,6 @@ LIMITS: dict[str, Limit] = {
         "step in columns at which alone a root face or an end face ends, where it ends in three and more",
         "faces end in any column; a window that follows the part moves by 8, 16 or 32 and may cut it",
     ),
-    "end_stays_columns": Limit(
-        4.0,
-        "by how many columns the root face's other end moves while it ends in one and the same",
-        "of 280 sound recordings of five simulators up to 2.9; a dirty window that hid the end had 8 (0.45 mm at 23 u)",
-    ),
     "face_columns": Limit(
         (8.0, 1e5),
         "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",

@@ -24,7 +24,6 @@ BLOCKS, LEAST_ENDS = (32, 16, 8), 20  # columns by which windows move; frames th
 IN_STEPS, OFTEN = 0.75, 0.05  # share of the frames whose returns end so; and in the third commonest column
 # Of gaps within faces: range step across them, at most; how many, at how many places, and what share as narrow as any.
 FACE_STEP_MM, LEAST_GAPS, LEAST_PLACES, MOST_GAPS = 1.0, 30, 10, 0.5
-STILL, TOGETHER = 0.9, 15  # share of the frames in whose commonest column a face ends; frames whose mean tells a motion
 STAYS = 0.3  # share of the frames whose end stays in one column, while it might be the window's
 
 
@@ -66,28 +65,6 @@ def end_step_check(column: Int, limits: Mapping[str, Bound] | None = None) -> Ch
     told = f"the face ends at every {step}th column alone: a window of the sensor that follows the part in steps, and "
     told += "cuts it? widen it, or hold it still"
     return check("end_step_columns", step, told if step else "the face ends in any column", given=limits)
-
-
-def end_stays_check(column: Int, corner: Float, pass_index: Int, limits: Mapping[str, Bound] | None = None) -> Check:
-    """The check that a face's end does not stay in a column while the face moves in the view.
-
-    Args:
-        column: (n,) of the last return in each frame.
-        corner: (n,) place of the face's other end, in columns.
-        pass_index: (n,) of the frames.
-        limits: limits to set by name.
-    """
-    moves = 0.0
-    for number in np.unique(pass_index):
-        mine = np.flatnonzero((pass_index == number) & np.isfinite(corner))
-        if len(mine) > LEAST_ENDS + TOGETHER and np.unique(column[mine], return_counts=True)[1].max() > STILL * len(
-            mine
-        ):
-            means = np.convolve(corner[mine], np.full(TOGETHER, 1.0 / TOGETHER), "valid")
-            moves = max(moves, float(np.ptp(np.percentile(means, [5.0, 95.0]))))
-    told = f"the face ends in one column, while its other end moves by {moves:.1f} columns: is the scanner's window "
-    told += "dirty there, or does it end? clean it, or shift the view"
-    return check("end_stays_columns", moves, told if moves else "the face's end moves with it", given=limits)
 
 
 def _steps_of(column: Int) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
@@ -16,10 +16,8 @@ from workbench.checks.corners import ledge_takes_mm
 from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
-from workbench.checks.limits import Bound
 from workbench.checks.residuals import FaceAlong, late_of
-from workbench.checks.sensor import column_pitch_mm
-from workbench.checks.window import end_stays_check, end_step_check
+from workbench.checks.window import end_step_check
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM
 from workbench.edge.faces import TrackedFaces, find_faces
@@ -131,7 +129,7 @@ def segment(
         tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
         rounding = broken_end(cloud, root_rim(tracked, rounding.rim_mm), is_free_end(tracked), edge_condition)
     free = is_free_end(tracked)
-    checks = (*checks, edge_break_check(rounding.size_mm, given), *_ends_moves(cloud, tracked, free, given))
+    checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
@@ -166,18 +164,6 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         tracked.readings_apart,
         lies_on,
         0.5 if lies_on else 0.0,  # what lies below shows all of its rounding
-    )
-
-
-def _ends_moves(cloud: Cloud, tracked: TrackedFaces, free: Bool, limits: Mapping[str, Bound]) -> tuple[Check, Check]:
-    """The checks that the root face's end moves as the part does, by its column in the frames where it is `free`."""
-    root, bevel = (tracked.faces[one] for one in (ROOT_FACE, BEVEL_FACE))
-    slopes = [one.sxz[free] / one.sxx[free] for one in (root, bevel)]
-    offsets = [one.z_mean[free] - k * one.x_mean[free] for one, k in zip((root, bevel), slopes, strict=True)]
-    corner = (offsets[1] - offsets[0]) / (slopes[0] - slopes[1]) / column_pitch_mm(cloud.x_mm)
-    column = np.abs(tracked.end_column[free])
-    return end_step_check(tracked.end_column[free], limits), end_stays_check(
-        column, corner, cloud.pass_index[free], limits
     )
 
 

@@ -70,10 +70,11 @@ def find_faces(
     labels = np.zeros((n, columns), np.uint8)
     sigma = np.full((n, 4), np.nan)
     rising, apart = np.ones(n), math.inf
+    up = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     for frames in passes:
         named = labels[frames]  # a view, where the frames lie together
-        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, upper_side, named)
+        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, up, named)
         if found is not None:
             side_of[frames], rising[frames], tracked, told = found
             apart = min(apart, told)
@@ -149,7 +150,7 @@ def _find_pass(
     root_nominal_mm: float,
     bevel_nominal: float,
     rim_mm: float,
-    upper_side: Sequence[float] | None,
+    up: Float | None,
     labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
     """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
@@ -158,8 +159,7 @@ def _find_pass(
     """
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
         keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
-        if upper_side is not None:
-            up = across_the_edge(cloud, upper_side, "edge.segment.upper_side")
+        if up is not None:
             readings = _rising(readings, cloud.base_from_profiler[frames][keys], up)
         found = vote(readings)
         if found is not None:

@@ -211,9 +211,9 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
 
     Blind columns begin and end at once; a shadow beside a face's end moves with it, and is none.
     """
-    up, down = np.ones((2, keep.shape[1]), np.int64)
-    for out, seen in ((up, keep), (down[::-1], keep[:, ::-1])):
-        share = seen.mean(axis=0)
+    rate = keep.mean(axis=0)
+    up, down = np.ones((2, rate.size), np.int64)
+    for out, seen, share in ((up, keep, rate), (down[::-1], keep[:, ::-1], rate[::-1])):
         for j in np.flatnonzero((share[:-1] > LIVE_SHARE) & (share[1:] == 0.0)).tolist():
             after = j + 1 + np.flatnonzero(share[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
             if len(after) and not _fades(seen, j, j - 1) and not _fades(seen, int(after[0]), int(after[0]) + 1):

@@ -26,7 +26,7 @@ FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smo
 DARKEST = 0.35  # of a face that is seen along itself
 CREASE = np.cos(40 * DEG)  # of neighbouring faces: sharper, their edge is drawn
 HIDDEN_MM = 5.0  # so much behind a body a line is hidden
-FONT_PX, MARGIN_PX = 22, 6
+FONT_PX, LINE_PX, MARGIN_PX = 22, 28, 6
 INK, PAPER = "#1b1f24", "#ffffff"
 ROBOT, AROUND, RED = "#e8a33d", "#b9c2c9", "#d11f1f"
 COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
@@ -82,9 +82,14 @@ def is_huge(triangles_mm: Float) -> bool:
 
 
 def looking(
-    look: Sequence[float], up: Sequence[float], points_mm: Float, size_px: tuple[int, int], share: float = 1.0
+    look: Sequence[float],
+    up: Sequence[float],
+    points_mm: Float,
+    size_px: tuple[int, int],
+    share: float = 1.0,
+    lines: int = 0,
 ) -> Camera:
-    """A parallel projection in which points (n, 3) fill a share of the picture's width or height.
+    """A parallel projection in which points (n, 3) fill a share of the picture's width or height, below a caption.
 
     Args:
         look: from what is seen to the viewer, of any length.
@@ -92,6 +97,7 @@ def looking(
         points_mm: (n, 3).
         size_px: width and height.
         share: of the picture.
+        lines: of the caption.
     """
     towards = np.array(look) / np.linalg.norm(look)
     right = np.cross(up, towards)
@@ -99,8 +105,11 @@ def looking(
     screen = np.array([right, np.cross(towards, right), towards])
     seen = points_mm @ screen.T
     low, high = seen.min(axis=0), seen.max(axis=0)
-    scale = share * min(px / max(mm, 1.0) for px, mm in zip(size_px, high - low, strict=False))
-    return Camera(screen, screen.T @ ((low + high) / 2), scale, *size_px)
+    above = lines * LINE_PX
+    wide, tall = (max(mm, 1.0) for mm in (high - low)[:2])
+    scale = share * min(size_px[0] / wide, (size_px[1] - above) / tall)
+    middle = (low + high) / 2 + np.array([0.0, above / 2 / scale, 0.0])
+    return Camera(screen, screen.T @ middle, scale, *size_px)
 
 
 class Sheet:

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 
 from workbench.errors import InputError, PipelineError
+from workbench.geometry.splat import Camera
 from workbench.robot.cell import ON_BASE, Cell
 from workbench.robot.collision import Clearance, CollisionModel, external_at, turntable_pose
 from workbench.robot.drawing import COLOURS, CUBE, RED, Sheet, cell_triangles, is_huge, looking, png
@@ -167,19 +168,20 @@ def cell_picture(cell: Cell, joints: Float, turntable: Float | float) -> bytes:
     )
     steps = np.outer(10.0 ** np.arange(4), (1, 2, 5)).ravel()
     spacing = steps[np.abs(np.log(10 * steps / np.ptp(corners, axis=0).max())).argmin()]
-    views = [
-        (f"{name}; grid {spacing:.0f} mm", looking(look, up, corners, VIEW_PX, FILLED), ("base", "turntable", "cutter"))
-        for name, look, up in VIEWS
-    ]
+    told = f"{cell.title}\n{posture_text(joints, turntable)}{'; red: in collision' if hit else ''}\n"
+    views: list[tuple[str, Camera, tuple[str, ...]]] = []
+    for name, look, up in VIEWS:
+        caption = f"{'' if views else told}{name}; grid {spacing:.0f} mm"
+        camera = looking(look, up, corners, VIEW_PX, FILLED, caption.count("\n") + 1)
+        views.append((caption, camera, ("base", "turntable", "cutter")))
     tool = looking(*VIEWS[0][1:], _about_tool(made, frames), VIEW_PX, FILLED)
     views.append(("tool; axes x vermilion, y green, z blue", tool, TOOL))
-    told = f"{cell.title}\n{posture_text(joints, turntable)}{'; red: in collision' if hit else ''}\n"
     picture = Image.new("RGB", (2 * VIEW_PX[0], 2 * VIEW_PX[1]))
-    for i, (name, camera, named) in enumerate(views):
+    for i, (caption, camera, named) in enumerate(views):
         sheet = Sheet(camera, bodies)
         if named != TOOL:
             _add_grid(sheet, corners, spacing)
-        sheet.caption(name if i else told + name)
+        sheet.caption(caption)
         _add_frames(sheet, frames, named)
         _add_gaps(sheet, near)
         if i == 0:

@@ -11,6 +11,7 @@ import pytest
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, cell_triangles, read_cell
+from workbench.robot.drawing import LINE_PX, looking
 from workbench.robot.picture import cell_picture, described, reach_mm, singularities, view_cell
 from workbench.units import DEG
 
@@ -65,6 +66,15 @@ def test_gaps_are_those_of_the_clearance_with_points_on_the_bodies(cell: Cell) -
         for point, body in zip(gap.points_mm, gap.pair, strict=True):
             low, high = np.vstack(corners[body]).min(axis=0), np.vstack(corners[body]).max(axis=0)
             assert ((low - 1 < point) & (point < high + 1)).all()
+
+
+def test_what_is_drawn_lies_below_the_caption() -> None:
+    points = np.random.default_rng(2).uniform(-900.0, 900.0, (200, 3))
+    for lines in (0, 1, 3):
+        column, row, _ = looking((1, -1, 0.5), (0, 0, 1), points, (1000, 750), 1.0, lines).project(points).T
+        assert row.min() >= lines * LINE_PX - 1e-6
+        assert row.max() <= 750 + 1e-6
+        assert 0 <= column.min() <= column.max() <= 1000
 
 
 def test_picture_and_lines(cell_file: Any, tmp_path: Path) -> None:

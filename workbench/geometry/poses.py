@@ -38,6 +38,9 @@ USUAL_ANGLE_UNIT = {  # what the controller itself writes
 }
 
 
+RIGID = "expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1"
+
+
 def is_rigid(pose: Float, tolerance: float = RIGID_TOLERANCE) -> bool:
     """Whether `pose` (4, 4) is a proper rigid motion: orthonormal to `tolerance`, determinant +1, last row 0 0 0 1."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all() or np.abs(pose[:3, :3]).max() > 2:  # squares may overflow

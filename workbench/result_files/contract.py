@@ -23,7 +23,7 @@ from pydantic import (
 
 from workbench.artefacts import UNKNOWN_PART, Check, HandEye, Part, Verdict
 from workbench.errors import InputError, nearest
-from workbench.geometry.poses import is_rigid
+from workbench.geometry.poses import RIGID, is_rigid
 from workbench.parameters import complaint
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
 
@@ -39,7 +39,7 @@ Matrix6 = tuple[Six, Six, Six, Six, Six, Six]
 
 def _rigid(pose: Matrix) -> Matrix:
     if not is_rigid(np.array(pose)):
-        raise ValueError("expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1")
+        raise ValueError(RIGID)
     return pose
 
 

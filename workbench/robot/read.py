@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import RIGID, inverse, pose_from
 from workbench.parameters import check_parameters
 from workbench.robot.cell import (
     ON_BASE,
@@ -449,7 +449,5 @@ def _loading(part: LoadingPart | None, path: Path) -> LoadingSetup | None:
 def _pose(pose: Pose, where: str) -> Float:
     matrix = matrix_of(pose)
     if matrix is None:
-        raise InputError(
-            where, "expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1"
-        )
+        raise InputError(where, RIGID)
     return matrix

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.artefacts import HandEye, Recording
 from workbench.errors import InputError
-from workbench.geometry.poses import is_rigid
+from workbench.geometry.poses import RIGID, is_rigid
 from workbench.units import AnyArray, Float, Int
 
 
@@ -41,9 +41,7 @@ def recorded_hand_eye(recording: Recording) -> HandEye:
 def check_hand_eye(pose: Float, where: str) -> None:
     """Refuse what is not a proper rigid motion."""
     if not is_rigid(pose):
-        raise InputError(
-            where, "expected a rigid motion: rotation orthonormal to 1e-6, determinant +1, last row 0 0 0 1"
-        )
+        raise InputError(where, RIGID)
 
 
 UNIT_TOLERANCE = 1e-3  # of a quaternion's norm; nearer to 1 it is normalised (INTERFACES section 0)

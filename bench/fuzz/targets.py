@@ -230,7 +230,6 @@ TARGETS = (
     Target("gopxl", _source, ()),
     Target("arrays", _source, (), 0.1),
     Target("joints", _with(joints=JOINTS), (), 0.1),
-    Target("stamps", _with(stamps={"files": "*", "time_unit": "ms", "of": "profiles"}), ()),
     Target("draft", _draft, (), 0.1),
     Target("forces", _forces, ()),
     Target("seven_corners", _seven_corners, ()),

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.importing import makers
 from tests.importing.conftest import ORIENTATIONS, rows_of, turned
@@ -291,3 +292,25 @@ def test_arrays_that_hold_no_profile_are_refused_by_what_they_hold(tmp_path: Pat
     assert main(["import", "--draft", str(source), "--out", str(tmp_path / "map.json")]) == 2
     assert "a (5, 5), b (4,)" in capsys.readouterr().err
     assert not (tmp_path / "map.json").exists()
+
+
+def test_a_log_of_poses_and_joints_beside_profiles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], imported: Callable[..., Recording]
+) -> None:
+    """As ScanBot's folders: TCP poses in m and rotation vectors, joints in rad, Unix seconds; the poses say more."""
+    time = 1746226188.685462 + np.arange(60) / 30
+    place = np.array([0.063694, 0.179662, 0.450726]) + np.outer(np.arange(60), [1e-3, 0, 0])
+    poses = np.column_stack([time, place, np.tile([0.021055, -3.1183, -0.24339], (60, 1))])
+    joints = np.column_stack([time, np.tile([1.881769, -1.14364, -1.24418, -2.17118, 1.530733, 3.43612], (60, 1))])
+    profile = np.column_stack([np.repeat(time[3:50], 20), np.tile(np.arange(20.0), 47), np.full(940, 200.0)])
+    tables = {"robot_tcp_poses": ("x,y,z,rx,ry,rz", poses), "robot_joint_states": ("j1,j2,j3,j4,j5,j6", joints)}
+    tables["laser_profiles"] = ("x_mm,z_mm", profile)
+    files = [tmp_path / f"{name}.csv" for name in tables]
+    for file, (names, rows) in zip(files, tables.values(), strict=True):
+        np.savetxt(file, rows, "%.6f", ",", header=f"timestamp,{names}", comments="")
+    tree, _ = drafted(tmp_path, capsys, *files)
+    assert any(doubt.startswith("poses.flange_from_tool") for doubt in tree["uncertain"])
+    got = imported(*files, mapping=tmp_path / "map.json")
+    np.testing.assert_allclose(got.robot_position_mm[:, 0], 63.694 + np.arange(3, 50))  # while profiles were taken
+    turned_by = Rotation.from_rotvec([0.021055, -3.1183, -0.24339]).inv()
+    assert (turned_by * Rotation.from_quat(got.robot_quaternion_wxyz, scalar_first=True)).magnitude().max() < 1e-6

@@ -1,4 +1,4 @@
-"""SICK scans, arrays, joints with stamps, clouds, trackers: each comes in as it was made."""
+"""SICK scans, arrays, joints, clouds, trackers: each comes in as it was made."""
 
 from __future__ import annotations
 
@@ -96,32 +96,6 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, imported: Imported)
     np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(InputError, match="expected whole arrays of numbers"):
         imported(tmp_path / "a.npy")
-
-
-def test_joints_with_stamps_of_their_own(tmp_path: Path, milled: Recording, imported: Imported) -> None:
-    from workbench.importing.joints import JointModel
-
-    urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
-    joints = np.array([[0, 10, 20, 0, 45, 0], [5, 15, 18, 3, 50, 10.0]])
-    np.savetxt(tmp_path / "q.csv", joints, delimiter=",", header="j1,j2,j3,j4,j5,j6", comments="")
-    np.savetxt(tmp_path / "stamps.csv", milled.robot_time_s * 1e3 + 0.0, header="ms", comments="")
-    np.savez(tmp_path / "scan.npz", x=milled.x_mm, z=milled.z_mm, time=milled.time_s)
-    model = JointModel.read(urdf, "base_link", "tool0")
-    part = {
-        "columns": [f"j{k}" for k in range(1, 7)],
-        "angle_unit": "deg",
-        "urdf": str(urdf),
-        "base_frame": "base_link",
-        "flange_frame": "tool0",
-    }
-    stamps = {"files": "stamps*", "time_unit": "ms", "of": "poses"}
-    sources = [tmp_path / name for name in ("scan.npz", "q.csv", "stamps.csv")]
-    got = imported(*sources, mapping=mapping(tmp_path, joints=part, stamps=stamps))
-    expected = model.base_from_flange(np.radians(joints))
-    np.testing.assert_allclose(got.robot_position_mm, expected[:, :3, 3])
-    np.testing.assert_allclose(got.robot_time_s, milled.robot_time_s)
-    with pytest.raises(InputError, match=r"line 3: joint '.*': expected .* found 5 .deg declared as rad"):
-        imported(*sources, mapping=mapping(tmp_path, joints={**part, "angle_unit": "rad"}, stamps=stamps))
 
 
 @pytest.mark.parametrize("ending", [".npy", ".npz"])

@@ -14,7 +14,6 @@ from workbench.importing import tracker
 from workbench.importing.joints import NO_ROBOT
 from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
-from workbench.importing.stamps import stamped
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
 from workbench.scan.checks import checked, read_hand_eye
 from workbench.units import Bool, Float, Float32, Int
@@ -29,13 +28,12 @@ def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, 
     for source in sources:
         if source.tracker is not None:
             raise InputError(source.tracker.source, f"{tracker.NAME}: {tracker.INTO_A_TABLE}")
-    sources = stamped(sources, mapping)
     profiles = [source.profiles for source in sources if source.profiles is not None]
     frames = joined(profiles, each_a_pass=mapping.sphere_diameter_mm is not None)
     check_profiles(frames, mapping)
     streams = [source.poses for source in sources if source.poses is not None]
     for source in sources:
-        if source.joints is not None and source.poses is None:
+        if source.joints is not None and not streams:
             raise InputError(source.joints.source, NO_ROBOT)
     passes = _passes(frames, streams, mapping)
     kept = [within(one, mapping, frames.source) for one in passes.values()]

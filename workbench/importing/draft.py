@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import itertools
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -244,6 +245,8 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
             doubts.append(f"poses.angle_unit: {part['angle_unit']}, by the size of the numbers")
     if "pass" in roles:
         part["scan_pass"] = roles["pass"].column
+    if not any(re.search("flange|tool0", name.lower()) for name in form.header):
+        doubts.append("poses.flange_from_tool: none; a controller's log may be of its tool (TCP), not of the flange")
     return part, doubts
 
 
@@ -363,7 +366,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     lacking = []
     if has == [True, True] and not any(one.flange_from_profiler is not None for one in found):
         lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
-    unmoved = [one for one in found if one.joints is not None and one.poses is None]
+    unmoved = [one for one in found if one.joints is not None] if all(one.poses is None for one in found) else []
     if unmoved:
         own = "joints" if "joints" in tree else "arrays"
         lacking.append(f"{own}.urdf, {own}.base_frame, {own}.flange_frame: the robot's description and its links")

@@ -27,7 +27,6 @@ KINDS = (  # modules of workbench.importing
     "tables",
     "poses",
     "joints",
-    "stamps",
     "tracker",
     "programs",
     "opencv",

@@ -33,7 +33,6 @@ from workbench.importing.mapping_parts import (
     PosesPart,
     ProfilesPart,
     ProgramPart,
-    StampsPart,
     TrackerPart,
     check_convention,
 )
@@ -161,7 +160,6 @@ class Mapping(Part):
     program: ProgramPart | None = Field(default=None, description="a robot's program of taught positions")
     arrays: ArraysPart | None = Field(default=None, description="arrays of numpy")
     joints: JointsPart | None = Field(default=None, description="a table of joint positions, and the robot's URDF")
-    stamps: StampsPart | None = Field(default=None, description="times in a file of their own")
     tracker: TrackerPart | None = Field(default=None, description="readings of a laser tracker")
     times: TimesPart | None = Field(default=None, description="when each frame was taken")
     linear_axis: LinearAxisPart | None = Field(default=None, description="instead of poses: a straight axis")
@@ -365,7 +363,7 @@ def _path(place: Place) -> str:
     return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
 
 
-Named = ProfilesPart | PosesPart | ArraysPart | JointsPart | StampsPart | TrackerPart | ProgramPart
+Named = ProfilesPart | PosesPart | ArraysPart | JointsPart | TrackerPart | ProgramPart
 
 
 def claims(part: Named | None, path: Path) -> bool:
@@ -380,7 +378,6 @@ def claimed_by(path: Path, mapping: Mapping) -> list[str]:
         "poses": mapping.poses,
         "arrays": mapping.arrays,
         "joints": mapping.joints,
-        "stamps": mapping.stamps,
         "tracker": mapping.tracker,
         "programs": mapping.program,
     }

@@ -1,4 +1,4 @@
-"""What a mapping file may say of tables, arrays, joints, stamps and bags: known keys, finite numbers."""
+"""What a mapping file may say of tables, arrays, joints and bags: known keys, finite numbers."""
 
 from __future__ import annotations
 
@@ -231,16 +231,6 @@ class TrackerPart(TextPart):
         if (self.time is None) != (self.time_unit is None):
             raise ValueError("expected time_unit with time and only there")
         return self
-
-
-class StampsPart(TextPart):
-    """Times in a file of their own: a row a frame, or a row a pose."""
-
-    files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
-    length_unit: LengthUnit = Field(default="mm", description="not used")
-    column: Column = Field(default=0, description="of the times")
-    time_unit: TimeUnit = Field(description="of the times")
-    of: Literal["profiles", "poses"] = Field(description="whose times they are")
 
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

@@ -79,7 +79,6 @@ class Imported:
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
     flange_from_profiler: Shaped[Float, "4 4"] | None = None  # where the source itself carries it
-    stamps_s: Shaped[Float, " N"] | None = None  # or (K,) times alone, for the frames or poses of another source
     tracker: TrackerReadings | None = None
     joints: JointStream | None = None  # beside the poses that follow from them, or alone where no URDF is named
 

@@ -1,18 +1,13 @@
 """`python -m bench.open.real FOLDER`: real recordings, unsealed; skipped where they are not. No truth is beside them.
 
 What references can tell: a sphere's stated radius is held against the one that a fit finds when it is left free; a
-groove that one setting cut has corners on smooth courses, so what neighbouring rows differ by is repeatability, in
-counts. Neither tells a hand-eye pose's or a groove size's error.
+groove has none. Neither tells a hand-eye pose's or a groove size's error.
 """
 
 from __future__ import annotations
 
-import csv
 import sys
-import tempfile
 from pathlib import Path
-
-import numpy as np
 
 from workbench import scan
 from workbench.look import look
@@ -34,18 +29,9 @@ def sphere(path: Path) -> str:
 
 
 def groove(path: Path) -> str:
-    """Standard deviation of a corner in a row, from second differences of rows."""
-    with tempfile.TemporaryDirectory() as folder:
-        table = Path(folder, "corners.csv")
-        look(str(path), None, None, str(table))
-        with table.open(newline="") as file:
-            rows = list(csv.DictReader(file))
-    names = [name for name in rows[0] if name != "row"]
-    values = np.array([[float(row[name]) for name in names] for row in rows])
-    bends = np.diff(values, n=2, axis=0) / 6**0.5
-    spread = 1.4826 * np.median(np.abs(bends), axis=0)
-    told = ", ".join(f"{name} {s:.2f}" for name, s in zip(names, spread, strict=True))
-    return f"| {GROOVE} | sd of a row, counts | smooth courses | {told} |"
+    """What the engine of grooves says of it."""
+    told = next(line for line in look(str(path)) if line.startswith("groove: "))
+    return f"| {GROOVE} | corners, columns | none | {told.removeprefix('groove: ')} |"
 
 
 def main(folder: Path) -> int:

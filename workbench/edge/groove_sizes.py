@@ -665,5 +665,8 @@ class _Root:
 def _nearby(lost: Float) -> Float:
     """Probability (m,) that a column has no return, from the share of single profiles, in the order of the groove."""
     told = np.isfinite(lost)
-    total, count = (np.convolve(of, np.ones(LOST_PROFILES), "same") for of in (np.where(told, lost, 0.0), told))
+    near = np.ones(LOST_PROFILES)  # of which there may be more than profiles
+    total, count = (
+        scipy.ndimage.convolve1d(of, near, mode="constant") for of in (np.where(told, lost, 0.0), told.astype(float))
+    )
     return np.clip(np.where(count > 0, total / np.maximum(count, 1), LEAST_LOST), LEAST_LOST, MOST_LOST)

@@ -16,7 +16,6 @@ from workbench.artefacts import Recording, Scene, Shading, Strokes
 from workbench.cloud import readers
 from workbench.cloud.read import LEAST_POINTS, check_size, fitting_units, in_process, unit_stated
 from workbench.cloud.units import MM
-from workbench.edge.groove_rows import COLUMNS, Rows, corners_of_rows
 from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
@@ -26,11 +25,11 @@ from workbench.importing.roles import leading
 from workbench.importing.text import SAMPLE_BYTES, Form, decoded, first_bytes, head_text, sniffed
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
+from workbench.look.rows import groove_of_rows
 from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
 from workbench.look.seven_corners import read_corners, recognised
 from workbench.scan.read import read as read_recording
 from workbench.storage import regular_file, write_whole
-from workbench.units import Float
 
 
 def look(
@@ -60,16 +59,14 @@ def look(
 
 
 def write_corners(found: Seen, target: Path) -> None:
-    """Row, column and range of each corner, as the file counts them; empty where a row shows no groove.
-
-    Last, how many columns the nearest return on its flanks lies from the root: far off, that is extrapolated.
-    """
+    """Column with its standard uncertainty, and range, of each corner in each row; empty where it is not told."""
     if found.corners is None:
         raise InputError(found.source, "expected rows of ranges across a groove, for --corners")
     if target.suffix.lower() != ".csv":
         raise InputError(str(target), "expected the name of a table to write, ending in .csv")
-    names = [*(f"{name}_{what}" for what in ("column", "range") for name in COLUMNS), "root_away_columns"]
-    table = np.concatenate([found.corners.column, found.corners.z, found.corners.root_away[:, None]], axis=1)
+    columns = {"column": found.corners.column, "column_u": found.corners.column_u, "range": found.corners.z}
+    names = [f"{name}_{what}" for what, of in columns.items() for name in of]
+    table = np.stack([row for of in columns.values() for row in of.values()], axis=1)
     lines = [",".join(["row", *names])]
     for number, row in enumerate(table):
         lines.append(",".join([str(number), *("" if np.isnan(v) else f"{v:.2f}" for v in row)]))
@@ -98,8 +95,6 @@ def write_page(found: Seen, target: Path) -> None:
 
 RECORDINGS = (".h5", ".hdf5")
 TEXTS = (".csv", ".txt", ".asc")  # may be a cloud, or anything
-MOST_AWAY = 3.0  # columns from the root of a V to the next return, beyond which the root is not seen
-MOST_BEYOND = 0.1  # of a V's depth, by which its root may lie beyond the returns: some are lost in it
 
 
 def seen(file: Path, mapping: Path | None = None) -> Seen:
@@ -284,36 +279,10 @@ def _drafted(file: Path) -> Seen:
 
 
 def _with_corners(file: Path, mapping: Mapping, found: Seen) -> Seen:
-    """Rows of ranges whose unit, pitch and poses are unknown show corners all the same, in columns."""
+    """Rows of ranges whose unit, pitch and poses are unknown show a groove all the same, in columns."""
     frames = read_source(file, mapping).profiles
-    rows = None if frames is None else corners_of_rows(frames.z_mm.astype(float))
-    if frames is None or rows is None:
-        return found
-    beyond = _root_beyond(frames.z_mm.astype(float), rows)
-    if beyond > MOST_BEYOND:
-        told = (
-            f"groove: no V, its walls would meet {100 * beyond:.0f} % of their depth beyond every return: a flat floor?"
-        )
-        return replace(found, lines=(*found.lines, told))
-    middle = np.nanmedian(rows.column, axis=0)
-    places = ", ".join(f"{name} {column:.1f}" for name, column in zip(COLUMNS, middle, strict=True))
-    told = f"groove: corners in {rows.found.sum()} of {len(rows.found)} rows, in the median at columns {places}"
-    away = float(np.nanmedian(rows.root_away)) if np.isfinite(rows.root_away).any() else np.inf
-    if away > MOST_AWAY:
-        told += f"; the root is extrapolated: no return of its flanks lies within {away:.0f} columns"
-    return replace(found, lines=(*found.lines, told), corners=rows)
-
-
-def _root_beyond(z: Float, rows: Rows) -> float:
-    """How far the root lies beyond every return between the upper corners, as a share of its depth; median of rows."""
-    shares = []
-    for k in np.flatnonzero(rows.found):
-        left, root, right = rows.z[k]
-        depth = root - (left + right) / 2.0
-        between = z[k, int(rows.column[k, 0]) : int(rows.column[k, 2]) + 1]
-        beyond = (root - between) * np.sign(depth)
-        shares.append(float(np.min(beyond, initial=abs(depth), where=np.isfinite(beyond)) / abs(depth)))
-    return float(np.median(shares))
+    rows = None if frames is None else groove_of_rows(frames.z_mm.astype(float), str(file))
+    return found if rows is None else replace(found, lines=(*found.lines, rows.told), corners=rows)
 
 
 def _foreign(file: Path, mapping: Mapping) -> Seen:

@@ -15,8 +15,8 @@ import numpy as np
 from workbench.artefacts import Strokes
 from workbench.artefacts.evidence import Check
 from workbench.artefacts.showing import shown
-from workbench.edge.groove_rows import Rows
 from workbench.geometry.chains import COUNT, FIRST, LAST, noise_sigma, straight_faces
+from workbench.look.rows import Rows
 from workbench.units import DEG, AnyArray, Float, Float32, Int, Shaped
 
 NOTE = (

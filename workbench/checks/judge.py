@@ -11,10 +11,10 @@ import numpy as np
 from workbench.artefacts import LINEAR_AXIS, Check, Recording
 from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
-from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, clock_offset, consistency, jump_mm
+from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import Chain, Few, chains, rough_mm
-from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, swapped_share
+from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, uneven_share
 from workbench.checks.window import (
     MOVED_MM,
     PINNED,
@@ -39,11 +39,14 @@ NOT_JUDGED = Check(
     "not judged: a cloud holds neither poses nor profiles; its maker answers for these and for points removed or moved",
 )
 STANDING_MM = 1e-6  # of way from frame to frame
+AXIS_MM = (2.0, 100_000.0)  # way of a linear axis: less is no scan
 FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
+SWAYING_DEG_S, LEAST_S = 2.0, 1e-3  # of the turning's rate; with less 5 ms turn the section by 0.01 deg
 TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
+CONVENTION_TWIST_DEG = 0.25  # likewise, of a scan that is oblique
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with that share of it
 UNORDERED, UNORDERED_MM = 0.5, 0.1  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
@@ -55,7 +58,7 @@ VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wav
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
-ALTERNATES = "does every second one measure otherwise, by an exposure or a laser that alternates?"
+SWAPPED = 0.1  # share of the columns that are unevenly spaced, beyond which x is a range's noise
 UNMET = "no face was seen by two passes: nothing tells how far apart these lie"
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
@@ -287,14 +290,16 @@ def _columns_a_frame(recording: Recording) -> float:
 
 def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: bool) -> Iterator[Check]:
     position = recording.robot_position_mm
-    reach = float(np.linalg.norm(position, axis=1).max())
-    if recording.part.robot != LINEAR_AXIS:
-        yield check(
-            "reach_mm",
-            reach,
-            f"the flange is at most {reach:.4g} mm from the robot's base{_unit(reach, (400.0, 10_000.0))}",
-            given=given,
-        )
+    axis = recording.part.robot == LINEAR_AXIS  # it has no base that it reaches from, but a way
+    reach = float(np.linalg.norm(position - position[0] if axis else position, axis=1).max())
+    usual = (20.0, 10_000.0) if axis else (400.0, 10_000.0)
+    of = (
+        "the axis's place is at most {} from its first one"
+        if axis
+        else "the flange is at most {} from the robot's base"
+    )
+    told = of.format(f"{reach:.4g} mm") + _unit(reach, usual)
+    yield check("reach_mm", reach, told, given=given, default=AXIS_MM if axis else None)
     step = quaternion_step(recording.robot_quaternion_wxyz)
     told = f"orientations are rounded to {step:g} in each number of their quaternions: were digits lost in writing?"
     yield check("orientation_step_deg", math.degrees(step), told, given=given)
@@ -307,37 +312,12 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     )
     told += "a base set anew within the scan, poses of two moves in one pass?"
     yield check("position_jump_mm", jump, told, given=given)
-    ways, speeds, steps, standing = [], [], [], []
+    standing = []
     for number in np.unique(recording.pass_index):
-        at, frames = recording.robot_pass == number, recording.pass_index == number
-        time = recording.time_s[frames]
+        at, time = recording.robot_pass == number, recording.time_s[recording.pass_index == number]
         place = np.stack([np.interp(time, recording.robot_time_s[at], column) for column in position[at].T], axis=1)
         step = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        ways.append(float(step.sum()))
-        duration = float(np.ptp(time))
-        speeds.append(ways[-1] / duration if duration > 0 else float("nan"))
-        steps.append(float(np.median(step)) if len(step) else 0.0)
         standing.append(float((step < STANDING_MM).mean()) if len(step) else 0.0)
-    way = min(ways) if min(ways) < least("way_mm") else max(ways)
-    still = (
-        "the recorded poses stand still: frozen?"
-        if way == 0
-        else f"the flange moves {way:.4g} mm{_unit(way, (20.0, 10_000.0))}"
-    )
-    yield check("way_mm", way, still, given=given)
-    yield check(
-        "frame_step_mm",
-        max(steps),
-        f"frames are {max(steps):.4g} mm apart: is the unit of the positions wrong?",
-        given=given,
-    )
-    slow = min(speeds) if min(speeds) < least("speed_mm_s") else max(speeds)
-    yield check(
-        "speed_mm_s",
-        slow,
-        f"the flange moves at {slow:.3g} mm/s: is a unit of length or of time, or a rate wrong?",
-        given=given,
-    )
     share = max(standing)
     yield check(
         "standing_share",
@@ -384,9 +364,6 @@ def _longest_run(on: Bool) -> int:
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
-    share = swapped_share(recording.x_mm, recording.z_mm)
-    told = f"z is evenly spaced from column to column, x is not, in {100 * share:.0f} % of the profiles"
-    yield check("swapped_share", share, f"{told}: axes x and z swapped?", given=given)
     traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
     noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
     pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
@@ -395,20 +372,19 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
     ):
         told = f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution"
+        if name == "range_step_mm" and step > 0.0 and uneven_share(recording.x_mm) > SWAPPED:
+            told = f"ranges are spaced by {step:.3g} mm as columns are, lateral places are not: axes x and z swapped?"
         yield check(name, step, told, given=given, default=max(most(name), blurred))
     told = (
         f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off"
     )
     yield check("mean_columns", traces.mean_columns, told, given=given)
-    told = f"the sensor has averaged over {traces.mean_frames:.0f} frames: switch its averaging off"
-    yield check("mean_frames", traces.mean_frames, told, given=given)
-    for name, what, left in (
-        ("column_smoothing", "column to column", traces.fading),
-        ("frame_smoothing", "frame to frame", traces.fading_frames),
-    ):
-        told = f"the noise that is new from {what} is {left:.2g} of what white noise has: "
-        told += "a smoothing filter? switch the sensor's filters off" if left < 1.0 else ALTERNATES
-        yield check(name, left, told, given=given)
+    told = f"the sensor has averaged over {traces.mean_frames:.0f} frames, which blurs what changes along the edge"
+    told = told if traces.mean_frames else "frames have noise of their own"
+    yield Check("mean_frames", traces.mean_frames, None, True, "in the uncertainty of the face's end", told)
+    told = f"the noise that is new from column to column is {traces.fading:.2g} of what white noise has: "
+    told += "a smoothing filter? switch the sensor's filters off"
+    yield check("column_smoothing", traces.fading, told, given=given)
     told = (
         f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "
         "hold one value: a median filter, or lost returns filled? "
@@ -463,14 +439,14 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     oblique = check("obliquity_deg", now.obliquity_deg, given=given)
     varied = VARIED_DEG if steadier else most("obliquity_varies_deg")
     varies = check("obliquity_varies_deg", now.varies_deg, given=given, default=varied)
-    twist = check("twist_deg", now.twist_deg, given=given)
+    wide = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected = steadier
     yield _wiggle_check(recording, found, now, given)
-    sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else most("convention_twist_deg")
+    sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained = now.twist_deg > sure + now.waved_deg
-    if unexplained or not (oblique.passed and varies.passed and twist.passed and unsteady.passed):
-        only = oblique.passed and varies.passed and twist.passed and unsteady.passed
+    if unexplained or not (oblique.passed and varies.passed and wide.passed and unsteady.passed):
+        only = oblique.passed and varies.passed and wide.passed and unsteady.passed
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
         explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
@@ -483,23 +459,12 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     told = f"the section would turn by {now.unsteady_deg:.2f} deg about the edge and back, unlike any plate"
     yield dataclasses.replace(unsteady, finding=told if unsteady.passed else told + hint)
     told = f"the section would turn by {now.twist_deg:.2f} deg about the edge, which the orientations do not explain"
+    by_reading = unexplained and suspected and _turning(suspected)
+    most_deg = CONVENTION_TWIST_DEG if by_reading else most("twist_deg")
+    twist = check("twist_deg", now.twist_deg, given=given, default=most_deg)
     yield dataclasses.replace(twist, finding=told if twist.passed else told + hint)
-    by_reading = now.twist_deg if unexplained and suspected and _turning(suspected) else 0.0
-    yield check("convention_twist_deg", by_reading, told + hint if by_reading else "", given=given)
     yield _unseen(recording, found, now)
     yield from _pass_check(recording, found, hand_eye, given)
-    offset = clock_offset(
-        found, lambda number, shift: _poses(recording, {number: found[number]}, hand_eye, AS_READ, shift)[number]
-    )
-    milliseconds, u = 1e3 * offset.offset_s, 1e3 * offset.u_s
-    shown = u < 5.0 and abs(milliseconds) > 5.0 * u
-    told = f"the profiles' clock is {milliseconds:+.1f} ± {u:.1f} ms off the robot's: a delay left out?"
-    yield check(
-        "time_offset_ms",
-        abs(milliseconds) if shown else None,
-        told if shown else "the motion does not show whether the clocks agree",
-        given=given,
-    )
     together = min((float(one.good.mean()) for one in found.values() if len(one.good) >= LEAST_STRETCH), default=None)
     told = f"{100 * (together or 0.0):.0f} % of neighbouring profiles lie on each other: frames out of order, "
     told += "profiles of several parts, or a profiler's axes swapped?"
@@ -527,6 +492,8 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
             ", nor a hand-eye pose that is displaced, or turned by less than the limit of obliquity_deg, mirrored or "
             "swapped axes of the robot or of the profiler, orientations that are off by a constant"
         )
+    if not _sways(recording):
+        told += "; it turns evenly, which does not show whether the clocks agree"
     if _held(recording):
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
     reason = f"a hand-eye pose shows itself where the flange turns against the edge by {TURNS_DEG:g} deg and more"
@@ -538,6 +505,19 @@ def _held(recording: Recording) -> bool:
     quaternion, number = recording.robot_quaternion_wxyz, recording.robot_pass
     alike = ((quaternion[1:] == quaternion[:-1]) | (quaternion[1:] == -quaternion[:-1])).all(axis=1)
     return bool((alike | (number[1:] != number[:-1])).all())
+
+
+def _sways(recording: Recording) -> bool:
+    """Whether the flange turns unevenly enough, in some pass, for a clock offset to turn the section with it."""
+    for number in np.unique(recording.robot_pass):
+        at = recording.robot_pass == number
+        cosine = np.abs(
+            (recording.robot_quaternion_wxyz[at][1:] * recording.robot_quaternion_wxyz[at][:-1]).sum(axis=1)
+        )
+        step_s = np.maximum(np.diff(recording.robot_time_s[at]), LEAST_S)
+        if len(step_s) and np.std(np.degrees(2.0 * np.arccos(np.clip(cosine, 0.0, 1.0))) / step_s) > SWAYING_DEG_S:
+            return True
+    return False
 
 
 def _turned_deg(quaternion: Float) -> float:
@@ -553,7 +533,7 @@ def _explains(there: Consistency, now: Consistency) -> bool:
     """
     left = EXPLAINED * now.twist_deg + SEEN_TWIST_DEG
     if now.obliquity_deg > most("obliquity_deg"):
-        better, left = there.obliquity_deg < 0.5 * now.obliquity_deg, max(left, most("convention_twist_deg"))
+        better, left = there.obliquity_deg < 0.5 * now.obliquity_deg, max(left, CONVENTION_TWIST_DEG)
     elif now.twist_deg < SURE_TWIST_DEG:
         better = there.obliquity_deg < 0.5 * now.obliquity_deg
     else:  # orientations that turn about another axis take the turn from about the edge to across it

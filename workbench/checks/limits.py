@@ -32,17 +32,6 @@ LIMITS: dict[str, Limit] = {
         "greatest distance of the flange from the robot's base",
         "less is inside the robot, more needs a track of 30 m",
     ),
-    "way_mm": Limit((2.0, 100_000.0), "way of the flange in the shortest, and in the longest pass", "less is no scan"),
-    "frame_step_mm": Limit(
-        50.0,
-        "way of the flange from frame to frame",
-        "an edge is not measured from places further apart",
-    ),
-    "speed_mm_s": Limit(
-        (0.1, 3000.0),
-        "mean speed of the flange in a pass",
-        "robots scan at 1 to 500 mm/s; stop-and-go is slower",
-    ),
     "standing_share": Limit(
         0.5,
         "share of the frames of a pass during which the recorded pose stands still",
@@ -74,33 +63,17 @@ LIMITS: dict[str, Limit] = {
         "good recordings have none, and a hiccup few; ten that come late at the start of a ring put its root face "
         "0.04 mm off",
     ),
-    "swapped_share": Limit(
-        0.5,
-        "share of the profiles in which ranges are evenly spaced from column to column, and lateral places are not",
-        "columns follow the sensor's pixels, so lateral places are even; ranges have noise",
-    ),
     "mean_columns": Limit(
         3.5,
         "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
         "over more columns bends narrow faces",
     ),
-    "mean_frames": Limit(
-        3.5,
-        "width of a moving mean over the frames of a pass",
-        "a mean over frames shows the part where the scanner was before, and hides what changes from frame to frame; "
-        "three frames are in the uncertainty of the face's end, as columns are",
-    ),
     "column_smoothing": Limit(
         (0.05, 1e3),
         "power of the noise at periods of two columns over that at three to ten columns",
         "white noise has 1, noise with a correlation of 0.8 between neighbours 0.25; smoothing by 0.7 columns and more "
         "leaves less, and moves the edges of faces",
-    ),
-    "frame_smoothing": Limit(
-        (0.05, 1e3),
-        "the same from frame to frame",
-        "good recordings have 0.5 to 1.3; see mean_frames",
     ),
     "held_end_share": Limit(
         0.3,
@@ -133,19 +106,14 @@ LIMITS: dict[str, Limit] = {
     ),
     "twist_deg": Limit(
         35.0,
-        "turn of the section about the edge over 150 mm of it that the orientations do not explain",
-        "edges of helices and saddles turn by up to 30; the poses must explain the rest",
+        "turn of the section about the edge over 150 mm of it that the orientations do not explain; 0.25 where another "
+        "reading of them explains most of it, below 1.2 deg only if that also halves an obliquity of 10 deg and more",
+        "edges of helices and saddles turn by up to 30; none happens to be twisted as a known mistake would show it",
     ),
     "unsteady_twist_deg": Limit(
         3.0,
         "the same, less what is a slow function of the place on the edge",
         "plates turn slowly, good recordings have up to 0.5; wrong orientations turn the section with the wrist",
-    ),
-    "convention_twist_deg": Limit(
-        0.25,
-        "the same, where another reading of the orientations explains most of it; below 1.2 deg only if that "
-        "reading also halves an obliquity of 10 deg and more",
-        "a plate does not happen to be twisted as a known mistake would show it",
     ),
     "together_share": Limit(
         (0.6, 1.0),
@@ -164,12 +132,6 @@ LIMITS: dict[str, Limit] = {
         0.6,
         "distance of a face as one pass saw it from where the next saw it",
         "robots repeat to 0.1 mm and calibrated hand-eye poses add 0.3 mm",
-    ),
-    "time_offset_ms": Limit(
-        8.0,
-        "offset of the profiles' clock to the robot's that the sway of the scan shows, where beyond five of its u",
-        "at 3 deg of sway 5 ms cost 0.03 deg; good scans that sway by 3 deg seem up to 4.7 ms off, of a bowed raw face "
-        "6.1; late_turn_deg tells less",
     ),
     "edge_share": Limit(
         (0.34, 1.0),

@@ -27,13 +27,11 @@ LEAST_SHARE = 0.6  # of a piece's columns that returned
 OUTLIERS = 6.0  # median misfits
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
-LEAST_STEPS = 16  # of a profile
-EVEN, EVEN_SHARE = 0.05, 0.9  # by how much steps that are alike differ; and how many of them are
+EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
 DIGITS = 4.0  # times the power of rounding: no more than that is left
 LEAST_ROWS = 20
 SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and over how many frames
-BENDING = 4  # degree of how a surface moves in the view over PIECE frames
 # Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
@@ -60,7 +58,6 @@ class SensorTraces:
     mean_columns: float  # width of a moving mean over columns; 0: none
     mean_frames: float  # likewise from frame to frame
     fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
-    fading_frames: float  # likewise from frame to frame
     held_end_share: float  # of faces' ends beside lost returns, those that lie on a line to the digit, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
@@ -77,8 +74,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     digit = _digit(many, step_z)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    unbent = _unbent(series)
-    fading_frames, held = fading(unbent, digit), _held_ends(z, digit)
+    held = _held_ends(z, digit)
     mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
@@ -92,7 +88,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         mean,
         mean_frames,
         np.nan,
-        fading_frames,
         held,
         step_z,
         step_x,
@@ -113,9 +108,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if mean and not (_blind(whole, mean) or _blind(level, mean)):
         mean = 0.0
     left = min(fading(whole, digit), fading(level, digit))
-    if fading_frames < 1.0:  # chatter of a few frames adds to longer periods, and to none from column to column
-        fading_frames = max(fading_frames, min(_powers(unbent, TOP)[0] / (_white(noise) * len(TOP)), 1.0))
-    return SensorTraces(noise, correlation, mean, mean_frames, left, fading_frames, held, step_z, step_x, pitch)
+    return SensorTraces(noise, correlation, mean, mean_frames, left, held, step_z, step_x, pitch)
 
 
 def _held_ends(z: Float, digit_mm: float) -> float:
@@ -291,18 +284,6 @@ def _series(z_mm: AnyArray, pass_index: Int) -> Float:
     return np.asarray(z_mm[at[None, start : start + BLOCK], columns[:, None]].astype(np.float64))
 
 
-def _unbent(series: Float) -> Float:
-    """What is left of pieces of series less a slow function of the frame, where all of a piece returned (n, PIECE)."""
-    pieces = _pieces(series)
-    pieces = pieces[np.isfinite(pieces).all(axis=1)]
-    slow = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), BENDING + 1))[0]
-    off = pieces - (pieces @ slow) @ slow.T
-    if not len(off):
-        return np.asarray(off)
-    size = np.sqrt((off**2).mean(axis=1))
-    return np.asarray(off[(size > 0.0) & (size < STRAIGHT * np.median(size))])
-
-
 def _blind(off: Float, columns: float) -> bool:
     """Whether rows (n, PIECE) hold nothing at the periods of a mean over so many columns, which it wipes out.
 
@@ -435,21 +416,15 @@ def _uneven_step(x: AnyArray) -> float:
     return step if uneven > UNEVEN_SHARE else 0.0
 
 
-def swapped_share(x_mm: AnyArray, z_mm: AnyArray) -> float:
-    """Share of some profiles of a grid (N, M) whose ranges are evenly spaced while their lateral places are not."""
-    rows = np.unique(np.linspace(0, len(z_mm) - 1, FEW).astype(int))
-    return float((_evenly(z_mm[rows]) & ~_evenly(x_mm[rows])).mean())
+def uneven_share(x_mm: AnyArray) -> float:
+    """Share of the columns of some frames (N, M) whose distance differs from the frame's usual one; NaN: none is seen.
 
-
-def _evenly(grid: AnyArray) -> Bool:
-    """Of rows (n, M): whether nearly all their steps from value to value are alike, and not 0."""
-    step = np.diff(grid.astype(np.float64), axis=1)
+    Columns follow the sensor's pixels, so lateral places are even; ranges have noise.
+    """
+    step = np.diff(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, FEW).astype(int))].astype(np.float64), axis=1)
+    usual = row_medians(step)[:, None]
     known = np.isfinite(step)
-    many = known.sum(axis=1) >= LEAST_STEPS
-    step[~many] = 0.0
-    usual = row_medians(step)
-    alike = (np.abs(step - usual[:, None]) < EVEN * np.abs(usual)[:, None]) & known
-    return np.asarray(many & (usual != 0.0) & (alike.sum(axis=1) > EVEN_SHARE * known.sum(axis=1)))
+    return float((np.abs(step - usual) > EVEN * np.abs(usual))[known].mean()) if known.any() else float("nan")
 
 
 def column_pitch_mm(x_mm: AnyArray) -> float:

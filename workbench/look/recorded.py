@@ -24,7 +24,7 @@ from workbench.scan.read import ON_THE_GRID, read_in
 from workbench.units import AnyArray, Float, Float32
 
 MOST_SUGGESTIONS, MOST_TRIED = 5, 12  # conventions named; those, the likeliest first, that every check is tried on
-OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "way_mm", "frame_step_mm", "speed_mm_s", "hand_eye_mm")
+OF_LENGTHS = ("view_width_mm", "range_mm", "reach_mm", "hand_eye_mm")
 NEARLY_ALL = 1.0  # percentile of the returns' |z| from which on they count
 SCANNERS = 24  # scanner poses drawn
 BASE_AXES_MM = 200.0

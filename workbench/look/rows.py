@@ -59,7 +59,7 @@ def groove_of_rows(z: Float, source: str) -> Rows | None:
         source: the file, for messages.
     """
     pose = np.tile(np.eye(4), (len(z), 1, 1))
-    pose[:, 1, 3] = way = ROW_MM * np.arange(len(z), dtype=np.float64)
+    pose[:, 1, 3] = way = np.arange(0.0, ROW_MM * len(z), ROW_MM)
     x = np.tile(COUNT_MM * np.arange(z.shape[1], dtype=np.float32), (len(z), 1))
     ranges, one_pass = (COUNT_MM * z).astype(np.float32), np.zeros(len(z), np.int64)
     cloud = Cloud(x, ranges, np.isfinite(z), pose, way, one_pass, source=source)

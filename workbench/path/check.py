@@ -174,7 +174,6 @@ SHOWING = (
     "position_step_mm",
     "lies_on_share",
     "pass_disagreement_mm",
-    "time_offset_ms",
     "late_turn_deg",
 )
 UNSHOWN = ("would not show", "in no value", "nothing tells", "does not show")  # they say so where a recording is blind

@@ -25,6 +25,15 @@ def wrapped(angle: Float) -> Float:
     return np.asarray(-((-angle + np.pi) % (2.0 * np.pi) - np.pi))
 
 
+def width_mm(face: FaceLines) -> float:
+    """Width of a face along its lines, the median of the frames, as far as its points reach."""
+    on = face.count > 2
+    if not on.any():
+        return math.nan
+    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
+    return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
+
+
 def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
     """Slope dz/dx of a face at each frame (N,), from the frames within a few mm on the same way along the edge.
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
-from workbench.edge.directions import TOGETHER_MM, near_slope, wrapped
+from workbench.edge.directions import TOGETHER_MM, near_slope, width_mm, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import BrokenEnd, weights, whole_end
 from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
-from workbench.edge.steps import Readings, readings
+from workbench.edge.steps import Readings, own_directions, readings
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
@@ -229,7 +229,8 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of:
     bevel_angle = root_angle - wrapped(root_angle - bevel.angle)
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
-    root_angle = np.where(tracked.end_is_burred, np.nan, root_angle)[of]  # a burr's foot turns the face's line
+    root_angle = root_angle[of]
+    variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
     root_course, even = fit_course(s_root, root_angle, variance, group), None
     if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
         even = fit_course(s_root, root_angle, variance, group, shared=Shared(TOGETHER_MM))

@@ -19,7 +19,7 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.window import end_step_check
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.directions import TOGETHER_MM
+from workbench.edge.directions import TOGETHER_MM, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
@@ -46,16 +46,13 @@ from workbench.edge.rim import (
     weights,
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
-from workbench.edge.steps import waves_u
+from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, unseen_of
 from workbench.errors import InputError
-from workbench.geometry.blocks import as_input, as_rows, over_blocks
-from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
-from workbench.kernels import kernel
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
+from workbench.units import DEG, Float
 
 STATION_MM = 1.0
 HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
@@ -156,7 +153,7 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
     return Shown(
         two_plates_share(cloud),
         1.0 - float(tracked.end_is_cut[tracked.seen].mean()),
-        root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm,
+        width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm,
         upper,
         lower,
         float(np.nanmedian(np.abs(root - bevel))) / DEG,
@@ -165,15 +162,6 @@ def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, be
         lies_on,
         0.5 if lies_on else 0.0,  # what lies below shows all of its rounding
     )
-
-
-def root_width_mm(face: FaceLines) -> float:
-    """Width of a face along its lines, the median of the frames, as far as its points reach."""
-    on = face.count > 2
-    if not on.any():
-        return math.nan
-    lean = np.hypot(1.0, face.sxz[on] / face.sxx[on])
-    return float(np.median(np.sqrt(12.0 * face.sxx[on] / face.count[on]) * lean))
 
 
 def _value(checks: Sequence[Check], name: str) -> float:
@@ -245,7 +233,7 @@ def milled_edge(
         normal=normal,
         across=across,
         seen=seen,
-        burr_stations=burr_stations(cloud, tracked, measured, at),
+        burr_stations=burr_stations(s_low, at, tracked.end_is_burred),
         checks=(*cloud.checks, *checks),
         root=root,
         bevel=bevel,
@@ -324,58 +312,3 @@ def section_axes(measured: Measured, at: Float) -> tuple[Float, Float, Float]:
     tilt = corrected_angles(measured, at + measured.shift)[0][:, None]
     m = np.cos(tilt) * a + np.sin(tilt) * b
     return t, np.cross(t, m), m
-
-
-# Burrs: material that stands out beyond the faces. They do not move the edges; they are reported.
-
-REACH_MM = 1.0  # how far beyond an end of the root face burrs are looked for
-STANDS_OUT_SIGMAS = 8.0
-STANDS_OUT_MM = 0.08
-LEAST_POINTS = 3  # in a frame
-LEAST_FRAMES = 2  # that agree, near a station
-
-
-def burr_stations(cloud: Cloud, tracked: TrackedFaces, measured: Measured, at: Float) -> Int:
-    """Stations (of `at`, mm) near which several frames show points standing out of the root face at one of its ends."""
-    root, bevel = tracked.faces[ROOT_FACE], tracked.faces[BEVEL_FACE]
-    slope = root.sxz / root.sxx
-    sense = float(np.nanmedian(np.sign(tracked.side * (slope - bevel.sxz / bevel.sxx))))  # +1: z counts away
-    line = np.stack([root.x_mean, root.z_mean, slope, -sense / np.hypot(1.0, slope)], axis=1)
-    reach = np.sqrt(3.0 * root.sxx / root.count) + REACH_MM
-    limit = np.maximum(STANDS_OUT_MM, STANDS_OUT_SIGMAS * tracked.range_sigma_mm[:, 2])
-    grid = as_rows(cloud.x_mm), as_input(cloud.z_mm), as_input(cloud.keep), as_input(tracked.labels)
-    face = RootLines(as_input(line), as_input(tracked.side), as_input(reach), as_input(limit))
-    counts = over_blocks(lambda i, j: _standing_out(*grid, face, i, j), cloud.x_mm.shape)
-    found = tracked.seen & (np.concatenate(counts) >= LEAST_POINTS)
-    s = measured.s_low[found & np.isfinite(measured.s_low)]
-    number = np.rint(np.interp(s, at, np.arange(at.size))).astype(np.int64)
-    count = np.bincount(number, minlength=at.size)
-    return np.flatnonzero(count >= LEAST_FRAMES)
-
-
-class RootLines(NamedTuple):
-    """The root face in N frames, about which points stand out."""
-
-    line: Shaped[Float, "N 4"]  # x and z of its middle, its slope, and distance out of it per mm of range
-    side: Shaped[Float, " N"]  # 1 where it goes on to larger x, -1
-    reach: Shaped[Float, " N"]  # how far from its middle points count, mm
-    limit: Shaped[Float, " N"]  # further out they stand out, mm
-
-
-@kernel
-def _standing_out(x: Float32, z: Float32, keep: Bool, labels: AnyArray, face: RootLines, first: int, last: int) -> Int:
-    """How many points of each frame first to last - 1 stand out of the root face about its lower half.
-
-    Points of a face do not count; frames without a root face (NaN) have none.
-    """
-    line, side, reach, limit = face
-    out = np.zeros(last - first, np.int64)
-    for i in range(first, last):
-        count, x_row = 0, x[min(i, len(x) - 1)]
-        for j in range(x_row.size):  # no branch: many at a time
-            dx = x_row[j] - line[i, 0]
-            off = (z[i, j] - line[i, 1] - line[i, 2] * dx) * line[i, 3]
-            beyond = (side[i] * dx > 0.0) & (abs(dx) < reach[i]) & (limit[i] < off) & (off < REACH_MM)
-            count += keep[i, j] & (labels[i, j] == 0) & beyond
-        out[i - first] = count
-    return out

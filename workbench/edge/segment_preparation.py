@@ -25,7 +25,7 @@ from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
-from workbench.edge.directions import near_slope, wrapped
+from workbench.edge.directions import near_slope, width_mm, wrapped
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import two_plates_share
@@ -44,7 +44,7 @@ from workbench.edge.prepared_frames import (
 )
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
-from workbench.edge.segment import Declared, either_piece_u, milled_edge, root_width_mm
+from workbench.edge.segment import Declared, either_piece_u, milled_edge
 from workbench.errors import InputError
 from workbench.geometry.sections import crossing, in_section, section_lines
 from workbench.stage import InputFile, stage
@@ -168,7 +168,7 @@ def _checks(
     agree = f"{100 * frames.agreement:.0f} % of the profiles show {WORDS[frames.kind]}: is it one preparation?"
     seen = 1.0 - float(tracked.end_is_cut[tracked.seen].mean()) if tracked.seen.any() else 0.0
     ends = f"the root face's lower end is in view in {100 * seen:.0f} % of the profiles only"
-    wide = root_width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
+    wide = width_mm(tracked.faces[ROOT_FACE]) / root_nominal_mm
     told = (
         f"what would be the root face is {wide:.2g} times as wide as its nominal size: another face, or another size?"
     )
@@ -185,7 +185,7 @@ def _checks(
 
 def _extent_check(root: Quantity, frames: PreparedFrames, given: Mapping[str, Bound]) -> Check:
     """The check that the root face by its corners is as wide as its returns lie."""
-    width, seen = typical(root.value), root_width_mm(frames.tracked.faces[ROOT_FACE])
+    width, seen = typical(root.value), width_mm(frames.tracked.faces[ROOT_FACE])
     told = f"by its corners the root face is {width:.2f} mm wide, and its returns take up {seen:.2f} mm: another face "
     return check("root_extent_mm", width - seen, f"{told}than those that were measured meets it?", given=given)
 

@@ -49,15 +49,17 @@ from workbench.edge.raw_measure import (
 )
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, hidden_end_u_mm, u_along
+from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.errors import InputError
 from workbench.geometry.curves import covered
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Float, Int
 
 PLACE = "course of the edge along its frames"
 ROBOT = "robot: errors along its way and declared drift"
 SPARSE = "poses between those that were recorded"
 HAND_EYE = "hand-eye pose"
+BURR_SAMPLE = 60  # frames, of an edge that is burred all along
 CLOCK = "clocks: poses that may come late"
 ROUNDED = "the {} edge is rounded or chamfered, by about {:.2f} mm: the path rests on its virtual sharp edge"
 LIES_ON = (
@@ -246,7 +248,7 @@ def _edge(
         normal=n,
         across=m,
         seen=seen,
-        burr_stations=raw_burr_stations(found, measured, at),
+        burr_stations=burr_stations(measured.s_face, at, found.lower.burred, found.upper.burred),
         upper_position_mm=upper,
         upper_inward=inward,
         position_u_mm=np.stack([out.u, down.u], axis=1),
@@ -343,7 +345,7 @@ def burred_u_mm(cloud: Cloud, found: RawFaces) -> float:
     """
     ends = found.lower
     on = np.flatnonzero(found.seen & np.isfinite(ends.point[:, 0]) & ~ends.corner)
-    if not on.size or ends.burred[on].mean() < LEAST_SHARE:
+    if not on.size or ends.burred[on].mean() < LEAST_BURRED:
         return 0.0
     on = on[np.unique(np.linspace(0, on.size - 1, BURR_SAMPLE).astype(np.int64))]
     far = []
@@ -351,27 +353,3 @@ def burred_u_mm(cloud: Cloud, found: RawFaces) -> float:
         x, z = (of[i, (found.labels[i] == ROOT_FACE) & cloud.keep[i]].astype(float) for of in (cloud.x_mm, cloud.z_mm))
         far.append(float(np.hypot(x - ends.point[i, 0], z - ends.point[i, 1]).min()))
     return float(np.median(far)) / math.sqrt(3.0)
-
-
-# Burrs on a raw edge: where most frames show points standing out beside an edge. They move nothing.
-
-NEAR_MM = 1.2  # of a station, whose frames have a say
-BURR_SAMPLE = 60  # frames
-LEAST_FRAMES, LEAST_SHARE = 2, 0.5  # of them: streaks of outliers do not last that long
-
-
-def raw_burr_stations(found: RawFaces, measured: RawMeasured, at: Float) -> Int:
-    """Stations (of `at`, mm) at which the lower or the upper edge carries a burr."""
-    low = _most(measured.s_face, found.lower.burred, at)
-    high = _most(measured.s_face, found.upper.burred, at)
-    return np.flatnonzero(low | high)
-
-
-def _most(s: Float, burred: Bool, at: Float) -> Bool:
-    """Do most frames near each place (m,) show a burr?"""
-    seen = np.isfinite(s)
-    order = np.argsort(s[seen], kind="stable")
-    place, count = s[seen][order], np.concatenate([[0], np.cumsum(burred[seen][order])])
-    first, last = np.searchsorted(place, at - NEAR_MM), np.searchsorted(place, at + NEAR_MM)
-    shown = count[last] - count[first]
-    return np.asarray((shown >= LEAST_FRAMES) & (shown >= LEAST_SHARE * (last - first)))

@@ -17,11 +17,11 @@ import numpy as np
 import scipy.interpolate
 
 from workbench.geometry.blocks import as_input
-from workbench.geometry.course import Course, fit_course
+from workbench.geometry.course import BIN_MM, Course, fit_course, stretches
 from workbench.geometry.medians import median
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
-from workbench.units import Float, Int, Shaped
+from workbench.units import Bool, Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
 BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
@@ -36,6 +36,8 @@ LONGEST = 200  # cells of a stretch
 LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
 FAR, FULL = 30.0, math.sqrt(2.0 * math.pi)  # standard deviations, from which on a share is told by its series
 NOISIER = 2.0  # variance of cells over the stated one, by which heights off the face are not told from noise
+FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
+NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
 LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
 
 
@@ -247,6 +249,34 @@ def _sum_of(logs: Float) -> float:
     """Logarithm of the sum of what these (n,) are the logarithms of."""
     most = float(logs.max())
     return most if most == -np.inf else most + math.log(np.exp(logs - most).sum())
+
+
+def own_directions(s: Float, angle: Float, variance: Float, width_mm: float) -> Float:
+    """Probability (n,) that frames at s (n,) mm show a face's own direction, angle (n,) rad of such variance (n,).
+
+    What stands on either end of a face `width_mm` wide, over a stretch of the edge, turns its line by six times its
+    height and its foot over the width's square, whether or not it is told as a burr; `readings` weigh that height.
+    """
+    out, on = np.ones(s.size), np.isfinite(s + angle + variance)
+    _, cell = np.unique(stretches(s[on], BIN_MM), return_inverse=True)
+    weight = 1.0 / variance[on]
+    total = np.bincount(cell, weight)
+    place, value = (np.bincount(cell, weight * of[on]) / total for of in (s, angle))
+    order, by_mm = np.argsort(place), width_mm**2 / (6.0 * FOOT_MM)
+    place, value, u = place[order], by_mm * value[order], by_mm / np.sqrt(total[order])
+    if place.size >= LEAST_CELLS:
+        own = readings(place, value, u, fit_course(place, value, u**2), place).own
+        out[on] = np.interp(s[on], place, np.maximum(own, STRAY))
+    return out
+
+
+def burr_stations(s: Float, at: Float, *burred: Bool) -> Int:
+    """Stations (of `at`, mm) at which most frames, at s (N,) mm, show one of some burrs, (N,) each."""
+    order = np.argsort(s)[: np.isfinite(s).sum()]
+    first, last = (np.searchsorted(s[order], at + way * NEAR_MM) for way in (-1.0, 1.0))
+    shown = np.stack([np.append(0, np.cumsum(one[order])) for one in burred])
+    shown = (shown[:, last] - shown[:, first]).max(axis=0)
+    return np.flatnonzero((shown > 1) & (shown >= LEAST_BURRED * (last - first)))
 
 
 def waves_u(s: Float, left: Float, pass_index: Int, floor: float) -> float:

@@ -314,3 +314,29 @@ def test_a_log_of_poses_and_joints_beside_profiles(
     np.testing.assert_allclose(got.robot_position_mm[:, 0], 63.694 + np.arange(3, 50))  # while profiles were taken
     turned_by = Rotation.from_rotvec([0.021055, -3.1183, -0.24339]).inv()
     assert (turned_by * Rotation.from_quat(got.robot_quaternion_wxyz, scalar_first=True)).magnitude().max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("header", "convention"),
+    [
+        (
+            "tm,cartesian.pos.x,cartesian.pos.y,cartesian.pos.z,orient.u0,orient.u1,orient.u2,orient.u3",
+            "quaternion_wxyz",
+        ),
+        ("IPOC,RIst.X,RIst.Y,RIst.Z,RIst.A,RIst.B,RIst.C", "kuka_abc"),
+    ],
+)
+def test_streams_of_controllers_go_by_their_own_names(
+    header: str, convention: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """EGM's and RSI's; the first was told as one profile on its way along y."""
+    rows = np.column_stack([4.0 * np.arange(600), 1200 + 0.1 * np.arange(600), 0.2 * np.arange(600), np.full(600, 800)])
+    rows = np.column_stack([rows, np.full((600, header.count(",") - 3), 0.5)])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, "%.4f", ",", header=header, comments="")
+    tree, _ = drafted(tmp_path, capsys, path)
+    assert (tree["poses"]["convention"], tree["poses"]["length_unit"]) == (convention, "mm")
+    if "IPOC" in header:
+        assert (tree["poses"]["time"], tree["poses"]["time_unit"]) == ("IPOC", "ms")
+    np.savetxt(path, rows[:, [1, 4, 3, 2]], "%.4f", ",", header="x,y,z,other", comments="")
+    assert any(doubt.startswith("profiles.columns") for doubt in drafted(tmp_path, capsys, path)[0]["uncertain"])

@@ -20,11 +20,12 @@ ROLES = {  # names of a column, in small letters without what stands between wor
     "y": "y ypos posy",
     "z": "z zpos posz range height distance depth",
     "frame": "frame profile profileno profileid profilenumber scan frameid framenumber frameno line profileindex",
-    "time": "t time stamp timestamp clock zeit",
+    "time": "t time stamp timestamp clock zeit ipoc",
     "intensity": "intensity brightness luminance reflectance",
     "travel": "encoder travel feed",
     "pass": "pass scanpass",
     **dict(zip(OWN, OWN, strict=True)),
+    **{"qw": "qw u0", "qx": "qx u1", "qy": "qy u2", "qz": "qz u3"},  # u: EgmQuaternion
 }
 ALIKE = {name: role for role, names in ROLES.items() for name in names.split()}
 ORIENTATIONS = (  # columns, convention, robot, what is uncertain
@@ -57,6 +58,7 @@ TURN_RAD, TURN_DEG = 2 * np.pi + 1e-3, 720.0  # beyond which numbers are no angl
 FEWEST_RANGES = 48  # columns from which a row without names is a profile
 UR_REACH_M = 2.5  # of the flange, a pedestal or a table's frame included
 COUNTER = "counter"
+WAY_BY_Y = "profiles.columns: a profile's x and z with its way y, not the places of a robot or a cloud"
 
 
 class Named(NamedTuple):
@@ -127,11 +129,13 @@ def _by_name(form: Form) -> Columns:
         return Columns("", {"a cloud: see cloud.read and `workbench look`": found["x"]})
     if {"x", "z"} <= set(found):
         roles = {role: found[role] for role in ("x", "z", "frame", "time", "travel", "intensity") if role in found}
-        if "travel" not in roles and "y" in found and steady(_column(form, found["y"])):
-            roles["travel"] = found["y"]
+        if "y" in found:
+            roles.setdefault("travel", found["y"])
         roles = {
             role: one for role, one in roles.items() if role in ("x", "z", "intensity") or steady(_column(form, one))
         }
+        if roles.get("travel", found["x"]) is found.get("y"):
+            return Columns("profiles", roles, doubts=(WAY_BY_Y,))
         return Columns("profiles", roles)
     numbered = all(re.fullmatch(r"[\d.]*", name) for name in form.header)  # columns that are counted, not named
     return Columns("rows", {}) if numbered and form.rows.shape[1] >= FEWEST_RANGES else Columns("", found)

@@ -58,7 +58,7 @@ VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wav
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
-SWAPPED = 0.1  # share of the columns that are unevenly spaced, beyond which x is a range's noise
+SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
 UNMET = "no face was seen by two passes: nothing tells how far apart these lie"
 TOLD = 3  # suspicions that a refusal names
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
@@ -372,7 +372,8 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
     ):
         told = f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution"
-        if name == "range_step_mm" and step > 0.0 and uneven_share(recording.x_mm) > SWAPPED:
+        even = step > 0.0 and uneven_share(recording.z_mm) < SWAPPED < uneven_share(recording.x_mm)
+        if even and name == "range_step_mm":
             told = f"ranges are spaced by {step:.3g} mm as columns are, lateral places are not: axes x and z swapped?"
         yield check(name, step, told, given=given, default=max(most(name), blurred))
     told = (

@@ -416,15 +416,15 @@ def _uneven_step(x: AnyArray) -> float:
     return step if uneven > UNEVEN_SHARE else 0.0
 
 
-def uneven_share(x_mm: AnyArray) -> float:
-    """Share of the columns of some frames (N, M) whose distance differs from the frame's usual one; NaN: none is seen.
+def uneven_share(grid: AnyArray) -> float:
+    """Share of the steps from column to column of some frames (N, M) that differ from the frame's usual one, or are 0.
 
-    Columns follow the sensor's pixels, so lateral places are even; ranges have noise.
+    NaN: no two neighbours are seen.
     """
-    step = np.diff(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, FEW).astype(int))].astype(np.float64), axis=1)
+    step = np.diff(grid[np.unique(np.linspace(0, len(grid) - 1, FEW).astype(int))].astype(np.float64), axis=1)
     usual = row_medians(step)[:, None]
     known = np.isfinite(step)
-    return float((np.abs(step - usual) > EVEN * np.abs(usual))[known].mean()) if known.any() else float("nan")
+    return float((np.abs(step - usual) >= EVEN * np.abs(usual))[known].mean()) if known.any() else float("nan")
 
 
 def column_pitch_mm(x_mm: AnyArray) -> float:

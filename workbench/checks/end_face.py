@@ -9,15 +9,12 @@ import numpy as np
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
 from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
 from workbench.checks.judge import refuse_failed
-from workbench.checks.levels import Beyond, one_level
+from workbench.checks.levels import beside_share
 from workbench.checks.limits import Bound, check
-from workbench.units import DEG, AnyArray, Float, Int
+from workbench.units import DEG, AnyArray
 
 LEAST_FRAMES = 4
-# Returns that run parallel to the end face beyond one of its ends: how far beside its line, how many, over how much of
-# it, leaning by how much to it, and among how many columns.
-STEP_FROM_MM, STEP_TO_MM = 0.15, 3.0
-STEP_POINTS, STEP_LONG_MM, STEP_LEAN, STEP_COLUMNS = 3, 0.1, 0.2, 60
+STEP_FROM_MM = 0.15  # beside the end face, from which on a return is not its own
 # A second face behind the first: how much of it is looked at, and by how much it may lean to the first.
 WALL_MM, WALL_LEAN = 1.5, 20.0 * DEG
 
@@ -53,7 +50,7 @@ def require_end_face(
     turns = [turn for _, beside in seen for turn in beside]
     off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
     bow = bow_of(cloud, labels, rows, ROOT_FACE).share
-    stepped, beside = _steps(cloud, labels, rows) if len(rows) >= LEAST_FRAMES else (None, 0.0)
+    stepped, beside = max((beside_share(cloud, labels, rows, way) for way in (1, -1)), key=lambda one: one[0] or 0.0)
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
     further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
     prepared = "are axes mirrored or orientations wrong, or is this an edge that is prepared already (edge.segment)?"
@@ -99,21 +96,6 @@ def edge_break_check(size_mm: float, limits: Mapping[str, Bound] | None = None) 
     return check("edge_break_mm", size_mm, told, given=limits)
 
 
-def _steps(cloud: Cloud, labels: AnyArray, rows: Int) -> tuple[float, float]:
-    """Share of frames in which returns run parallel to the end face beyond one of its ends; how far beside it, mm.
-
-    By the runs of each frame; and by single returns that stand on one level, where a step shows no more of itself.
-    """
-    beyond = [_beyond(cloud, labels[i], int(i)) for i in rows]
-    found = (0.0, 0.0)
-    for k in (0, 1):
-        ends = [one[k] for one in beyond if one is not None]
-        runs = np.array([_parallel_mm(*end) for end in ends])
-        seen = float(np.isfinite(runs).sum()) / len(rows)
-        found = max(found, (seen, float(np.nanmedian(np.abs(runs))) if seen else 0.0), one_level(ends, len(rows)))
-    return found
-
-
 def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:
     """Does a second face rise where the surface above frame i's end face ends, along the first?"""
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
@@ -133,34 +115,6 @@ def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:
         return False
     wall = np.sort(wall)
     return bool(abs(direction(x[wall], z[wall], sign) - at) < WALL_LEAN)
-
-
-def _beyond(cloud: Cloud, labels: AnyArray, i: int) -> tuple[Beyond, Beyond] | None:
-    """Returns beyond the first and the last column of a frame's end face, near it; None: there is none."""
-    x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
-    on, kept = np.flatnonzero((labels == ROOT_FACE) & cloud.keep[i]), np.flatnonzero(cloud.keep[i])
-    if len(on) < LEAST_POINTS:
-        return None
-    sign = rising(x[kept])
-    at = direction(x[on], z[on], sign)
-    along, across = (
-        x * np.cos(turn) * sign + z * np.sin(turn) for turn in (at, at + 0.5 * np.pi)
-    )  # rising with the column, and square to that
-    across = across - np.median(across[on])
-    before, after = kept[kept < on[0]][::-1], kept[kept > on[-1]]
-    before, after = before[on[0] - before <= STEP_COLUMNS], after[after - on[-1] <= STEP_COLUMNS]
-    return (along[on[0]] - along[before], across[before]), (along[after] - along[on[-1]], across[after])
-
-
-def _parallel_mm(away: Float, across: Float) -> float:
-    """Distance from the face of the first run of returns parallel to it beyond its end, mm; NaN: none."""
-    for run in np.split(np.arange(len(away)), np.flatnonzero(np.abs(np.diff(across)) > STEP_FROM_MM) + 1):
-        if len(run) < STEP_POINTS or np.ptp(away[run]) < STEP_LONG_MM:
-            continue
-        level, lean = float(np.median(across[run])), abs(float(np.polyfit(away[run], across[run], 1)[0]))
-        if STEP_FROM_MM < abs(level) < STEP_TO_MM and lean < STEP_LEAN and away[run[0]] < STEP_TO_MM:
-            return level
-    return np.nan
 
 
 def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:

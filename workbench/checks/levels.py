@@ -12,7 +12,7 @@ from workbench.checks.corners import face_columns, fitted_line, frames_with, off
 from workbench.checks.limits import Bound, check
 from workbench.geometry.blocks import as_input
 from workbench.kernels import kernel
-from workbench.units import AnyArray, Bool, Float, Float32
+from workbench.units import AnyArray, Bool, Float, Float32, Int
 
 # Within how much, of each frame's next ones, times as many as right beside it, how far from the face across and along
 # it, how many at least, leaning by how much to it.
@@ -54,15 +54,7 @@ RUN_POINTS, RUN_MM, LEAN = 4, 0.15, 0.15  # of a run: returns, length, slope to 
 def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that nothing goes on beside the root face (labels (N, M)) beyond its lower end."""
     rows = frames_with(labels, (ROOT_FACE, BEVEL_FACE), FRAMES)
-    level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
-    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
-    _levels(x, z, keep, as_input(labels[rows]), level, first)
-    beside = np.isfinite(level)
-    share = float(beside.mean()) if len(rows) >= LEAST_FRAMES else None
-    at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
-    if share is not None:  # a step of which a frame shows two or three returns
-        ends = [(of[np.isfinite(of[:, 0]), 0], of[np.isfinite(of[:, 0]), 1]) for of in first]
-        share, at_mm = max((share, at_mm), one_level(ends, len(rows)))
+    share, at_mm = beside_share(cloud, labels, rows)
     told = (
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
     )
@@ -70,8 +62,31 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
     return check("root_step_share", share, told, given=limits)
 
 
+def beside_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tuple[float | None, float]:
+    """Share of the frames `rows` in which returns run parallel to the root face (labels (N, M)) beyond an end of it.
+
+    And how far beside it, mm. The share is None where there are too few frames.
+
+    Args:
+        cloud: organised.
+        labels: faces of its points.
+        rows: frames that show the face.
+        way: 1: beyond its end at the greatest column, -1: at the least one, 0: away from the bevel face.
+    """
+    if len(rows) < LEAST_FRAMES:
+        return None, 0.0
+    level, first = np.full(len(rows), np.nan), np.full((len(rows), NEXT, 2), np.nan)
+    x, z, keep = (as_input(grid[rows]) for grid in (cloud.x_mm, cloud.z_mm, cloud.keep))
+    _levels(x, z, keep, as_input(labels[rows]), way, level, first)
+    beside = np.isfinite(level)
+    at_mm = float(np.median(np.abs(level[beside]))) if beside.any() else 0.0
+    # a step of which a frame shows two or three returns
+    ends = [(of[np.isfinite(of[:, 0]), 0], of[np.isfinite(of[:, 0]), 1]) for of in first]
+    return max((float(beside.mean()), at_mm), one_level(ends, len(rows)))
+
+
 @kernel
-def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, level: Float, first: Float) -> None:
+def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, beyond: int, level: Float, first: Float) -> None:
     """Fill in for some frames how far beside the root face's line the first such run lies (n,), mm; NaN: none.
 
     And first (n, k, 2): how far the next returns beyond its end lie along the face from there, and beside it.
@@ -80,12 +95,12 @@ def _levels(x: Float32, z: Float32, keep: Bool, labels: AnyArray, level: Float, 
     on, off, line = np.empty(columns, np.int64), np.empty(columns), np.empty(5)
     for i in range(len(x)):
         size = face_columns(keep[i], labels[i], BEVEL_FACE, on)
-        bevel = on[size // 2]
+        bevel = on[size // 2] if beyond == 0 else 0
         size = face_columns(keep[i], labels[i], ROOT_FACE, on)
         if size < LEAST_POINTS:
             continue
         fitted_line(x[i], z[i], on[:size], off, line)
-        way = 1 if on[size // 2] > bevel else -1
+        way = beyond if beyond != 0 else 1 if on[size // 2] > bevel else -1
         end = on[size - 1] if way > 0 else on[0]
         level[i] = _first_run(x[i], z[i], keep[i], end, way, line)
         count, j = 0, end + way

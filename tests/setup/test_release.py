@@ -17,6 +17,7 @@ LOCK = (ROOT / "requirements.lock").read_text()
 
 def test_one_version_everywhere() -> None:
     assert re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1] == __version__  # type: ignore[index]
+    assert f"\n## {__version__}, 20" in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_a_reader_of_the_bill_may_have_enough() -> None:

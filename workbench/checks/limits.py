@@ -261,7 +261,7 @@ LIMITS: dict[str, Limit] = {
     ),
     "end_face_step_share": Limit(
         0.3,
-        "share of some frames in which returns run parallel to the end face of a raw plate, 0.15 to 3 mm beside it, "
+        "share of some frames in which returns run parallel to the end face of a raw plate, up to 3 mm beside it, "
         "beyond one of its ends",
         "raw plates of all simulators show them in up to 0.15; a step or an undercut, whose lower edge is another, in "
         "0.5 and more, unless all of it lies in shadow",

@@ -356,12 +356,12 @@ def _what_ends(p: Float, depth: Float, at: Int, n: int, columns: int, end: int, 
 
 
 @kernel
-def _stands_alone(z: Float32, j: int, way: int) -> bool:
-    """Does column j return a range that the next one outwards does not share: a mixed pixel?"""
+def stands_alone(z: Float32, j: int, way: int, step_mm: float) -> bool:
+    """Does column j return a range that the next one outwards does not share to `step_mm`: a mixed pixel?"""
     if j < 0 or j >= z.size or not np.isfinite(z[j]):
         return False
     beyond = j + way
-    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < ASIDE_MM
+    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < step_mm
 
 
 @kernel
@@ -440,7 +440,7 @@ def _read_frame(
         ends[upper, END_X], ends[upper, END_Z], ends[upper, COLUMN] = x[j], z[j], way * j
         ends[upper, SLOPE] = _slope_at(x, z, at, depth, end, -way, gate)
         ends[upper, PITCH] = abs(np.float64(x[at[last]]) - np.float64(x[at[first]])) / abs(at[last] - at[first])
-        ends[upper, ALONE] = _stands_alone(z, j + way, way)
+        ends[upper, ALONE] = stands_alone(z, j + way, way, ASIDE_MM)
     return True, left
 
 

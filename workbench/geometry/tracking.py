@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.geometry.blocks import as_input, as_rows, in_order
+from workbench.geometry.end_face import stands_alone
 from workbench.kernels import kernel
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -230,15 +231,6 @@ def _window(x: Float32, side: float, low: float, high: float) -> tuple[int, int]
 
 
 @kernel
-def _stands_alone(z: Float32, j: int, direction: int) -> bool:
-    """Does column j return a range that the next one outwards does not share?"""
-    if j < 0 or j >= z.size or not np.isfinite(z[j]):
-        return False
-    beyond = j + direction
-    return beyond < 0 or beyond >= z.size or not abs(z[j] - z[beyond]) < MIXED_STEP_MM
-
-
-@kernel
 def _cut_short(z: Float32, j: int, direction: int, on_line: float, step: float, sense: float, gate: float) -> bool:
     """Does something else than the face's own edge end it at column j: the field of view, or a nearer surface?
 
@@ -312,7 +304,7 @@ def root_end(x: Float32, z: Float32, keep: Bool, side: float, state: Float, sums
         flag = BURR
     elif _cut_short(z, end, direction, ze, dx, sense, gate):
         flag = CUT
-    elif _stands_alone(z, end + direction, direction):
+    elif stands_alone(z, end + direction, direction, MIXED_STEP_MM):
         flag = MIXED
     return np.array([xe, ze, dx * np.sqrt(1.0 + k * k), float(end), float(flag)])
 

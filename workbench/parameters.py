@@ -72,6 +72,6 @@ def complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> P
     if isinstance(found, Mapping) and first["type"] == "value_error":
         return PipelineError(where, text)  # says itself which of its values it is
     if "tolerance" in where and isinstance(found, int | float):
-        text = f"expected the lower and the upper deviation, as [{-abs(found):g}, {abs(found):g}]"
+        text = f"expected the lower and the upper deviation, as [{-abs(found)}, {abs(found)}]"
     shown = repr(found)
     return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")

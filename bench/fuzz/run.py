@@ -53,7 +53,7 @@ def fuzz(target: Target, executions: int, seed: int, keep: Path | None = None) -
             suffix, content = rng.choice(sources)
             path = place / f"mutated{suffix}"
             path.write_bytes(target.mutate(content, suffix, rng))
-            trouble = _judge(target, path, outcome)
+            trouble = judged(target, path, outcome)
             if trouble and keep and not outcome.failures[trouble]:
                 keep.mkdir(parents=True, exist_ok=True)
                 (keep / f"{target.name}-{len(outcome.failures)}{suffix}").write_bytes(path.read_bytes())
@@ -62,7 +62,7 @@ def fuzz(target: Target, executions: int, seed: int, keep: Path | None = None) -
     return outcome
 
 
-def _judge(target: Target, path: Path, outcome: Outcome) -> str | None:
+def judged(target: Target, path: Path, outcome: Outcome) -> str | None:
     """Read once; the trouble in words, or None."""
     outcome.executions += 1
     start = time.process_time()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -77,10 +78,11 @@ def _urdf(path: Path) -> object:
     from workbench.robot import cell
 
     shipped = json.loads((ROOT / "data/robot/cell.json").read_text())
-    shipped["robot"]["urdf"] = path.name
-    beside = path.with_name("cell.json")
-    beside.write_text(json.dumps(shipped))
-    return cell(cell=beside)
+    shipped["robot"]["urdf"] = str(path.resolve())
+    with tempfile.TemporaryDirectory() as folder:
+        around = Path(folder) / "cell.json"
+        around.write_text(json.dumps(shipped))
+        return cell(cell=around)
 
 
 def _toolpath(path: Path) -> object:

@@ -1,127 +1,58 @@
 """`python -m bench.kills.inject`: a fault drawn by seed in the file operations of each command that writes; the table.
 
-What is computed is computed once. A forked child then writes it and meets one fault at its n-th open, write, read of a
-file, close, rename, unlink, mkdir, rmdir, chmod or fsync: it is killed, the disk is full from then on, the device
-fails once or from then on, or a write takes only half. Half of the time a second child meets another fault; a last one
-meets none. What stands in between and in the end must be whole: the old results, the new ones, or none; a fault that
-does not kill ends in one of the project's own errors, or does no harm. HDF5 writes in C: its files meet faults before
-each data set and before they are closed, and in the file under them. `--only NAME --seed N --cases 1` replays a case.
+What is computed is computed once. A forked child then writes it and meets one fault at its n-th operation on files, in
+libc (`faults.c`, so under HDF5 and SQLite too): it is killed, the disk is full from then on, the device fails once or
+from then on, writes or reads take half. Half of the time a second child meets another fault; a last one meets none.
+What stands in between and in the end must be whole: the old results, the new ones, or none, and of the page's store all
+that was acknowledged; a fault that does not kill ends in one of the project's own errors, or does no harm.
+`--only NAME --seed N --cases 1` replays a case.
 """
 
 from __future__ import annotations
 
 import argparse
-import builtins
 import contextlib
-import errno
-import io
+import ctypes
 import json
 import os
+import pickle
 import random
-import signal
+import subprocess
 import sys
 import tempfile
+import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 from bench.kills.sets import digest_of, leftovers, whole_sets
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "bench" / "fuzz" / "corpus"
-CALLS = ("rename", "replace", "unlink", "remove", "mkdir", "rmdir", "chmod", "fsync", "truncate", "posix_fallocate")
-WRITTEN = ("r", "rb", "rt")  # modes that write nothing
-
+PAGE_RUNS = 4  # in the page's store
+QUEUE_EVERY = 20  # seeds: its runs are processes
+LASTING, STANDS_STILL = ("full disk", "device lost"), "the queue stands still"
+WAIT_S = 20.0  # for what the page's queue does
 
 ALIVE = 2  # exit status of a child that told an error
-Kind = Literal["none", "killed", "full disk", "device error", "device lost", "short write"]
-KINDS: tuple[Kind, ...] = ("killed", "full disk", "device error", "device lost", "short write")
-GROWS = ("open", "write", "mkdir", "posix_fallocate", "dataset")  # what needs room
+KINDS = ("killed", "full disk", "device error", "device lost", "short write", "short read")  # as in faults.c
 
 
+@dataclass(frozen=True)
 class Fault:
-    """Counts operations on files; what it is happens at the n-th."""
+    """What happens at the n-th operation on a file below a place."""
 
-    def __init__(self, kind: Kind, at: int) -> None:
-        self.kind, self.at, self.done = kind, at, 0
+    kind: str = "none"
+    at: int = 0
 
-    def step(self, operation: str) -> None:
-        """One more operation."""
-        self.done += 1
-        if self.kind == "killed" and self.done == self.at:
-            os.kill(os.getpid(), signal.SIGKILL)
-        if self.kind == "full disk" and self.done >= self.at and operation in GROWS:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        once = self.kind == "device error" and self.done == self.at
-        if once or (self.kind == "device lost" and self.done >= self.at):
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    def install(self) -> None:
+    def arm(self, place: Path) -> None:
         """For the rest of this process."""
-        import h5py
-
-        for name in CALLS:
-            setattr(os, name, self._counted(name, getattr(os, name)))
-        plain = io.open
-
-        def opened(file: Any, mode: str = "r", *rest: Any, **more: Any) -> Any:
-            reads = mode in WRITTEN
-            self.step("read" if reads else "open")
-            return plain(file, mode, *rest, **more) if reads else Torn(plain(file, mode, *rest, **more), self)
-
-        io.open = builtins.open = opened  # type: ignore[assignment]
-        for owner, name in ((h5py.Group, "create_dataset"), (h5py.Dataset, "__setitem__")):
-            setattr(owner, name, self._counted("dataset", getattr(owner, name)))
-
-    def _counted(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        def counted(*arguments: Any, **more: Any) -> Any:
-            self.step(name)
-            return call(*arguments, **more)
-
-        return counted
-
-
-class Torn:
-    """A file whose writes come in two halves, with a moment for a fault before, between and after."""
-
-    def __init__(self, file: Any, fault: Fault) -> None:
-        self._file, self._fault = file, fault
-
-    def write(self, content: Any) -> int:
-        """Both halves; the first alone where the file has no buffer, which would ask again, and writes are short."""
-        half = len(content) // 2
-        self._fault.step("write")
-        if self._fault.kind == "short write" and isinstance(self._file, io.RawIOBase) and half:
-            return int(self._file.write(content[:half]))
-        self._file.write(content[:half])
-        self._file.flush()
-        self._fault.step("write")
-        self._file.write(content[half:])
-        self._file.flush()
-        return len(content)
-
-    def close(self) -> None:
-        """A moment before it."""
-        try:
-            if not self._file.closed:
-                self._fault.step("close")
-        finally:
-            self._file.close()
-
-    def __enter__(self) -> Torn:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._file, name)
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self._file)
+        number = KINDS.index(self.kind) + 1 if self.kind in KINDS else 0
+        ctypes.CDLL(None).arm_faults(number, self.at, os.fsencode(place))
 
 
 @dataclass(frozen=True)
@@ -134,6 +65,7 @@ class Command:
     left: Callable[[Path], list[Path]]
     write_old: Callable[[Path], object] | None = None  # of other bytes than `write`, so that a mixture would show
     suffix: str = ""
+    between: Callable[[object], bool] = lambda state: False  # whether a state that is neither old nor new is lawful
 
 
 def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
@@ -234,6 +166,98 @@ def simulating(scratch: Path) -> Command:
     return Command("simulate", lambda out: simulate_file(place, out), recording_state, recording_left, suffix=".h5")
 
 
+def acknowledged(place: Path) -> Path:
+    """Where the page's writer notes what the store has acknowledged: on a disk that meets no fault."""
+    return place.parents[2] / f"{place.parent.name}-{place.name}"
+
+
+def made(place: Path) -> None:
+    """The user's folder, which is there before the page is."""
+    from workbench.errors import OutputError
+
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(str(place), str(error.strerror)) from None
+
+
+def store_state(place: Path) -> object:
+    """The page's runs and presets; () without any, None where one lacks that was acknowledged, or is not whole."""
+    from workbench.page.store import Store
+
+    noted = acknowledged(place)
+    promised = noted.read_text().split() if noted.exists() else []
+    if not (place / ".workbench" / "store.sqlite").exists():
+        return () if not promised else None
+    with Store.of(place) as store:
+        rows = [(run.inputs["k"], run.state, run.record["k"]) for run in reversed(store.runs())]
+        rows += [(preset.name, preset.inputs["k"]) for preset in store.presets()]
+    there = {f"{row[0]}{row[1]}" for row in rows} | {f"{row[0]}queued" for row in rows if row[1] == "done"}
+    return tuple(rows) if there.issuperset(promised) else None
+
+
+def write_store(place: Path, runs: int = PAGE_RUNS) -> None:
+    """Runs asked for, done and remembered as a preset, each once: what the page does to its store."""
+    from workbench.page.store import Preset, Store
+
+    made(place)
+    with acknowledged(place).open("a", buffering=1) as acknowledge, Store.of(place) as store:
+        for k in range(runs):
+            if not store.has({"k": k}):
+                store.add("inspect_bevel", {"k": k}, record={"k": k})
+            acknowledge.write(f"{k}queued\n")
+            store.update(k + 1, state="done", status=0)
+            acknowledge.write(f"{k}done\n")
+            store.keep(Preset(f"preset{k}", "inspect_bevel", {"k": k}))
+            acknowledge.write(f"preset{k}{k}\n")
+
+
+def paging() -> Command:
+    """The store of `workbench open`."""
+    return Command(
+        "store", write_store, store_state, lambda _: [], partial(write_store, runs=1), between=lambda state: bool(state)
+    )
+
+
+def queue_state(place: Path) -> object:
+    """State of the last run that the page's queue was given."""
+    from workbench.page.store import Store
+
+    if not (place / ".workbench" / "store.sqlite").exists():
+        return ()
+    with Store.of(place) as store:
+        return tuple((run.kind, run.state) for run in store.runs(most=1))
+
+
+def write_queue(place: Path) -> None:
+    """A look at a small file, asked for unless it was, and waited for."""
+    from workbench.errors import OutputError
+    from workbench.page.jobs import LOOK, Queue
+    from workbench.page.store import Store
+
+    made(place)
+    with Store.of(place) as store:
+        queue = Queue(store, place)
+        try:
+            number = next((run.id for run in store.runs()), None)
+            if number is None or store.run(number).state != "done":
+                number = queue.add(LOOK, {"file": str(CORPUS / "profiles" / "known.csv")})
+            until = time.monotonic() + WAIT_S
+            while store.run(number).state in ("queued", "running"):
+                if time.monotonic() > until:
+                    raise RuntimeError(STANDS_STILL)
+                time.sleep(0.02)
+            if store.run(number).status == 2:
+                raise OutputError(str(place), store.run(number).reason)
+        finally:
+            queue.close()
+
+
+def queueing() -> Command:
+    """The queue of `workbench open`, whose runs are processes of their own."""
+    return Command("queue", write_queue, queue_state, lambda _: [], between=lambda state: True)
+
+
 def in_child(command: Command, out: Path, fault: Fault, old: bool = False) -> str:
     """How a child ended that writes with a fault: "written", "killed", "told", or what it did wrong."""
     with tempfile.TemporaryFile() as said:
@@ -248,6 +272,8 @@ def in_child(command: Command, out: Path, fault: Fault, old: bool = False) -> st
     if os.WIFSIGNALED(ended):
         return "killed" if fault.kind == "killed" else f"WRONG: signal {os.WTERMSIG(ended)}"
     status = os.WEXITSTATUS(ended)
+    if fault.kind in LASTING and STANDS_STILL in text:
+        return "told"  # by the state that the page shows: it goes on once the disk does
     return {0: "written", ALIVE: "told"}.get(status, f"WRONG: {text[-400:]}")
 
 
@@ -258,7 +284,7 @@ def _write_and_exit(write: Callable[[Path], object], out: Path, fault: Fault, sa
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         os.dup2(said, 2)
-        fault.install()
+        fault.arm(out.parent.parent)
         write(out)
         status = 0
     except WorkbenchError:
@@ -275,12 +301,11 @@ def operations(command: Command, place: Path, old: bool) -> int:
 
     def counted(out: Path) -> None:
         command.write(out)
-        os.write(writer, str(fault.done).encode())
+        os.write(writer, str(ctypes.CDLL(None).operations_done()).encode())
 
-    fault = Fault("none", 0)
     if old:
-        in_child(command, place, Fault("none", 0), old=True)
-    in_child(replace(command, write=counted), place, fault)
+        in_child(command, place, Fault(), old=True)
+    in_child(replace(command, write=counted), place, Fault())
     os.close(writer)
     with os.fdopen(reader) as said:
         return int(said.read())
@@ -293,7 +318,7 @@ def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], 
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         place = Path(folder) / f"out{command.suffix}"
         if old:
-            in_child(command, place, Fault("none", 0), old=True)
+            in_child(command, place, Fault(), old=True)
         for _ in range(rng.randint(1, 2)):
             before, left = command.state(place), command.left(place)
             fault = Fault(rng.choice(KINDS), rng.randint(1, counts[old]))
@@ -303,7 +328,7 @@ def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], 
             more = [path for path in command.left(place) if path not in left]
             if ended == "told" and fault.kind == "full disk" and more:
                 found[f"BROKEN: {fault.kind} at {fault.at}: left {more}"] += 1
-        ended = in_child(command, place, Fault("none", 0))
+        ended = in_child(command, place, Fault())
         whole = ended == "written" and command.state(place) == new and not command.left(place)
         found["the next run works" if whole else f"BROKEN: the next run, {ended}, {command.left(place)}"] += 1
     return found
@@ -315,14 +340,16 @@ def _judged(command: Command, place: Path, before: object, new: object, ended: s
         return f"BROKEN: {fault.kind} at {fault.at}: {ended}"
     if ended == "written" and after != new:
         return f"BROKEN: {fault.kind} at {fault.at}: told as written and is not"
-    if after is None and _changing(place):
+    if after is None and command.state is whole_sets and _changing(place):
         return "changing"
     if after == before and after is not None:
         return "the old results whole" if before else "none"
     if after == new:
         return "the new results whole"
-    if after in ("", {}):
+    if after in ("", {}, ()):
         return "none"
+    if command.between(after):
+        return "changing"
     there = sorted(str(path.relative_to(place.parent)) for path in place.parent.rglob("*"))
     return f"BROKEN: {fault.kind} at {fault.at}: {'a mixture' if after else 'not whole'}: {there}"
 
@@ -351,7 +378,52 @@ def commands(scratch: Path) -> dict[str, Callable[[], Command]]:
         "batch": batch,
         "import": lambda: importing(scratch),
         "simulate": lambda: simulating(scratch),
+        "store": paging,
+        "queue": queueing,
     }
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A command that was run once without a fault: what it makes, and in how many operations on none and on old."""
+
+    command: Command
+    new: object
+    counts: tuple[int, int]
+
+
+def ready(command: Command, scratch: Path) -> Ready:
+    """All that the command needs is loaded then, for the forks."""
+    usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{command.suffix}"
+    command.write(usual.with_name(f"first{command.suffix}"))
+    counts = operations(command, usual, old=False), operations(command, usual.with_name(f"old{command.suffix}"), True)
+    return Ready(command, command.state(usual), counts)
+
+
+def drawn(made: dict[str, Ready], scratch: Path, until: float, seeds: range) -> dict[str, Counter[str]]:
+    """Every command under every seed, until the clock says `until`."""
+    found: dict[str, Counter[str]] = {name: Counter() for name in made}
+    for seed in seeds:
+        for name, one in made.items():
+            if time.monotonic() > until or (name == "queue" and seed % QUEUE_EVERY):
+                continue
+            ends = case(one.command, scratch, one.new, one.counts, random.Random(f"{name} {seed}"))
+            found[name] += ends
+            found[name]["cases"] += 1
+            for what in ends:
+                if what.startswith("BROKEN"):
+                    print(f"{name}, seed {seed}: {what}", flush=True)
+    return found
+
+
+def preload() -> None:
+    """Begin again with faults.c under libc."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "faults.so"
+        source = Path(__file__).with_name("faults.c")
+        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True)
+        again = [sys.executable, "-m", "bench.kills.inject", *sys.argv[1:]]
+        sys.exit(subprocess.run(again, env={**os.environ, "LD_PRELOAD": str(made)}, check=False).returncode)
 
 
 def main() -> int:
@@ -360,34 +432,51 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=1_500, help="of each command")
     parser.add_argument("--only", nargs="*", help="commands")
     parser.add_argument("--seed", type=int, default=1, help="of the first case; the next has the next")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=1e9, help="at most, beside the first run of each command")
     options = parser.parse_args()
-    rows, bad = [], 0
+    if "faults.so" not in os.environ.pop("LD_PRELOAD", ""):
+        preload()
     with tempfile.TemporaryDirectory() as folder:
-        made = commands(Path(folder))
-        for name in options.only or made:
-            found = _all_cases(name, made[name](), Path(folder), range(options.seed, options.seed + options.cases))
-            broken = sum(count for what, count in found.items() if what.startswith("BROKEN"))
-            bad += broken
-            kinds = (*KINDS, "none", "the old results whole", "the new results whole", "changing", "the next run works")
-            rows.append([name, *(f"{found[kind]:,}" for kind in kinds), str(broken)])
-            print(rows[-1], flush=True)
-    heads = ("command", *KINDS, "none", "old", "new", "under way", "next run works", "broken")
+        scratch = Path(folder) / "scratch"
+        scratch.mkdir()
+        known = commands(scratch)
+        made = {name: ready(known[name](), scratch) for name in options.only or known}
+        last, step = options.seed + options.cases, options.processes
+        shares = [range(options.seed + k, last, step) for k in range(step)]
+        work = partial(drawn, made, scratch, time.monotonic() + options.seconds)
+        found = [work(shares[0])] if step == 1 else _forked(work, shares)
+    kinds = (
+        "cases",
+        *KINDS,
+        "none",
+        "the old results whole",
+        "the new results whole",
+        "changing",
+        "the next run works",
+    )
+    rows, bad = [], 0
+    for name in made:
+        of = sum((each[name] for each in found), Counter())
+        broken = sum(count for what, count in of.items() if what.startswith("BROKEN"))
+        rows.append([name, *(f"{of[kind]:,}" for kind in kinds), str(broken)])
+        bad += broken
+    heads = ("command", "cases", *KINDS, "none", "old", "new", "under way", "next run works", "broken")
     print("\n".join(f"| {' | '.join(row)} |" for row in [heads, ["---"] * len(heads), *rows]))
     return int(bad > 0)
 
 
-def _all_cases(name: str, command: Command, scratch: Path, seeds: range) -> Counter[str]:
-    usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{command.suffix}"
-    counts = operations(command, usual, old=False), operations(command, usual.with_name(f"old{command.suffix}"), True)
-    new = command.state(usual)
-    found: Counter[str] = Counter()
-    for seed in seeds:
-        one = case(command, scratch, new, counts, random.Random(f"{name} {seed}"))
-        found += one
-        for what in one:
-            if what.startswith("BROKEN"):
-                print(f"{name}, seed {seed}: {what}", flush=True)
-    return found
+def _forked(work: Callable[[range], Any], shares: list[range]) -> list[Any]:
+    """Each share in a process of its own."""
+    pipes = []
+    for share in shares:
+        reader, writer = os.pipe()
+        if not os.fork():
+            os.write(writer, pickle.dumps(work(share)))
+            os._exit(0)
+        os.close(writer)
+        pipes.append(reader)
+    return [pickle.loads(os.fdopen(reader, "rb").read()) for reader in pipes]
 
 
 if __name__ == "__main__":

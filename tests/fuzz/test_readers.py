@@ -5,8 +5,8 @@ import random
 import pytest
 
 from bench.fuzz.mutate import mutated
-from bench.fuzz.run import fuzz
-from bench.fuzz.targets import TARGETS, Target
+from bench.fuzz.run import Outcome, fuzz, judged
+from bench.fuzz.targets import CORPUS, TARGETS, Target
 from workbench.errors import InputError
 
 
@@ -43,3 +43,13 @@ def test_mutations_differ_and_repeat():
     first = [mutated(content, ".json", random.Random(seed)) for seed in range(200)]
     assert first == [mutated(content, ".json", random.Random(seed)) for seed in range(200)]
     assert len(set(first)) > 150
+
+
+@pytest.mark.parametrize("path", sorted((CORPUS.parent / "refused").iterdir()), ids=lambda path: path.stem)
+def test_what_once_made_trouble_is_refused_in_one_line(path, tmp_path):
+    target = next(one for one in TARGETS if one.name == path.stem.split("-")[0])
+    copy = target.surroundings(tmp_path) / f"mutated{path.suffix}"
+    copy.write_bytes(path.read_bytes())
+    assert judged(target, copy, (outcome := Outcome(target.name))) is None
+    assert outcome.refused == 1
+    assert outcome.slowest_s < 5  # of processor time; two of them took 7 s and without end

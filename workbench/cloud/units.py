@@ -48,14 +48,14 @@ def las_unit(file: Path) -> Unit | None:
 
 def _records(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """Number and content of the records of a reference system: behind the header, and behind the points (LAS 1.4)."""
-    head = stream.read(375).ljust(375, b"\0")
+    head, end = stream.read(375).ljust(375, b"\0"), stream.seek(0, 2)
     start, (count,) = struct.unpack_from("<H", head, 94)[0], struct.unpack_from("<I", head, 100)
     lists = [(start, count, "<2x16sHH32x")]
     if start >= 375:
         lists.append((*struct.unpack_from("<QI", head, 235), "<2x16sHQ32x"))
     for at, many, form in lists:
         for _ in range(many):
-            stream.seek(min(at, 2**62))
+            stream.seek(min(at, end))
             told = stream.read(struct.calcsize(form))
             if len(told) < struct.calcsize(form):
                 break

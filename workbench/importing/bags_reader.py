@@ -71,7 +71,10 @@ class Bag:
             self._check_definition(connection)
         count = dict.fromkeys(topics, 0)
         for connection, time_ns, raw in _each(self.reader.messages(chosen), str(self.path)):
-            topic, index = connection.topic, count[connection.topic]
+            topic = connection.topic
+            if topic not in count:
+                raise InputError(f"{self.path}: {topic}", "messages among another topic's: the bag is damaged")
+            index = count[topic]
             where = f"{self.path}: {topic}[{index}]"
             with _edge(where, "message"):
                 value = self._value(raw, connection.msgtype)

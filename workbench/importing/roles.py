@@ -99,9 +99,9 @@ def role_of(name: str) -> tuple[str, str]:
 def _bare(name: str) -> tuple[str, str]:
     """A column's name in small letters without its unit, and the unit or ''."""
     text, unit = name.strip().lower(), ""
-    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]", text)
-    if bracket and not bracket[1].isdigit():
-        unit, text = UNITS.get(bracket[1], ""), text.replace(bracket[0], " ").strip()
+    bracket = re.search(r"[\[(]([^\])]{0,40})[\])]", text)
+    if bracket and not bracket[1].strip().isdigit():
+        unit, text = UNITS.get(bracket[1].strip(), ""), text.replace(bracket[0], " ").strip()
     last = re.search(r"[\s._/:-]([^\s._/:-]+)$", text)
     if not unit and last and last[1] in UNITS and last[1] != "in":
         unit, text = UNITS[last[1]], text[: last.start()]

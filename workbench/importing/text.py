@@ -388,9 +388,9 @@ def slabs(path: Path, part: TextPart, wanted: Mapping[str, Column]) -> Iterator[
         if not begun:
             header = header_names(body[:HEAD_BYTES], part)
             start = _offset(body, skipped)
-            if INK.search(body, start) is None:
+            first_row = next((line for _, line in numbered(body[start : start + HEAD_BYTES])), None)
+            if first_row is None:
                 raise InputError(where, f"expected rows of numbers after line {skipped}, found none")
-            first_row = next(line for _, line in numbered(body[start : start + HEAD_BYTES]))
             count = len(header) or len(cells(first_row, part.delimiter))
             places = _places(wanted, header, count, where, partial(otherwise_separated, body[:HEAD_BYTES], part))
             names = {role: repr(header[at]) if header else str(at) for role, at in places.items()}

@@ -13,7 +13,7 @@ from workbench.units import Float, Shaped
 CORNERS = 7  # upper edge, root, three places between the roots, root, upper edge
 TORCH = "Torchpos:"
 MOST_ROWS = 1_000_000
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 ROW = re.compile(rf"{NUMBER}(?:,{NUMBER}){{{3 * CORNERS - 1}}},?")
 
 

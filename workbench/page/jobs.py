@@ -7,17 +7,21 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from workbench.children import environment
+from workbench.errors import OutputError
 from workbench.page.records import summary
 from workbench.page.store import Run, Store
 from workbench.pipeline.follow import RECORDING, state_of
 
 LOOK, DRAFT, PREVIEW, IMPORT = "look", "draft", "preview", "import"  # runs that are no pipeline's
+T = TypeVar("T")
+RETRY_S = 1.0  # until the store is asked again
 SO_FAR = "so_far.svg"  # the sections of a recording that grows
 STEP = re.compile(r"\[\d+/\d+\] \S+|\d+ frames so far: .*")
 GATE_PASSED = re.compile(r"gate[^:]*: passed ")
@@ -35,7 +39,7 @@ class Queue:
     def __init__(self, store: Store, folder: Path) -> None:
         self.store, self.folder = store, folder
         store.resume()
-        self._wake, self._end = threading.Event(), False
+        self._wake, self._end = threading.Event(), threading.Event()
         self._child: tuple[int, subprocess.Popen[str]] | None = None
         self._spare: _Spare | None = None
         self._again: list[Any] = []  # what a child that waits has done
@@ -61,7 +65,7 @@ class Queue:
 
     def close(self) -> None:
         """End what is at work; it is done again at the next start."""
-        self._end = True
+        self._end.set()
         self._wake.set()
         with self._lock:
             if self._child:
@@ -80,22 +84,36 @@ class Queue:
         return self.folder / "results" / str(number)
 
     def _work(self) -> None:
-        self._warm(next((run for run in self.store.runs() if _is_done(run)), None))
-        while not self._end:
-            run = self.store.next()
+        self._warm(next((run for run in self._at_last(self.store.runs) or () if _is_done(run)), None))
+        while not self._end.is_set():
+            run = self._at_last(self.store.next)
             if run is None:
                 self._wake.wait()
                 self._wake.clear()
                 continue
-            self.store.update(run.id, state="running", step=None)
-            self._done(run, *self._ran(run))
-            self._warm(self.store.run(run.id))
+            self._tell(run, state="running", step=None)
+            self._at_last(partial(self._done, run, *self._ran(run)))
+            self._warm(self._at_last(partial(self.store.run, run.id)))
+
+    def _at_last(self, ask: Callable[[], T]) -> T | None:
+        """What the store answers; where its disk is full or fails, as soon as it does not; None at the end."""
+        while True:
+            try:
+                return ask()
+            except OutputError:
+                if self._end.wait(RETRY_S):
+                    return None
+
+    def _tell(self, run: Run, **values: Any) -> None:
+        """How far a run is, if the store can be written."""
+        with suppress(OutputError):
+            self.store.update(run.id, **values)
 
     def _warm(self, run: Run | None) -> None:
         """Let a child wait that has done this run, or else what the last one had done."""
         if run and _is_done(run):
             self._again = [run.kind, run.inputs, self._cache()]
-        if self._again and not self._end:
+        if self._again and not self._end.is_set():
             if self._spare:
                 self._spare.end()
             with suppress(OSError):  # then the next run begins cold
@@ -141,8 +159,9 @@ class Queue:
         except OSError as error:
             return 2, "", f"{out}: cannot be written: {error.strerror}"
         finally:
-            self._mapping(run).unlink(missing_ok=True)
-            (out / SO_FAR).unlink(missing_ok=True)
+            for scratch in (self._mapping(run), out / SO_FAR):
+                with suppress(OSError):
+                    scratch.unlink()
         return told
 
     def _child_ran(self, run: Run, arguments: list[str]) -> tuple[int, str, str]:
@@ -160,14 +179,14 @@ class Queue:
                 if known := VERDICT.fullmatch(line.strip()):
                     told = known.groupdict()
                 elif told and line.startswith("gate"):  # before the pictures are drawn
-                    self.store.update(run.id, **let_through(told, GATE_PASSED.match(line) is not None))
+                    self._tell(run, **let_through(told, GATE_PASSED.match(line) is not None))
 
         reader = threading.Thread(target=read, args=(child.stdout,))
         reader.start()
         last = ""
         for line in child.stderr:
             if step := STEP.search(line):
-                self.store.update(run.id, step=step[0])
+                self._tell(run, step=step[0])
             else:
                 last = line.strip() or last
         reader.join()
@@ -203,8 +222,9 @@ class Queue:
         found = self.store.run(run.id)
         if found is None or found.state == "cancelled":
             return
-        if status < 0 or self._end:
-            word = {"state": "queued"} if self._end else {"state": "failed", "reason": f"ended by signal {-status}"}
+        if status < 0 or self._end.is_set():
+            failed = {"state": "failed", "reason": f"ended by signal {-status}"}
+            word = {"state": "queued"} if self._end.is_set() else failed
             self.store.update(run.id, **word)
             return
         if status == 2:
@@ -214,7 +234,12 @@ class Queue:
             shown = run.inputs.get("made") or run.inputs.get("file") or run.inputs["files"][0]
             self.store.update(run.id, state="done", status=status, part=Path(shown).name, reason=printed)
             return
-        told = summary(self.results(run.id))
+        try:
+            told = summary(self.results(run.id))
+        except OSError as error:
+            unread = f"{error.filename}: cannot be read: {error.strerror}"
+            self.store.update(run.id, state="failed", status=2, reason=unread)
+            return
         lines = [line for line in printed.splitlines() if line.startswith("gate: ")]
         told.setdefault("reason", lines[-1].removeprefix("gate: ") if lines else "")
         told.setdefault("verdict", "pass" if status == 0 else "fail")

@@ -65,7 +65,7 @@ class Preset:
 
 
 class Store:
-    """The file, for any thread.
+    """The file, for any thread. Whatever is asked of it raises OutputError where the disk is full or fails.
 
     Raises:
         OutputError: it cannot be made.
@@ -73,7 +73,7 @@ class Store:
     """
 
     def __init__(self, path: Path) -> None:
-        self._lock = threading.Lock()
+        self._lock, self._path = threading.Lock(), path
         try:
             self._base = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
             self._base.row_factory = sqlite3.Row
@@ -185,8 +185,11 @@ class Store:
         ]
 
     def _do(self, statement: str, *values: Any) -> list[sqlite3.Row]:
-        with self._lock:
-            return self._base.execute(statement, values).fetchall()
+        try:
+            with self._lock:
+                return self._base.execute(statement, values).fetchall()
+        except sqlite3.DatabaseError as error:
+            raise OutputError(str(self._path), f"cannot be read or written: {error}") from None
 
 
 def _column(value: Any) -> Any:

@@ -44,7 +44,8 @@ def locked(path: Path) -> Iterator[None]:
         if not path.is_dir():
             with suppress(OSError):
                 os.unlink(path)
-        os.close(descriptor)
+        with suppress(OSError):  # of a device that is gone: the lock is, too
+            os.close(descriptor)
 
 
 def clear_lock(path: Path) -> None:

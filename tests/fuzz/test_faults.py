@@ -1,0 +1,19 @@
+"""A share of `bench.kills.inject`: the seeds under which a lost device or a full disk once ended in a traceback."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from bench.kills.inject import ROOT
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="the injector stands in C")
+@pytest.mark.parametrize("command", ["run", "store"])
+def test_a_fault_under_any_operation_leaves_a_whole_set_and_one_line(command):
+    cases = ["--only", command, "--seed", "100000", "--cases", "24"]
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.kills.inject", *cases], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

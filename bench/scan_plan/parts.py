@@ -13,7 +13,7 @@ from bench.simulators.triangulated import Course, Sensor, Way, Workpiece
 from bench.simulators.triangulated import simulate as triangulate
 from workbench.artefacts import PlannedScan, Recording
 from workbench.scan_plan import ScanPlan
-from workbench.scan_plan.rehearsal import decay_columns
+from workbench.scan_plan.information import decay_columns
 from workbench.scan_plan.search import Wanted
 from workbench.scan_plan.way import aim_mm
 from workbench.synthetic import Recipe, parse_recipe

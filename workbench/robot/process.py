@@ -24,7 +24,8 @@ def not_seen(cell: Cell, process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
     beside = "stands" if turns_freely(cell, process.home) else "and its external axes stand"
     yield f"the way from where the robot {beside} to home"
-    yield "the cutter against the plate between the path's ends and the points of approach and retract"
+    if any("workpiece" in pair for pair in cell.may_touch):
+        yield "the cutter against the plate between the path's ends and the points of approach and retract"
     if process.home.controller_name:
         yield f"that {process.home.controller_name} on the controller is the cell file's home"
     if process.spindle is None:

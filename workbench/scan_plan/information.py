@@ -21,10 +21,13 @@ import numpy as np
 from workbench.artefacts import DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
 from workbench.edge.residual_image import PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
 from workbench.edge.rim import (
+    DEEP_MM,
+    DEPTH_U_MM,
     PIXELS,
     PRIORS,
     SAMPLE_FRAMES,
     SIZES,
+    UNLIKELY,
     Depths,
     EdgeCondition,
     EndTemplates,
@@ -47,7 +50,6 @@ CORNER_MM, DIRECTION_MM = 6.0, 30.0
 MOST_INCIDENCE = 70.0 * DEG  # of a ray on a face that is to be measured
 LEAST_COLUMNS = 12  # on a face that is to be measured
 DRAWS = 2  # of noise, over which what the residual image will say is averaged
-DEPTH_U_MM = 0.0005  # of the engine's own depths (edge.rim)
 
 UNDECLARED = Linearity()
 
@@ -202,7 +204,7 @@ def information(
         for width, incidence in ((joint.root_mm, root_i), (joint.bevel_width_mm, bevel_i))
     )
     is_corner = lower_i < MOST_INCIDENCE
-    frames = min(2 ** math.floor(math.log2(max(length_mm / view.frame_pitch_mm, 2.0))), SAMPLE_FRAMES)
+    frames = min(round(length_mm / view.frame_pitch_mm), SAMPLE_FRAMES)
     steep = abs(math.tan(view.elevation))
     place = root.place_mm * (1.0 / math.tan(joint.bevel) + (0.0 if is_corner else steep))
     tilt = math.tan(abs(view.lead))
@@ -273,12 +275,15 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
 # The broken end: edges of the prior, as a pass would see them.
 
 
+EVERY = 4  # of the engine's sizes that is taken
+
+
 @functools.lru_cache(maxsize=8)
 def _templates(condition: EdgeCondition) -> EndTemplates:
-    """The engine's, by every fourth size: what they tell on average is the same."""
+    """The engine's, by some of the sizes: what they tell on average is the same."""
     every = end_templates(PRIORS[condition])
     kinds = [np.zeros(1, np.int64)]
-    kinds += [1 + kind * SIZES + np.arange(0, SIZES, 4) for kind in range((every.turn.size - 1) // SIZES)]
+    kinds += [1 + kind * SIZES + np.arange(0, SIZES, EVERY) for kind in range((every.turn.size - 1) // SIZES)]
     return every.of(np.concatenate(kinds))
 
 
@@ -302,22 +307,30 @@ LIKELY = 0.9  # of scans are to keep a promise
 PIXEL = int(np.abs(PIXELS - [0.0, 0.5]).sum(axis=1).argmin())  # a column wide, that returns where half of it is filled
 
 
+def decay_columns(noise_columns: float) -> float:
+    """Over which an exponential correlation falls to 1/e whose sum over all columns is `noise_columns`."""
+    return 1.0 / math.log((noise_columns + 1.0) / (noise_columns - 1.0)) if noise_columns > 1.0 else 0.0
+
+
 @functools.lru_cache(maxsize=256)
 def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, frames: int) -> tuple[SeenEnd, ...]:
     """How each edge of the prior would look in some frames, and what each template would say of that."""
     pitch = profiler.pitch_mm(view.standoff_mm)
     root = _face(profiler, root_mm, abs(view.elevation), pitch)
     step = pitch / math.cos(view.elevation)
-    edges = end_groups(min(root.columns, 3.0 / step))
-    width = np.diff(edges)
-    noise = root.noise_mm**2 * profiler.noise_columns / width / frames
+    edges = end_groups(min(root.columns, DEEP_MM / step))
     length = 0.5 * profiler.linearity.length_mm / math.cos(view.elevation)
     middle = 0.5 * (edges[1:] + edges[:-1]) * step
     pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-0.5 * ((middle[-1] - middle[0]) / length) ** 2))
     far = np.abs(middle[:, None] - middle[None, :]) / max(length, 1e-6)
-    covariance = np.diag(noise) + pattern * np.exp(-far) + DEPTH_U_MM**2 * np.eye(width.size)
+    column = np.arange(math.ceil(edges[-1]))
+    share = np.maximum(np.minimum(edges[1:, None], column + 1.0) - np.maximum(edges[:-1, None], column), 0.0)
+    share /= np.diff(edges)[:, None]
+    alike = np.exp(-np.abs(column[:, None] - column) / max(decay_columns(profiler.noise_columns), 1e-6))
+    noise = root.noise_mm**2 / frames * (share @ alike @ share.T)
+    covariance = noise + pattern * np.exp(-far) + DEPTH_U_MM**2 * np.eye(middle.size)
     blank = EndView(
-        Depths(np.zeros(width.size), covariance, free_depths(edges * step)),
+        Depths(np.zeros(middle.size), covariance, free_depths(edges * step)),
         edges * step,
         view.elevation,
         step,
@@ -425,6 +438,7 @@ def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation], edges: int
         seen = [passes[k].seen[number] for k in blind]
         log = prior + np.sum([one.log for one in seen], axis=0)
         share = np.exp(log - log.max())
+        share[share < EVERY * UNLIKELY * share.sum()] = 0.0  # as the engine cuts its templates finer
         share /= share.sum()
         for k, one in zip(blind, seen, strict=True):
             out[number, k] = beyond_of(share, one)[1]

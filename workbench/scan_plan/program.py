@@ -17,7 +17,6 @@ from workbench.errors import InputError
 from workbench.geometry.poses import quaternion_from_rotation
 from workbench.path import simplify
 from workbench.program import write
-from workbench.program.limits import NO_FORCE
 from workbench.program.words import program_name
 from workbench.program.write import Controller
 from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_key, posture_picture, sliding
@@ -165,8 +164,7 @@ def _joined(gates: list[PathGate]) -> Gate:
         return tuple(dict.fromkeys(text for gate in gates for text in getattr(gate, name)))
 
     reasons = [f"pass {k}: {gate.reason}" for k, gate in enumerate(gates, 1)]
-    loosened = tuple(text for text in every("loosened") if not text.endswith(NO_FORCE))  # nothing is cut
-    return Gate(all(gate.passed for gate in gates), "; ".join(reasons), loosened, every("unchecked"))
+    return Gate(all(gate.passed for gate in gates), "; ".join(reasons), every("loosened"), every("unchecked"))
 
 
 def _equipped(cell: Cell, process: ProcessPart, mass_kg: float | None, centre_mm: Triple) -> Cell:
@@ -187,6 +185,7 @@ def _equipped(cell: Cell, process: ProcessPart, mass_kg: float | None, centre_mm
         process=process,
         unchecked=unchecked if mass is not None else (*unchecked, NO_LOAD),
         controller_tools={},
+        spindle=None,  # nothing is cut
         tool_mass_kg=mass,
         tool_centre_of_gravity_mm=centre,
         repeatability_mm=None,

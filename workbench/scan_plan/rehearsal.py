@@ -18,7 +18,7 @@ import numpy as np
 from workbench import cloud, edge, scan, twin
 from workbench.artefacts import ROUNDING, MilledEdge, PlannedScan, Quantity, Recording
 from workbench.errors import WorkbenchError
-from workbench.scan_plan.information import LIKELY, Joint, Knowledge, Profiler
+from workbench.scan_plan.information import LIKELY, Joint, Knowledge, Profiler, decay_columns
 from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic import Recipe
 from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Robot, Scanner
@@ -99,11 +99,6 @@ def rehearsed(
         _typical([_along(one, getattr(one, name), stations) for one in found], patterns) for name in ("root", "bevel")
     )
     return Rehearsed(root[0], bevel[0], (root[1], bevel[1]))
-
-
-def decay_columns(noise_columns: float) -> float:
-    """Over which an exponential correlation falls to 1/e whose sum over all columns is `noise_columns`."""
-    return 1.0 / math.log((noise_columns + 1.0) / (noise_columns - 1.0)) if noise_columns > 1.0 else 0.0
 
 
 def _typical(draws: list[Quantity], patterns: Shaped[Int, " s"]) -> tuple[Quantity, float]:

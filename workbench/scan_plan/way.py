@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.interpolate import splev, splprep
 
 from workbench.geometry.poses import pose_from, rotation_from_vector
-from workbench.scan_plan.information import Joint, Profiler, View
+from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
 
 DRIFT_COLUMNS = 8.0  # by which the columns move past the edge in a pass: one column alone never tells where a face ends
-STATION_MM, SMOOTH_MM = 2.0, 10.0
+STATION_MM = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +36,9 @@ class EdgeLine:
 
     @classmethod
     def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str) -> EdgeLine:
-        """Through points in order of t, straight between them; `upper_side` (3,) or (p, 3): roughly m there.
+        """Near points in order of t, as smoothly as half of what the view leaves free allows (root mean square).
 
-        Directions are averaged along the edge: the scanner, a stand-off away, would swing at each point else.
+        A scanner that follows errors of taught points swings, a stand-off away. `upper_side` (3,) or (p, 3): roughly m.
 
         Raises:
             ValueError: fewer than two different points, or an upper side along the edge.
@@ -50,8 +50,9 @@ class EdgeLine:
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
-        position, up = (np.stack([np.interp(at, along, of) for of in a.T], axis=1) for a in (points, upper))
-        tangent = gaussian_filter1d(np.gradient(position, at, axis=0), SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
+        up = np.stack([np.interp(at, along, of) for of in upper.T], axis=1)
+        spline = splprep(points.T, u=along, k=min(2, len(points) - 1), s=len(points) * (0.5 * BESIDE_MM) ** 2)[0]
+        position, tangent = (np.stack(splev(at, spline, der), axis=1) for der in (0, 1))
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)

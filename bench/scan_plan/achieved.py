@@ -139,7 +139,7 @@ def _hit(points: Float, eyes: Float, back: Float, low: Float, high: Float) -> Bo
 def _driven(made: ScanPlan) -> str:
     """What the outsider meets on the programs of a plan, as joint angles over time; '' nothing, 'none': not written."""
     assert made.scan_cell is not None
-    cell = made.scan_cell.cell
+    cell = made.scan_cell
     out = program(made, cell, controller="trajectory", scanner_mass_kg=3.0)
     gate = out[-1]
     assert isinstance(gate, Gate)

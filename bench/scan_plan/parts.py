@@ -19,7 +19,7 @@ from workbench.scan_plan.way import aim_mm
 from workbench.synthetic import Recipe, parse_recipe
 from workbench.synthetic import Workpiece as Milled
 from workbench.synthetic.simulate import scan_workpiece
-from workbench.units import DEG, Float
+from workbench.units import DEG
 
 LENGTH_MM, STANDOFF_MM, ROBOT_MM = 100.0, 150.0, 0.01
 LINEARITY_MM, LINEARITY_LENGTH_MM = 0.001, 10.0
@@ -153,18 +153,15 @@ def triangulated(drawn: Drawn, made: ScanPlan, seed: int) -> tuple[Recording, An
         threshold=0.08,
         bright=False,
     )
-    ways = [_way(made, one.view.elevation, one.view.frame_pitch_mm, one.drift_mm) for one in made.passes]
+    ways = [
+        Way(
+            step_mm=one.view.frame_pitch_mm,
+            elevation=one.view.elevation,
+            aim_mm=tuple(aim_mm(made.joint, one.view).tolist()),
+            drift_mm=one.drift_mm,
+            robot_mm=ROBOT_MM,
+            robot_deg=0.001,
+        )
+        for one in made.passes
+    ]
     return triangulate(part, sensor, ways, seed)
-
-
-def _way(made: ScanPlan, elevation: float, step_mm: float, drift_mm: float) -> Way:
-    view = next(one.view for one in made.passes if one.view.elevation == elevation)
-    aim: Float = aim_mm(made.joint, view)
-    return Way(
-        step_mm=step_mm,
-        elevation=elevation,
-        aim_mm=(float(aim[0]), float(aim[1])),
-        drift_mm=drift_mm,
-        robot_mm=ROBOT_MM,
-        robot_deg=0.001,
-    )

@@ -111,7 +111,7 @@ def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
 def test_the_plate_and_the_scanner_are_bodies(shipped: Shipped) -> None:
     place = shipped[0].scan_cell
     assert place is not None
-    bodies = {shape.body for shape in place.cell.shapes}
+    bodies = {shape.body for shape in place.shapes}
     assert {BODY, "tool"} <= bodies
     assert "cutter" not in bodies
 

@@ -25,7 +25,6 @@ POINT_MM = 5.0  # between points of the edge in the file
 SHOWN_FROM_BELOW = {"lost_columns", "shadow"}  # conditions that a view of the lower surface settles
 STANDOFF_MM = 100.0  # of a profiler whose sensor file is not given: its field of view is what counts
 LEAST_MM, LEAST_DEG = 1e-4, 1e-3  # of a U that is told as a number
-SECOND_DIFFERENCE = 1.4826 / math.sqrt(6.0)  # standard deviation by the median of |z1 - 2 z2 + z3|
 NAME = "next_scan.json"
 NO_PASS = "no pass from -65° to 75° of elevation sees both faces with this profiler"
 
@@ -192,13 +191,13 @@ def _elevations(cloud: Cloud, edge: MilledEdge) -> list[float]:
 
 def _as_recorded(cloud: Cloud) -> Profiler:
     """The profiler by what it returned: its columns, as wide as they reach, and the noise between neighbours."""
+    from workbench.scan_plan.edges import noise_mm
     from workbench.scan_plan.information import Profiler
 
     x, z = cloud.x_mm[:: max(1, len(cloud.x_mm) // 200)], cloud.z_mm[:: max(1, len(cloud.z_mm) // 200)].astype(float)
     width = float(np.nanmax(x) - np.nanmin(x))
-    noise = SECOND_DIFFERENCE * float(np.nanmedian(np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])))
     near, far = STANDOFF_MM - 0.5 * width, STANDOFF_MM + 0.5 * width
-    return Profiler(cloud.x_mm.shape[1], (near, far), (width, width), max(noise, 1e-4))
+    return Profiler(cloud.x_mm.shape[1], (near, far), (width, width), max(noise_mm(z), 1e-4))
 
 
 def _sentence(best: Proposal, left: Sequence[Open], decided: Sequence[Open], stretch: tuple[float, float]) -> str:

@@ -24,7 +24,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         ("Edge", f"{made.edge.length_mm:.0f} mm, by {made.edge.source}"),
         ("Wanted", f"U of the root face {made.wanted.root_mm:g} mm, of the bevel angle {made.wanted.bevel_deg:g}°"),
         ("Duration", f"{made.seconds:.0f} s in {len(made.passes)} pass{'es' * (len(made.passes) != 1)}"),
-        ("Turntable", "none" if made.scan_cell is None else f"{made.table / DEG:.0f}°"),
+        ("Turntable", "none" if made.turntable_deg is None else f"{made.turntable_deg:.0f}°"),
     ]
     rows = [
         (

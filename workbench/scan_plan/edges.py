@@ -22,7 +22,7 @@ from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
 from workbench.storage import read_text
 from workbench.strict_json import MAX_BYTES, read_json
-from workbench.units import DEG, Float
+from workbench.units import DEG, Float, Shaped
 
 BESIDE_MM, NEAR_MM = 3.0, 80.0  # off the nominal plate, and at most from the edge: what stands there is no plate
 SAMPLED = 40_000  # points of a coarse recording that are looked at
@@ -134,9 +134,14 @@ def roughness_mm(cloud: Cloud, found: Edge) -> float:
     face = found.faces[ROOT_FACE]
     some = slice(None, None, max(1, face.count.size // SAMPLED_FRAMES))
     z = np.where((found.labels[some] == ROOT_FACE) & cloud.keep[some], cloud.z_mm[some], np.nan)
-    noise = SECOND_DIFFERENCE * float(np.nanmedian(np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])))
+    noise = noise_mm(z)
     square = face.noise_mm**2 - noise**2
     return 3.0 * math.sqrt(square) / LEFT if square > SURE * noise**2 else 0.0
+
+
+def noise_mm(z: Shaped[Float, "f c"]) -> float:
+    """Standard deviation of the ranges in frames, by what neighbouring columns differ by."""
+    return SECOND_DIFFERENCE * float(np.nanmedian(np.abs(z[:, :-2] - 2.0 * z[:, 1:-1] + z[:, 2:])))
 
 
 def _beside(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:

@@ -109,7 +109,6 @@ class Knowledge(NamedTuple):
     robot_noise_mm: float = 0.07
     hand_eye_turn: float = 0.0  # standard uncertainty of the laser plane's direction, rad
     edge_condition: EdgeCondition = "unknown"
-    radius_mm: float | None = None  # of the lower edge, where it is known before; None: any of the prior
     roughness_mm: float = 0.0  # of the root face, three standard deviations
 
 
@@ -288,10 +287,8 @@ def _templates(condition: EdgeCondition) -> EndTemplates:
 
 
 @functools.lru_cache(maxsize=32)
-def _edges(condition: EdgeCondition, radius_mm: float | None) -> tuple[tuple[float, float], ...]:
+def _edges(condition: EdgeCondition) -> tuple[tuple[float, float], ...]:
     """Radii of edges that stand for the prior's, and their shares: a sharp one, and quantiles of the rounded ones."""
-    if radius_mm is not None:
-        return ((radius_mm, 1.0),)
     prior, templates = PRIORS[condition], end_templates(PRIORS[condition])
     round_ = (templates.turn == 0.0) & (templates.size_mm > 0.0)
     size, share = templates.size_mm[round_], np.exp(templates.log_prior[round_])
@@ -340,7 +337,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     )
     templates = _templates(known.edge_condition)
     out = []
-    for radius, _ in _edges(known.edge_condition, known.radius_mm):
+    for radius, _ in _edges(known.edge_condition):
         at = (
             np.array([radius]),
             np.zeros(1),
@@ -417,7 +414,7 @@ def _rounding(known: Knowledge, passes: Sequence[PassInformation], count: Float)
 
     And the passes' weights (k,).
     """
-    edges = _edges(known.edge_condition, known.radius_mm)
+    edges = _edges(known.edge_condition)
     chance = np.array([weight for _, weight in edges])
     hidden = _hidden_u_mm(known, passes, len(edges))
     share = weights(np.zeros(len(passes)), np.sqrt(chance @ hidden**2 / chance.sum()))

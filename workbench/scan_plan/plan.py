@@ -54,7 +54,7 @@ from workbench.scan_plan.information import (
     incidences,
     information,
 )
-from workbench.scan_plan.reach import Examiner, ScanCell, scan_cell
+from workbench.scan_plan.reach import Examiner, scan_cell
 from workbench.scan_plan.rehearsal import rehearsed, straight
 from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Times, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
@@ -113,7 +113,7 @@ class ScanPlan:
     binds: tuple[str, ...]
     would_help: tuple[str, ...]
     table: float  # rad
-    scan_cell: ScanCell | None
+    scan_cell: Cell | None  # whose tool is the scanner
     unchecked: tuple[str, ...]
     refused: str | None = None  # why the engine would refuse the recording
 
@@ -121,6 +121,12 @@ class ScanPlan:
     def reached(self) -> Shaped[Bool, " s"]:
         """Stations at which what is wanted is promised."""
         return (self.promised_root_mm <= self.wanted.root_mm) & (self.promised_bevel_deg <= self.wanted.bevel_deg)
+
+    @property
+    def turntable_deg(self) -> float | None:
+        """At which the passes are driven; None: there is no turntable."""
+        axis = None if self.scan_cell is None else self.scan_cell.turntable
+        return None if axis is None or axis.slides else round(self.table / DEG, 6)
 
     @property
     def seconds(self) -> float:
@@ -303,18 +309,14 @@ def as_profiler(file: SensorFile, path: Path) -> Profiler:
     for key in SIDE_KEYS:
         if getattr(file, key) is None:
             raise InputError(f"{path}: $.{key}", "expected a value: a scan cannot be planned without it (data sheet)")
-    assert file.columns is not None
-    assert file.measuring_range_mm is not None
-    assert file.width_mm is not None
-    assert file.noise_mm is not None
-    near, far = file.measuring_range_mm
+    columns, (near, far), width, noise = (getattr(file, key) for key in SIDE_KEYS)
     if not near < far:
         raise InputError(f"{path}: $.measuring_range_mm", f"expected nearest below farthest, found {near:g}, {far:g}")
     return Profiler(
-        file.columns,
+        columns,
         (near, far),
-        file.width_mm,
-        file.noise_mm,
+        width,
+        noise,
         max(file.noise_columns or 1.0, 1.0),
         declared_linearity(path),
         (file.triangulation_deg or 0.0) * DEG,
@@ -325,7 +327,7 @@ def as_profiler(file: SensorFile, path: Path) -> Profiler:
 
 def _placed(
     cell: RobotCell | None, file: SensorFile, eye: HandEye | None, task: Task, *, tool_stays: bool, z_away: bool
-) -> tuple[ScanCell | None, tuple[str, ...]]:
+) -> tuple[Cell | None, tuple[str, ...]]:
     """The cell with the scanner in it, and what nothing can look at."""
     camera = () if file.triangulation_deg else (NO_CAMERA,)
     if not isinstance(cell, Cell):
@@ -345,7 +347,7 @@ def _placed(
     return place, (*(() if file.body else (NO_BODY,)), *camera)
 
 
-def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
+def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
     told: dict[View, PassInformation] = {}
     views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
@@ -354,8 +356,8 @@ def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ())
         why = hidden_why(task.joint, task.profiler, middle) or "from no elevation are both faces seen"
         raise InputError("scan.plan", f"this joint cannot be measured with this sensor: {why}")
     tables = [0.0]
-    if place is not None and place.cell.turntable is not None and not place.cell.turntable.slides:
-        low, high = place.cell.turntable.limits
+    if place is not None and place.turntable is not None and not place.turntable.slides:
+        low, high = place.turntable.limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)
     best: tuple[tuple[float, ...], float, _Looked, tuple[int, ...]] | None = None
@@ -382,7 +384,7 @@ def planned(task: Task, place: ScanCell | None, unchecked: tuple[str, ...] = ())
 
 def _rehearsed_plan(
     task: Task,
-    place: ScanCell | None,
+    place: Cell | None,
     unchecked: tuple[str, ...],
     table: float,
     looked: _Looked,
@@ -506,7 +508,7 @@ def _seconds(task: Task, view: View) -> float:
 
 def _made(
     task: Task,
-    place: ScanCell | None,
+    place: Cell | None,
     unchecked: tuple[str, ...],
     table: float,
     looked: _Looked,
@@ -671,14 +673,10 @@ def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: Times) 
         made = information(task.joint, task.profiler, task.known, old.view, task.edge.length_mm)
         if made is None:
             return None
-        swapped.append(dataclasses.replace(old, tells=functools.partial(_known, made)))
+        swapped.append(dataclasses.replace(old, tells=functools.partial(_told, task, old.view, {old.view: made})))
     search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, times=times)
     groups, _ = search.patterns(tuple(range(len(swapped))))
     return max((search.over(group) for group in groups if group), default=None)
-
-
-def _known(one: PassInformation) -> PassInformation:
-    return one
 
 
 def _better(what: str, before: float, after: float) -> str:
@@ -782,7 +780,7 @@ def _pass_row(made: ScanPlan, index: int, one: ScanPass, z_away: bool) -> dict[s
         "speed_mm_s": one.speed_mm_s,
         "frame_pitch_mm": one.view.frame_pitch_mm,
         "drift_mm": round(one.drift_mm, 6),
-        "turntable_deg": None if made.scan_cell is None else round(made.table / DEG, 6),
+        "turntable_deg": made.turntable_deg,
         "duration_s": round(one.seconds, 3),
         "points": points,
     }

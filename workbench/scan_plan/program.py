@@ -102,7 +102,7 @@ def program(
             "feed": None,
         }
     )
-    place = _equipped(plan.scan_cell.cell, process, scanner_mass_kg, scanner_centre_mm)
+    place = _equipped(plan.scan_cell, process, scanner_mass_kg, scanner_centre_mm)
     out: list[Document | Chapter] = []
     gates = []
     for number, one in enumerate(plan.passes, 1):
@@ -194,9 +194,7 @@ def _equipped(cell: Cell, process: ProcessPart, mass_kg: float | None, centre_mm
 
 def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):  # type: ignore[no-untyped-def]
     """The pass as moves, with the decision that lets them be written."""
-    assert plan.scan_cell is not None
-    flange_from_view = plan.scan_cell.flange_from_view
-    examiner = Examiner(dataclasses.replace(plan.scan_cell, cell=cell))
+    examiner = Examiner(cell)
     reached = examiner.reach(one.base_from_view, (one.base_from_view,), plan.table)
     count = len(one.base_from_view)
     feed = np.full(count, one.speed_mm_s)
@@ -232,7 +230,7 @@ def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):
     if isinstance(reached, str):
         gate = PathGate(False, reached, toolpath=path, tolerance_mm=TOLERANCE_MM, reached=False)
         return simplify(path), gate
-    targets = forward_kinematics(cell.chain, reached.joints) @ flange_from_view
+    targets = forward_kinematics(cell.chain, reached.joints) @ cell.flange_from_cutter
     table = outermost(cell, np.full(count, plan.table))
     postures = Postures(
         toolpath=path,
@@ -247,7 +245,7 @@ def _moves(plan: ScanPlan, cell: Cell, one: ScanPass, number: int, logged: str):
         joints=reached.joints,
         displacement_mm=np.zeros((count, 3)),
         clearance_mm=examiner.screen.clearances_mm(reached.joints, table),
-        flange_from_point=flange_from_view,
+        flange_from_point=cell.flange_from_cutter,
         has_turntable=cell.turntable is not None,
         on_track=sliding(cell),
     )

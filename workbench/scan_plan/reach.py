@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -48,27 +47,17 @@ class Reached(NamedTuple):
 
     joints: Shaped[Float, "k 6"]  # rad
     turned: bool  # the scanner by half a turn about its rays
-    margin: float  # rad, least distance from a joint limit
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ScanCell:
-    """A cell with the scanner as its tool: the tool frame is the view at the stand-off."""
-
-    cell: Cell
-    flange_from_view: Shaped[Float, "4 4"]
 
 
 class Examiner:
-    """A scan cell's bodies, ready to be asked about many passes."""
+    """The bodies of a cell whose tool is the scanner, ready to be asked about many passes."""
 
-    def __init__(self, place: ScanCell) -> None:
+    def __init__(self, cell: Cell) -> None:
         """Build once, ask often."""
-        self.cell, self.flange_from_view = place.cell, place.flange_from_view
-        self.screen = CollisionScreen(place.cell)
+        self.cell, self.screen = cell, CollisionScreen(cell)
         self.rays = [
             (shape, fcl.CollisionObject(body_of(shape)))
-            for shape in place.cell.shapes
+            for shape in cell.shapes
             if not 0 <= shape.link <= 6 and shape.body not in (BODY, "envelope")
         ]
         self.on_base = frozenset(shape.body for shape, _ in self.rays if shape.link == ON_BASE)
@@ -84,7 +73,7 @@ class Examiner:
         turned: the same poses as they are and, if that is tried too, by half a turn about the rays.
         """
         move = turntable_pose(self.cell, table) @ inverse(turntable_pose(self.cell, 0.0))
-        back = inverse(self.flange_from_view)
+        back = inverse(self.cell.flange_from_cutter)
         found: list[tuple[float, bool, Float]] = []
         why = "out of the robot's reach"
         for number, poses in enumerate(turned):
@@ -101,20 +90,20 @@ class Examiner:
                     continue
                 found.append((margin, bool(number), joints))
         angles = outermost(self.cell, np.full(len(base_from_view), table))
-        for margin, half, joints in sorted(found, key=lambda one: -one[0]):
+        for _, half, joints in sorted(found, key=lambda one: -one[0]):
             few = np.unique(np.linspace(0, len(joints) - 1, 3).round().astype(int))
             hits = self.screen.hits(joints[few], angles[few])
             if (hits == FREE).all():
                 hits = self.screen.hits(joints, angles)
             if (hits == FREE).all():
-                return Reached(joints, half, margin)
+                return Reached(joints, half)
             why = "collision of " + " and ".join(self.screen.pair(int(hits[hits != FREE][0])))
         return why
 
     def _margin(self, joints: Float) -> tuple[float, str]:
         """Least distance from a limit, rad, and what is wrong with postures (k, 6); '': nothing."""
         cell = self.cell
-        tip = forward_kinematics(cell.chain, joints) @ self.flange_from_view
+        tip = forward_kinematics(cell.chain, joints) @ self.cell.flange_from_cutter
         wrist, condition, asked = dexterity(cell.chain, joints, tip[:, :3, 3], cell.margins.twist)
         low, high = cell.chain.limits.T
         room = np.minimum(joints - low, high - joints) - asked
@@ -190,12 +179,14 @@ def scan_cell(
     *,
     tool_stays: bool,
     z_away: bool,
-) -> ScanCell:
-    """The cell with the scanner on the flange, the plate where it roughly is, and what stands beside it."""
+) -> Cell:
+    """The cell with the scanner as its tool, the plate where it roughly is, and what stands beside it.
+
+    The tool frame is the view at the stand-off.
+    """
     at_zero = cell.chain.base_from_flange_at_zero
     sense = 1.0 if z_away else -1.0
     look = pose_from(np.diag([1.0, sense, sense]), np.array([0.0, 0.0, sense * standoff_mm]))
-    flange_from_view = flange_from_profiler @ look
     own = [shape for shape in cell.shapes if shape.link == 6 and shape.body in ("tool", "cutter")]
     kept = [shape for shape in cell.shapes if tool_stays or not any(shape is one for one in own)]
     body = [
@@ -215,10 +206,9 @@ def scan_cell(
         seen = scanned(edge.beside_mm, VOXEL_MM, link, part_from_base, edge.source)
         plate += [dataclasses.replace(shape, body=BESIDE) for shape in seen]
     touch = tuple(pair for pair in cell.may_touch if BODY not in pair)
-    changed = dataclasses.replace(
-        cell, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_view, may_touch=touch
+    return dataclasses.replace(
+        cell, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_profiler @ look, may_touch=touch
     )
-    return ScanCell(changed, flange_from_view)
 
 
 def _plate(edge: EdgeLine, joint: Joint, part_from_base: Float, link: int):  # type: ignore[no-untyped-def]

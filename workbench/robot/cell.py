@@ -260,6 +260,11 @@ class Cell(RobotCell):
     unseen: tuple[str, ...] = ()  # what stands in the cell and no body was given for
 
     @property
+    def without_contact(self) -> Cell:
+        """The same where nothing may touch the plate, since nothing is milled."""
+        return dataclasses.replace(self, may_touch=tuple(pair for pair in self.may_touch if "workpiece" not in pair))
+
+    @property
     def probes(self) -> bool:
         """Whether its programs stop at a point of the path, for the operator to see that it is there."""
         return self.process is not None and self.process.probe is not None

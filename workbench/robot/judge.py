@@ -178,11 +178,10 @@ def _on_the_path(program: ProgramMoves, way: Way, places: Places, driven: tuple[
 
 def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[tuple[int, float, str, str]]:
     """Collisions off the path with nothing allowed to touch the plate: the cutter mills on its path alone."""
-    touch = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)
+    strict, found = cell.without_contact, _Findings()
     joint_moves = ~on_path[places.segment]
-    if touch == cell.may_touch or not joint_moves.any():
+    if strict.may_touch == cell.may_touch or not joint_moves.any():
         return []
-    strict, found = dataclasses.replace(cell, may_touch=touch), _Findings()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joint_moves, [False]])))
     for low, high in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         _proven(strict, way, places.at(np.arange(max(low - 1, 0), high)), found)

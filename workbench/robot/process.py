@@ -24,7 +24,7 @@ def not_seen(cell: Cell, process: ProcessPart, dialect: str) -> Iterator[str]:
     """What nobody can look at although the process is stated: stands in the program's head."""
     beside = "stands" if turns_freely(cell, process.home) else "and its external axes stand"
     yield f"the way from where the robot {beside} to home"
-    if any("workpiece" in pair for pair in cell.may_touch):
+    if cell.without_contact.may_touch != cell.may_touch:
         yield "the cutter against the plate between the path's ends and the points of approach and retract"
     if process.home.controller_name:
         yield f"that {process.home.controller_name} on the controller is the cell file's home"
@@ -44,10 +44,9 @@ def turns_freely(cell: Cell, home: HomePart) -> bool:
     """Whether, with the robot at home, the external axis may go from anywhere to anywhere; of two nothing is proven."""
     if cell.turntable is None or len(cell.axes) > 1:
         return cell.turntable is None
-    strict = tuple(pair for pair in cell.may_touch if "workpiece" not in pair)  # nothing is milled there
     places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], 1000)
     joints = np.tile(np.array(home.joints_deg) * DEG, (len(places), 1))
-    pairs = Pairs(dataclasses.replace(cell, may_touch=strict))
+    pairs = Pairs(cell.without_contact)
     return not pairs.swept(joints[None], places[None]).any()
 
 

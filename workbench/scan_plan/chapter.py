@@ -65,7 +65,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         (
             name,
             f"{made.root.u_by_source[name][worst]:.4f}",
-            f"{1.0 * made.bevel.u_by_source[name][worst]:.4f}" if name in made.bevel.u_by_source else "–",
+            f"{made.bevel.u_by_source[name][worst]:.4f}" if name in made.bevel.u_by_source else "–",
         )
         for name in made.root.u_by_source
     ]

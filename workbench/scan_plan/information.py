@@ -318,14 +318,17 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     edges = end_groups(min(root.columns, DEEP_MM / step))
     length = 0.5 * profiler.linearity.length_mm / math.cos(view.elevation)
     middle = 0.5 * (edges[1:] + edges[:-1]) * step
-    pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-0.5 * ((middle[-1] - middle[0]) / length) ** 2))
+    pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-0.5 * (np.ptp(middle) / length) ** 2))
     far = np.abs(middle[:, None] - middle[None, :]) / max(length, 1e-6)
     column = np.arange(math.ceil(edges[-1]))
     share = np.maximum(np.minimum(edges[1:, None], column + 1.0) - np.maximum(edges[:-1, None], column), 0.0)
     share /= np.diff(edges)[:, None]
     alike = np.exp(-np.abs(column[:, None] - column) / max(decay_columns(profiler.noise_columns), 1e-6))
-    noise = root.noise_mm**2 / frames * (share @ alike @ share.T)
-    covariance = noise + pattern * np.exp(-far) + DEPTH_U_MM**2 * np.eye(middle.size)
+    covariance = (
+        root.noise_mm**2 / frames * (share @ alike @ share.T)
+        + pattern * np.exp(-far)
+        + DEPTH_U_MM**2 * np.eye(middle.size)
+    )
     blank = EndView(
         Depths(np.zeros(middle.size), covariance, free_depths(edges * step)),
         edges * step,

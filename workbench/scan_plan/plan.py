@@ -125,7 +125,7 @@ class ScanPlan:
     @property
     def turntable_deg(self) -> float | None:
         """At which the passes are driven; None: there is no turntable."""
-        axis = None if self.scan_cell is None else self.scan_cell.turntable
+        axis = self.scan_cell and self.scan_cell.turntable
         return None if axis is None or axis.slides else round(self.table / DEG, 6)
 
     @property

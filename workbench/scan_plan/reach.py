@@ -205,9 +205,8 @@ def scan_cell(
     if edge.beside_mm is not None and len(edge.beside_mm):
         seen = scanned(edge.beside_mm, VOXEL_MM, link, part_from_base, edge.source)
         plate += [dataclasses.replace(shape, body=BESIDE) for shape in seen]
-    touch = tuple(pair for pair in cell.may_touch if BODY not in pair)
     return dataclasses.replace(
-        cell, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_profiler @ look, may_touch=touch
+        cell.without_contact, shapes=(*kept, *body, *plate), flange_from_cutter=flange_from_profiler @ look
     )
 
 

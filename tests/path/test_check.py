@@ -256,7 +256,7 @@ def bevel_normal_of(scan: Raw) -> Float:
     return math.cos(40 * DEG) * scan.edge.normal[0] + math.sin(40 * DEG) * scan.edge.across[0]
 
 
-@pytest.mark.parametrize("name", ["time_offset_ms", "pass_disagreement_mm", "late_turn_deg"])
+@pytest.mark.parametrize("name", ["flange_turn_deg", "pass_disagreement_mm", "late_turn_deg"])
 def test_what_a_recording_does_not_show_is_named(name: str, raw: Callable[..., Raw]) -> None:
     scan = raw()
     blind = Check(name, None, None, True, "", "the motion does not show whether the clocks agree; nothing tells which")

@@ -102,7 +102,7 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 if TYPE_CHECKING:
     from workbench.certificate import Certified, certified_length
-    from workbench.checks import refuse_unsound
+    from workbench.checks import known_conventions, known_profile_readings, refuse_unsound
     from workbench.force_file import Forces, read_forces
     from workbench.result_files import (
         ChatterFile,
@@ -290,6 +290,8 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "joint_axes",
     "kernel",
     "kind_of",
+    "known_conventions",
+    "known_profile_readings",
     "motions",
     "nearest",
     "numbered_lines",
@@ -337,10 +339,10 @@ def __getattr__(name: str) -> Any:
         from workbench import certificate
 
         return getattr(certificate, name)
-    if name == "refuse_unsound":
-        from workbench.checks import refuse_unsound
+    if name in ("known_conventions", "known_profile_readings", "refuse_unsound"):
+        from workbench import checks
 
-        return refuse_unsound
+        return getattr(checks, name)
     if name in __all__:
         from workbench import robot
 

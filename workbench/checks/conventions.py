@@ -25,12 +25,16 @@ class Convention:
     quaternion: Quaternions | None = None  # (k, 4) w x y z
     position: Positions | None = None  # (k, 3) mm
     hand_eye: HandEyes | None = None  # (4, 4)
+    inverted: bool = False  # the poses map the base to the flange
     frames_reversed: bool = False  # the first frame of a pass was seen last
 
     def read(
         self, quaternion_wxyz: Float, position_mm: Float, flange_from_profiler: Float
     ) -> tuple[Float, Float, Float]:
         """Quaternions, positions and hand-eye as they would be, if this were what is wrong."""
+        if self.inverted:
+            back = inverse(pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm))
+            return _conjugate(quaternion_wxyz), back[:, :3, 3], flange_from_profiler
         return (
             quaternion_wxyz if self.quaternion is None else self.quaternion(quaternion_wxyz),
             position_mm if self.position is None else self.position(position_mm),
@@ -88,7 +92,7 @@ def _known() -> Iterator[Convention]:
     yield Convention("the hand-eye pose is inverted: it maps the flange to the profiler", hand_eye=inverse)
     yield Convention("the hand-eye rotation is transposed", hand_eye=_transposed)
     yield Convention("the hand-eye pose is missing from the poses: they are the profiler's own", hand_eye=_identity)
-    yield Convention("the poses are inverted: they map the base to the flange", quaternion=_conjugate, position=None)
+    yield Convention("the poses are inverted: they map the base to the flange", inverted=True)
     for axis, name in enumerate("xyz", start=1):
         yield Convention(f"the sign of {name} of the quaternions is wrong", quaternion=_negated(axis))
     yield Convention("quaternions are stored w z y x, not w x y z", quaternion=lambda q: q[:, [0, 3, 2, 1]])

@@ -262,6 +262,15 @@ def test_a_turntables_axis_within_what_its_covariance_says(tmp_path: Path) -> No
     assert 2.6 < np.mean(chi) < 5.2  # four degrees of freedom
 
 
+def test_an_axis_that_points_down_is_told(tmp_path: Path) -> None:
+    """Columns x and y swapped: what turned to the left turns to the right."""
+    rows = [row.split(",") for row in mark_rows(np.random.default_rng(4))]
+    assert not turned(tmp_path, [",".join(row) for row in rows])["warnings"]
+    found = turned(tmp_path, [f"{name},{angle},{y},{x},{z}" for name, angle, x, y, z in rows])
+    assert found["axis_direction"][2] < -0.9
+    assert [said.startswith("the axis points down, against the base's z") for said in found["warnings"]] == [True]
+
+
 def test_a_markers_blunder_is_left_out(tmp_path: Path) -> None:
     rows = mark_rows(np.random.default_rng(8), markers=4)
     cells = rows[6].split(",")

@@ -7,6 +7,7 @@ and z may count too much, within what is stated.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from workbench.plugins.calibration.bundle import distinct
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
 from workbench.plugins.calibration.observations import Placed, placed
 from workbench.plugins.calibration.profile_lines import Marks, Target
+from workbench.plugins.calibration.suspicions import suspected
 
 START_ROUNDS = 4  # of the directions of lines, in turn with the translation
 ROUGH_STEPS = 10
@@ -24,6 +26,7 @@ TRIED = 8  # rotations that explain the points best, of the sixty of an icosahed
 REFINED = 4  # answers of these
 BLURRED = 10.0  # the robot's noise in the search
 SCALES = 2
+LOOKED_AT = 40  # observations, when a mistake in the poses is sought
 THINNED = 200  # observations that a search looks at
 
 
@@ -165,11 +168,12 @@ class Part:
         if design is not None:
             every = np.concatenate([design[None, :3, :3], every])
         seen = self.placed(offset_s)
-        found = [self._start(R, seen, offset_s) for R in every]
+        found = [self.start(R, seen, offset_s) for R in every]
         best = sorted(found, key=lambda one: one[0])[:TRIED]
         return [at for _, at in ([found[0], *best] if design is not None else best)]
 
-    def _start(self, R: Float, seen: Placed, offset_s: float) -> tuple[float, At]:
+    def start(self, R: Float, seen: Placed, offset_s: float) -> tuple[float, At]:
+        """The answer from one rotation, and the sum of its squared distances before it."""
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
         turned = self.marks.point_mm @ R[:, [0, 2]].T
         base = np.einsum("kij,kqj->kqi", A, turned) + b[:, None]  # but for A t
@@ -239,3 +243,19 @@ def answers(part: Part, design: Float | None, offsets: Float) -> list[estimator.
         rough += [estimator.fit(held, at, steps=ROUGH_STEPS) for at in held.starts(design, float(offset))]
     fits = (estimator.fit(few, one.at) for one in sorted(rough, key=lambda found: found.chi2)[:REFINED])
     return sorted(distinct(fits, lambda one: one.at.pose, 1.0, 0.01), key=lambda found: found.chi2)
+
+
+def mistake(part: Part, design: Float | None) -> str:
+    """Known mistakes in the poses without which the profiles would agree, in words; empty: none."""
+    few = part.thinned(LOOKED_AT)
+    noise = replace(part.noise, pose_mm=BLURRED * part.noise.pose_mm, pose_deg=BLURRED * part.noise.pose_deg)
+    seen = few.placed(0.0)
+
+    def misfit(poses: Float) -> float:
+        read = replace(few, noise=noise, with_offset=False, held=seen._replace(base_from_flange=poses))
+        near = read.starts(None, 0.0)[0] if design is None else read.start(design[:3, :3], read.placed(0.0), 0.0)[1]
+        with suppress(np.linalg.LinAlgError):  # it runs away
+            return estimator.fit(read, near, steps=ROUGH_STEPS).misfit
+        return np.inf
+
+    return suspected(seen.base_from_flange, misfit, 1.0)

@@ -45,6 +45,7 @@ from workbench.plugins.calibration.solve import (
     solve,
     solve_with_offset,
 )
+from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,
@@ -154,7 +155,8 @@ def hand_eye(
         ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
     found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
-    found = dataclasses.replace(found, warnings=(*found.warnings, *unused))
+    far = turned(result.estimate.rotation, recording.flange_from_profiler)
+    found = dataclasses.replace(found, warnings=(*found.warnings, *far, *unused))
     return found.hand_eye, found, hand_eye_document(found)
 
 

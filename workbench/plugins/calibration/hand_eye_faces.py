@@ -27,7 +27,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.circles import HARMLESS
-from workbench.plugins.calibration.fixed_faces import At, Part, answers, part_of
+from workbench.plugins.calibration.fixed_faces import At, Part, answers, mistake, part_of
 from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
 from workbench.plugins.calibration.observations import distinct_postures
 from workbench.plugins.calibration.profile_lines import MOST_LINES, Marks, Target, marks_of
@@ -40,7 +40,8 @@ from workbench.plugins.calibration.solve import (
     directions,
     refuse_undetermined,
 )
-from workbench.plugins.calibration.tables import check_misfit, fit_words, noisy, sentence
+from workbench.plugins.calibration.suspicions import turned
+from workbench.plugins.calibration.tables import contradicts, fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
 from workbench.plugins.calibration.verdicts import hand_eye_file, pose_facts, serves
 
@@ -112,10 +113,14 @@ def hand_eye_faces(
     part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
     where = f"{recording.source}: /robot"
     offsets = np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
-    fits = answers(part, recording.flange_from_profiler, offsets)
-    best, left_out = _without_gross(part, estimator.fit(part, fits[0].at))
+    try:
+        fits = answers(part, recording.flange_from_profiler, offsets)
+        best, left_out = _without_gross(part, estimator.fit(part, fits[0].at))
+    except np.linalg.LinAlgError:  # the errors of poses that are infinitely far away have no inverse
+        raise _unexplained(part, recording, "every one runs away") from None
+    if contradicts(best):
+        raise _unexplained(part, recording, f"a misfit of {best.misfit:.0f} where 1 is usual")
     _check_alone(fits, recording.flange_from_profiler, where)
-    check_misfit(best, estimator.Labels(where, (), ask="is the part fixed and flat, and are the poses the flange's?"))
     x_mm, z_mm = marks.point_mm.reshape(-1, 2).T
     view = view_of_points(x_mm, z_mm, np.array([[*part.middle_mm, 0.0]]))
     demand, covariance = Demand(view, max_u_mm, where), best.covariance
@@ -139,7 +144,8 @@ def hand_eye_faces(
         (root_tolerance_mm, bevel_tolerance_deg),
         words,
     )
-    warned = noisy(best, "the lines", "a part that moved or is not flat, a systematic robot error, or a wrong noise")
+    warned = turned(best.at.pose.rotation, recording.flange_from_profiler)
+    warned += noisy(best, "the lines", "a part that moved or is not flat, a systematic robot error, or a wrong noise")
     if left_out:
         named = ", ".join(str(frames[k]) for k in left_out[:12])
         warned += (f"{len(left_out)} of {len(frames)} profiles left out: all others contradict them (frames {named})",)
@@ -164,6 +170,13 @@ def _joined(
             f"hand-eye pose and where the part lies remain undetermined; turn the flange about two axes{cause}",
         )
     return part, frames
+
+
+def _unexplained(part: Part, recording: Recording, found: str) -> InputError:
+    """The refusal of profiles and poses that contradict each other, with the mistake without which they would agree."""
+    known = mistake(part, recording.flange_from_profiler)
+    ask = f"suspicion: {known}" if known else "is the part fixed and flat, and are the poses the flange's, in order?"
+    return InputError(f"{recording.source}: /robot", f"no hand-eye pose explains the profiles: {found}; {ask}")
 
 
 def _without_gross(part: Part, first: estimator.Fit[At]) -> tuple[estimator.Fit[At], list[int]]:

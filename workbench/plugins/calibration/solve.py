@@ -21,12 +21,14 @@ from workbench.plugins.calibration.bundle import Fit
 from workbench.plugins.calibration.model import Estimate, Noise, View, cross_matrix, linearise, view_of, volume_u
 from workbench.plugins.calibration.observations import Observations, Passes, distinct_postures
 from workbench.plugins.calibration.shared_errors import settled
+from workbench.plugins.calibration.suspicions import suspected
 
 COARSER = (1.0, 4.0, 16.0)  # the robot's noise in the search, until most postures agree: it may have systematic errors
 COARSE_STEPS = 12  # of the fits from the grid of clock offsets
 TRIED = 6  # answers of the search that are refined
 HOPELESS = 0.5  # RMS residual of the centres, in sphere radii, beyond which nothing explains the data
 CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
+LOOKED_AT = 60  # observations, when a mistake in the poses is sought
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 GROSS_ROUNDS = 3  # frames beside a gross one, which it had pulled the fit off, come back
@@ -84,7 +86,7 @@ def solve(
     view = view or view_of(seen.circle)
     refined = _refine(_search(seen, noise, design), seen, noise)
     best = refined[0]
-    _check_explains(best, seen, noise, where)
+    _check_explains(best, seen, noise, where, design)
     demand = Demand(view, limit_mm, where)
     check_fit(best, seen, noise, demand)  # before rivals: with nothing determined there are many
     best, alone = only_answer(refined, design, seen, noise, where)
@@ -145,7 +147,7 @@ def solve_with_offset(
             break
         best = bundle.fit(best.estimate, passes, noise, used=used, with_offset=True)
         seen = passes.place(best.estimate.offset_s)
-    _check_explains(best, seen, noise, where)
+    _check_explains(best, seen, noise, where, design)
     found = settled(best, passes, noise, with_offset=True)
     seen = passes.place(found.fit.estimate.offset_s)
     return Answer(found.fit, seen, found.noise, best, True, found.misfit, with_offset=True)
@@ -208,8 +210,17 @@ def check_fit(
     refuse_undetermined(best.covariance[:6, :6], best.estimate, demand, cause)
 
 
-def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> None:
-    """Refuse data that no hand-eye pose explains."""
+def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str, design: Float | None) -> None:
+    """Refuse data that no hand-eye pose explains, with the mistake in the poses without which one would."""
+    if _unexplained(best.estimate, seen, noise) > 1.0:
+        few = seen.subset(np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, LOOKED_AT).astype(int)))
+
+        def misfit(poses: Float) -> float:
+            read = dataclasses.replace(few, base_from_flange=poses)
+            return _unexplained(next(bundle.candidates(read, noise, design))[0][1], read, noise)
+
+        if mistake := suspected(few.base_from_flange, misfit, 1.0):
+            raise InputError(where, f"no hand-eye pose explains the postures; suspicion: {mistake}")
     linear = linearise(best.estimate, seen, noise)
     rms = float(np.sqrt(np.mean(np.sum(linear.residual[best.used, :2] ** 2, axis=1))))
     if rms > HOPELESS * noise.radius_mm or not np.isfinite(rms):
@@ -218,6 +229,12 @@ def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str) -> 
             f"no hand-eye pose explains the postures: the best leaves {rms:.2f} mm; expected poses of the flange in "
             "the base, one sphere that does not move, and a right-handed profiler frame",
         )
+
+
+def _unexplained(estimate: Estimate, seen: Observations, noise: Noise) -> float:
+    """Squared distance, in gates, within which an answer explains the postures but for as many as may be gross."""
+    off = bundle.distances(estimate, seen, noise)
+    return float(np.quantile(off, 1.0 - estimator.MOST_GROSS)) / (bundle.SLACK * bundle.GATE)
 
 
 # Is the answer the only one? Where all sphere centres lie near one plane, its mirror image fits as well.

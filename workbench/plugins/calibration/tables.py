@@ -21,7 +21,7 @@ POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")  # a flange in the base
 JOINTS = tuple(f"q{k}_deg" for k in range(1, 7))
 ENOUGH = 0.5  # of the tolerance of the root face, that one link of the chain may take
 NOISY = 2.0  # misfit that is told
-MOST_MISFIT = 100.0  # residuals of ten times the stated noise: no noise, and no robot that errs a little
+MOST_MISFIT = 100.0  # residuals of ten times the stated noise
 TOO_NEAR = 15.0  # times nearer to each other than the noise says: a length in inches is 25.4 times too small
 
 
@@ -37,9 +37,14 @@ def poses(table: Table) -> Float:
     return pose_from(rotation_from_quaternion(pose[:, 3:] / norm[:, None]), pose[:, :3])
 
 
+def contradicts(found: estimator.Fit[Any]) -> bool:
+    """Whether residuals are so large that neither noise nor a robot that errs a little makes them."""
+    return found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT
+
+
 def check_misfit(found: estimator.Fit[Any], labels: estimator.Labels) -> None:
     """Refuse rows of which too many lie too far from what fits them best for any to be called a blunder."""
-    if found.freedom >= estimator.LEAST_FREEDOM and found.misfit > MOST_MISFIT:
+    if contradicts(found):
         raise estimator.contradictory(found.misfit, labels)
 
 

@@ -43,6 +43,7 @@ SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
 STARTS, TRIED = 40, 4  # directions from which the axis is sought, and the likeliest, which are refined
 STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
+UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
 
 
@@ -196,6 +197,11 @@ def turntable(
         )
     good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
     warnings = tuple(left_out.values()) + apart + believed
+    if axis.frame[2, 2] < -UPRIGHT:
+        warnings += (
+            "the axis points down, against the base's z: rising angles turn clockwise seen from above; if the table "
+            "counts the other way, columns x_mm and y_mm are swapped, or the angles' sign is wrong",
+        )
     if believed:
         good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
     if scale_u > CHECKED:

@@ -469,9 +469,10 @@ def upwards(x: list[Float], z: list[Float]) -> float:
     """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
 
     What lies between the outer surfaces of a groove lies below them; in a few profiles, and near, that is spatter.
+    Where a streak of reflections cuts a surface in two, the gap beside it is wider than usual and tells nothing.
     x, z: profiles with x rising.
     """
-    votes = []  # mm
+    found: list[tuple[float, float]] = []  # width between the surfaces, and how deep returns lie there (0: none), mm
     for xs, zs in zip(x, z, strict=True):
         lines = straight_faces(xs, zs)
         long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
@@ -480,13 +481,15 @@ def upwards(x: list[Float], z: list[Float]) -> float:
         first, last = long[0], long[-1]
         off = np.minimum(np.abs(_off(xs, zs, first)), np.abs(_off(xs, zs, last)))
         inner: Bool = (off > DROP_MM) & (xs > first[X1]) & (xs < last[X0])
-        if inner.sum() >= DROP_POINTS:
-            chord = _chord(first, last)
-            votes.append(-float(np.median(zs[inner] - np.polyval(chord, xs[inner]))))
+        shown = inner.sum() >= DROP_POINTS
+        deep = np.median(np.polyval(_chord(first, last), xs[inner]) - zs[inner]) if shown else 0.0
+        found.append((float(last[X0] - first[X1]), float(deep)))
+    width, votes = np.array(found).reshape(-1, 2).T
+    votes = votes[width <= np.median(width) + LEAST_PLATE_MM] if width.size else votes
     told = float(np.sign(votes).sum())
     if abs(told) > LEAST_VOTES * len(x):
         return float(np.sign(told))
-    deep = np.sign([vote for vote in votes if abs(vote) > SPATTER_MM])
+    deep = np.sign(votes[np.abs(votes) > SPATTER_MM])
     return float(deep[0]) if abs(deep.sum()) == deep.size > DEEP_VOTES * len(x) else 0.0
 
 

@@ -34,13 +34,17 @@ FREE_MM = 1.0  # by which a line and a parabola may be anything
 
 
 class Linearity(NamedTuple):
-    """The sensor's own error over its columns: rms, and over what length it changes, mm.
+    """The sensor's own error over its columns, an Ornstein-Uhlenbeck process: rms and correlation length, mm.
 
     What is not declared is taken for half a micrometre: the least that a face's own residuals cannot disprove.
     """
 
     rms_mm: float = 0.0005
-    length_mm: float = 6.0
+    length_mm: float = 36.0
+
+    def covariance(self, apart_mm: Float) -> Float:
+        """Of the errors of two places so far apart, mm^2."""
+        return np.asarray(self.rms_mm**2 * np.exp(-np.abs(apart_mm) / self.length_mm))
 
 
 def declared_linearity(sensor: Path | None) -> Linearity:
@@ -244,8 +248,7 @@ def _form(image: FaceImage, lasting: Sequence[Float], at: Float, sensor: Lineari
     end = 0.5 * (3.0 * t[-1] - t[-2])
     line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
     weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
-    apart = (t[:, None] - t) / sensor.length_mm
-    field = sensor.rms_mm**2 * np.exp(-0.5 * apart**2)
+    field = sensor.covariance(t[:, None] - t)
     centred = np.eye(t.size) - 1.0 / t.size  # a sensor's or a face's common offset moves nothing
     rows = []
     for covariance, mean, noise in zip(lasting, image.mean, image.noise, strict=True):

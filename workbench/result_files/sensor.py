@@ -34,7 +34,9 @@ class SensorFile(ResultFile):
     linearity_mm: Annotated[float, Field(ge=0, le=1)] | None = Field(
         default=None, description="rms of the range's own error over the columns, alike in every profile"
     )
-    linearity_length_mm: Positive | None = Field(default=None, description="lateral length over which it changes")
+    linearity_length_mm: Positive | None = Field(
+        default=None, description="lateral length over which it changes: its correlation length; a quarter of a wave's"
+    )
     line_thickness_mm: Positive | None = None
     filters: tuple[str, ...] | None = None
     body: tuple[Box, ...] | None = None

@@ -318,7 +318,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     edges = end_groups(min(root.columns, DEEP_MM / step))
     length = 0.5 * profiler.linearity.length_mm / math.cos(view.elevation)
     middle = 0.5 * (edges[1:] + edges[:-1]) * step
-    pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-0.5 * (np.ptp(middle) / length) ** 2))
+    pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-np.ptp(middle) / length))
     far = np.abs(middle[:, None] - middle[None, :]) / max(length, 1e-6)
     column = np.arange(math.ceil(edges[-1]))
     share = np.maximum(np.minimum(edges[1:, None], column + 1.0) - np.maximum(edges[:-1, None], column), 0.0)

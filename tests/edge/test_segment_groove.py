@@ -1,5 +1,7 @@
 """Grooves of the simulators are found, with their type and sizes; what is no groove is refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -275,10 +277,19 @@ def test_a_false_end_beyond_a_hole_is_not_told() -> None:
     assert max(abs(error) / u for size, error, u in errors(inspection, truth) if size == "width_mm") < 3.0
 
 
-def test_spatter_alone_tells_no_upper_side() -> None:
-    """Nothing is seen between the plates: they were measured upside down, by what lies on one of them."""
-    with pytest.raises(InputError, match="nothing is seen below them"):
-        measured("prism", "I", 5710007)
+def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
+    """Spatter on one of them once turned them upside down; their flange is on the scanner's side."""
+    inspection, truth = measured("prism", "I", 5710007)
+    assert max(abs(error) / u for _, error, u in errors(inspection, truth)) < 3.0
+    cloud = fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
+    flange = cloud.base_from_profiler @ np.linalg.inv(cloud.flange_from_profiler)
+    section = inspection.sections[4]
+    assert ((flange[:, :3, 3] - section.origin_mm) @ section.across > 0.0).all()
+    flange_from_profiler = np.eye(4)
+    flange_from_profiler[2, 3] = -np.nanmedian(cloud.z_mm)
+    level = dataclasses.replace(cloud, flange_from_profiler=flange_from_profiler)
+    with pytest.raises(InputError, match="the flange, which would be above, is level"):
+        segment_groove(denoise(level))
 
 
 def test_a_fillet_goes_on_to_its_last_return() -> None:

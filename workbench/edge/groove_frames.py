@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from workbench.edge.groove_profile import (
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, along_motion, fit_curve
+from workbench.geometry.poses import inverse
 from workbench.units import Bool, Float, Int, Shaped
 
 SAMPLE = 24  # profiles that show which way is up
@@ -80,9 +82,13 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     some = profiles[:: max(1, len(profiles) // SAMPLE)]
     up = upwards([p[0] for p in some], [p[1] for p in some])
     if up == 0.0:  # few profiles show what lies below: all of them are asked
-        up = upwards([p[0] for p in profiles], [p[1] for p in profiles])
+        up = upwards([p[0] for p in profiles], [p[1] for p in profiles]) or _towards_flange(cloud, profiles)
     if up == 0.0:
-        raise InputError(cloud.source, "expected two plates with a groove between them: nothing is seen below them")
+        raise InputError(
+            cloud.source,
+            "expected two plates with a groove between them: nothing is seen below them, and the flange, which would "
+            "be above, is level with them by the hand-eye pose",
+        )
     seen = [read_profile(x, up * z) for x, z, _ in profiles]
     read = [one if one and is_read(one) else None for one in seen]
     both = [one for one in read if one is not None]
@@ -115,6 +121,15 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         sum(one is not None and "compound" in (one[0].kind, one[1].kind) for one in seen) / max(len(frames), 1),
         min(agree_left, agree_right),
     )
+
+
+def _towards_flange(cloud: Cloud, profiles: Sequence[tuple[Float, Float, Int]]) -> float:
+    """1 where z counts towards the flange, which carries the sensor above the plates, -1: away from it; 0: level."""
+    if cloud.flange_from_profiler is None:
+        return 0.0
+    flange = inverse(cloud.flange_from_profiler)[2, 3]
+    z = np.concatenate([z for _, z, _ in profiles])
+    return float(flange > z.max()) - float(flange < z.min())
 
 
 def two_plates_share(cloud: Cloud) -> float:

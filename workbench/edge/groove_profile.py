@@ -47,7 +47,6 @@ STEEP_STEP_MM = 1.5  # returns on a steep face lie so far apart at most; on two 
 SEEN_BELOW = 8  # so many returns of one below an edge are a face
 BELOW_MM, ASIDE_MM = 0.12, 0.35  # returns of a root face lie so far below the root at least, so far aside at most
 LEAST_VOTES = 0.25  # share of the profiles that show more of them below the plates than above
-SPATTER_MM, DEEP_VOTES = 5.0, 0.04  # what lies further off is no spatter: so many profiles tell, where none objects
 LEVEL_MM, LEVEL_RETURNS = 0.3, 24  # of a surface, that show whether it is level
 MOST_LEAN = math.tan(20.0 * DEG)  # a root face leans by less from the square to its plate, as few returns show it
 OFF_FACE_MM = 0.05  # aside of the line of a root face: rough faces and their rounded ends lie nearer to it
@@ -77,8 +76,11 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
     """Left (falling x) and right plate of a profile, y upwards, x rising, both (n,) mm; None: no two plates."""
     if x.size < 4 * LEAST_PLATE_POINTS:
         return None
-    lines = _unbridged(x, y, straight_faces(x, y))
-    long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
+    lines = _unbridged(x, y, straight_faces(x, y), LEAST_WHOLE)
+    long = _plates(lines)
+    if len(long) == 1:  # level plates over a gap in which nothing is seen
+        lines = _unbridged(x, y, lines, x.size)
+        long = _plates(lines)
     if len(long) < 2:
         return None
     turn = math.atan(long[0][SLOPE]) - math.atan(long[-1][SLOPE])
@@ -90,6 +92,11 @@ def read_profile(x: Float, y: Float) -> tuple[Side, Side] | None:
         return goes_on
     ends = _both_sides(x, y, lines, long, False)
     return ends if goes_on is None or (ends is not None and is_read(ends)) else goes_on
+
+
+def _plates(lines: Float) -> Float:
+    """Those of the lines that are long enough for a plate's upper surface."""
+    return lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
 
 
 def is_read(sides: tuple[Side, Side]) -> bool:
@@ -135,14 +142,16 @@ def _is_covered(x: Float, y: Float, side: Side, level: float) -> bool:
     return False
 
 
-def _unbridged(x: Float, y: Float, lines: Float) -> Float:
-    """The lines, those that reach over a gap without returns cut in two there: both fillets of a U can lie on one."""
+def _unbridged(x: Float, y: Float, lines: Float, whole: int) -> Float:
+    """The lines, those that reach over a gap without returns cut in two there: both fillets of a U can lie on one.
+
+    Not cut are lines of `whole` returns and more: an upper surface goes on beyond lost returns.
+    """
     out = []
     for line in lines:
         first, last = int(line[FIRST]), int(line[LAST])
         wide = np.flatnonzero(np.diff(x[first : last + 1]) > JUMP_MM)
-        # A face that goes on beyond lost returns, as an upper surface does, stays one.
-        if not wide.size or wide.size > 1 or last - first >= LEAST_WHOLE:
+        if wide.size != 1 or last - first >= whole:
             out.append(line)
             continue
         cut = first + int(wide[0]) + 1
@@ -475,7 +484,7 @@ def upwards(x: list[Float], z: list[Float]) -> float:
     found: list[tuple[float, float]] = []  # width between the surfaces, and how deep returns lie there (0: none), mm
     for xs, zs in zip(x, z, strict=True):
         lines = straight_faces(xs, zs)
-        long = lines[(lines[:, X1] - lines[:, X0] > LEAST_PLATE_MM) & (lines[:, LAST] - lines[:, FIRST] >= 11)]
+        long = _plates(lines)
         if len(long) < 2:
             continue
         first, last = long[0], long[-1]
@@ -487,10 +496,7 @@ def upwards(x: list[Float], z: list[Float]) -> float:
     width, votes = np.array(found).reshape(-1, 2).T
     votes = votes[width <= np.median(width) + LEAST_PLATE_MM] if width.size else votes
     told = float(np.sign(votes).sum())
-    if abs(told) > LEAST_VOTES * len(x):
-        return float(np.sign(told))
-    deep = np.sign(votes[np.abs(votes) > SPATTER_MM])
-    return float(deep[0]) if abs(deep.sum()) == deep.size > DEEP_VOTES * len(x) else 0.0
+    return float(np.sign(told)) if abs(told) > LEAST_VOTES * len(x) else 0.0
 
 
 def _off(x: Float, z: Float, line: Float) -> Float:

@@ -153,7 +153,7 @@ def over_frames(r: Recording, count: int) -> np.ndarray:
 
 
 def gauss(r: Recording) -> np.ndarray:
-    return gaussian_filter1d(r.z_mm.astype(float), 1.0, axis=1).astype("f4")
+    return gaussian_filter1d(r.z_mm.astype(float), 2.0, axis=1).astype("f4")
 
 
 def swapped(r: Recording) -> Recording:
@@ -197,7 +197,7 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     ),
     "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
     "x and z swapped": (lambda _: swapped(good("arc", 46)), "range_step_mm", "axes x and z swapped"),
-    "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r)), "column_smoothing", "smoothing filter"),
+    "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r)), "mean_columns", "smoothing filter"),
     "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
     "quaternions rounded to 0.01": (two_digits, "orientation_step_deg", "rounded to 0.01"),
     "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),

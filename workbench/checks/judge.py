@@ -377,15 +377,12 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
             told = f"ranges are spaced by {step:.3g} mm as columns are, lateral places are not: axes x and z swapped?"
         yield check(name, step, told, given=given, default=max(most(name), blurred))
     told = (
-        f"the sensor has averaged its profiles over {traces.mean_columns:.0f} columns: switch its smoothing filter off"
+        f"the sensor has averaged its profiles over {traces.mean_columns:.2g} columns: switch its smoothing filter off"
     )
     yield check("mean_columns", traces.mean_columns, told, given=given)
     told = f"the sensor has averaged over {traces.mean_frames:.0f} frames, which blurs what changes along the edge"
     told = told if traces.mean_frames else "frames have noise of their own"
     yield Check("mean_frames", traces.mean_frames, None, True, "in the uncertainty of the face's end", told)
-    told = f"the noise that is new from column to column is {traces.fading:.2g} of what white noise has: "
-    told += "a smoothing filter? switch the sensor's filters off"
-    yield check("column_smoothing", traces.fading, told, given=given)
     told = (
         f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "
         "hold one value: a median filter, or lost returns filled? "

@@ -69,12 +69,6 @@ LIMITS: dict[str, Limit] = {
         "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
         "over more columns bends narrow faces",
     ),
-    "column_smoothing": Limit(
-        (0.05, 1e3),
-        "power of the noise at periods of two columns over that at three to ten columns",
-        "white noise has 1, noise with a correlation of 0.8 between neighbours 0.25; smoothing by 0.7 columns and more "
-        "leaves less, and moves the edges of faces",
-    ),
     "held_end_share": Limit(
         0.3,
         "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the "

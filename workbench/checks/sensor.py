@@ -29,6 +29,7 @@ BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the m
 STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
 EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
+FILTERED = 0.05  # as little of the noise is left at two columns where a filter has smoothed by 0.7 columns and more
 DIGITS = 4.0  # times the power of rounding: no more than that is left
 LEAST_ROWS = 20
 SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and over how many frames
@@ -55,9 +56,8 @@ class SensorTraces:
 
     noise_mm: float  # standard deviation about a straight line
     correlation: Float  # (LAGS + 1,) of that noise, by columns apart
-    mean_columns: float  # width of a moving mean over columns; 0: none
+    mean_columns: float  # width of a moving mean over columns, or of one that smooths as much; 0: none
     mean_frames: float  # likewise from frame to frame
-    fading: float  # how much weaker the noise is at periods of two columns than of five; 1: as white noise is
     held_end_share: float  # of faces' ends beside lost returns, those that lie on a line to the digit, beyond chance
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
@@ -87,7 +87,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         np.full(LAGS + 1, np.nan),
         mean,
         mean_frames,
-        np.nan,
         held,
         step_z,
         step_x,
@@ -107,8 +106,10 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
     if mean and not (_blind(whole, mean) or _blind(level, mean)):
         mean = 0.0
-    left = min(fading(whole, digit), fading(level, digit))
-    return SensorTraces(noise, correlation, mean, mean_frames, left, held, step_z, step_x, pitch)
+    if min(fading(whole, digit), fading(level, digit)) < FILTERED:
+        alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
+        mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
+    return SensorTraces(noise, correlation, mean, mean_frames, held, step_z, step_x, pitch)
 
 
 def _held_ends(z: Float, digit_mm: float) -> float:

@@ -405,7 +405,7 @@ def drawn(made: dict[str, Ready], scratch: Path, until: float, seeds: range) -> 
     found: dict[str, Counter[str]] = {name: Counter() for name in made}
     for seed in seeds:
         for name, one in made.items():
-            if time.monotonic() > until or (name == "queue" and seed % QUEUE_EVERY):
+            if time.monotonic() > until or (name == "queue" and len(made) > 1 and seed % QUEUE_EVERY):
                 continue
             ends = case(one.command, scratch, one.new, one.counts, random.Random(f"{name} {seed}"))
             found[name] += ends

@@ -49,6 +49,13 @@ def test_quaternions_stored_otherwise_are_read_back(name: str, stored: Float) ->
     assert hand_eye is HAND_EYE
 
 
+def test_inverted_poses_are_read_back() -> None:
+    inverted = KNOWN["the poses are inverted: they map the base to the flange"]
+    turn, at, _ = read(inverted, wxyz(TRUE.inv()), -TRUE.inv().apply(AT))
+    assert (turn.inv() * TRUE).magnitude().max() < 1e-7
+    assert at == pytest.approx(AT)
+
+
 def test_hand_eye_poses_stored_otherwise_are_read_back() -> None:
     inverted = read(
         KNOWN["the hand-eye pose is inverted: it maps the flange to the profiler"],

@@ -66,3 +66,15 @@ def test_the_joint_gives_the_elevations(bevel_deg: float) -> None:
     assert not doubtful.any()
     assert seen[:, :2].max() < MOST_INCIDENCE
     assert (seen[:, 2] < MOST_INCIDENCE).any() == (bevel_deg < 50.0)
+
+
+def test_a_way_keeps_to_the_points_between_them_too() -> None:
+    """Long straight pieces are told by their ends alone; a smooth curve through few points bulged by 90 mm."""
+    for points in ([[0, 0, 0], [900, 0, 0], [1000, 50, 0]], [[0, 0, 0], [300, 0, 0], [350, 50, 0], [350, 350, 0]]):
+        told = np.array(points, float)
+        line = EdgeLine.through(told, np.array([0.0, 0.0, 1.0]), "line")
+        first, piece = told[:-1], np.diff(told, axis=0)
+        away = line.position_mm[:, None] - first
+        share = np.clip((away * piece).sum(axis=-1) / (piece**2).sum(axis=-1), 0.0, 1.0)
+        off = np.linalg.norm(away - share[..., None] * piece, axis=-1).min(axis=1)
+        assert off.max() < 2.5

@@ -92,7 +92,6 @@ def _known() -> Iterator[Convention]:
     yield Convention("the hand-eye pose is inverted: it maps the flange to the profiler", hand_eye=inverse)
     yield Convention("the hand-eye rotation is transposed", hand_eye=_transposed)
     yield Convention("the hand-eye pose is missing from the poses: they are the profiler's own", hand_eye=_identity)
-    yield Convention("the poses are inverted: they map the base to the flange", inverted=True)
     for axis, name in enumerate("xyz", start=1):
         yield Convention(f"the sign of {name} of the quaternions is wrong", quaternion=_negated(axis))
     yield Convention("quaternions are stored w z y x, not w x y z", quaternion=lambda q: q[:, [0, 3, 2, 1]])
@@ -116,6 +115,7 @@ def _known() -> Iterator[Convention]:
         for signs in product((1, -1), repeat=3):
             if axes != (0, 1, 2) or signs != (1, 1, 1):
                 yield Convention(f"the robot's axes are {_axes(axes, signs)}", position=_axis_map(axes, signs))
+    yield Convention("the poses are inverted: they map the base to the flange", inverted=True)
     for axes in permutations(range(3)):
         for signs in product((1, -1), repeat=3):
             turn = np.zeros((3, 3))

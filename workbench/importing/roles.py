@@ -99,7 +99,7 @@ def role_of(name: str) -> tuple[str, str]:
 def _bare(name: str) -> tuple[str, str]:
     """A column's name in small letters without its unit, and the unit or ''."""
     text, unit = name.strip().lower(), ""
-    bracket = re.search(r"[\[(]([^\])]{0,40})[\])]", text)
+    bracket = re.search(r"[\[(]([^][()]*)[\])]", text)
     if bracket and not bracket[1].strip().isdigit():
         unit, text = UNITS.get(bracket[1].strip(), ""), text.replace(bracket[0], " ").strip()
     last = re.search(r"[\s._/:-]([^\s._/:-]+)$", text)

@@ -15,7 +15,7 @@ import re
 import threading
 import webbrowser
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -379,6 +379,8 @@ class Page:
         run = self.store.run(request.path_params["number"])
         if run is None:
             raise InputError("run", f"there is no run {request.path_params['number']}")
+        if run.state in ("queued", "running") and self.queue.trouble:
+            return replace(run, step=self.queue.trouble)
         return run
 
     def _file(self, name: str) -> Path:

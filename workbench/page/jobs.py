@@ -42,6 +42,7 @@ class Queue:
         self._wake, self._end = threading.Event(), threading.Event()
         self._child: tuple[int, subprocess.Popen[str]] | None = None
         self._spare: _Spare | None = None
+        self.trouble = ""  # why the store does not answer the queue just now
         self._again: list[Any] = []  # what a child that waits has done
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._work, daemon=True)
@@ -99,8 +100,11 @@ class Queue:
         """What the store answers; where its disk is full or fails, as soon as it does not; None at the end."""
         while True:
             try:
-                return ask()
-            except OutputError:
+                answer = ask()
+                self.trouble = ""
+                return answer
+            except OutputError as error:
+                self.trouble = str(error)
                 if self._end.wait(RETRY_S):
                     return None
 
@@ -236,8 +240,8 @@ class Queue:
             return
         try:
             told = summary(self.results(run.id))
-        except OSError as error:
-            unread = f"{error.filename}: cannot be read: {error.strerror}"
+        except (OSError, ValueError, KeyError) as error:
+            unread = f"{self.results(run.id)}: cannot be read: {getattr(error, 'strerror', None) or error}"
             self.store.update(run.id, state="failed", status=2, reason=unread)
             return
         lines = [line for line in printed.splitlines() if line.startswith("gate: ")]

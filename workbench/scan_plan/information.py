@@ -203,7 +203,7 @@ def information(
         for width, incidence in ((joint.root_mm, root_i), (joint.bevel_width_mm, bevel_i))
     )
     is_corner = lower_i < MOST_INCIDENCE
-    frames = min(round(length_mm / view.frame_pitch_mm), SAMPLE_FRAMES)
+    frames = min(max(round(length_mm / view.frame_pitch_mm), 1), SAMPLE_FRAMES)
     steep = abs(math.tan(view.elevation))
     place = root.place_mm * (1.0 / math.tan(joint.bevel) + (0.0 if is_corner else steep))
     tilt = math.tan(abs(view.lead))

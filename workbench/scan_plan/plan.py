@@ -124,7 +124,7 @@ class ScanPlan:
 
     @property
     def turntable_deg(self) -> float | None:
-        """At which the passes are driven; None: there is no turntable."""
+        """At which the passes are driven; None: no turntable, or no cell looked at."""
         axis = getattr(self.scan_cell, "turntable", None)  # there may be no cell
         return None if axis is None or axis.slides else round(self.table / DEG, 6)
 

@@ -23,7 +23,7 @@ from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_ke
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
 from workbench.scan_plan.plan import ScanPass, ScanPlan
-from workbench.scan_plan.reach import Examiner
+from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
 from workbench.units import DEG
 
@@ -174,8 +174,13 @@ def _equipped(cell: Cell, process: ProcessPart, mass_kg: float | None, centre_mm
         "collision with the workpiece",
         "the robot's repeatability",
         "the load of the tool",
+        "the cutter's torque and power",
     )
-    unchecked = tuple(text for text in cell.unchecked if not text.startswith(of_mill))
+    unchecked = tuple(
+        text
+        for text in cell.unchecked
+        if not text.startswith(of_mill) and not (BODY in text and text.endswith("($.may_touch)"))
+    )
     stays = any(shape.body == "cutter" for shape in cell.shapes)
     mass, centre = (cell.tool_mass_kg, cell.tool_centre_of_gravity_mm) if stays else (None, None)
     if mass_kg is not None:

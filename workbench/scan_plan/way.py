@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import splev, splprep
+from scipy.ndimage import gaussian_filter1d
 
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
 
 DRIFT_COLUMNS = 8.0  # by which the columns move past the edge in a pass: one column alone never tells where a face ends
-STATION_MM = 2.0
+STATION_MM, SMOOTH_MM = 2.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +51,16 @@ class EdgeLine:
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
-        up = np.stack([np.interp(at, along, of) for of in upper.T], axis=1)
-        spline = splprep(points.T, u=along, k=min(2, len(points) - 1), s=len(points) * (0.5 * BESIDE_MM) ** 2)[0]
-        position, tangent = (np.stack(splev(at, spline, der), axis=1) for der in (0, 1))
+        both = np.union1d(along, at)  # a long straight piece holds the curve too
+        every = np.stack([np.interp(both, along, of) for of in points.T])
+        told, up = (np.stack([np.interp(at, along, of) for of in a.T], axis=1) for a in (points, upper))
+        for room in 0.5 * BESIDE_MM * 0.5 ** np.arange(12):  # less where the mean hides a corner that is cut
+            spline = splprep(every, u=both, k=min(2, len(both) - 1), s=len(both) * room**2)[0]
+            position, tangent = (np.stack(splev(at, spline, der), axis=1) for der in (0, 1))
+            off = gaussian_filter1d(position - told, SMOOTH_MM / STATION_MM, axis=0, mode="nearest")
+            if np.linalg.norm(off, axis=1).max() <= BESIDE_MM:
+                break
+        at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1)))
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)

@@ -212,14 +212,17 @@ def check_fit(
 
 def _check_explains(best: Fit, seen: Observations, noise: Noise, where: str, design: Float | None) -> None:
     """Refuse data that no hand-eye pose explains, with the mistake in the poses without which one would."""
-    if _unexplained(best.estimate, seen, noise) > 1.0:
-        few = seen.subset(np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, LOOKED_AT).astype(int)))
+    # The misfit is that of three quarters of the postures: it has to reach beyond those that every start explains.
+    enough = (1.0 - estimator.MOST_GROSS) * (len(seen) - 1) > bundle.SEED_SIZE
+    if enough and _unexplained(best.estimate, seen, noise) > 1.0:
+        looked_at = np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, LOOKED_AT).astype(int))
+        few = seen.subset(looked_at)
 
         def misfit(poses: Float) -> float:
-            read = dataclasses.replace(few, base_from_flange=poses)
+            read = dataclasses.replace(few, base_from_flange=poses[looked_at])
             return _unexplained(next(bundle.candidates(read, noise, design))[0][1], read, noise)
 
-        if mistake := suspected(few.base_from_flange, misfit, 1.0):
+        if mistake := suspected(seen.base_from_flange, misfit, 1.0):
             raise InputError(where, f"no hand-eye pose explains the postures; suspicion: {mistake}")
     linear = linearise(best.estimate, seen, noise)
     rms = float(np.sqrt(np.mean(np.sum(linear.residual[best.used, :2] ** 2, axis=1))))

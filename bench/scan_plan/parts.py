@@ -81,7 +81,7 @@ def draw(seed: int) -> Drawn:
         "noise_mm": noise,
         "noise_columns": NOISE_COLUMNS,
         "linearity_mm": LINEARITY_MM,
-        "linearity_length_mm": LINEARITY_LENGTH_MM,
+        "linearity_length_mm": 0.5 * LINEARITY_LENGTH_MM,
         "camera_side": "y",
         "triangulation_deg": 25,
         "body": [{"centre_mm": [0, 35, -40], "size_mm": [60, 130, 80]}],

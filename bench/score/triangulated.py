@@ -101,7 +101,7 @@ def real(rng: Generator, eye: Sensor, led: Way, low_mm: float, high_mm: float) -
     """A sensor with an error of linearity and a robot that errs as a process, and what data sheets say of both."""
     strength, length = robot(rng, low_mm, high_mm)
     slow = rng.uniform(8.0, 40.0)
-    sheet = {"linearity_mm": 0.001, "linearity_length_mm": digit(slow), "columns": eye.columns}
+    sheet = {"linearity_mm": 0.001, "linearity_length_mm": digit(0.5 * slow), "columns": eye.columns}
     known = {"sensor": sheet, "robot_noise_mm": digit(strength), "robot_noise_length_mm": digit(length)}
     eye = replace(eye, linearity_mm=0.001, linearity_length_mm=slow)
     return eye, replace(led, robot_mm=strength, robot_length_mm=length), known

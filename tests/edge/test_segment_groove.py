@@ -288,8 +288,20 @@ def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
     flange_from_profiler = np.eye(4)
     flange_from_profiler[2, 3] = -np.nanmedian(cloud.z_mm)
     level = dataclasses.replace(cloud, flange_from_profiler=flange_from_profiler)
-    with pytest.raises(InputError, match="the flange, which would be above, is level"):
+    with pytest.raises(InputError, match="no flange above them tells which side is up"):
         segment_groove(denoise(level))
+
+
+def test_blind_columns_are_no_gap() -> None:
+    """Dead columns part one plate as a gap parts two, but in the same columns of every profile."""
+    cloud = fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
+    plane = np.broadcast_to(np.nanmedian(cloud.z_mm, axis=0).mean(), cloud.z_mm.shape)
+    z = (plane + np.random.default_rng(1).normal(0.0, 0.01, plane.shape)).astype(np.float32)
+    x = np.broadcast_to(np.linspace(-15.0, 15.0, z.shape[1], dtype=np.float32), z.shape)
+    seen = np.abs(x) > 1.0
+    plate = dataclasses.replace(cloud, x_mm=x, z_mm=np.where(seen, z, np.float32(np.nan)), keep=seen, brightness=None)
+    with pytest.raises(InputError, match="in the same columns of all profiles"):
+        segment_groove(plate)
 
 
 def test_a_fillet_goes_on_to_its_last_return() -> None:

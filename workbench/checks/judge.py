@@ -381,7 +381,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     )
     yield check("mean_columns", traces.mean_columns, told, given=given)
     told = f"the sensor has averaged over {traces.mean_frames:.0f} frames, which blurs what changes along the edge"
-    told = told if traces.mean_frames else "frames have noise of their own"
+    told = told if traces.mean_frames else "no mean over frames is seen"
     yield Check("mean_frames", traces.mean_frames, None, True, "in the uncertainty of the face's end", told)
     told = (
         f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "

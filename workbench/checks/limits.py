@@ -30,7 +30,7 @@ LIMITS: dict[str, Limit] = {
     "reach_mm": Limit(
         (250.0, 30_000.0),
         "greatest distance of the flange from the robot's base",
-        "less is inside the robot, more needs a track of 30 m",
+        "less is inside the robot, more needs a track of 30 m; a linear axis goes 2 mm to 100 m",
     ),
     "standing_share": Limit(
         0.5,

@@ -26,6 +26,7 @@ from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.poses import inverse
 from workbench.units import Bool, Float, Int, Shaped
 
+BLIND_SHARE = 0.5  # of profiles: the ends beside true gaps share their columns in up to 0.02, beside blind ones in all
 SAMPLE = 24  # profiles that show which way is up
 FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and about how many columns of each
 LOOKED_AT = 100  # and eight times as many profiles, among which these are
@@ -86,8 +87,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     if up == 0.0:
         raise InputError(
             cloud.source,
-            "expected two plates with a groove between them: nothing is seen below them, and the flange, which would "
-            "be above, is level with them by the hand-eye pose",
+            "expected two plates with a groove between them: nothing is seen below them, and no flange "
+            "above them tells which side is up: expected a hand-eye pose with its place",
         )
     seen = [read_profile(x, up * z) for x, z, _ in profiles]
     read = [one if one and is_read(one) else None for one in seen]
@@ -108,6 +109,13 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     )
     good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
+    ends = np.array([profiles[k][2][[a.last, b.last]] for k, (a, b) in zip(good, kept, strict=True)])
+    if left == right == "edge" and (ends == np.median(ends, axis=0)).all(axis=1).mean() > BLIND_SHARE:
+        raise InputError(
+            cloud.source,
+            "expected two plates with a groove between them: what parts them lies in the same columns of all profiles, "
+            "which return nothing: dirt on the window, or on the sensor?",
+        )
     numbers = np.array([frames[k] for k in good], np.int64)
     return ReadFrames(
         numbers,
@@ -125,8 +133,8 @@ def read_frames(cloud: Cloud) -> ReadFrames:
 
 def _towards_flange(cloud: Cloud, profiles: Sequence[tuple[Float, Float, Int]]) -> float:
     """1 where z counts towards the flange, which carries the sensor above the plates, -1: away from it; 0: level."""
-    if cloud.flange_from_profiler is None:
-        return 0.0
+    if cloud.flange_from_profiler is None or not cloud.flange_from_profiler[:3, 3].any():
+        return 0.0  # poses of the profiler itself: where its ranges are 0 is the sensor's, and may be among the plates
     flange = inverse(cloud.flange_from_profiler)[2, 3]
     z = np.concatenate([z for _, z, _ in profiles])
     return float(flange > z.max()) - float(flange < z.min())

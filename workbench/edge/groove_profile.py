@@ -477,7 +477,7 @@ def _is_level(x: Float, y: Float, across: Float, up: Float) -> bool:
 def upwards(x: list[Float], z: list[Float]) -> float:
     """1 where z counts upwards, out of the plates, -1 where it counts into them; 0: nothing shows it.
 
-    What lies between the outer surfaces of a groove lies below them; in a few profiles, and near, that is spatter.
+    What lies between the outer surfaces of a groove lies below them; in a few profiles that is spatter.
     Where a streak of reflections cuts a surface in two, the gap beside it is wider than usual and tells nothing.
     x, z: profiles with x rising.
     """

@@ -316,7 +316,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     root = _face(profiler, root_mm, abs(view.elevation), pitch)
     step = pitch / math.cos(view.elevation)
     edges = end_groups(min(root.columns, DEEP_MM / step))
-    length = 0.5 * profiler.linearity.length_mm / math.cos(view.elevation)
+    length = profiler.linearity.length_mm / math.cos(view.elevation)
     middle = 0.5 * (edges[1:] + edges[:-1]) * step
     pattern = profiler.linearity.rms_mm**2 * (1.0 - np.exp(-np.ptp(middle) / length))
     far = np.abs(middle[:, None] - middle[None, :]) / max(length, 1e-6)

@@ -105,7 +105,7 @@ def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
     assert not gate.passed
     assert not file.reached
     assert any("bevel_deg" in one for one in scan.binds)
-    assert any("half the noise" in one for one in scan.would_help)
+    assert any("without error of linearity" in one for one in scan.would_help)
 
 
 def test_the_plate_and_the_scanner_are_bodies(shipped: Shipped) -> None:

@@ -17,7 +17,7 @@ from workbench.certificate import (
     left_out,
     names_of,
 )
-from workbench.edge.residual_image import STATED_MM, Linearity
+from workbench.edge.residual_image import Linearity
 from workbench.edge.unseen import SCALE
 from workbench.errors import InputError
 from workbench.units import AnyArray
@@ -37,10 +37,7 @@ LASTS = math.inf  # mm along the edge
 def certified_linearity(declared: Linearity, certificate: Path | None) -> Linearity:
     """The linearity that a sensor's certificate states, with its uncertainty; as declared where it states none."""
     errors = None if certificate is None else certified_errors(certificate, LINEARITY, LENGTHS)
-    if errors is None:
-        return declared
-    length = STATED_MM if declared == Linearity() else declared.length_mm
-    return Linearity(math.hypot(errors.rms, errors.u), length)
+    return declared if errors is None else declared._replace(rms_mm=math.hypot(errors.rms, errors.u))
 
 
 def certified(

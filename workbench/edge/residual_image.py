@@ -33,18 +33,15 @@ NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line and a parabola may be anything
 
 
-STATED_MM = 9.0  # correlation length of a stated error: a quarter of a wave as long as a usual field of view
-
-
 class Linearity(NamedTuple):
     """The sensor's own error over its columns, an Ornstein-Uhlenbeck process: rms and correlation length, mm.
 
-    What is not declared is taken for half a micrometre: the least that a face's own residuals cannot disprove. One that
-    is stated without a length is taken for a wave over a field of view.
+    What is not declared is taken for half a micrometre, the least that a face's own residuals cannot disprove, and for a
+    quarter of a wave as long as a usual field of view.
     """
 
     rms_mm: float = 0.0005
-    length_mm: float = 36.0
+    length_mm: float = 9.0
 
     def covariance(self, apart_mm: Float) -> Float:
         """Of the errors of two places so far apart, mm^2."""
@@ -56,9 +53,10 @@ def declared_linearity(sensor: Path | None) -> Linearity:
     from workbench.result_files import SensorFile  # pydantic: loaded when there is something to read
 
     told = SensorFile() if sensor is None else SensorFile.read(sensor)
-    if told.linearity_mm is None:
-        return Linearity()
-    return Linearity(told.linearity_mm, told.linearity_length_mm or STATED_MM)
+    usual = Linearity()
+    return Linearity(
+        usual.rms_mm if told.linearity_mm is None else told.linearity_mm, told.linearity_length_mm or usual.length_mm
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,12 +36,12 @@ FREE_MM = 1.0  # by which a line and a parabola may be anything
 class Linearity(NamedTuple):
     """The sensor's own error over its columns, an Ornstein-Uhlenbeck process: rms and correlation length, mm.
 
-    What is not declared is taken for half a micrometre, the least that a face's own residuals cannot disprove, and for a
-    quarter of a wave as long as a usual field of view.
+    What is not declared is taken for half a micrometre, the least that a face's own residuals cannot disprove, and for
+    a quarter of a wave twice as long as a usual field of view.
     """
 
     rms_mm: float = 0.0005
-    length_mm: float = 9.0
+    length_mm: float = 18.0
 
     def covariance(self, apart_mm: Float) -> Float:
         """Of the errors of two places so far apart, mm^2."""

@@ -265,7 +265,10 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
         depth = np.full((frames.size, edges.size - 1), np.nan)
         _last_returns(x, z, keep, known_line, as_input(edges), depth, last)
         further = float(np.percentile(last[:, 0], 5.0))
-    depth = _between(depth)
+    # The lower surface may return in a stretch of the edge alone: its frames say nothing of how the edge is broken.
+    usual = float(np.median(last[:, 0]))
+    alike = last[:, 0] <= 2.0 * usual + ONWARD[-1]
+    depth = _between(depth[alike])
     mostly = np.append(np.isfinite(depth).mean(axis=0) > 0.5, False)
     depth = depth[:, : int(mostly.argmin())]
     depth = depth[np.isfinite(depth).all(axis=1)]
@@ -273,12 +276,10 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     edges = edges[: depth.shape[1] + 1] if is_shown else edges[: LEAST_GROUPS + 1]
     known = _known_depths(depth, edges * step) if is_shown else _nothing_known(edges.size - 1)
     moved = float(np.diff(np.percentile(rim.end_x_mm[frames], [5.0, 95.0]))[0]) * math.hypot(1.0, slope) / step
-    further = float(last[:, 0].mean())
+    further = float(last[alike, 0].mean())
     if not rim.on_line:  # a return under the line lies that much farther along the face
-        further -= float(np.nanmean(last[:, 1])) * slope / step
-    return EndView(
-        known, edges * step, math.atan(slope), step, end_phases(moved > STILL), further, float(np.median(last[:, 0]))
-    )
+        further -= float(np.nanmean(last[alike, 1])) * slope / step
+    return EndView(known, edges * step, math.atan(slope), step, end_phases(moved > STILL), further, usual)
 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:

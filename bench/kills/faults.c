@@ -1,4 +1,5 @@
-/* Faults under everything that goes to the file system through libc: Python, HDF5, SQLite. LD_PRELOAD; see inject.py.
+/* Faults under the calls of libc (open, read, write, rename, ...) that Python, HDF5 and SQLite make, not under those that
+   libc makes itself (fwrite). LD_PRELOAD; see inject.py.
 
    Counted are the operations on paths and descriptors below the place that `arm_faults` names; the n-th meets the fault. */
 

@@ -20,11 +20,12 @@ RAYS = 9  # drawn of a fan
 
 def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
     """Passes, predicted U along the edge and by source, what binds and what would help."""
+    turntable = "none" if made.scan_cell else "not looked at: nothing is placed in a cell"
     facts = [
         ("Edge", f"{made.edge.length_mm:.0f} mm, by {made.edge.source}"),
         ("Wanted", f"U of the root face {made.wanted.root_mm:g} mm, of the bevel angle {made.wanted.bevel_deg:g}°"),
         ("Duration", f"{made.seconds:.0f} s in {len(made.passes)} pass{'es' * (len(made.passes) != 1)}"),
-        ("Turntable", "none" if made.turntable_deg is None else f"{made.turntable_deg:.0f}°"),
+        ("Turntable", turntable if made.turntable_deg is None else f"{made.turntable_deg:.0f}°"),
     ]
     rows = [
         (

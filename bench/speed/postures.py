@@ -18,7 +18,6 @@ from bench.speed.timing import REPEATS, print_on_one_core
 from workbench.path import read
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.arm import BRANCHES, Arm, fast_arm
-from workbench.plugins.stiffness.law import BAND, STEP_COST_MM, Grid, Limits, constant_law, improved_law
 from workbench.plugins.stiffness.path_points import PathPoints, path_points
 from workbench.plugins.stiffness.traversal import Examiner, flange_poses, sample, search, traversal
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
@@ -72,23 +71,6 @@ def certified(cell: Cell, joints: tuple[Float, Float]) -> dict[str, float]:
     }
 
 
-def along(cell: Cell, arm: Arm, points: PathPoints) -> dict[str, float]:
-    """Seconds for the best law of both angles over the whole grid, all points, and its gap to the bound."""
-    examiner = Examiner(cell, arm, points)
-    loaded = points.only(sample(points, POINTS))
-    choice, _ = search(examiner, traversal(arm, cell, loaded, GRID, GRID))
-    start, grid = constant_law(examiner, choice), Grid(GRID, GRID, np.array([BAND, BAND]), STEP_COST_MM)
-    assert cell.turntable is not None
-    limits = Limits(np.append(cell.chain.speeds, cell.turntable.speed), np.full(7, np.radians(100.0)))
-    law, bound = improved_law(examiner, start, grid, limits)
-    return {
-        "law_s": timed(lambda: improved_law(examiner, start, grid, limits), 3),
-        "law_points": len(points.layer),
-        "law_gap": law.cost_mm / bound - 1,
-        "law_gain": 1 - law.cost_mm / start.cost_mm,
-    }
-
-
 def measure() -> dict[str, Any]:
     """All times in s."""
     cell, path = dataclasses.replace(read_cell(CELL), process=None), read(toolpath=PATH)  # the path, no ways home
@@ -107,7 +89,6 @@ def measure() -> dict[str, Any]:
         "cluttered_s": timed(lambda: optimum(full, arm, points, sampled), 3),
         "cluttered_cells": optimum(full, arm, points, sampled),
         **certified(cell, joints),
-        **along(cell, arm, points),
     }
 
 

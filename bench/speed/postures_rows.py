@@ -61,11 +61,3 @@ def traversed(found: dict[str, Any]) -> Iterator[Row]:
         1e-6 / found["screen_s"],
         "{:.3f} M",
     )
-    yield Row(
-        f"best law of both angles over the whole grid, {found['law_points']:,} points (at most "
-        f"{found['law_gap']:.2%} above the best of all; {found['law_gain']:.2%} below the constant pair)",
-        seconds(found["law_s"]),
-        "",
-        found["law_s"],
-        "{:.1f} s",
-    )

@@ -341,8 +341,7 @@ def check_standing_turntable(job: ProgramJob, cell: Cell, why: str) -> None:
     if span > STANDS_DEG:
         raise InputError(
             "program.write",
-            f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why} "
-            "(stiffness.posture: turntable_moves false)",
+            f"expected a turntable that stands: along this path it turns by {span:.3g} deg, and {why}",
         )
     if process is not None and abs(turntable_at_home(process.home, table[0]) - table[0]) > STANDS_DEG:
         raise InputError(

@@ -226,28 +226,19 @@ def rotation_from_quaternion_wxyz(q: Float) -> Float:
     return rotation_from_vector(q[1:] / np.linalg.norm(q[1:]) * angle)
 
 
-@pytest.mark.parametrize("turntable_moves", [False, True])
-def test_law_along_the_path_is_never_worse(
-    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, turntable_moves: bool
+def test_no_point_by_itself_gives_way_less_than_the_bound_says(
+    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> None:
-    common = {
-        **COARSE,
-        "step_deg": 0.5,
-        "whole_map": False,
-        "cutter_rotation_deg": (60, 110),
-        "turntable_deg": (-90, -60),
-    }
-    constant, _, _, _ = posture(cell, stiffness, path, acts, **common)
-    law, _, document, _ = posture(
-        cell, stiffness, path, acts, mode="along_path", turntable_moves=turntable_moves, **common
-    )
-    before, after = (np.linalg.norm(one.displacement_mm, axis=1)[one.cutting] for one in (constant, law))
-    assert after.mean() < before.mean() - 1e-6  # points 15 mm apart leave room for a better law
-    told = json.loads(document.content)
-    assert 0 <= told["gap_to_bound"] < before.mean() / told["pointwise_bound_mm"] - 1
-    assert (np.ptp(law.turntable) > 0) == turntable_moves
-    model = CollisionModel(cell)
-    assert not any(model.collision(q, a) for q, a in zip(law.joints, law.turntable, strict=True))
+    """The bound is below every choice, and that of fewer angles is not below that of more."""
+    told = []
+    for span in ((60, 110), (95, 105)):
+        some = {**COARSE, "step_deg": 2.0, "whole_map": False, "cutter_rotation_deg": span}
+        made, _, document, _ = posture(cell, stiffness, path, acts, turntable_deg=(-90, -60), **some)
+        told.append(json.loads(document.content))
+        mean = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting].mean()
+        assert told[-1]["gap_to_bound"] == pytest.approx(mean / told[-1]["pointwise_bound_mm"] - 1)
+        assert 0 < told[-1]["gap_to_bound"] < 0.1
+    assert told[0]["pointwise_bound_mm"] < told[1]["pointwise_bound_mm"]
 
 
 def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:

@@ -2,7 +2,9 @@
 
 import csv
 import dataclasses
+import importlib
 import io
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,8 +15,7 @@ from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternio
 from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
 from workbench.plugins.stiffness.elastic import balance
-from workbench.plugins.stiffness.path_points import path_points
-from workbench.plugins.stiffness.posture import _table_band
+from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
 from workbench.program.rapid import read_rapid
@@ -44,22 +45,19 @@ def acts(path: Toolpath) -> MillingForce:
     return force(path)[0]
 
 
-@pytest.fixture(scope="module", params=["constant", "along_path"])
+@pytest.fixture(scope="module", params=[0.0, 3.0], ids=["standing", "turning"])
 def made(
     request: pytest.FixtureRequest, cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> Postures:
-    moving = request.param == "along_path"
-    return posture(
-        cell,
-        stiffness,
-        path,
-        acts,
-        mode=request.param,
-        turntable_moves=moving,
-        whole_map=False,
-        cutter_rotation_deg=(70, 100),
-        turntable_deg=(-85, -65),
-    )[0]
+    """With a turntable that stands, and with one that goes along as a track would: by so many deg in all."""
+
+    def ways(_: Cell, points: PathPoints, *__: object) -> Iterator[PathPoints]:
+        yield dataclasses.replace(points, drift=np.radians(np.linspace(0.0, request.param, len(points.layer))))
+
+    angles = {"cutter_rotation_deg": (70, 100), "turntable_deg": (-85, -65)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(importlib.import_module("workbench.plugins.stiffness.posture"), "_ways", ways)
+        return posture(cell, stiffness, path, acts, whole_map=False, **angles)[0]
 
 
 @pytest.fixture(scope="module")
@@ -224,19 +222,6 @@ def test_a_posture_from_which_nobody_could_look_is_not_proposed(cell: Cell, stif
     other = posture(blocked, stiffness, path, acts, **coarse)[0]
     for postures, passes in ((best, False), (other, True)):
         assert write(simplify(path, postures), free(path), blocked, root_tolerance_mm=3)[-3].passed is passes
-
-
-def test_a_turntable_turns_no_faster_than_the_path_allows(cell: Cell, path: Toolpath, acts: MillingForce) -> None:
-    """At 400 mm from its axis 1 deg from point to point is 0.0152 mm off the chord, 2 deg 0.061 mm; 0.025 mm may be."""
-    assert cell.turntable is not None
-    points = path_points(path, acts, load="mean", reach_mm=6.5, planned=0.0)
-    frames = points.base_from_point.copy()
-    frames[:, :3, 3] = cell.turntable.base_from_turntable[:3, 3] + [0, 400.0, 250]
-    far = dataclasses.replace(points, base_from_point=frames)
-    assert [_table_band(cell, far, step, free(path)) for step in (0.25, 0.5, 1.0, 2.0)] == [2, 2, 1, 0]
-    assert cell.controller is not None
-    rows = dataclasses.replace(cell, controller=dataclasses.replace(cell.controller, dialect="trajectory"))
-    assert _table_band(rows, far, 2.0, free(path)) == 2
 
 
 def test_a_home_within_the_margin_of_a_limit_is_refused(

@@ -1,4 +1,4 @@
-"""From a law to postures: joint angles, displacement, clearance and the turned targets of every point.
+"""From the choice to postures: joint angles, displacement, clearance and the turned targets of every point.
 
 And these as a chapter of the report: the map with the choice on it, the robot before and after (Fig. 17).
 """
@@ -13,7 +13,6 @@ import numpy as np
 
 from workbench.api import (
     DEG,
-    Bool,
     Cell,
     Chapter,
     Float,
@@ -33,12 +32,11 @@ from workbench.api import (
     sliding,
 )
 from workbench.plugins.stiffness.arm import FREE
-from workbench.plugins.stiffness.law import Law
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
     COLLISION,
-    EVERY,
+    CONFIGURATIONS,
     Choice,
     Examiner,
     PostureMap,
@@ -82,20 +80,23 @@ class Found:
     points: PathPoints
     choice: Choice  # the constant pair
     map: PostureMap
-    mode: str
     measure: Measure
-    cost: Shaped[Float, " l"]  # of the loaded points as chosen
     words: Sequence[tuple[str, ...]]  # what each configuration is called
     bound: Shaped[Float, " s"] | None  # least displacement over the grid of each sampled loaded point, collision aside
-    law_bound: float | None  # below the mean cost of any law, its steps included; None: constant angles
-    law_gap: float | None  # how far above it the law may be, as a share; 0: it is proven the best
     bound_at: Shaped[Int, " s"]  # which of the loaded points they are
-    cases: Mapping[str, Case | None]  # as planned, worst, best; None: the robot cannot do it
+    cases: Mapping[str, Case | None]  # as planned, worst; None: the robot cannot do it; and best, as chosen
     asked: float | None = None  # margin from chatter, less U; None: no modes are known
 
     @property
+    def cost(self) -> Shaped[Float, " l"]:
+        """Of the loaded points as chosen."""
+        best = self.cases["best"]
+        assert best is not None
+        return best.cost
+
+    @property
     def gap(self) -> float | None:
-        """How far the law is above the point-wise bound, as a share of it."""
+        """How far the choice is above the point-wise bound, as a share of it."""
         return None if self.bound is None else float(self.cost[self.bound_at].mean() / self.bound.mean() - 1)
 
     @property
@@ -113,32 +114,29 @@ class Found:
         ]
 
 
-def costs(examiner: Examiner, joints: Float, table: Float) -> Float:
-    """Length of the displacement of the loaded points (l,), or their awkwardness, at joints (n, 6), angles (n,)."""
-    loaded = examiner.points.loaded
-    return examiner.cost(joints[loaded], table[loaded], loaded)
+def case_of(examiner: Examiner, rotation: float, table: float, joints: Float, cause: int = FREE, hit: int = -1) -> Case:
+    """A pair of angles with the joints (n, 6) at all points, and what stands in the way."""
+    loaded, tables = examiner.points.loaded, np.full(len(joints), table)
+    external = examiner.points.external(tables, np.arange(len(joints)))
+    cost = examiner.cost(joints[loaded], tables[loaded], loaded)
+    pair = examiner.screen.pair(hit) if cause == COLLISION else None
+    return Case(rotation, table, external, joints, cost, cause, pair)
 
 
-def case_at(examiner: Examiner, rotation: float, table: float, allowed: Bool = EVERY) -> Case | None:
-    """The best of the `allowed` (8,) configurations for a constant pair of angles; in collision where none is free."""
-    n = len(examiner.points.layer)
-    angles = np.full(n, rotation), np.full(n, table)
-    found = []
-    for which in np.flatnonzero(allowed).tolist():
-        joints, cause, hit = examiner.along(which, *angles)
-        if cause in (FREE, COLLISION):
-            pair = examiner.screen.pair(hit) if cause == COLLISION else None
-            external = examiner.points.external(angles[1], np.arange(n))
-            found.append(Case(rotation, table, external, joints, costs(examiner, joints, angles[1]), cause, pair))
+def case_at(examiner: Examiner, rotation: float, table: float) -> Case | None:
+    """The best of the configurations for a constant pair of angles; in collision where none is free."""
+    ways = (examiner.along(which, rotation, table) for which in range(CONFIGURATIONS))
+    found = [case_of(examiner, rotation, table, *way) for way in ways if way[1] in (FREE, COLLISION)]
     return min(found, key=lambda case: (case.cause, case.cost.mean()), default=None)
 
 
-def postures(examiner: Examiner, toolpath: Toolpath, law: Law, warnings: tuple[str, ...]) -> Postures:
-    """The postures of a law."""
-    cell, points, joints = examiner.cell, examiner.points, law.joints
+def postures(examiner: Examiner, toolpath: Toolpath, choice: Choice, warnings: tuple[str, ...]) -> Postures:
+    """The postures of a choice."""
+    cell, points, joints = examiner.cell, examiner.points, choice.joints
     flange_from_point = cell.flange_from_cutter @ inverse(points.point_from_tip)
     every = np.arange(len(joints))
-    table = points.external(law.table, every)
+    tables = np.full(len(joints), choice.table)
+    table = points.external(tables, every)
     targets = inverse(base_from_targets(cell, table)) @ forward_kinematics(cell.chain, joints) @ flange_from_point
     return Postures(
         toolpath=toolpath,
@@ -148,10 +146,10 @@ def postures(examiner: Examiner, toolpath: Toolpath, law: Law, warnings: tuple[s
         position_mm=targets[:, :3, 3],
         quaternion_wxyz=quaternion_from_rotation(targets[:, :3, :3]),
         feed_mm_s=_feeds(points, targets[:, :3, 3]),
-        cutter_rotation=law.rotation,
+        cutter_rotation=np.full(len(joints), choice.rotation),
         turntable=table,
         joints=joints,
-        displacement_mm=examiner.moved_mm(joints, law.table, every),
+        displacement_mm=examiner.moved_mm(joints, tables, every),
         clearance_mm=examiner.screen.clearances_mm(joints, table),
         flange_from_point=flange_from_point,
         has_turntable=cell.turntable is not None,
@@ -249,7 +247,7 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         + pieces.heading("The robot at the middle of the path")
         + robots_html(cell, found, toolpath)
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
-        + pieces.figure_html(along_picture(cell, found), "Cost, margins and angles along the path")
+        + pieces.figure_html(along_picture(cell, found), "Cost and margins along the path")
     )
     return Chapter("Postures", text, summary=summary, part=toolpath.part, warnings=made.warnings)
 
@@ -309,11 +307,6 @@ def _how(found: Found) -> str:
     if made.turntable.ndim > 1:
         tilt = made.turntable[:, 0] / DEG
         line += f" The turntable is tilted by {tilt.min():g}°" + (f" to {tilt.max():g}°." if np.ptp(tilt) else ".")
-    if found.mode == "along_path":
-        line += " A law along the path was found by dynamic programming on the whole grid, in one configuration"
-        gap = found.law_gap
-        proven = ": proven the best of all." if gap is not None and gap < 1e-6 else None
-        line += "." if gap is None else proven or f": at most {100 * gap:.2f} % above the best of them."
     return line
 
 
@@ -324,10 +317,6 @@ def _table(found: Found) -> str:
     at = np.unravel_index(np.nanargmin(solved), solved.shape)
     angles = (f"{angle / DEG:g}" for angle in (found.map.rotations[at[0]], found.map.tables[at[1]]))
     rows.append(("best, without the collision check", *angles, f"{solved[at]:.4f}", "–", ""))
-    if found.mode == "along_path":
-        made, moved = found.postures, found.cost
-        spans = (f"span {np.ptp(a) / DEG:.0f}" for a in (made.cutter_rotation, _sought(made)))
-        rows.append(("law along the path", *spans, f"{moved.mean():.4f}", f"{moved.max():.4f}", ""))
     head = ("Posture", *_heads(found), "Largest", "Remark")
     return pieces.table_html(head, rows, text=(5,))
 
@@ -418,7 +407,7 @@ def _contours(figure: Any, axes: Any, found: Found, values: Float, label: str) -
 
 
 def _mark(axes: Any, found: Found) -> None:
-    """The chosen law, and the constant pairs that it is compared with."""
+    """The choice at each point, and the pairs that it is compared with."""
     made, flat = found.postures, len(found.map.tables) == 1
     loaded = found.points.loaded
     height = found.cost if flat else _sought(made)[loaded] / DEG
@@ -430,7 +419,7 @@ def _mark(axes: Any, found: Found) -> None:
 
 
 def along_picture(cell: Cell, found: Found) -> bytes:
-    """Displacement of the loaded points, clearance, distance from limits and the law, in the order of motion (SVG)."""
+    """Displacement of the loaded points, clearance and distance from limits, in the order of motion (SVG)."""
     from matplotlib.figure import Figure
 
     made, loaded = found.postures, found.points.loaded
@@ -441,32 +430,20 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
     ]
     kept = [row for row in kept if np.isfinite(row[1]).any()]
-    angles = {"cutter rotation": made.cutter_rotation[loaded], _axis(made).split(",")[0]: _sought(made)[loaded]}
-    if made.turntable.ndim > 1:
-        angles["tilt"] = made.turntable[loaded, 0]
-    turned = {name: (np.unwrap(angle) - angle[0]) / DEG for name, angle in angles.items()}
-    if found.mode == "constant":
-        turned = {}
-    rows = len(kept) + bool(turned)
+    rows = len(kept)
     with pieces.styled():
         figure = Figure(figsize=(10, 3.4 + 1.2 * rows), layout="constrained")
         top, *others = np.ravel(figure.subplots(1 + rows, 1, sharex=True, height_ratios=(2, *[1] * rows)))
         for name, case in found.cases.items():
-            if case is not None and not (name == "best" and found.mode == "constant"):
-                top.plot(case.cost, lw=1, label=name)
-        top.plot(found.cost, color=pieces.INK, lw=1.4, label="as chosen")
+            if case is not None:
+                chosen = {"color": pieces.INK, "lw": 1.4, "label": "as chosen"}
+                top.plot(case.cost, **(chosen if name == "best" else {"lw": 1, "label": name}))
         if found.bound is not None:
             top.plot(found.bound_at, found.bound, color=pieces.INK, ls=":", lw=1, label="best of each single point")
         top.set_ylabel(f"{found.measure.name}{found.measure.unit}".replace(" ", "\n"))
         top.set_ylim(0, top.get_ylim()[1])
         top.legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        if turned:
-            for name, angle in turned.items():
-                others[0].plot(angle, lw=1, label=name)
-            others[0].set_ylabel("from its\nstart, °")
-            others[0].set_ylim(min(-1.0, others[0].get_ylim()[0]), max(1.0, others[0].get_ylim()[1]))
-            others[0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        for axes, (name, values, limit) in zip(others[bool(turned) :], kept, strict=True):
+        for axes, (name, values, limit) in zip(others, kept, strict=True):
             axes.plot(values, lw=1.1)
             axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="required")
             axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))

@@ -46,8 +46,7 @@ class PathPoints:
     measured: Shaped[Bool, " n"]
     point_from_tip: Shaped[Float, "4 4"]  # the cutter's tip: a radius off along x, its reach along z
     planned: Float | float  # where the external axes stood, rad
-    drift: Shaped[Float, "n ..."]  # rad, where the external axes stand as the one that is sought is at 0
-    sought: int  # index of that axis, from the base outwards
+    drift: Shaped[Float, "n ..."]  # rad, where the external axes stand as the outermost, which is sought, is at 0
     spindle_rpm: float
     source: str  # of the path, for messages
 
@@ -84,17 +83,17 @@ class PathPoints:
         return self.base_from_point[:, :3, 3]
 
     def external(self, table: Float | float, at: Int | int) -> Float:
-        """Values of the external axes at points `at` (...) where the one that is sought stands at `table` (...)."""
+        """Values of the external axes at points `at` (...) where the outermost stands at `table` (...)."""
         if self.drift.ndim == 1:
             return np.asarray(table + self.drift[at])
-        return np.asarray(np.multiply.outer(table, np.arange(self.drift.shape[1]) == self.sought) + self.drift[at])
+        return np.asarray(np.multiply.outer(table, np.eye(self.drift.shape[1])[-1]) + self.drift[at])
 
     def moved(self, cell: Cell, external: Float) -> Float:
         """Motions (..., 4, 4) in the base of what stands on the external axes when they go to these values, rad."""
         return np.asarray(turntable_pose(cell, external) @ inverse(turntable_pose(cell, self.planned)))
 
     def turned(self, cell: Cell, table: Float, at: Int) -> Float:
-        """`moved` at points `at` (...) with the axis that is sought at `table` (...), rad; both broadcast."""
+        """`moved` at points `at` (...) with the outermost axis at `table` (...), rad; both broadcast."""
         steady = bool((self.drift == self.drift[:1]).all())
         return self.moved(cell, self.external(table, np.zeros((1,) * np.ndim(at), int) if steady else at))
 
@@ -132,7 +131,6 @@ def path_points(
         point_from_tip=pose_from(np.eye(3), np.array([-toolpath.cutter.diameter_mm / 2, 0, reach_mm])),
         planned=planned,
         drift=np.zeros((len(there), *np.shape(planned))),
-        sought=np.size(planned) - 1,
         spindle_rpm=force.spindle_rpm,
         source=toolpath.source or "milling path",
     )

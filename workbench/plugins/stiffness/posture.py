@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -26,25 +26,12 @@ from workbench.api import (
     Side,
     Toolpath,
     external_at,
-    inverse,
     refuse_contradiction,
     sliding,
     stage,
-    turntable_pose,
     within_margins,
 )
 from workbench.plugins.stiffness.arm import FREE, NO_SPRINGS, AnyArm, Unsprung, arm_of
-from workbench.plugins.stiffness.law import (
-    AWKWARD_STEP,
-    BAND,
-    STEP_COST_MM,
-    Grid,
-    Law,
-    Limits,
-    constant_law,
-    improved_law,
-    standing,
-)
 from workbench.plugins.stiffness.margins import Steadiness, cuts_of
 from workbench.plugins.stiffness.outcome import (
     AWKWARDNESS,
@@ -52,7 +39,7 @@ from workbench.plugins.stiffness.outcome import (
     Case,
     Found,
     case_at,
-    costs,
+    case_of,
     mean_of,
     posture_chapter,
     postures,
@@ -61,8 +48,6 @@ from workbench.plugins.stiffness.path_points import Load, PathPoints, path_point
 from workbench.plugins.stiffness.track import along_track, places
 from workbench.plugins.stiffness.traversal import (
     CAUSES,
-    CONFIGURATIONS,
-    EVERY,
     JUDGED,
     Choice,
     Examiner,
@@ -85,8 +70,6 @@ NO_STIFFNESS = (
     "how far the robot gives way: nobody states its joint stiffness ($.robot.joint_stiffness_nm_per_rad, or "
     "stiffness.identify from loading tests)"
 )
-TILT = 6  # index of the tilt behind the joints
-OFF_SHARE = 0.5  # of the path's tolerance, that a turntable may take the tool off it by between two points
 Range = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-360, le=360)]]
 
 
@@ -101,8 +84,6 @@ def posture(
     *,
     progress: Progress = None,
     configuration: list[Side] | None = None,
-    mode: Literal["constant", "along_path"] = "constant",
-    turntable_moves: bool = False,
     cutter_rotation_deg: Range = (
         -180,
         180,
@@ -119,11 +100,6 @@ def posture(
     ] = None,
     planned_at_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
     planned_tilt_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0,
-    acceleration_deg_s2: Annotated[float, Field(gt=0, le=10000)] = 100.0,
-    step_cost_mm: Annotated[
-        float | None,
-        Field(ge=0, le=0.1),
-    ] = None,
     whole_map: bool = True,
     map_step_deg: Annotated[float, Field(ge=0.25, le=30)] = 5.0,
     least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
@@ -131,12 +107,11 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter deflects least: eq. (25), Fig. 17.
 
-    `constant`: the pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid;
-    without known stiffness the least awkwardness (nearness to singular postures and limits). `along_path`: a law of the
-    cutter rotation, or of both angles, by dynamic programming, never worse, with its distance from the best. Where the
-    turntable tilts, all of this holds of the best of its tilts too, which turns along the path behind the turntable. A
-    track stands where one place of it serves the path, or goes along with the tool, whatever costs less. All keep the
-    cell's margins and, where the robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
+    The pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid, and how far it is
+    above what every point could have by itself; without known stiffness the least awkwardness (nearness to singular
+    postures and limits). Where the turntable tilts, the best of its tilts too. A track stands where one place of it
+    serves the path, or goes along with the tool, whatever costs less. All keep the cell's margins and, where the
+    robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -146,8 +121,6 @@ def posture(
         gate: of this path's own checks, passed on; without them there is no decision and no program.
         modes: of robot, spindle and cutter; None: nobody asks for a margin from chatter.
         configuration: in which the arm is to stay, one word of each pair at most; null: the cell file's.
-        mode: one pair of angles for all points, or a law along the path.
-        turntable_moves: along_path: the law turns the turntable, and its tilt, too; else they stand as chosen for it.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
         tilt_deg: of the turntable's tilt, likewise.
@@ -158,9 +131,6 @@ def posture(
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
         planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
         planned_tilt_deg: likewise of its tilt.
-        acceleration_deg_s2: along_path: largest of any axis of the law, besides the cell's own.
-        step_cost_mm: along_path: what a step costs, displacement of one point times the step's size squared in grid
-            steps; a larger one makes a calmer law; null: 1e-4, or 0.01 of awkwardness.
         whole_map: false: cells worse than the optimum are not examined for collision, and no configuration has a price.
         map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
             whole path, which takes about 2 ms.
@@ -208,52 +178,30 @@ def posture(
         for way in _ways(cell, points, tilt_deg, tilt_step_deg)
         if len(tables := _tables(cell, turntable_deg, step_deg, way))
     ]
-    examiner, traversed, choice, over = _best(cell, arm, keeps, ways, allowed, within(progress, 0.0, 0.3))
-    points, tables, chooser = examiner.points, traversed.tables, examiner
+    examiner, traversed, choice, over = _best(cell, arm, keeps, ways, allowed, within(progress, 0.0, 0.5))
+    points = examiner.points
     if whole_map:
         every = max(int(map_step_deg / step_deg + 1e-9), 1)
         thinned = traversed.thinned(every, choice.rotation, choice.table)
-        over = mapped(examiner, thinned, within(progress, 0.3, 0.6))
-    chosen, bound = constant_law(examiner, choice), None
-    if mode == "along_path":
-        limits = _law_limits(cell, acceleration_deg_s2)
-        band = _table_band(cell, points, step_deg, gate) if turntable_moves else 0
-        step_cost = (STEP_COST_MM if stiffness else AWKWARD_STEP) if step_cost_mm is None else step_cost_mm
-        over_both = Grid(rotations, tables, np.array([band, BAND]), step_cost)
-        law, bound = improved_law(examiner, chosen, over_both, limits, allowed, within(progress, 0.6, 1.0))
-        if choice.steady and examiner.steady(law.joints, law.table):
-            chosen = law
-            if turntable_moves and len(cell.axes) > 1:
-                bound = None  # of laws of the turntable and the cutter alone
-                limits = _law_limits(cell, acceleration_deg_s2, TILT)
-                bands = np.array([_table_band(cell, points, step_deg, gate, 0), BAND])
-                over_both = Grid(rotations, _angles(cell, 0, tilt_deg, step_deg), bands, step_cost)
-                examiner, chosen = _tilting(examiner, chosen, over_both, limits, allowed)
-    made = postures(examiner, toolpath, chosen, cell.warnings + _unsteady(choice, least_margin))
+        over = mapped(examiner, thinned, within(progress, 0.5, 1.0))
+    made = postures(examiner, toolpath, choice, cell.warnings + _unsteady(choice, least_margin))
     worst = float(np.nan_to_num(np.linalg.norm(made.displacement_mm, axis=1)).max())
     if worst > toolpath.cutter.diameter_mm / 2:  # the cutter would leave the face that it cuts
         raise InputError(
             "stiffness.posture",
             f"the cutter gives way by {worst:.3g} mm, more than its radius: expected stiffness of the joints in Nm/rad",
         )
-    bound_mm = None
-    if stiffness:
-        least = [lowest(arm, kept, way.only(at), rotations, tables) for way, tables, _ in ways]
-        bound_mm = np.min(least, axis=0)
+    least = [lowest(arm, kept, way.only(at), rotations, tables) for way, tables, _ in ways] if stiffness else []
     found = Found(
         postures=made,
         points=points,
         choice=choice,
         map=over,
-        mode=mode,
         measure=DISPLACEMENT if stiffness else AWKWARDNESS,
-        cost=costs(examiner, made.joints, chosen.table),
         words=words,
         bound_at=np.flatnonzero(np.isin(points.loaded, at)),
-        cases=_cases(chooser, choice, over),
-        bound=bound_mm,
-        law_bound=None if bound is None else bound / len(points.loaded),
-        law_gap=None if bound is None else max(chosen.cost_mm / bound - 1, 0.0),
+        cases=_cases(examiner, choice, over),
+        bound=np.min(least, axis=0) if least else None,
         asked=None if keeps is None else keeps.asked,
     )
     return (
@@ -319,32 +267,6 @@ def _check_apart(examiner: Examiner) -> None:
         )
 
 
-def _table_band(cell: Cell, points: PathPoints, step_deg: float, gate: PathGate | None, which: int = -1) -> int:
-    """Steps of the grid that an external axis may turn by from point to point.
-
-    Between them the tool goes straight and the part on a circle, which is r theta^2 / 8 apart: no more than OFF_SHARE
-    of what the gate allows, or the program would be refused. A trajectory has rows between the points instead.
-    """
-    if sliding(cell):
-        return 0
-    if cell.turntable is None or gate is None or (cell.controller and cell.controller.dialect == "trajectory"):
-        return BAND
-    on_table = inverse(turntable_pose(cell, points.planned)) @ points.base_from_point
-    at_zero = (cell.turntable.base_from_turntable @ on_table)[:, :3, 3]
-    axis = cell.axes[which].base_from_turntable
-    radius = float(np.linalg.norm(np.cross(at_zero - axis[:3, 3], axis[:3, 2]), axis=1).max())
-    most = np.sqrt(8 * OFF_SHARE * gate.tolerance_mm / max(radius, 1.0)) / len(cell.axes)  # all may turn at once
-    return int(min(most / (step_deg * DEG), BAND))
-
-
-def _law_limits(cell: Cell, acceleration_deg_s2: float, sought: int = -1) -> Limits:
-    """What a law may ask of joints and one external axis: the cell's, and no acceleration beyond the stage's own."""
-    speeds = cell.rated_speeds
-    stated = np.full(len(speeds), np.inf) if cell.rated_accelerations is None else cell.rated_accelerations
-    seven = [*range(6), sought]
-    return Limits(speeds[seven], np.minimum(stated, acceleration_deg_s2 * DEG)[seven])
-
-
 Searched = tuple[PathPoints, Float, Traversal]  # a way of the other axes, angles of the sought one, the costs
 
 
@@ -386,21 +308,6 @@ def _best(
     return *best[:2], dataclasses.replace(best[2], examined=examined, of=of), best[3]
 
 
-def _tilting(examiner: Examiner, law: Law, grid: Grid, limits: Limits, allowed: Bool) -> tuple[Examiner, Law]:
-    """The law with the tilt turning too, never worse: the turntable goes as the law has it, the cutter anew."""
-    points = examiner.points
-    drift = points.external(law.table, np.arange(len(law.table)))
-    points = dataclasses.replace(points, drift=drift, sought=0)
-    step = float(np.diff(grid.tables[:2]).sum()) or 1.0
-    low, high = ((end - drift[0, 0]) / step for end in grid.tables[[0, -1]])
-    tables = step * np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1)  # 0 among them: as it stands
-    tilting = Examiner(examiner.whole, examiner.arm, points, examiner.keeps)
-    over = dataclasses.replace(grid, tables=tables)
-    start = standing(tilting, law, over)
-    found, _ = improved_law(tilting, start, over, limits, allowed)
-    return tilting, found if tilting.steady(found.joints, found.table) else start
-
-
 def _tables(cell: Cell, limits_deg: Range | None, step_deg: float, points: PathPoints) -> Float:
     """Turntable angles within the cell's limits by the margin; one angle, 0, where there is no turntable."""
     if cell.turntable is None:
@@ -440,13 +347,9 @@ def _cases(examiner: Examiner, choice: Choice, over: PostureMap) -> dict[str, Ca
     places = {
         "as planned": (0.0, float(planned)),
         "worst": (float(over.rotations[worst[0]]), float(over.tables[worst[1]])),
-        "best": (choice.rotation, choice.table),
     }
-    chosen = np.arange(CONFIGURATIONS) == choice.configuration
-    return {
-        name: case_at(as_planned if name == "as planned" else examiner, *at, chosen if name == "best" else EVERY)
-        for name, at in places.items()
-    }
+    found = {name: case_at(as_planned if name == "as planned" else examiner, *at) for name, at in places.items()}
+    return {**found, "best": case_of(examiner, choice.rotation, choice.table, choice.joints)}
 
 
 def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate | None:
@@ -468,18 +371,17 @@ def _gate(gate: PathGate | None, found: Found, force: MillingForce) -> PathGate 
 
 def posture_document(found: Found) -> bytes:
     """`points` are the layers' in their order; `travels` those of the travel moves, which come in between."""
-    made, best = found.postures, found.cases["best"]
+    made = found.postures
     return PostureFile.written(
         {
             "format": "posture",
             "version": 1,
             "part": asdict(made.toolpath.part),
-            "mode": found.mode,
             **_measured(found, found.cost.mean()),
             "constant": {
                 **_angles_deg(found, found.choice.rotation, found.points.external(found.choice.table, 0)),
                 "configuration": list(found.configuration),
-                **_measured(found, None if best is None else best.cost.mean()),
+                **_measured(found, found.cost.mean()),
                 "cells_examined": found.choice.examined,
                 **_margin(found),
             },
@@ -487,8 +389,6 @@ def posture_document(found: Found) -> bytes:
             "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
             "pointwise_bound_mm": None if found.bound is None else found.bound.mean(),
             "gap_to_bound": found.gap,
-            "law_bound_mm": found.law_bound if found.measure == DISPLACEMENT else None,
-            "gap_to_best_law": found.law_gap,
             "warnings": list(made.warnings),
             "points": _rows(found, np.flatnonzero(made.layer)),
             "travels": _rows(found, np.flatnonzero(made.layer == 0)),

@@ -60,7 +60,6 @@ STATION_MM, LEVER_MM, CHORD_MM = 12.0, 150.0, 0.2  # of stations: their step, wh
 STEEPEST = 0.25
 HOME_PLACES = 12  # on the way between home and the path, before the judge drives it
 SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are looked at
-REACHED = 1e-6  # of a pose, mm and direction cosines, that joint angles must lead to
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
@@ -124,7 +123,7 @@ def traversal(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tab
 
 
 def lowest(arm: AnyArm, cell: Cell, points: PathPoints, rotations: Float, tables: Float) -> Float:
-    """The least displacement (n,) of each loaded point over the grid in any branch: no law can do better."""
+    """The least displacement (n,) of each loaded point over the grid in any branch: nothing that turns gives less."""
     path = placed(cell, points.only(points.loaded), tables)
     least = np.full(len(points.loaded), np.inf)
     for a, branch in np.ndindex(len(tables), BRANCHES):
@@ -216,8 +215,7 @@ class Examiner:
         asked = inside[said == FREE]
         fast = (np.abs(np.diff(joints[asked], axis=1)) > MOST_STEP).any(axis=(1, 2))
         for i in asked[fast].tolist():
-            n = len(self.points.layer)
-            _, cause[i], hit[i] = self.along(configuration, np.full(n, rotation[i]), np.full(n, table[i]))
+            _, cause[i], hit[i] = self.along(configuration, float(rotation[i]), float(table[i]))
             how[i] = EVERY_POINT
         asked = asked[~fast]
         open_ = self.screen.swept(joints[asked], self.dense.external(table[asked, None], self._stations[None]))
@@ -268,9 +266,10 @@ class Examiner:
         at = self._stations
         return np.asarray(np.searchsorted((at[1:] + at[:-1]) / 2, np.arange(len(self.dense.layer))))
 
-    def along(self, configuration: int, rotation: Float, table: Float) -> tuple[Float, int, int]:
-        """Joint angles (n, 6) at all points for rotations and turntable angles (n,), the cause against it, the hit."""
-        flange = flange_poses(self.cell, self.points, np.arange(len(rotation)), rotation, table)
+    def along(self, configuration: int, rotation: float, table: float) -> tuple[Float, int, int]:
+        """Joint angles (n, 6) at all points for a rotation and a turntable angle, the cause against it, the hit."""
+        every = np.arange(len(self.points.layer))
+        flange = flange_poses(self.cell, self.points, every, np.array(rotation), np.array(table))
         joints, inside = followed(self.cell.chain, self.arm.joint_angles(flange, configuration)[None])
         if not inside[0]:
             return joints[0], LIMIT, -1
@@ -279,7 +278,7 @@ class Examiner:
             return joints[0], SINGULAR, -1
         if (poor == LIMIT).any():
             return joints[0], LIMIT, -1
-        hits = self.screen.hits(joints[0], self.points.external(table, np.arange(len(table))))
+        hits = self.screen.hits(joints[0], self.points.external(np.full(len(every), table), every))
         return joints[0], COLLISION if hits.max() >= 0 else FREE, int(hits.max())
 
     def away(self, configuration: int, at: Int, flange: Float, table: Float, near: Float) -> tuple[Int, Int]:
@@ -315,12 +314,12 @@ class Examiner:
             said[rows[hit[rows] >= 0]] = COLLISION
         return said, hit
 
-    def driven(self, configuration: int, rotation: Float, table: Float) -> tuple[Float, int, int]:
+    def driven(self, configuration: int, rotation: float, table: float) -> tuple[Float, int, int]:
         """As `along`; then as the judge of programs drives them: between the points, and from home and back."""
         joints, cause, hit = self.along(configuration, rotation, table)
         if cause != FREE:
             return joints, cause, hit
-        external = self.points.external(table, np.arange(len(table)))
+        external = self.points.external(np.full(len(joints), table), np.arange(len(joints)))
         told = refusal(self.whole, joints, external, self.points.feed_mm_s, int(np.argmax(self.points.cutting)))
         if told is None:
             return joints, FREE, -1
@@ -340,11 +339,13 @@ class Examiner:
             found[:, some] = self.keeps.margins(joints, self.points.turned(self.cell, of[2], of[0]))
         return found
 
-    def steady(self, joints: Float, table: Float) -> bool:
+    def steady(self, joints: Float, table: float) -> bool:
         """Whether joints (n, 6) at all points keep the margin from chatter, as its judge sees it."""
         if self.keeps is None:
             return True
-        return self.keeps.holds(joints, self.points.turned(self.cell, table, np.arange(len(table))))
+        return self.keeps.holds(
+            joints, self.points.turned(self.cell, np.full(len(joints), table), np.arange(len(joints)))
+        )
 
     def cost(self, joints: Float, table: Float, at: Int) -> Float:
         """Displacement (m,), or awkwardness where no springs are known, at points `at` (m,) with joints (m, 6)."""
@@ -555,12 +556,10 @@ class _State:
     def choose(self, one: int, *, unsteady: bool) -> bool:
         """Whether a free cell is so as it is driven and, unless `unsteady`, as chatter's judge sees it."""
         which, rotation, table = self.place(one)
-        n = len(self.examiner.points.layer)
-        tables = np.full(n, table)
-        self.driven, cause, hit = self.examiner.driven(which, np.full(n, rotation), tables)
+        self.driven, cause, hit = self.examiner.driven(which, rotation, table)
         if cause != FREE:
             self.note(np.array([one]), Verdicts(*(np.array([x]) for x in (cause, hit, EVERY_POINT))))
-        elif not (unsteady or self.examiner.steady(self.driven, tables)):
+        elif not (unsteady or self.examiner.steady(self.driven, table)):
             assert self.examiner.keeps is not None
             self.margin[1, one] = np.nextafter(self.examiner.keeps.asked, 0.0)  # the judge overrules the screen
         else:

@@ -93,8 +93,7 @@ def _size(panel: Panel, alone: bool) -> tuple[float, float, float]:
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
-    axes.set_xlabel(panel.x)
-    axes.set_ylabel(panel.y)
+    axes.set(xlabel=panel.x, ylabel=panel.y)
     for low, high in panel.spans:
         axes.axvspan(low, high, facecolor=SHADED, zorder=0.2)
     clouds = [len(one.x) for one in panel.curves if one.how == "dots"]
@@ -108,8 +107,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
     if any(curve.name for curve in panel.curves):
         axes.legend()
     if panel.names:
-        axes.set_yticks(range(len(panel.names)), panel.names)
-        axes.set(ylim=(len(panel.names) - 0.4, -0.6))
+        axes.set(yticks=(range(len(panel.names)), panel.names), ylim=(len(panel.names) - 0.4, -0.6))
     _, _, width, high = axes.box
     if panel.equal:
         limits = np.array([axes.get_xlim(), axes.get_ylim()])

@@ -11,8 +11,9 @@ import pytest
 
 from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
 from workbench.errors import InputError
-from workbench.report import closed_loop, html, planned
+from workbench.report import closed_loop, html
 from workbench.report.planned import compared
+from workbench.report.plot import Figure
 
 
 def text_of(chapter):
@@ -91,9 +92,9 @@ def test_another_requirement_than_was_inspected_is_a_warning(part, by_formula):
 
 def test_the_chart_draws_measured_and_planned(part, by_formula, monkeypatch):
     figures = []
-    monkeypatch.setattr(planned, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
     inspection, path = part(frames=50, columns=50).inspection, by_formula()
-    planned.loop_chart(inspection, path, compared(inspection, path))
+    closed_loop(inspection, path)
     root, bevel = figures[0].axes
     profile = inspection.profile
     for axes, values in ((root, profile.root_mm - 1.5), (bevel, profile.bevel_deg - 40.0)):

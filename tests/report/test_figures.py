@@ -22,8 +22,7 @@ def drawn(monkeypatch):
         figures.append(figure)
         return b"<svg/>"
 
-    for module in ("along", "section_drawing"):
-        monkeypatch.setattr(f"workbench.report.{module}.svg", keep)
+    monkeypatch.setattr(Figure, "svg", keep)
     return figures
 
 

@@ -14,7 +14,8 @@ from workbench.edge import segment_groove
 from workbench.inspect import groove as inspect_groove
 from workbench.report import groove as report_groove
 from workbench.report import html
-from workbench.report.groove import NOT_JUDGED, of_interest
+from workbench.report.groove import NOT_JUDGED
+from workbench.report.section_drawing import of_interest
 from workbench.scan import fuse, read
 
 RECORDING = Path(__file__).parents[2] / "data" / "synthetic" / "groove.h5"

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from workbench.artefacts import Scene, Shading, Strokes
 from workbench.report import path_charts
-from workbench.report import planned as plan_colours
-from workbench.report.path_charts import path_views, station_frame
-from workbench.report.planned import whole_run
-from workbench.report.scene import View, joined, picture, towards
+from workbench.report.planned import feed_scale, layer_scale, whole_run
+from workbench.report.plot import Figure
+from workbench.report.scene import View, picture
+from workbench.report.views import path_views
 
 RED = np.array([[255, 0, 0]])
 
@@ -30,19 +31,19 @@ def views(planned, run):
 
 def test_the_whole_path_is_drawn_layer_by_layer(planned, run, views):
     p = planned()
-    origin, _ = station_frame(p.edge, 44.5)
-    lines = [line for line, _ in views["layers"].lines()]
+    (drawn,) = views["layers"].scene.strokes
+    lines = drawn.lines_mm
     expected = [part.position_mm for k in range(6) for part in (p.toolpath.travels[k], p.toolpath.layers[k])]
     assert len(lines) == len(expected)  # the last travel is a single point
     for line, position in zip(lines, expected, strict=True):
-        np.testing.assert_allclose(line + origin, position, atol=1e-9)
+        np.testing.assert_allclose(line, position, atol=1e-9)
 
 
 def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
     figures = []
-    monkeypatch.setattr(plan_colours, "svg", lambda figure: figures.append(figure) or b"")
-    plan_colours.layer_scale(planned().toolpath)
-    plan_colours.feed_scale(run)
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+    layer_scale(planned().toolpath)
+    feed_scale(run)
     layers, feeds = (figure.axes[0] for figure in figures)
     assert layers.ticks["x"][1] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
     assert (layers.labels["x"], feeds.labels["x"]) == ("layer (its height above the finished bevel)", "feed, mm/s")
@@ -51,7 +52,7 @@ def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
 
 def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
     p, figures = planned(), []
-    monkeypatch.setattr(path_charts, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
     path_charts.feed_chart(p.edge, p.toolpath)
     axes = figures[0].axes[0]
     final = p.toolpath.layers[-1]
@@ -64,9 +65,10 @@ def inside(axes_length_mm=0.0):
     """A plate of grey points, and a red line 2 mm behind it, as seen by the viewer."""
     x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 40, 300), np.linspace(0, 16, 150)))
     points = np.column_stack([x, y, 0 * x])
-    view = View(points, np.full((len(points), 3), 200, np.uint8), np.eye(3), towards(np.eye(3), (0.0, -0.3, 1.0)))
     line = np.array([[2.0, 8.0, -2.0], [38.0, 8.0, -2.0]])
-    return joined(view, [line], [np.repeat(RED, 2, axis=0)])
+    grey = Shading("grey", np.zeros(len(points), np.uint8), np.full((1, 3), 200, np.uint8), ())
+    lines = Strokes("line", (line,), (np.repeat(RED, 2, axis=0),))
+    return View(Scene(points, (grey,), (lines,), (), np.eye(3)), (0.0, -0.3, 1.0))
 
 
 def red(png):

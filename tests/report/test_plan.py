@@ -6,7 +6,6 @@ The section drawing of the plan shows the path's own layers on the stock, at the
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import re
 from html import unescape
 
@@ -21,7 +20,6 @@ from workbench.report.planned import duration
 from workbench.report.plot import Figure
 
 PASSED = Gate(True, "frames, spacing and clearances hold")
-MODULE = importlib.import_module("workbench.report.plan")  # its own name is the stage's
 BETA = np.radians(40.0)
 
 
@@ -189,7 +187,7 @@ def test_it_lies_in_the_longest_stretch_that_is_cut(planned):
 
 def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
     p, figures = planned(clamp=(-2.0, -1.0)), []
-    monkeypatch.setattr(MODULE, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
     path = by_formula(clamp=(-2.0, -1.0), bevel_deg=41.0)
     stepping_drawing(p.cloud, p.edge, path, stepped_section(p.edge, path))
     figure: Figure = figures[0]
@@ -200,7 +198,7 @@ def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
 
 def test_no_text_lies_on_another_or_outside(planned, monkeypatch):
     p, figures = planned(clamp=(-2.0, -1.0)), []
-    monkeypatch.setattr(MODULE, "svg", lambda figure: figures.append(figure) or b"")
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
     for layers in (p.toolpath.layers, p.toolpath.layers[-1:]):
         path = dataclasses.replace(p.toolpath, layers=layers)
         stepping_drawing(p.cloud, p.edge, path, stepped_section(p.edge, path))

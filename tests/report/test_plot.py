@@ -67,7 +67,7 @@ def test_any_text_and_value_leaves_a_well_formed_file(text, values):
     axes.points(places, values, ".")
     axes.fill_between(places, values, np.add(values, 1.0), color="#000000")
     axes.annotate(text, (0.5, 0.5), look=Lettering(rotation=90, box=True))
-    axes.set_xlabel(text)
+    axes.set(xlabel=text)
     assert ET.fromstring(figure.svg()).tag == f"{SVG}svg"
 
 

@@ -513,6 +513,9 @@ class Preparation(Joint):
     alternatives: tuple[PreparationType, ...] = ()
 
 
+CHAIN = ("upper", "middle", "root", "lower")  # corners of a plate, from its upper surface down
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GrooveSection:
     """One section of a joint: values, standard uncertainties and corners, as in `groove.json`."""
@@ -533,6 +536,18 @@ class GrooveSection:
     def values(self) -> dict[str, float | None]:
         """Sizes and their u, as in `groove.json`."""
         return sizes_in_file(self.sizes)
+
+    @property
+    def places(self) -> dict[str, Float]:
+        """The corners that were seen, (2,) each along `normal` and `across` from the origin, mm."""
+        return {one["name"]: np.array(one["section_mm"]) for one in self.corners}
+
+    @property
+    def chains(self) -> tuple[Float, ...]:
+        """The faces as chains of corners (k, 2), one a plate, from its upper surface down; none of a fillet's flank."""
+        corner, below = self.places, 1 if "root_radius_mm" in self.sizes else 0
+        sides = ([corner[s + each] for each in CHAIN[below:] if s + each in corner] for s in ("left_", "right_", ""))
+        return tuple(np.array(chain) for chain in sides if len(chain) > 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -200,7 +200,6 @@ def _extent(shape: SectionShape) -> tuple[float, float]:
 
 OBLIQUE = 0.3  # a laser plane leans against the section by at most this much, in mm a mm
 BEVEL_FALLBACK = 2.0  # times the root face: length of the bevel's line where none of its points is in the section
-CHAIN = ("upper", "middle", "root", "lower")  # corners of a plate, from its upper surface down
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,8 +228,9 @@ def section_shape(
     place = np.stack([off @ section.normal, off @ section.across], axis=1)
     here = (np.abs(off @ section.tangent) <= 0.5 * thickness_mm) & (np.hypot(*place.T) <= reach_mm)
     table = PointTable(table.position_mm[here], table.face[here], table.frame[here], table.column[here])
-    find = _of_bevel(section, table, place[here]) if isinstance(section, Section) else _of_joint(section)
-    return SectionShape(section, inspection.terms, table, place[here], *find)
+    if isinstance(section, Section):
+        return SectionShape(section, inspection.terms, table, place[here], *_of_bevel(section, table, place[here]))
+    return SectionShape(section, inspection.terms, table, place[here], section.places, section.chains)
 
 
 def _frames(cloud: Cloud, edge: Edge | None, section: Section | GrooveSection, window_mm: float) -> Int:
@@ -252,14 +252,3 @@ def _of_bevel(section: Section, table: PointTable, place: Float) -> tuple[dict[s
         np.array([lower, upper]),
         np.array([upper, upper + length * up]),
     )
-
-
-def _of_joint(section: GrooveSection) -> tuple[dict[str, Float], tuple[Float, ...]]:
-    """Its corners, and a chain of them a plate; none along the flank above a fillet."""
-    corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
-    below = 1 if "root_radius_mm" in section.sizes else 0
-    chains = (
-        [corner[name] for which in CHAIN[below:] if (name := side + which) in corner]
-        for side in ("left_", "right_", "")
-    )
-    return corner, tuple(np.array(chain) for chain in chains if len(chain) > 1)

@@ -315,8 +315,7 @@ def profile_drawing(profile: Profile) -> bytes:
     for number, corner in enumerate(profile.corners, 1):
         axes.points([corner.x_mm], [corner.z_mm], "o", color=REJECTED)
         axes.annotate(str(number), (corner.x_mm, corner.z_mm), (6, 6))
-    axes.set_xlabel("x, mm")
-    axes.set_ylabel("z, mm")
+    axes.set(xlabel="x, mm", ylabel="z, mm")
     return figure.svg()
 
 

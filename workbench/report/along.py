@@ -8,8 +8,10 @@ curvature.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,15 +21,13 @@ from workbench.report.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJE
 from workbench.report.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import COVERAGE, alike
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import Bool, Float, Int
 
 if TYPE_CHECKING:
     from workbench.result_files import ScanPlanFile
 
 
-def svg(figure: Figure) -> bytes:
-    """The figure's bytes."""
-    return figure.svg()
+PART_COLOURS = {"blind": REJECTED}  # of parts beside each other; others as what was measured
 
 
 def mark_sections(axes: Axes, arc_length_mm: list[float], names: list[str]) -> None:
@@ -61,53 +61,6 @@ def hatch_hidden(axes: Axes, stretches_mm: list[tuple[float, float]]) -> None:
                 fontsize=8,
                 look=Lettering(GREY, rotation=90, box=True),
             )
-
-
-TEXT_SIZE = 8.5
-ARC_POINTS = 41
-
-
-def dimension_height(axes: Axes, top: float, at: float, text: str, size: float) -> None:
-    """From v = 0 to `top` at u = `at`; arrows from outside where it is short against the drawing's `size`."""
-    gap = 0.012 * size
-    for v in (0.0, top):
-        axes.plot([gap, at + 0.015 * size], [v, v], color=INK, linewidth=0.6)
-    if top > 0.09 * size:
-        axes.arrow((at, 0.0), (at, top), both=True)
-    else:
-        for v, outside in ((0.0, -0.05 * size), (top, top + 0.05 * size)):
-            axes.arrow((at, v), (at, outside))
-    axes.annotate(text, (at, top / 2), (4, 0), va="center", fontsize=TEXT_SIZE)
-
-
-def dimension_angle(axes: Axes, at: tuple[float, float], bevel_deg: float, text: str, radius: float) -> None:
-    """The arc from the root face's direction to the bevel face's, about the place `at`; its value beside the part."""
-    u, v = at
-    turned = np.linspace(90.0, 90.0 + bevel_deg, ARC_POINTS) * DEG
-    axes.plot(u + radius * np.cos(turned), v + radius * np.sin(turned), color=INK, linewidth=0.6)
-    for degrees, turn in ((90.0, -1.0), (90.0 + bevel_deg, 1.0)):
-        tip, tail = degrees * DEG, (degrees - turn * 6.0) * DEG
-        to, start = ((u + radius * math.cos(angle), v + radius * math.sin(angle)) for angle in (tip, tail))
-        axes.arrow(to, start, linewidth=0.0)
-    if u < 0.0:
-        axes.plot([u, 0.0], [v + radius, v + radius], color=INK, linewidth=0.4)
-    axes.annotate(text, (0.0, v + radius), (5, -2), va="center", fontsize=TEXT_SIZE)
-
-
-def dimension_radius(axes: Axes, centre: tuple[float, float], to: tuple[float, float], text: str) -> None:
-    """An arrow from the centre of a fillet to its arc, with the value beside the centre."""
-    axes.arrow(to, centre)
-    axes.annotate(text, centre, (5, 0), va="center", fontsize=TEXT_SIZE)
-
-
-def dimension_gap(axes: Axes, low: Float, high: Float, text: str, size: float) -> None:
-    """The distance of two points (2,) on parallel lines, with arrows from outside and the value before `low`."""
-    along = (high - low) / max(1e-9, float(np.linalg.norm(high - low)))
-    for tip, turn in ((low, -1.0), (high, 1.0)):
-        axes.arrow(tip, tip + turn * 0.045 * size * along)
-    axes.plot(*np.array([low, high]).T, color=INK, linewidth=0.6)
-    before = low - 0.05 * size * along
-    axes.annotate(text, tuple(before), (-2, 0), ha="right", va="center", fontsize=TEXT_SIZE)
 
 
 FOOT_STEPS = 3  # Newton steps to the foot point: each divides its error by the radius over the distance
@@ -179,6 +132,67 @@ def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:
     return unit
 
 
+def draw_course(axes: Axes, s: Float, value: Float, u: Float, color: str = MEASURED, label: str | None = None) -> None:
+    """What was measured at arc lengths (n,): a line, and the band of U = 2 u about it."""
+    axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=color, alpha=0.25, zorder=2)
+    axes.plot(s, value, color=color, linewidth=1.1, zorder=3, label=label)
+
+
+def draw_values(axes: Axes, inspection: JointInspection, what: Characteristic, less: float = 0.0) -> None:
+    """A size in the sections, less a nominal value, with U, in the colours of their verdicts."""
+    for section, pair in zip(inspection.sections, what.pairs, strict=True):
+        if pair is not None:
+            ink = VERDICTS[section.verdict]
+            axes.errorbar(section.arc_length_mm, pair[0] - less, COVERAGE * pair[1], color=ink, zorder=4)
+
+
+def stacked() -> tuple[Figure, list[Axes]]:
+    """A figure, and two charts of one edge in it."""
+    figure = Figure(figsize=(10, 3.4))
+    rows: list[Axes] = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
+    return figure, rows
+
+
+def deviation_chart(
+    parts: Mapping[str, Inspection],
+    nominal: Mapping[str, float],
+    planned: Mapping[str, Sequence[float | None]] = MappingProxyType({}),
+) -> bytes:
+    """SVG of root face and bevel angle along the edge as deviations, one over the other, and in the sections; with
+    the tolerance where nothing was planned.
+
+    Args:
+        parts: inspections by name.
+        nominal: by size, what the deviations are from.
+        planned: by size, a value a section of the one part, drawn as a cross; None: not planned there.
+    """
+    first = next(iter(parts.values()))
+    figure, rows = stacked()
+    for axes, what in zip(rows, first.characteristics, strict=True):
+        asked, s = nominal[what.name], first.profile.arc_length_mm
+        unit = "°" if what.is_angle else "mm"
+        axes.set(xlim=(float(s[0]), float(s[-1])), ylabel=f"{what.term.lower()}\ndeviation, {unit}")
+        axes.y_label_at = -0.062
+        if what.limits is not None and not planned:  # beside it what was planned could not be told apart
+            axes.axhspan(*(limit - asked for limit in what.limits), color=TOLERANCE, zorder=0.1)
+        axes.axhline(0.0, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
+        for name, one in parts.items():
+            size, where = one.profile.sizes[what.name], one.profile.arc_length_mm
+            draw_course(axes, where, size.value - asked, size.u, PART_COLOURS.get(name, MEASURED), name)
+            draw_values(axes, one, one.characteristics[rows.index(axes)], asked)
+            hatch_hidden(axes, gaps(where, np.isfinite(size.value)))
+        for section, value in zip(first.sections, planned.get(what.name, ()), strict=False):
+            if value is not None:
+                axes.points(section.arc_length_mm, value - asked, "x", color=INK, markersize=6, zorder=5)
+    if len(parts) > 1:
+        rows[0].legend()
+    else:
+        mark_sections(rows[0], [x.arc_length_mm for x in first.sections], [str(x.index) for x in first.sections])
+    rows[-1].set(xlabel="arc length along the lower edge of the milled part, mm")
+    return figure.svg()
+
+
 def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspection, what: Characteristic) -> bytes:
     """SVG of a size along the edge, with its tolerance, guard and uncertainty bands and the sections' values.
 
@@ -194,19 +208,14 @@ def size_chart(s: Float, along: Quantity, seen: Bool, inspection: JointInspectio
         course = "groove" if inspection.WHAT == "groove" else "edge"
     figure = Figure(figsize=(10, 2.8))
     axes = figure.add_axes((0.068, 0.15, 0.8, 0.76))
-    axes.set_xlim(0.0, float(s[-1]))
+    axes.set(xlim=(0.0, float(s[-1])))
     _draw_tolerance(axes, what, unit, s, inspection.guard_factor * along.u)
     mark_sections(axes, [x.arc_length_mm for x in inspection.sections], [str(x.index) for x in inspection.sections])
     hatch_hidden(axes, gaps(s, seen))
-    wide = COVERAGE * along.u
-    axes.fill_between(s, along.value - wide, along.value + wide, color=MEASURED, alpha=0.25, zorder=2)
-    axes.plot(s, along.value, color=MEASURED, linewidth=1.1, zorder=3)
-    for section, pair in zip(inspection.sections, what.pairs, strict=True):
-        if pair is not None:
-            axes.errorbar(section.arc_length_mm, pair[0], COVERAGE * pair[1], color=VERDICTS[section.verdict], zorder=4)
-    axes.set_xlabel(f"arc length along the {course}, mm")
-    axes.set_ylabel(f"{what.term.lower()}, {unit.strip()}")
-    return svg(figure)
+    draw_course(axes, s, along.value, along.u)
+    draw_values(axes, inspection, what)
+    axes.set(xlabel=f"arc length along the {course}, mm", ylabel=f"{what.term.lower()}, {unit.strip()}")
+    return figure.svg()
 
 
 def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
@@ -225,17 +234,16 @@ def u_chart(plan: ScanPlanFile, inspection: Inspection) -> bytes:
     figure = Figure(figsize=(10, 3.6))
     at = np.array(told.arc_length_mm)
     for axes, (name, predicted, promised, wanted, u) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
-        axes.set_xlim(0.0, float(s[-1]))
+        axes.set(xlim=(0.0, float(s[-1])))
         axes.axhline(wanted, color=LIMIT, linewidth=1.2)
         axes.plot(at, np.array(predicted, float), color=INK, linewidth=1.1, dashes=(5, 3))
         if promised:
             axes.plot(at, np.array(promised, float), color=INK, linewidth=0.7, dashes=(1.5, 2))
         axes.plot(s, COVERAGE * u, color=MEASURED, linewidth=1.4)
-        axes.set_ylim(bottom=0.0)
-        axes.set_ylabel(name)
-    figure.axes[-1].set_xlabel("arc length along the lower edge, mm")
+        axes.set(ylim=(0.0, None), ylabel=name)
+    figure.axes[-1].set(xlabel="arc length along the lower edge, mm")
     figure.subplots_adjust(0.068, 0.13, 0.868, 0.97, hspace=0.15)
-    return svg(figure)
+    return figure.svg()
 
 
 def hidden_stretches(edge: Edge) -> list[tuple[float, float]]:
@@ -265,21 +273,15 @@ def _draw_tolerance(axes: Axes, what: Characteristic, unit: str, s: Float, guard
     for level, name, inside in ((upper, f"upper limit {high}", -1.0), (lower, f"lower limit {low}", 1.0)):
         axes.axhline(level, color=LIMIT, linewidth=1.2, zorder=1)
         axes.plot(s, level + inside * guard, color=LIMIT, linewidth=0.8, dashes=(4, 2.5), zorder=1)
-        _label_level(axes, level, name + unit)
+        label_level(axes, level, name + unit)
     axes.axhline(nominal, color=LIMIT, linewidth=0.7, dashes=(8, 2, 1.5, 2), zorder=1)
-    _label_level(axes, nominal, f"nominal {middle}{unit}")
+    label_level(axes, nominal, f"nominal {middle}{unit}", INK)
 
 
-def _label_level(axes: Axes, level: float, text: str) -> None:
-    axes.annotate(
-        text,
-        (1.0, level),
-        (6, 0),
-        xycoords=("axes fraction", "data"),
-        va="center",
-        fontsize=8,
-        look=Lettering(INK if text.startswith("nominal") else LIMIT),
-    )
+def label_level(axes: Axes, level: float, text: str, ink: str = LIMIT) -> None:
+    """The name of a value, beside the axes."""
+    beside = ("axes fraction", "data")
+    axes.annotate(text, (1.0, level), (6, 0), xycoords=beside, va="center", fontsize=8, look=Lettering(ink))
 
 
 SEARCHED, KEPT, REJECTS = 4_000_000, 100_000, 20_000  # grid points searched for rejects; points drawn of each sort
@@ -319,9 +321,8 @@ def plan_view(cloud: Cloud, edge: Edge, inspection: Inspection) -> PlanView:
     axes.points(few[:, 0], few[:, 2], ".", color=REJECTED, markersize=2.2)
     if len(edge.burr_stations):
         axes.points(s[edge.burr_stations], np.full(len(edge.burr_stations), low), "^", color=INK, clip_on=False)
-    axes.set_xlabel("arc length along the lower edge, mm")
-    axes.set_ylabel("v across the edge, mm")
-    return PlanView(svg(figure), step, int((~shown).sum()))
+    axes.set(xlabel="arc length along the lower edge, mm", ylabel="v across the edge, mm")
+    return PlanView(figure.svg(), step, int((~shown).sum()))
 
 
 def _band(frame: Int, laid_out_mm: Float) -> tuple[Float, Float, Float]:

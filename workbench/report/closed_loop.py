@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Inspection, Rework, Stretch, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.planned import Compared, compared, duration, loop_chart, whole_run
+from workbench.report.along import deviation_chart
+from workbench.report.planned import Compared, compared, duration, whole_run
 from workbench.report.scenes import loop_scene
 from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage
@@ -175,7 +176,8 @@ def closed_loop(
     if not toolpath.layers:
         raise InputError(toolpath.source or "path", "expected at least one layer")
     rows = compared(inspection, toolpath)
-    chart = loop_chart(inspection, toolpath, rows)
+    asked = {"root_mm": toolpath.root_mm, "bevel_deg": toolpath.bevel_deg}
+    chart = deviation_chart({"": inspection}, asked, {name: [getattr(row, name) for row in rows] for name in asked})
     return Chapter(
         title="Closed loop",
         html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),

@@ -11,19 +11,17 @@ from workbench.artefacts import Chapter, Inspection, PathCorrection
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
-from workbench.report.along import gaps, hatch_hidden, svg
-from workbench.report.marks import INK, LIMIT, MEASURED, REJECTED, TOLERANCE, VERDICTS
-from workbench.report.plot import Axes, Figure
+from workbench.report.along import deviation_chart, draw_course, gaps, hatch_hidden, stacked
+from workbench.report.marks import INK, LIMIT
 from workbench.report.tables import check_texts
 from workbench.report.text import COVERAGE, data_address, render, signed, span
 from workbench.stage import stage
-from workbench.units import DEG, Float
-
-COLOURS = {"blind": REJECTED, "corrected": MEASURED}
+from workbench.units import DEG
 
 
 def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -> str:
     """The chapter."""
+    asked = {size: nominal for one in finished.values() for size, (nominal, _) in one.required.items()}
     return render(
         "correction.html.j2",
         lead=_lead(found),
@@ -39,7 +37,7 @@ def correction_html(found: PathCorrection, finished: Mapping[str, Inspection]) -
         alone=f"{COVERAGE * found.repeatability_mm / math.sin(found.bevel):.2f}",
         parts_before=0 if found.batch is None else found.batch.parts - 1,
         finished=list(_finished_rows(finished)),
-        parts=data_address(_parts_chart(finished)) if finished else "",
+        parts=data_address(deviation_chart(finished, asked)) if finished else "",
     )
 
 
@@ -94,61 +92,20 @@ def _chart(found: PathCorrection) -> bytes:
     """SVG of shift and tilt along the edge, and of what was corrected."""
     over = (found.arc_length_mm >= 0.0) & (found.arc_length_mm <= found.length_mm)
     s = found.arc_length_mm[over]
-    figure = Figure(figsize=(10, 3.3))
-    top, below = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.15, 0.985, 0.97, hspace=0.18)
+    figure, (top, below) = stacked()
     for axes, value, u, by, scale in (
         (top, found.displacement_mm, found.displacement_u_mm, found.shift_mm, 1.0),
         (below, found.turn, found.turn_u, found.tilt, DEG),
     ):
-        _band(axes, s, value[over] / scale, u[over] / scale, MEASURED)
+        draw_course(axes, s, value[over] / scale, u[over] / scale)
         axes.plot(s, -by[over] / scale, color=INK, linewidth=1.0, dashes=(5, 3))
         axes.axhline(0.0, color=INK, linewidth=0.5)
         hatch_hidden(axes, gaps(s, found.cut[over]))
     for limit in (-found.allowance_mm, found.allowance_mm):
         top.axhline(limit, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
-    top.set_xlim(float(s[0]), float(s[-1]))
-    top.set_ylabel("shift of the cut, mm")
-    below.set_ylabel("tilt of the cut, °")
-    below.set_xlabel("arc length along the lower edge, as planned, mm")
-    return svg(figure)
-
-
-def _parts_chart(finished: Mapping[str, Inspection]) -> bytes:
-    """SVG of root face and bevel angle deviation from the requirement, of each part."""
-    figure = Figure(figsize=(10, 3.3))
-    top, below = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
-    for axes, key in ((top, "root_mm"), (below, "bevel_deg")):
-        name, unit = key.split("_")
-        for part, one in finished.items():
-            needs, profile = one.requirements, one.profile
-            nominal = getattr(needs, f"{name}_nominal_{unit}")
-            u = getattr(profile, f"{name}_u_{unit}")
-            _band(axes, profile.arc_length_mm, getattr(profile, key) - nominal, u, COLOURS[part], part)
-        axes.axhspan(*getattr(needs, f"{name}_tolerance_{unit}"), color=TOLERANCE, zorder=0.4)
-        axes.axhline(0.0, color=INK, linewidth=0.5)
-    for one in finished.values():
-        for section in one.sections:
-            if section.root_mm is not None:
-                top.points(
-                    section.arc_length_mm,
-                    section.root_mm - one.requirements.root_nominal_mm,
-                    "o",
-                    markersize=3.5,
-                    color=VERDICTS[section.verdict],
-                    zorder=4,
-                )
-    top.legend()
-    top.set_ylabel("root face\ndeviation, mm")
-    below.set_ylabel("bevel angle\ndeviation, °")
-    below.set_xlabel("arc length along the lower edge, mm")
-    return svg(figure)
-
-
-def _band(axes: Axes, s: Float, value: Float, u: Float, colour: str, label: str | None = None) -> None:
-    axes.fill_between(s, value - COVERAGE * u, value + COVERAGE * u, color=colour, alpha=0.25)
-    axes.plot(s, value, color=colour, linewidth=1.0, label=label)
+    top.set(xlim=(float(s[0]), float(s[-1])), ylabel="shift of the cut, mm")
+    below.set(ylabel="tilt of the cut, °", xlabel="arc length along the lower edge, as planned, mm")
+    return figure.svg()
 
 
 @stage("report.correction")

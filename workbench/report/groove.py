@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,15 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import ALL_TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
-from workbench.report.along import TEXT_SIZE, size_chart, svg
-from workbench.report.marks import GREY, INK, MEASURED
+from workbench.report.along import size_chart
+from workbench.report.dimensions import ACROSS, TEXT_SIZE, dimension, dimension_angle
+from workbench.report.marks import INK, MEASURED
 from workbench.report.plot import Axes, Figure
+from workbench.report.section_drawing import of_interest
 from workbench.report.tables import NOT_JUDGED, certificate_html, check_rows, head, section_rows
 from workbench.report.text import data_address, decimals, measured, render
 from workbench.stage import stage
-from workbench.units import DEG, Float
+from workbench.units import Float
 
 
 def groove_html(cloud: Cloud, groove: Joint, inspection: RecognisedInspection) -> str:
@@ -57,13 +58,6 @@ def _along(groove: Joint, inspection: RecognisedInspection, what: Characteristic
     return size_chart(groove.arc_length_mm, size, np.isfinite(size.value) & groove.seen, inspection, what)
 
 
-def of_interest(inspection: RecognisedInspection) -> GrooveSection:
-    """Of the sections with most corners the first that fails, else the middle one."""
-    most = max(len(one.corners) for one in inspection.sections)
-    full = [one for one in inspection.sections if len(one.corners) == most]
-    return next((one for one in full if one.verdict == "fail"), full[len(full) // 2])
-
-
 def section_tables(inspection: RecognisedInspection) -> Iterator[dict[str, Any]]:
     """The sections' values ± U: lengths and angles in tables of their own, so that they fit a page."""
     for caption, unit, angles in (("Lengths", "mm", False), ("Angles", "°", True)):
@@ -77,45 +71,63 @@ def section_tables(inspection: RecognisedInspection) -> Iterator[dict[str, Any]]
             }
 
 
-# A section of a weld groove as an engineering drawing, its dimensions with the letters of ISO 9692-1.
+# A section of a joint as an engineering drawing, its dimensions with the letters of ISO 9692-1.
 
-NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the groove: plate drawn
+NEAR_MM, BESIDE_MM = 1.5, 9.0  # of a section: frames drawn; of the joint: plate drawn
 MOST_POINTS = 12_000
+SURFACES = {"left_upper", "right_upper", "upper", "lower"}  # corners at which a plate's surface ends
+LENGTHS = (  # a size, the corners that it lies between, and where its dimension stands; of grooves, of one plate
+    ("width_mm", "left_upper", "right_upper", "above"),
+    ("gap_mm", "left_root", "right_root", "below"),
+    ("depth_mm", "right_root", "right_upper", "right"),
+    ("root_face_left_mm", "left_lower", "left_root", "left"),
+    ("root_face_right_mm", "right_lower", "right_root", "right"),
+    ("width_mm", "upper", "root", "above"),
+    ("depth_mm", "root", "upper", "right"),
+    ("root_face_mm", "lower", "root", "right"),
+    ("lower_bevel_mm", "root", "middle", "left"),
+)
+ANGLES = (  # an angle, the corner that it is about and the one that its face leads to
+    ("bevel_left_deg", "left_root", "left_upper"),
+    ("bevel_right_deg", "right_root", "right_upper"),
+    ("upper_bevel_deg", "middle", "upper"),
+)
 
 
 def with_u(section: GrooveSection, size: str) -> str:
-    """Value ± U with its unit; '–' where it was not measured."""
-    value, u = section.values.get(size), section.values.get(u_name(size))
+    """Letter or term, value ± U and unit of a size that was measured."""
+    value, u = section.values[size], section.values[u_name(size)]
     text = measured(value, u, decimals([u]))
-    if value is None or not size.endswith("_deg"):
-        return text if value is None else f"{text} mm"
-    return f"({text})°"
+    term, letter = ALL_TERMS[size]
+    return f"{letter if letter != '–' else term} = " + (f"({text})°" if size.endswith("_deg") else f"{text} mm")
 
 
 def groove_drawing(cloud: Cloud, groove: Joint, section: GrooveSection) -> bytes:
-    """SVG of a section: returns near it, corners, dimensions."""
-    corner = {one["name"]: np.array(one["section_mm"]) for one in section.corners}
-    uv = _points(cloud, groove, section)
+    """SVG of a section: returns near it, corners, every size that was measured as a dimension or in words."""
+    corner, uv = section.places, _points(cloud, groove, section)
     places = np.array(list(corner.values()))
-    left, right = places[:, 0].min() - BESIDE_MM, places[:, 0].max() + BESIDE_MM
-    uv = uv[(uv[:, 0] > left) & (uv[:, 0] < right)]
+    ends = places[:, 0].min() - BESIDE_MM, places[:, 0].max() + BESIDE_MM
+    uv = uv[(uv[:, 0] > ends[0]) & (uv[:, 0] < ends[1])]
     low, high = float(places[:, 1].min()), float(places[:, 1].max())
-    size = max(high - low, 0.3 * (right - left))
+    size = max(high - low, 0.3 * (ends[1] - ends[0]))
     figure = Figure(figsize=(10, 5.0))
     axes = figure.add_axes((0.06, 0.12, 0.92, 0.86))
-    axes.set(xlim=(left - 0.5 * size, right + 0.5 * size), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
+    room = np.array([-0.5, 0.5]) * size
+    axes.set(xlim=tuple(ends + room), ylim=(low - 0.42 * size, high + 0.42 * size), aspect="equal")
     axes.points(uv[:, 0], uv[:, 1], ".", color=MEASURED, markersize=3.2, alpha=0.5)
-    straight = "root_radius_mm" not in section.values
-    if isinstance(groove, Groove):
-        _outline(axes, corner, straight, ends=(left, right))
-        _dimensions(axes, section, corner, size)
-        axes.set_xlabel("right, along the upper surfaces, mm")
-    else:
-        _plate_outline(axes, corner, straight, left)
-        _plate_dimensions(axes, section, corner, size)
-        axes.set_xlabel("out of the root face, mm")
-    axes.set_ylabel("up, mm")
-    return svg(figure)
+    sides = {name: ends[name.startswith("right")] for name in SURFACES & {*corner}}
+    for line in (*section.chains, *(np.array([(far, corner[name][1]), corner[name]]) for name, far in sides.items())):
+        axes.plot(*line.T, color=INK, linewidth=0.7)
+    axes.points(places[:, 0], places[:, 1], "o", color=INK, markersize=2.4)
+    drawn = {*_lengths(axes, section, size), *_angles(axes, section)}
+    rows = [with_u(section, name) for name in ALL_TERMS if name not in drawn and section.values.get(name) is not None]
+    middle = np.mean([at[0] for name, at in corner.items() if name.endswith("upper")] or places[:, 0])
+    for row, text in enumerate(reversed(rows)):
+        at = (float(middle), high + 0.2 * size)  # which may be on the width's arrow
+        axes.annotate(text, at, (0, 12 + 11 * row), ha="center", va="center", fontsize=TEXT_SIZE)
+    right = "right, along the upper surfaces, mm" if isinstance(groove, Groove) else "out of the root face, mm"
+    axes.set(xlabel=right, ylabel="up, mm")
+    return figure.svg()
 
 
 def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
@@ -128,132 +140,40 @@ def _points(cloud: Cloud, groove: Joint, section: GrooveSection) -> Float:
     return np.column_stack([off @ section.normal, off @ section.across])
 
 
-def _outline(axes: Axes, corner: dict[str, Float], straight: bool, ends: tuple[float, float]) -> None:
-    """Upper surfaces, faces between the corners that were seen, the corners."""
-    for side, end in zip(("left", "right"), ends, strict=True):
-        names = [f"{side}_{which}" for which in ("upper", "root", "lower")]
-        seen = [corner[name] for name in names if name in corner]
-        if f"{side}_upper" not in corner:
-            continue
-        upper = seen[0]
-        axes.plot([end, upper[0]], [upper[1], upper[1]], color=INK, linewidth=0.7)
-        chain = np.array(seen if straight else seen[1:])
-        if len(chain):
-            axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
-        axes.points([one[0] for one in seen], [one[1] for one in seen], "o", color=INK, markersize=2.4)
-
-
-def _words(section: GrooveSection, name: str) -> str:
-    term, letter = ALL_TERMS[name]
-    return f"{letter if letter != '–' else term} = {with_u(section, name)}"
-
-
-def _is_shown(section: GrooveSection, corner: dict[str, Float], name: str, *corners: str) -> bool:
-    return section.values.get(name) is not None and all(one in corner for one in corners)
-
-
-def _dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
-    """What was measured in this section, each with its letter and U."""
-    words, shown = partial(_words, section), partial(_is_shown, section, corner)
-    high = max(float(place[1]) for place in corner.values())
-    low = min(float(place[1]) for place in corner.values())
-    if shown("width_mm", "left_upper", "right_upper"):
-        _across(axes, corner["left_upper"], corner["right_upper"], high + 0.2 * size, words("width_mm"))
-    if shown("gap_mm", "left_root", "right_root"):
-        a, b = (corner.get(f"{side}_lower", corner[f"{side}_root"]) for side in ("left", "right"))
-        _across(axes, a, b, low - 0.2 * size, words("gap_mm"))
-    aside = {
-        side: corner[f"{side}_upper"][0] + sign * 0.75 * BESIDE_MM
-        for side, sign in (("left", -1), ("right", 1))
-        if f"{side}_upper" in corner
+def _lengths(axes: Axes, section: GrooveSection, size: float) -> Iterator[str]:
+    """Dimensions of the lengths that were measured; their names."""
+    corner = section.places
+    low, high = (end(np.array(list(corner.values())), axis=0) for end in (np.min, np.max))
+    at = {
+        "above": high + np.array([0.0, 0.2 * size]),
+        "below": low - np.array([0.0, 0.2 * size]),
+        "left": low - np.array([0.75 * BESIDE_MM, 0.0]),
+        "right": high + np.array([0.75 * BESIDE_MM, 0.0]),
     }
-    if shown("depth_mm", "right_upper", "right_root"):
-        _up(axes, corner["right_root"], corner["right_upper"], aside["right"], words("depth_mm"), 1.0)
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        if shown(f"root_face_{side}_mm", f"{side}_root", f"{side}_lower", f"{side}_upper"):
-            _up(axes, corner[f"{side}_lower"], corner[f"{side}_root"], aside[side], words(f"root_face_{side}_mm"), sign)
-        if shown(f"bevel_{side}_deg", f"{side}_root", f"{side}_upper"):
-            angle = section.values[f"bevel_{side}_deg"] or 0.0
-            _angle(axes, corner[f"{side}_root"], corner[f"{side}_upper"], angle, words(f"bevel_{side}_deg"), sign)
-    middle = 0.5 * sum(float(place[0]) for name, place in corner.items() if name.endswith("_upper"))
-    rows = [words(name) for name in ("included_deg", "root_radius_mm", "misalignment_mm") if shown(name)]
-    _above(axes, rows, (middle, high + 0.2 * size), "center")
+    for name, first, last, where in LENGTHS:
+        if section.values.get(name) is None or first not in corner or last not in corner:
+            continue
+        ends, text = (corner[first], corner[last]), with_u(section, name)
+        if where in ("above", "below"):
+            dimension(axes, ends, at[where], text, size, along=ACROSS, place="end")
+        else:
+            dimension(axes, ends, at[where], text, size, side="left" if where == "left" else "right")
+        yield name
 
 
-def _plate_outline(axes: Axes, corner: dict[str, Float], straight: bool, left: float) -> None:
-    """Upper surface, faces between the corners, root face, lower surface; without the flank above a fillet."""
-    names = [name for name in ("upper", "middle", "root", "lower") if name in corner]
-    chain = np.array([corner[name] for name in names if straight or name != "upper"])
-    axes.plot(chain[:, 0], chain[:, 1], color=INK, linewidth=0.7)
-    for name in ("upper", "lower"):
-        if name in corner:
-            axes.plot([left, corner[name][0]], [corner[name][1]] * 2, color=INK, linewidth=0.7)
-    axes.points(
-        [corner[name][0] for name in names], [corner[name][1] for name in names], "o", color=INK, markersize=2.4
-    )
-
-
-def _plate_dimensions(axes: Axes, section: GrooveSection, corner: dict[str, Float], size: float) -> None:
-    """What was measured of one plate in this section, each with its letter and U."""
-    words, shown = partial(_words, section), partial(_is_shown, section, corner)
-    high = max(float(place[1]) for place in corner.values())
-    outside = max(float(place[0]) for place in corner.values()) + 0.25 * size
-    if shown("width_mm", "upper", "root"):
-        _across(axes, corner["upper"], corner["root"], high + 0.2 * size, words("width_mm"))
-    if shown("depth_mm", "upper", "root"):
-        _up(axes, corner["root"], corner["upper"], outside, words("depth_mm"), 1.0)
-    if shown("root_face_mm", "lower", "root"):
-        _up(axes, corner["lower"], corner["root"], outside, words("root_face_mm"), 1.0)
-    if shown("lower_bevel_mm", "middle", "root"):
-        _up(axes, corner["root"], corner["middle"], corner["upper"][0] - 0.3 * size, words("lower_bevel_mm"), -1.0)
-    bevels = {"bevel_deg": ("root", "middle" if "upper_bevel_deg" in section.values else "upper")}
-    bevels["upper_bevel_deg"] = ("middle", "upper")
-    if shown("land_mm") and "middle" in corner:
-        bevels["bevel_deg"] = ("middle", "upper")
-    for name, (low, top) in bevels.items():
-        if shown(name, low, top) and "root_radius_mm" not in section.values:
-            _angle(axes, corner[low], corner[top], section.values[name] or 0.0, words(name), -1.0)
-    rows = [name for name in ("land_mm", "root_radius_mm") if shown(name)]
-    if "root_radius_mm" in section.values and shown("bevel_deg"):
-        rows.append("bevel_deg")
-    _above(axes, [words(name) for name in rows], (float(corner["upper"][0]), high + 0.2 * size), "right")
-
-
-def _above(axes: Axes, rows: list[str], place: tuple[float, float], ha: str) -> None:
-    """Texts above a place, which may be on the width's arrow."""
-    for row, text in enumerate(reversed(rows)):
-        axes.annotate(text, place, (0, 12 + 11 * row), ha=ha, va="center", fontsize=TEXT_SIZE)
-
-
-def _across(axes: Axes, a: Float, b: Float, at: float, text: str) -> None:
-    """A distance along the upper surfaces; the text beside it where it is short."""
-    for place in (a, b):
-        axes.plot([place[0], place[0]], [place[1], at], color=GREY, linewidth=0.5)
-    axes.arrow((float(a[0]), at), (float(b[0]), at), both=True)
-    axes.annotate(text, (float(max(a[0], b[0])), at), (5, 0), va="center", fontsize=TEXT_SIZE)
-
-
-def _up(axes: Axes, low: Float, high: Float, at: float, text: str, sign: float) -> None:
-    """A height, dimensioned beside the groove on its side."""
-    for place in (low, high):
-        axes.plot([place[0], at], [place[1], place[1]], color=GREY, linewidth=0.5)
-    axes.arrow((at, float(low[1])), (at, float(high[1])), both=True)
-    middle = 0.5 * float(low[1] + high[1])
-    axes.annotate(
-        text, (at, middle), (4 * sign, 0), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE
-    )
-
-
-def _angle(axes: Axes, root: Float, upper: Float, degrees: float, text: str, sign: float) -> None:
-    """The arc from the normal of the upper surface to the bevel, with the value in the plate."""
-    radius = 0.6 * float(np.hypot(*(upper - root)))
-    turned = np.linspace(0.0, degrees * DEG, 31)
-    axes.plot(
-        [root[0], root[0]], [root[1], root[1] + 1.15 * radius], color=GREY, linewidth=0.5, dashes=(9, 2.5, 2, 2.5)
-    )
-    axes.plot(root[0] + sign * radius * np.sin(turned), root[1] + radius * np.cos(turned), color=GREY, linewidth=0.6)
-    end = (float(root[0] + sign * radius * np.sin(turned[-1])), float(root[1] + radius * np.cos(turned[-1])))
-    axes.annotate(text, end, (7 * sign, -3), ha="left" if sign > 0 else "right", va="center", fontsize=TEXT_SIZE)
+def _angles(axes: Axes, section: GrooveSection) -> Iterator[str]:
+    """Dimensions of the angles of flat faces between corners; their names."""
+    corner, values = section.places, section.values
+    if values.get("root_radius_mm") is not None:
+        return
+    low = "middle" if values.get("land_mm") is not None and "middle" in corner else "root"
+    top = "middle" if low == "root" and "upper_bevel_deg" in values else "upper"
+    for name, about, to in (*ANGLES, ("bevel_deg", low, top)):
+        if values.get(name) is not None and about in corner and to in corner:
+            radius = 0.6 * float(np.hypot(*(corner[to] - corner[about])))
+            text, right = with_u(section, name), about.startswith("right")
+            dimension_angle(axes, corner[about], values[name] or 0.0, text, radius, to_right=right, inside=True)
+            yield name
 
 
 @stage("report.groove")

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes, Verdict
 from workbench.artefacts.evidence import MOST_CHARACTERS, iso_date
 from workbench.errors import InputError, one_line
+from workbench.report.scene import everything_mm
 from workbench.report.tables import one_line_a_stage, shown_path
 from workbench.report.text import render, source
 from workbench.stage import stage
@@ -138,12 +139,6 @@ def packed(scene: Scene, most: int) -> str:
     }
     text = json.dumps(content, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def everything_mm(scene: Scene) -> Float:
-    """(q, 3) all that the scene shows, in the base."""
-    lines = [line for strokes in scene.strokes for line in strokes.lines_mm]
-    return np.vstack([scene.points_mm, *lines, *(mark.outline_mm for mark in scene.marks)])
 
 
 def pitch_mm(points_mm: Float) -> float:

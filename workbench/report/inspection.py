@@ -12,8 +12,9 @@ from workbench.errors import InputError, one_line
 from workbench.report.along import plan_view, size_chart, u_chart
 from workbench.report.scene import pictures
 from workbench.report.scenes import inspection_scene
-from workbench.report.section_drawing import section_drawings, section_views
+from workbench.report.section_drawing import section_drawings
 from workbench.report.tables import certificate_html, inspection_html
+from workbench.report.views import section_views
 from workbench.stage import InputFile, stage
 
 

@@ -11,26 +11,10 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Layer, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
-from workbench.report.along import (
-    axes_at,
-    developed,
-    dimension_angle,
-    dimension_gap,
-    dimension_height,
-    dimension_radius,
-    svg,
-)
+from workbench.report.along import axes_at, developed
+from workbench.report.dimensions import dimension, dimension_angle, dimension_radius
 from workbench.report.marks import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
-from workbench.report.path_charts import (
-    AXIS_MM,
-    TOOL_AXIS_MM,
-    edges_in_plane,
-    engagement_chart,
-    feed_chart,
-    path_views,
-    procedure_views,
-    shown_stretch,
-)
+from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
 from workbench.report.planned import (
     LOCAL_MM,
     Run,
@@ -54,9 +38,10 @@ from workbench.report.planned import (
 )
 from workbench.report.plot import Axes, Figure
 from workbench.report.scene import around, frame_arc_length_mm, pictures
-from workbench.report.scenes import plan_scene
+from workbench.report.scenes import TOOL_AXIS_MM, plan_scene
 from workbench.report.tables import faces_seen, facts
 from workbench.report.text import data_address, decimals, measured, render
+from workbench.report.views import AXIS_MM, path_views, procedure_views, shown_stretch
 from workbench.stage import stage
 from workbench.units import Float, Shaped
 
@@ -239,9 +224,8 @@ def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Step
     _draw_points(axes, cloud, edge, stepped)
     _draw_layers(axes, toolpath, stepped, size)
     _draw_dimensions(axes, edge, toolpath, stepped, size)
-    axes.set_xlabel("u along the end face's outward normal, mm")
-    axes.set_ylabel("v from the lower to the upper side, mm")
-    return svg(figure)
+    axes.set(xlabel="u along the end face's outward normal, mm", ylabel="v from the lower to the upper side, mm")
+    return figure.svg()
 
 
 def _cut(edge: Edge, toolpath: Toolpath, layer: Layer, at_mm: float) -> Cut | None:
@@ -336,28 +320,25 @@ def _named(stepped: Stepped, size: float) -> set[int]:
 def _draw_dimensions(axes: Axes, edge: Edge, toolpath: Toolpath, stepped: Stepped, size: float) -> None:
     root_u, bevel_u = planned_u(edge, toolpath)
     root = measured(stepped.root_mm, root_u, decimals([root_u]))
-    dimension_height(axes, stepped.root_mm, 0.05 * size, f"root face {root} mm", size)
-    dimension_height(axes, stepped.thickness_mm, 0.6 * size, f"thickness\n{stepped.thickness_mm:.2f} mm", size)
+    low, top = np.zeros(2), np.array([0.0, stepped.root_mm])
+    dimension(axes, (low, top), np.array([0.05 * size, 0.0]), f"root face {root} mm", size)
+    text, high = f"thickness\n{stepped.thickness_mm:.2f} mm", np.array([0.0, stepped.thickness_mm])
+    dimension(axes, (low, high), np.array([0.6 * size, 0.0]), text, size)
     angle = measured(stepped.bevel_deg, bevel_u, decimals([bevel_u]))
-    fillet, corner = toolpath.root_radius_mm, (0.0, stepped.root_mm)
+    fillet, corner, final = toolpath.root_radius_mm, top, stepped.cuts[-1]
+    along = (final.lower - final.upper) / np.linalg.norm(final.lower - final.upper)
+    off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
     if fillet:
-        face = stepped.cuts[-1]
-        off = (face.upper - face.lower)[::-1] * [1.0, -1.0] / np.linalg.norm(face.upper - face.lower)
-        centre, middle = face.lower + fillet * off, face.fillet[len(face.fillet) // 2]
-        dimension_radius(axes, tuple(centre), tuple(middle), f"root radius {fillet:g} mm")
-        corner = tuple(face.lower)
+        middle = final.fillet[len(final.fillet) // 2]
+        dimension_radius(axes, final.lower + fillet * off, middle, f"root radius {fillet:g} mm")
+        corner = final.lower
     radius = min(0.3 * size, 0.5 * (stepped.thickness_mm - corner[1]))
-    axes.plot([corner[0]] * 2, [corner[1], corner[1] + 1.15 * radius], color=INK, linewidth=0.6, zorder=4)
     dimension_angle(axes, corner, stepped.bevel_deg, f"({angle})°", radius)
     if len(stepped.cuts) > 1:
-        one, final = stepped.cuts[-2:]
-        low, along = (
-            _beyond(final, 1.6 * size),
-            (final.lower - final.upper) / np.linalg.norm(final.lower - final.upper),
-        )
-        off = np.array([-along[1], along[0]])  # the bevel's outward normal: `along` turned to the left
-        depth = abs(float((one.upper - final.upper) @ off))
-        dimension_gap(axes, low, low + depth * off, f"depth of cut {depth:.3g} mm", size)
+        low = _beyond(final, 1.6 * size)
+        depth = abs(float((stepped.cuts[-2].upper - final.upper) @ off))
+        text = f"depth of cut {depth:.3g} mm"
+        dimension(axes, (low, low + depth * off), low, text, size, along=off, place="start", side="left")
 
 
 def _beyond(cut: Cut, size: float) -> Float:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import Edge, EdgeProfile, Gate, Inspection, Layer, Moves, RawEdge, Section, Toolpath
+from workbench.artefacts import Edge, Gate, Inspection, Layer, Moves, RawEdge, Section, Toolpath
 from workbench.errors import one_line
 from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.report.along import axes_at, developed, gaps, hatch_hidden, hidden_stretches, mark_sections, svg
-from workbench.report.marks import AIR, INK, LIMIT, MEASURED, VERDICTS, rgb
-from workbench.report.plot import Axes, Figure
+from workbench.report.along import axes_at, developed, hidden_stretches
+from workbench.report.marks import AIR, rgb
+from workbench.report.plot import Figure
 from workbench.report.text import COVERAGE, alike, decimals, span
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
@@ -188,12 +188,12 @@ def _scale(
     axes = figure.add_axes((0.2, 0.72, 0.6, 0.22))
     axes.set(xlim=limits, ylim=(0.0, 1.0))
     axes.shades(list(shades / 255.0))
-    axes.set_yticks([], [])
+    axes.set(yticks=([], []))
     if at:
-        axes.set_xticks(at, names)
+        axes.set(xticks=(at, names))
     axes.tick_params(length=2.5, pad=2)
-    axes.set_xlabel(label)
-    return svg(figure)
+    axes.set(xlabel=label)
+    return figure.svg()
 
 
 Row = tuple[str, str]
@@ -333,46 +333,6 @@ def compared(inspection: Inspection, toolpath: Toolpath) -> list[Compared]:
         crossing = _crossing(section, position, axis, both)
         found.append(Compared(section, None, None) if crossing is None else _planned(section, *crossing))
     return found
-
-
-def loop_chart(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> bytes:
-    """SVG of the deviations from the requirement, along the edge: measured with uncertainty, planned as crosses."""
-    profile = inspection.profile
-    figure = Figure(figsize=(10, 3.4))
-    root, bevel = figure.subplots(2, 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.15, 0.985, 0.93, hspace=0.18)
-    _draw_deviation(root, profile, rows, "root", "mm", toolpath.root_mm)
-    _draw_deviation(bevel, profile, rows, "bevel", "deg", toolpath.bevel_deg)
-    root.set_ylabel("root face\ndeviation, mm")
-    bevel.set_ylabel("bevel angle\ndeviation, °")
-    for axes in (root, bevel):
-        axes.y_label_at = -0.062
-    mark_sections(root, [r.section.arc_length_mm for r in rows], [str(r.section.index) for r in rows])
-    bevel.set_xlabel("arc length along the lower edge of the milled part, mm")
-    return svg(figure)
-
-
-def _draw_deviation(axes: Axes, profile: EdgeProfile, rows: list[Compared], name: str, unit: str, asked: float) -> None:
-    """One quantity, `root` in `mm` or `bevel` in `deg`, deviation from the requirement."""
-    value_name, u_name, s = f"{name}_{unit}", f"{name}_u_{unit}", profile.arc_length_mm
-    off, wide = getattr(profile, value_name) - asked, COVERAGE * getattr(profile, u_name)
-    axes.set_xlim(float(s[0]), float(s[-1]))
-    axes.axhline(0.0, color=LIMIT, linewidth=0.8, dashes=(8, 2, 1.5, 2))
-    axes.fill_between(s, off - wide, off + wide, color=MEASURED, alpha=0.25)
-    axes.plot(s, off, color=MEASURED, linewidth=1.0)
-    for row in rows:
-        at, value, planned = row.section.arc_length_mm, getattr(row.section, value_name), getattr(row, value_name)
-        if value is not None:
-            axes.errorbar(
-                at,
-                value - asked,
-                COVERAGE * (getattr(row.section, u_name) or 0.0),
-                color=VERDICTS[row.section.verdict],
-                zorder=4,
-            )
-        if planned is not None:
-            axes.points(at, planned - asked, "x", color=INK, markersize=6, zorder=5)
-    hatch_hidden(axes, gaps(s, np.isfinite(off)))
 
 
 def _crossing(section: Section, position: Float, axis: Float, cutting: Bool) -> tuple[Float, Float] | None:

@@ -44,6 +44,8 @@ STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Limits: TypeAlias = tuple[float, float]
+Ends: TypeAlias = tuple[float | None, float | None]
+Ticks: TypeAlias = tuple[Sequence[float], Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,7 +195,7 @@ class Axes:
     tick_size: float = SIZE
     tick_length: float = TICK
     tick_pad: float = PAD
-    ticks: dict[str, tuple[list[float], list[str]]] = field(default_factory=dict)
+    ticks: dict[str, Ticks] = field(default_factory=dict)
     lines: list[Line] = field(default_factory=list)
     _legend: list[tuple[str, str]] = field(default_factory=list)
     _later: list[tuple[float, bool, Any]] = field(default_factory=list)  # zorder, whether clipped, what draws it
@@ -204,28 +206,25 @@ class Axes:
     def set(
         self,
         *,
-        xlim: Limits | None = None,
-        ylim: Limits | None = None,
+        xlim: Ends | None = None,
+        ylim: Ends | None = None,
+        xlabel: str | None = None,
+        ylabel: str | None = None,
+        xticks: Ticks | None = None,
+        yticks: Ticks | None = None,
         aspect: str = "",
-        xticks: Sequence[float] | None = None,
     ) -> None:
-        """Limits; `aspect` "equal": one scale both ways; `xticks`: [] for none."""
-        for axis, limits in (("x", xlim), ("y", ylim)):
+        """Limits (None: that end as it is), labels, ticks (values and names); `aspect` "equal": one scale both ways."""
+        for axis, limits, label, ticks in (("x", xlim, xlabel, xticks), ("y", ylim, ylabel, yticks)):
+            extent = self.shared[axis]
             if limits is not None:
-                self.shared[axis].given = (float(limits[0]), float(limits[1]))
+                low, high = (now if one is None else one for one, now in zip(limits, extent.limits(), strict=True))
+                extent.given = (float(low), float(high))
+            if label is not None:
+                self.labels[axis] = label
+            if ticks is not None:
+                self.ticks[axis] = ticks
         self.equal = self.equal or aspect == "equal"
-        if xticks is not None:
-            self.ticks["x"] = (list(xticks), [f"{x:g}" for x in xticks])
-
-    def set_xlim(self, low: float, high: float) -> None:
-        """What the axes show."""
-        self.set(xlim=(low, high))
-
-    def set_ylim(self, low: float | None = None, high: float | None = None, *, bottom: float | None = None) -> None:
-        """What the axes show; `bottom`: its lower end alone."""
-        low = bottom if low is None else low
-        now = self.shared["y"].limits()
-        self.set(ylim=(now[0] if low is None else low, now[1] if high is None else high))
 
     def get_xlim(self) -> Limits:
         """What the axes show."""
@@ -234,30 +233,6 @@ class Axes:
     def get_ylim(self) -> Limits:
         """What the axes show."""
         return self.shared["y"].limits()
-
-    def margins(self, *, x: float = MARGIN, y: float = MARGIN) -> None:
-        """Shares of the data's span that stay free."""
-        self.shared["x"].margin, self.shared["y"].margin = x, y
-
-    def set_visible(self, visible: bool) -> None:
-        """Whether anything is drawn."""
-        self.visible = visible
-
-    def set_xlabel(self, text: str) -> None:
-        """Below the axes."""
-        self.labels["x"] = text
-
-    def set_ylabel(self, text: str) -> None:
-        """Left of the axes."""
-        self.labels["y"] = text
-
-    def set_yticks(self, at: Sequence[float], names: Sequence[str]) -> None:
-        """Ticks at these values, with these names."""
-        self.ticks["y"] = (list(at), list(names))
-
-    def set_xticks(self, at: Sequence[float], names: Sequence[str]) -> None:
-        """Ticks at these values, with these names."""
-        self.ticks["x"] = (list(at), list(names))
 
     def tick_params(self, *, labelsize: float = SIZE, length: float = TICK, pad: float = PAD) -> None:
         """How ticks look."""
@@ -270,18 +245,6 @@ class Axes:
         made = Axes(self.figure, (left + x * width, bottom + y * height, w * width, h * height))
         self._insets.append(made)
         return made
-
-    def set_title(self, text: str, *, fontsize: float = SIZE, color: str = INK, pad: float = 6.0) -> None:
-        """Above the axes' left end."""
-        self.annotate(
-            text,
-            (0, 1),
-            (0, pad),
-            xycoords="axes fraction",
-            fontsize=fontsize,
-            look=Lettering(color),
-            va="bottom",
-        )
 
     # What is drawn.
 
@@ -573,7 +536,7 @@ class Axes:
         y0, y1 = (self._y(v) for v in up[::-1]) if up else (top, top + height)
         return f'<rect x="{pt(x0)}" y="{pt(y0)}" width="{pt(x1 - x0)}" height="{pt(y1 - y0)}" {filled}/>'
 
-    def _ticks(self, axis: str) -> tuple[list[float], list[str]]:
+    def _ticks(self, axis: str) -> Ticks:
         if axis in self.ticks:
             return self.ticks[axis]
         room = self.box[2 if axis == "x" else 3]

@@ -9,73 +9,38 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Section
+from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Mark, Scene, Section
 from workbench.geometry.splat import Camera, draw_cloud
-from workbench.report.marks import INK
+from workbench.report.marks import INK, rgb
 from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 ROOM_ABOVE = 0.03  # of a picture's width, for the numbers of the planes
-AXES = ("t", "n", "m")  # the rows of View.axes
-
-
-def _none(*shape: int) -> Float:
-    return np.zeros(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One picture, in mm from a local origin, axes of the base. Colours: uint8 red, green, blue.
-
-    Lines are one array of points, each line from one of `line_start` to the next.
+    """A scene as it is looked at, in parallel projection: its first shading, all lines (one of a single point is a
+    dot), and its marks as planes.
     """
 
-    points_mm: Shaped[Float, "n 3"]
-    colour: Shaped[AnyArray, "n 3"]
-    axes: Shaped[Float, "3 3"]  # rows t, n, m at the origin
-    look: Shaped[Float, " 3"]  # unit, towards the viewer
+    scene: Scene
+    look: tuple[float, float, float]  # towards the viewer, along the scene's axes
+    origin_mm: Shaped[Float, " 3"] | None = None  # in the base: where the axes stand
     axes_length_mm: float = 0.0  # 0: not drawn
-    dots_mm: Shaped[Float, "d 3"] = field(default_factory=lambda: _none(0, 3))  # larger than the points
-    dot_colour: Shaped[AnyArray, "d 3"] = field(default_factory=lambda: _none(0, 3))
-    lines_mm: Shaped[Float, "p 3"] = field(default_factory=lambda: _none(0, 3))
-    line_colour: Shaped[AnyArray, "p 3"] = field(default_factory=lambda: _none(0, 3))
-    line_start: Shaped[Int, " l"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    planes_mm: Shaped[Float, "k 4 3"] = field(
-        default_factory=lambda: _none(0, 4, 3)
-    )  # lower inner, outer, upper outer, inner
-    plane_colour: Shaped[AnyArray, "k 3"] = field(default_factory=lambda: _none(0, 3))
-    names: tuple[str, ...] = ()  # (k,) of the planes
     width_px: int = 1600
 
-    def lines(self) -> list[tuple[Float, AnyArray]]:
-        """Each line's points and their colours."""
-        inner = self.line_start[1:]
-        found = zip(np.split(self.lines_mm, inner), np.split(self.line_colour, inner), strict=True)
-        return [(points, colour) for points, colour in found if len(points) > 1]
 
-    def everything_mm(self) -> Float:
-        """(q, 3) all that must be inside the picture."""
-        return np.vstack([self.points_mm, self.dots_mm, self.lines_mm, self.planes_mm.reshape(-1, 3)])
-
-
-def joined(view: View, lines_mm: list[Float], colours: list[AnyArray]) -> View:
-    """The view with lines (each (p, 3) points with their (p, 3) colours)."""
-    if not lines_mm:
-        return view
-    start = np.cumsum([0, *(len(line) for line in lines_mm[:-1])])
-    return replace(view, lines_mm=np.vstack(lines_mm), line_colour=np.vstack(colours), line_start=start)
-
-
-def towards(axes: Float, look: tuple[float, float, float]) -> Float:
-    """Unit vector towards the viewer, given along the rows of `axes`."""
-    direction: Float = axes.T @ (np.array(look) / np.linalg.norm(look))
-    return direction
+def everything_mm(scene: Scene) -> Float:
+    """(q, 3) all that the scene shows, in the base."""
+    lines = [line for strokes in scene.strokes for line in strokes.lines_mm]
+    return np.vstack([scene.points_mm, *lines, *(mark.outline_mm for mark in scene.marks)])
 
 
 def extent(points_mm: Float, look: Float, up: Float) -> tuple[Float, Float, Float]:
@@ -229,20 +194,20 @@ def pictures(views: Mapping[str, View]) -> dict[str, bytes]:
 
 
 def picture(view: View) -> bytes:
-    """PNG of a view in parallel projection, at true scale. Paths and dots run inside the stock: drawn before it."""
-    camera = camera_of(view)
-    cloud = draw_cloud(view.points_mm, view.colour.astype(np.uint8), camera)
+    """PNG of a view, at true scale. Paths and dots run inside the stock: drawn before it."""
+    scene, camera = view.scene, camera_of(view)
+    shade = scene.shadings[0]
+    cloud = draw_cloud(scene.points_mm, shade.palette[shade.index], camera)
     near = _widened(np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX)  # gaps between points hide as well
     image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
     draw = ImageDraw.Draw(image, "RGBA")
-    for line, colour in view.lines():
-        _draw_line(draw, camera.project(line), colour[1:])
-    for (x, y, _), shade in zip(FINER * camera.project(view.dots_mm), view.dot_colour, strict=True):
-        draw.ellipse((x - DOT_PX, y - DOT_PX, x + DOT_PX, y + DOT_PX), fill=_shade(shade))
-    for corners, colour, name in zip(view.planes_mm, view.plane_colour, view.names, strict=True):
-        _draw_plane(draw, camera, near, corners, colour, name)
-    if view.axes_length_mm:
-        _draw_axes(draw, camera, view.axes * view.axes_length_mm)
+    for strokes in scene.strokes:
+        for line, colour in zip(strokes.lines_mm, strokes.colours, strict=True):
+            _draw_line(draw, camera.project(line), colour)
+    for mark in scene.marks:
+        _draw_plane(draw, camera, near, mark)
+    if view.origin_mm is not None and view.axes_length_mm:
+        _draw_axes(draw, camera, view.origin_mm, view.origin_mm + view.axes_length_mm * scene.axes, scene.axes_names)
     out = io.BytesIO()
     image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png", compress_level=4)
     return out.getvalue()
@@ -261,7 +226,9 @@ def _widened(values: Float32, size_px: int) -> Float32:
 
 def camera_of(view: View) -> Camera:
     """The camera that has all of a view in its picture."""
-    screen, low, high = extent(view.everything_mm(), view.look, view.axes[2])
+    axes = view.scene.axes
+    towards: Float = axes.T @ (np.array(view.look) / np.linalg.norm(view.look))
+    screen, low, high = extent(everything_mm(view.scene), towards, axes[2])
     width, shape = int(view.width_px), aspect(low, high)
     height = round(width * shape)
     across, up, _ = high - low
@@ -270,19 +237,21 @@ def camera_of(view: View) -> Camera:
 
 
 def _draw_line(draw: ImageDraw.ImageDraw, seen: Float, colour: AnyArray) -> None:
-    """A line of pixels (k, 3), a colour (k - 1, 3) for each of its segments."""
+    """A line of pixels (k, 3), each with the colour (k, 3) of the segment to it; a dot where it is one alone."""
     at = FINER * seen[:, :2]
+    if len(at) == 1:
+        (x, y), r = at[0], DOT_PX
+        draw.ellipse((x - r, y - r, x + r, y + r), fill=_shade(colour[0]))
+    colour = colour[1:]
     changes = np.flatnonzero((np.diff(colour.astype(int), axis=0) != 0).any(axis=1)) + 1
-    for piece in np.split(np.arange(len(colour)), changes):
+    for piece in np.split(np.arange(len(colour)), changes) if len(colour) else ():
         ends = at[piece[0] : piece[-1] + 2]
         draw.line([*map(tuple, ends.tolist())], fill=_shade(colour[piece[0]]), width=LINE_PX, joint="curve")
 
 
-def _draw_plane(
-    draw: ImageDraw.ImageDraw, camera: Camera, near: Float32, corners: Float, colour: AnyArray, name: str
-) -> None:
+def _draw_plane(draw: ImageDraw.ImageDraw, camera: Camera, near: Float32, mark: Mark) -> None:
     """A plane's outline, faint where the part hides it, with a tint and its name."""
-    seen = camera.project(corners[[0, 1, 2, 3, 0]])
+    seen, colour = camera.project(mark.outline_mm), np.array(rgb(mark.colour))
     draw.polygon([*map(tuple, (FINER * seen[:4, :2]).tolist())], fill=_shade(colour, TINT))
     for start, end in pairwise(seen):
         steps = max(2, round(np.hypot(*(end - start)[:2]) / STEP_PX))
@@ -292,8 +261,8 @@ def _draw_plane(
             ends = FINER * way[[run[0], run[-1] + 1], :2]
             shade = _shade(colour, FAINT if behind[run[0]] else 1.0)
             draw.line([*map(tuple, ends.tolist())], fill=shade, width=LINE_PX)
-    x, y, _ = FINER * camera.project((corners[3] + 0.04 * (corners[3] - corners[0]))[None])[0]
-    draw.text((x, y), name, font=_font(), fill=INK, anchor="mb")
+    x, y, _ = FINER * (seen[3] + 0.04 * (seen[3] - seen[0]))
+    draw.text((x, y), mark.key, font=_font(), fill=INK, anchor="mb")
 
 
 def _hidden(seen: Float, near_mm: Float32) -> Bool:
@@ -303,10 +272,12 @@ def _hidden(seen: Float, near_mm: Float32) -> Bool:
     return np.asarray(near_mm[row, column] > seen[:, 2] + NOISE_MM)
 
 
-def _draw_axes(draw: ImageDraw.ImageDraw, camera: Camera, ends_mm: Float) -> None:
-    """t, n, m as arrows from the view's origin."""
-    start = FINER * camera.project(np.zeros((1, 3)))[0, :2]
-    for end, name in zip(FINER * camera.project(ends_mm)[:, :2], AXES, strict=True):
+def _draw_axes(
+    draw: ImageDraw.ImageDraw, camera: Camera, origin_mm: Float, ends_mm: Float, names: tuple[str, ...]
+) -> None:
+    """The axes as arrows from the view's origin."""
+    start = FINER * camera.project(origin_mm[None])[0, :2]
+    for end, name in zip(FINER * camera.project(ends_mm)[:, :2], names, strict=True):
         along = (end - start) / max(1e-9, float(np.hypot(*(end - start))))
         across = np.array([-along[1], along[0]])
         draw.line([tuple(start), tuple(end - HEAD_PX / 2 * along)], fill=INK, width=LINE_PX)

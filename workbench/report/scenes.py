@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from workbench.artefacts import (
 from workbench.artefacts.edges import BEVEL_TERMS
 from workbench.report.along import developed
 from workbench.report.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
-from workbench.report.path_charts import TOOL_AXIS_MM, runs, station_frame
 from workbench.report.planned import (
     Compared,
     Run,
@@ -41,10 +40,10 @@ from workbench.report.planned import (
     planned_bevel,
 )
 from workbench.report.scene import Points, at_places, frame_arc_length_mm, overview
-from workbench.report.section_drawing import faces_extent, of_interest, outside_mm, plane_corners, round_limit
+from workbench.report.section_drawing import of_interest, outside_mm, round_limit
 from workbench.report.tables import faces_seen
 from workbench.report.text import decimals, measured
-from workbench.units import DEG, AnyArray, Float, Int
+from workbench.units import DEG, AnyArray, Bool, Float, Int
 
 
 def inspection_scene(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> Scene:
@@ -92,18 +91,11 @@ def plan_scene(cloud: Cloud, edge: RawEdge, toolpath: Toolpath, run: Run, budget
     """The raw part by face, all layers by number and by feed, cutter axes, travel moves, both edges."""
     points = telling(cloud, edge, budget)
     middle = middle_of_cut_mm(toolpath) or float(edge.arc_length_mm[-1]) / 2.0
-    by_layer, by_feed = layer_colours(run.layer, len(toolpath.layers)), feed_colours(run)
-    pieces = np.split(np.arange(len(run.layer)), run.layer_start[1:])
-    cuts = [piece for piece in pieces if run.layer[piece[0]] > 0]
-    air = [piece for piece in pieces if run.layer[piece[0]] == 0 and len(piece) > 1]
-
-    def path(name: str, lines: list[AnyArray], colours: AnyArray, *, shown: bool = True) -> Strokes:
-        return Strokes(name, tuple(run.position_mm[k] for k in lines), tuple(colours[k] for k in lines), shown)
-
+    final, cuts = toolpath.layers[-1], run.layer > 0
     strokes = (
-        path("feed, the darker the slower", cuts, by_feed, shown=False),
-        path("travel moves", air, by_layer),
-        tool_axes(toolpath),
+        path_lines("feed, the darker the slower", run, feed_colours(run), cuts, shown=False),
+        path_lines("travel moves", run, layer_colours(run.layer, len(toolpath.layers)), ~cuts),
+        tool_axes(toolpath, np.flatnonzero(final.cutting), TOOLS, TOOL_AXIS_MM / 2.0),
         both_edges(edge),
     )
     shading = by_face(points, faces_seen(edge))
@@ -128,17 +120,44 @@ def section_marks(
     points: Points, sections: tuple[Section, ...], planned: list[Compared] | None = None
 ) -> tuple[Mark, ...]:
     """A section each: its plane outlined in the colour of its verdict, its values; with what was planned, if given."""
-    corners = plane_corners(points, sections)
     places = {name: decimals(s.values[u_name(name)] for s in sections) for name in BEVEL_TERMS}
     marks = []
-    for k, s in enumerate(sections):
+    for k, (s, plane) in enumerate(zip(sections, section_planes(points, sections), strict=True)):
         facts = section_facts(s, places)
         if planned is not None:
             root, bevel = measured(planned[k].root_mm, None, 3), measured(planned[k].bevel_deg, None, 2)
             facts = (*facts, ("Root face planned", f"{root} mm"), ("Bevel angle planned", f"{bevel}°"))
-        outline = corners[k][[0, 1, 2, 3, 0]]
-        marks.append(Mark(f"{s.index}", corners[k][[2, 3]].mean(axis=0), outline, VERDICTS[s.verdict], facts))
+        marks.append(replace(plane, facts=facts))
     return tuple(marks)
+
+
+def section_planes(points: Points, sections: tuple[Section, ...], least_mm: float = 0.0) -> tuple[Mark, ...]:
+    """A section each: its plane outlined, a little larger than the faces, at least `least_mm`."""
+    low, high = faces_extent(points, sections)
+    half = np.maximum((high - low) / 2 * PLANE_MARGIN, least_mm / 2)
+    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+    outlines = [s.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections]
+    return tuple(
+        Mark(f"{s.index}", outline[[2, 3]].mean(axis=0), outline, VERDICTS[s.verdict], ())
+        for s, outline in zip(sections, outlines, strict=True)
+    )
+
+
+def faces_extent(points: Points, sections: tuple[Section, ...]) -> Float:
+    """(2, 2) lowest and highest (u, v) of root and bevel face, as most sections have them."""
+    faces = points.position_mm[np.isin(points.label, (ROOT_FACE, BEVEL_FACE))]
+    sizes = [size for size in (_faces_about(faces, section) for section in sections) if size is not None]
+    return np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
+
+
+def _faces_about(faces_mm: Float, section: Section) -> Float | None:
+    """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
+    at = faces_mm @ section.tangent - section.origin_mm @ section.tangent
+    near = np.flatnonzero(np.abs(at) < SLAB_MM)
+    if not len(near):
+        return None
+    uv = (faces_mm[near] - section.origin_mm) @ np.column_stack([section.normal, section.across])
+    return np.array([uv.min(axis=0), uv.max(axis=0)])
 
 
 def section_facts(s: Section, places: Mapping[str, int]) -> tuple[tuple[str, str], ...]:
@@ -171,7 +190,9 @@ def layer_marks(toolpath: Toolpath, run: Run) -> tuple[Mark, ...]:
 
 # The lines of a scene: edges, fitted lines, cutter axes.
 
-TOOLS = 400  # cutter axes drawn at most
+TOOLS, TOOL_AXIS_MM = 400, 4.0  # cutter axes drawn at most
+SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
+PLANE_MARGIN = 1.4  # of its size over the root and the bevel face
 
 
 def fitted_lines(points: Points, sections: tuple[Section, ...]) -> Strokes:
@@ -193,23 +214,42 @@ def lower_edge(profile: EdgeProfile) -> Strokes:
     return Strokes("lower edge", lines, tuple(np.tile(rgb(LOWER_EDGE), (len(line), 1)) for line in lines))
 
 
-def both_edges(edge: RawEdge) -> Strokes:
-    """Lower and upper edge of a raw part, broken where hidden."""
-    curves = ((edge.position_mm, LOWER_EDGE), (edge.upper_position_mm, UPPER_EDGE))
+def both_edges(edge: RawEdge, here: Bool | slice = slice(None)) -> Strokes:
+    """Lower and upper edge of a raw part at the stations `here`, broken where hidden."""
+    curves = ((edge.position_mm[here], LOWER_EDGE), (edge.upper_position_mm[here], UPPER_EDGE))
     found = [(line, rgb(colour)) for curve, colour in curves for line in runs(curve)]
     return Strokes("edges", tuple(line for line, _ in found), tuple(np.tile(c, (len(line), 1)) for line, c in found))
 
 
-def tool_axes(toolpath: Toolpath) -> Strokes:
-    """x, y, z of the tool frame at some key points of the final layer."""
-    final = toolpath.layers[-1]
-    keys = np.flatnonzero(final.cutting)
-    keys = keys[:: max(1, math.ceil(len(keys) / TOOLS))]
+def path_lines(name: str, run: Run, colours: AnyArray, here: Bool, *, shown: bool = True) -> Strokes:
+    """The path where `here` (k,) holds: each layer and each move between layers a line."""
+    breaks = np.union1d(run.layer_start, np.flatnonzero(np.diff(here)) + 1)[1:]
+    pieces = [piece for piece in np.split(np.arange(len(here)), breaks) if here[piece].all() and len(piece) > 1]
+    return Strokes(name, tuple(run.position_mm[k] for k in pieces), tuple(colours[k] for k in pieces), shown)
+
+
+def tool_axes(toolpath: Toolpath, keys: Int, most: int, length_mm: float) -> Strokes:
+    """x, y, z of the tool frame at `most` of the final layer's points `keys`, spread evenly."""
+    final, keys = toolpath.layers[-1], keys[:: max(1, math.ceil(len(keys) / most))]
     place, frames = toolpath.in_base(final.position_mm)[keys], frames_in_base(toolpath, final)[keys]
-    ends = place[:, None] + TOOL_AXIS_MM / 2.0 * frames.transpose(0, 2, 1)
+    ends = place[:, None] + length_mm * frames.transpose(0, 2, 1)
     lines = tuple(np.array([p, end]) for p, three in zip(place, ends, strict=True) for end in three)
     colours = tuple(np.tile(rgb(TOOL_AXES[k % 3]), (2, 1)) for k in range(len(lines)))
     return Strokes("tool axes x, y, z of the final layer", lines, colours, shown=False)
+
+
+def runs(position_mm: Float) -> list[Float]:
+    """The stretches of a curve between its NaNs."""
+    known = np.isfinite(position_mm).all(axis=1)
+    pieces = np.split(position_mm, np.flatnonzero(np.diff(known)) + 1)
+    return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
+
+
+def station_frame(edge: Edge, at_mm: float) -> tuple[Float, Float]:
+    """Position (3,) of the measured station nearest to an arc length, and t, n, m there (3, 3)."""
+    distance = np.where(np.isfinite(edge.position_mm[:, 0]), np.abs(edge.arc_length_mm - at_mm), np.inf)
+    k = int(np.argmin(distance))
+    return edge.position_mm[k], np.array([edge.tangent[k], edge.normal[k], edge.across[k]])
 
 
 # Which points of a cloud a scene holds: many about the ends of faces, where corners are, the rest evenly in space.

@@ -1,4 +1,4 @@
-"""Sections of an inspection: their points and how far these lie off, engineering drawings, views in space.
+"""Sections of an inspection: their points and how far these lie off, engineering drawings.
 
 In the section plane u is the root face's outward normal (to the right), v runs from the lower to the upper side. The
 drawn lines are those of the reported values: the root face from (0, 0) to (0, root), the bevel face from there along
@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 import textwrap
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, Section
-from workbench.report.along import dimension_angle, dimension_height, in_section, svg
-from workbench.report.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering, face_shades, rgb
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, JointInspection, Section
+from workbench.report.along import in_section
+from workbench.report.dimensions import dimension, dimension_angle
+from workbench.report.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering
 from workbench.report.plot import Axes, Figure
-from workbench.report.scene import Points, View, around, frame_arc_length_mm, of_section, overview, towards
+from workbench.report.scene import frame_arc_length_mm, of_section
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Bool, Float, Shaped
 
@@ -87,8 +89,12 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
         return
     along, off, label = found
     strip = axes.inset_axes(STRIP)
-    strip.set(ylim=(-limit, limit), xlim=(min(0.0, float(along.min())), float(along.max())), xticks=[])
-    strip.set_yticks([-limit, 0.0, limit], [f"−{limit:g}", "0", f"{limit:g}"])
+    strip.set(
+        ylim=(-limit, limit),
+        xlim=(min(0.0, float(along.min())), float(along.max())),
+        xticks=([], []),
+        yticks=([-limit, 0.0, limit], [f"−{limit:g}", "0", f"{limit:g}"]),
+    )
     strip.tick_params(labelsize=6.5, length=2, pad=1.5)
     strip.spine_hidden = True
     for face in (ROOT_FACE, BEVEL_FACE):
@@ -102,7 +108,9 @@ def draw_deviations(axes: Axes, drawn: LaidOut, limit: float) -> None:
             alpha=0.6,
         )
     strip.axhline(0.0, color=INK, linewidth=0.5)
-    strip.set_title("deviation, mm", fontsize=6.5, color=GREY, pad=2)
+    strip.annotate(
+        "deviation, mm", (0, 1), (0, 2), xycoords="axes fraction", fontsize=6.5, va="bottom", look=Lettering(GREY)
+    )
 
 
 POINTS = 60_000  # drawn in all sections together at most
@@ -127,10 +135,10 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
         _draw(axes, drawn, window, places)
         draw_deviations(axes, drawn, limit)
     for axes in grid.flat[len(all_drawn) :]:
-        axes.set_visible(False)
+        axes.visible = False
     figure.supxlabel("u along the root face's outward normal, mm", fontsize=9)
     figure.supylabel("v from the lower to the upper side, mm", fontsize=9, x=0.004)
-    return svg(figure)
+    return figure.svg()
 
 
 def _window(all_drawn: list[LaidOut]) -> tuple[Float, Float]:
@@ -181,94 +189,28 @@ def _draw(axes: Axes, drawn: LaidOut, window: tuple[Float, Float], places: list[
     size = float(high[1] - low[1])
     reach = max(0.0, 0.93 * (float(high[1]) - section.root_mm))
     radius = min(0.4 * size, 0.7 * reach)
-    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach, radius)
+    _draw_lines(axes, section.root_mm, section.bevel_deg * DEG, reach)
     height, angle = (
         measured(float(one.value), float(one.u), digits)
         for one, digits in zip(section.sizes.values(), places, strict=True)
     )
-    dimension_height(axes, section.root_mm, 0.065 * size, f"{height} mm", size)
-    dimension_angle(axes, (0.0, section.root_mm), section.bevel_deg, f"({angle})°", radius)
+    low, top = np.zeros(2), np.array([0.0, section.root_mm])
+    dimension(axes, (low, top), np.array([0.065 * size, 0.0]), f"{height} mm", size)
+    dimension_angle(axes, top, section.bevel_deg, f"({angle})°", radius)
 
 
-def _draw_lines(axes: Axes, root: float, beta: float, reach: float, radius: float) -> None:
-    """Both fitted lines, and the root face's continuation, from which the angle is measured."""
+def _draw_lines(axes: Axes, root: float, beta: float, reach: float) -> None:
+    """Both fitted lines."""
     end = (-reach * math.tan(beta), root + reach)
     axes.plot([0, 0], [0, root], color=INK, linewidth=0.7)
     axes.plot([0, end[0]], [root, end[1]], color=INK, linewidth=0.7)
-    axes.plot([0, 0], [root, root + 1.15 * radius], color=INK, linewidth=0.6, dashes=(9, 2.5, 2, 2.5))
     axes.points([0, 0], [0, root], "o", color=INK, markersize=2.2)
 
 
-CLOSE_UP_MM = 14.0  # half the stretch of edge in the close-up
-SLAB_MM = 5.0  # a section plane is made as large as the faces are within this distance of it
-MARGIN = 1.4  # of a section plane's size over the root and the bevel face
-
-
-def section_views(cloud: Cloud, edge: Edge, inspection: Inspection, budget: int) -> dict[str, View]:
-    """`overview`: the whole edge; `close_up`: the section that matters most; each of about `budget` points."""
-    section = of_interest(inspection)
-    whole = overview(cloud, edge, budget)
-    near = around(cloud, edge, section.arc_length_mm, CLOSE_UP_MM, budget)
-    length = float(np.ptp(edge.arc_length_mm))
-    return {
-        "overview": _view(whole, inspection.sections, section, look=(-0.5, 0.8, 0.45), plane_mm=length / 22),
-        "close_up": _view(near, (section,), section, look=(-0.62, 0.75, 0.42), axes_length_mm=4.0),
-    }
-
-
-def of_interest(inspection: Inspection) -> Section:
-    """The first measured section that fails, else the first that is undecided, else the middle one."""
-    measured = [s for s in inspection.sections if s.root_mm is not None] or list(inspection.sections)
-    for verdict in ("fail", "undecided"):
-        for section in measured:
-            if section.verdict == verdict:
-                return section
-    return measured[len(measured) // 2]
-
-
-def _view(
-    points: Points,
-    sections: tuple[Section, ...],
-    origin: Section,
-    *,
-    look: tuple[float, float, float],
-    plane_mm: float = 0.0,
-    axes_length_mm: float = 0.0,
-) -> View:
-    """`look`: towards the viewer in t, n, m; `plane_mm`: least size of a section plane, to be seen on a long edge."""
-    axes = np.array([origin.tangent, origin.normal, origin.across])
-    return View(
-        points_mm=points.position_mm - origin.origin_mm,
-        colour=face_shades()[points.label],
-        planes_mm=plane_corners(points, sections, plane_mm) - origin.origin_mm,
-        plane_colour=np.array([rgb(VERDICTS[s.verdict]) for s in sections], dtype=np.uint8),
-        names=tuple(str(s.index) for s in sections),
-        axes=axes,
-        look=towards(axes, look),
-        axes_length_mm=axes_length_mm,
-    )
-
-
-def plane_corners(points: Points, sections: tuple[Section, ...], least_mm: float = 0.0) -> Float:
-    """(k, 4, 3) corners of the sections' planes in the base: a little larger than the faces, at least `least_mm`."""
-    low, high = faces_extent(points, sections)
-    half = np.maximum((high - low) / 2 * MARGIN, least_mm / 2)
-    corners = (low + high) / 2 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return np.array([s.origin_mm + corners @ np.array([s.normal, s.across]) for s in sections])
-
-
-def faces_extent(points: Points, sections: tuple[Section, ...]) -> Float:
-    """(2, 2) lowest and highest (u, v) of root and bevel face, as most sections have them."""
-    faces = points.position_mm[np.isin(points.label, (ROOT_FACE, BEVEL_FACE))]
-    sizes = [size for size in (_faces_about(faces, section) for section in sections) if size is not None]
-    return np.median(sizes, axis=0) if sizes else np.array([[-5.0, 0.0], [0.0, 5.0]])
-
-
-def _faces_about(faces_mm: Float, section: Section) -> Float | None:
-    """(2, 2) lowest and highest (u, v) of root and bevel face near a section plane; None where there are none."""
-    at = faces_mm @ section.tangent - section.origin_mm @ section.tangent
-    near = np.flatnonzero(np.abs(at) < SLAB_MM)
-    if not len(near):
-        return None
-    uv = (faces_mm[near] - section.origin_mm) @ np.column_stack([section.normal, section.across])
-    return np.array([uv.min(axis=0), uv.max(axis=0)])
+def of_interest(inspection: JointInspection) -> Any:
+    """Of the sections with most sizes measured the first with the worst verdict; the middle one where all are alike."""
+    known = [sum(bool(np.isfinite(one.value)) for one in s.sizes.values()) for s in inspection.sections]
+    full = [s for s, count in zip(inspection.sections, known, strict=True) if count == max(known)]
+    several = len({s.verdict for s in full}) > 1
+    worst = [s for verdict in ("fail", "undecided") for s in full if several and s.verdict == verdict]
+    return worst[0] if worst else full[len(full) // 2]

@@ -37,10 +37,13 @@ def picture(cards: Sequence[Mapping[str, Any]]) -> bytes:
     figure = Figure(figsize=(8.4, 4.2))
     axes = figure.add_axes((0.1, 0.14, 0.56, 0.8))
     axes.axhspan(*HONEST, color=TOLERANCE)
-    axes.set(xlim=(-3.3, 1.3), ylim=(-4.0, 104.0))
-    axes.set_xticks([float(np.log10(d)) for d in DECADES], [f"{d:g}" for d in DECADES])
-    axes.set_xlabel("median U over the tolerance (half its width)")
-    axes.set_ylabel("values within U = 2u, %")
+    axes.set(
+        xlim=(-3.3, 1.3),
+        ylim=(-4.0, 104.0),
+        xticks=([float(np.log10(d)) for d in DECADES], [f"{d:g}" for d in DECADES]),
+        xlabel="median U over the tolerance (half its width)",
+        ylabel="values within U = 2u, %",
+    )
     for number, method in enumerate(methods):
         ink = INKS[number % len(INKS)]
         mine = np.array([(np.log10(sharp), 100.0 * share) for name, _, share, sharp in found if name == method])

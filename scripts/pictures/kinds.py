@@ -307,14 +307,9 @@ def postures_of(made):
 
 
 def posture_plan(made, beside):
-    tilt = made.map_tilt_deg
-    curves = [
-        Curve(tilt, made.map_volume_u_mm[:, j], minus(f"{tilt[j]:.0f}° about y"))
-        for j in np.linspace(0, len(tilt) - 1, LINES).astype(int)
-    ]
-    words = "Uncertainty that one more posture leaves, by its tilt"
-    now = [("now", float(made.volume_u_mm[0]))]
-    return rows(words, "tilt about the profiler's x, °", ("u over the view, mm", curves, now))
+    u = made.volume_u_mm
+    words = "Uncertainty that the postures leave, one after the other"
+    return rows(words, "postures added", ("u over the view, mm", [Curve(np.arange(len(u)), u)], [("now", float(u[0]))]))
 
 
 def document(made, beside):

@@ -121,6 +121,31 @@ def test_one_more_unknown_is_what_a_fit_with_it_finds(seed: int) -> None:
     assert u == pytest.approx(np.sqrt(expected.covariance[-1, -1]), rel=1e-6)
 
 
+@dataclass
+class Steep:
+    """exp(x) seen five times, with a noise that has no inverse from x = `end` on."""
+
+    end: float
+
+    def rows(self, at: Float) -> Rows:
+        grown, one = np.exp(at[0]), np.ones((5, 1, 1))
+        noise = one * (at[0] < self.end)
+        return Rows(np.e - grown * one[..., 0], grown * one, noise, np.ones(5), np.zeros((1, 1)), np.zeros(1))
+
+    def moved(self, at: Float, step: Float) -> Float:
+        return at + step
+
+
+def test_a_step_that_cannot_be_solved_is_shortened_and_what_runs_away_ends_with_its_misfit() -> None:
+    """From x = -3 the first step leads to 50, where nothing has an inverse."""
+    assert fit(Steep(3.0), np.array([-3.0])).at[0] == pytest.approx(1.0)
+    lost = fit(Steep(-2.99), np.array([-3.0]))
+    assert lost.at[0] == -3.0
+    assert lost.misfit > 5.0
+    with pytest.raises(InputError, match="the rows contradict each other: a misfit of"):
+        raise estimator.contradictory(lost.misfit, Labels("touches.csv", tuple(range(5))))
+
+
 def test_one_more_unknown_that_the_others_can_be_is_open() -> None:
     one = drawn(3)
     assert np.isinf(fit(dataclasses.replace(one, prior=np.zeros((4, 4))), np.zeros(4)).tested(one.slope[..., 1])[1])

@@ -3,9 +3,9 @@
 An instrument (`Instrument`) says what its observations leave of a prediction (`Rows`) and how an estimate moves. Here,
 once for all of them:
 
-- Gauss-Newton on the weighted residuals, steps that make it worse shortened (J. Nocedal, S. Wright, Numerical
-  Optimization, 2nd ed. 2006, section 10.3). Weights follow the estimate. Priors are observations: what comes out is
-  the maximum a posteriori, and with flat priors generalised least squares.
+- Gauss-Newton on the weighted residuals, steps that make it worse, or that cannot be solved, shortened (J. Nocedal,
+  S. Wright, Numerical Optimization, 2nd ed. 2006, section 10.3). Weights follow the estimate. Priors are observations:
+  what comes out is the maximum a posteriori, and with flat priors generalised least squares.
 - Noise is each observation's own, or that of poses which several share (`Shared`): a recorded pose errs once for all
   that is seen from it, an observation between two takes a share of both (Woodbury's identity on a block-tridiagonal
   matrix: the cost grows with the observations, not with their cube).
@@ -93,8 +93,8 @@ def within_poses(columns: Float, shared: Shared) -> tuple[Float, float]:
                 band[row - column, :, column] += diagonal[:, row, column]
             band[size + row - column, :-1, column] += below[:-1, row, column]
     flat = at_poses.reshape(-1, columns.shape[2])
-    factor = scipy.linalg.cholesky_banded(band.reshape(2 * size, -1), lower=True)
-    joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat)
+    factor = scipy.linalg.cholesky_banded(band.reshape(2 * size, -1), lower=True, check_finite=False)
+    joined = joined - flat.T @ scipy.linalg.cho_solve_banded((factor, True), flat, check_finite=False)
     log_size = 2.0 * float(np.log(factor[0]).sum()) + float(np.linalg.slogdet(shared.alone)[1].sum())
     return joined, log_size
 
@@ -256,7 +256,10 @@ def distance(rows: Rows, used: Bool, covariance: Float) -> Float:
 
 
 def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: int = STEPS) -> Fit[S]:
-    """The estimate of greatest posterior probability from a start near it, on the observations `used` (n,)."""
+    """The estimate of greatest posterior probability from a start near it, on the observations `used` (n,).
+
+    It ends where no shorter step can be solved either: what has run away shows in its misfit.
+    """
     at, rows = start, instrument.rows(start)
     used = np.ones(len(rows.residual), bool) if used is None else used
     now = rows.only(used).normal()
@@ -264,16 +267,27 @@ def fit(instrument: Instrument[S], start: S, used: Bool | None = None, steps: in
         step = now.step()
         length = float(step @ now.information @ step)
         for _ in range(6):
-            then_at = instrument.moved(at, step)
-            rows = instrument.rows(then_at)
-            then = rows.only(used).normal()
-            if then.chi2 < WORSE[0] * now.chi2 + WORSE[1]:
+            tried = _tried(instrument, instrument.moved(at, step), used)
+            if tried is not None and tried[2].chi2 < WORSE[0] * now.chi2 + WORSE[1]:
                 break
             step = step / 3.0
-        at, now = then_at, then
+        if tried is None:
+            break
+        at, rows, now = tried
         if length < CONVERGED:
             break
     return Fit(at, rows, used, now.information, now.chi2)
+
+
+def _tried(instrument: Instrument[S], at: S, used: Bool) -> tuple[S, Rows, Normal] | None:
+    """What the observations say at an estimate; None where that cannot be solved or is not finite."""
+    try:
+        rows = instrument.rows(at)
+        normal = rows.only(used).normal()
+    except np.linalg.LinAlgError:
+        return None
+    solved = np.isfinite(normal.chi2) and np.isfinite(normal.side).all() and np.isfinite(normal.information).all()
+    return (at, rows, normal) if solved else None
 
 
 def as_of_three(chi2: Float, values: int) -> Float:

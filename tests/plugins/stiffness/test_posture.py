@@ -122,12 +122,6 @@ def test_choice_and_map_are_those_of_plain_loops(
     length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]
     assert np.isclose(length.mean(), each.min(), rtol=1e-9)
     file = json.loads(document.content)
-    prices = {tuple(one["configuration"]): one for one in file["configurations"]}
-    assert len(prices) == 8
-    assert all(one["proven"] for one in prices.values())
-    least = sorted(np.inf if one["price_percent"] is None else one["price_percent"] for one in prices.values())
-    assert np.allclose(least, np.sort(100 * (every.min(axis=(1, 2)) / every.min() - 1)), rtol=1e-6, atol=1e-6)
-    assert prices[tuple(file["constant"]["configuration"])]["price_percent"] == 0.0
     over = file["map"]
     assert not np.isfinite(each[:, 0]).any()  # the turntable at its limit
     each = each[:, 1:]
@@ -148,29 +142,21 @@ def test_choice_and_map_are_those_of_plain_loops(
 
 
 @pytest.mark.parametrize("wanted", [["front"], ["front", "elbow_up", "flipped"]])
-def test_a_configuration_is_kept_at_its_price(
+def test_a_configuration_is_kept(
     wanted: list[Side], cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> None:
-    """By the cell's key and by the parameter; the arm stands as its words say, and gives way as the price says."""
-    free, _, _, _ = posture(cell, stiffness, path, acts, **COARSE)
-    made, _, document, _ = posture(
-        dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **COARSE
-    )
-    asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, whole_map=False, **COARSE)
+    """By the cell's key and by the parameter; the arm stands as its words say, and gives way more for it."""
+    few = {**COARSE, "whole_map": False}
+    free, *_ = posture(cell, stiffness, path, acts, **few)
+    made, *_ = posture(dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **few)
+    asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, **few)
     assert (asked.joints == made.joints).all()
     sides = arm_sides(cell.chain, made.joints)
     for word in wanted:
         which = next(i for i, pair in enumerate(SIDES) if word in pair)
         assert (sides[:, which] == SIDES[which].index(word)).all()
-    file = json.loads(document.content)
-    price = next(
-        one["price_percent"]
-        for one in file["configurations"]
-        if one["configuration"] == file["constant"]["configuration"]
-    )
     mean, least = (np.linalg.norm(one.displacement_mm, axis=1)[one.cutting].mean() for one in (made, free))
-    assert np.isclose(price, 100 * (mean / least - 1), atol=1e-6)
-    assert price > 1.0
+    assert mean > 1.01 * least
 
 
 def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
@@ -194,8 +180,6 @@ def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
     mean = np.mean([awkward(q) for q in made.joints[made.cutting]])
     assert np.isclose(file["mean_awkwardness"], mean, rtol=1e-4)
     assert file["mean_displacement_mm"] is None
-    free = [one["mean_awkwardness"] for one in file["configurations"] if one["price_percent"] is not None]
-    assert min(free) <= mean * (1 + 1e-6)
     ways = np.isfinite(best_by_loops(here, path, acts, 30.0)).any(axis=0)[:, 1:]
     found = np.array([[x is not None for x in row] for row in file["map"]["mean_awkwardness"]])
     assert (found == ways).all()

@@ -44,7 +44,6 @@ from workbench.plugins.table import csv_bytes
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are
 CANDIDATES = 800
-MAP_STEPS = 15  # of the map, along each tilt
 FEW = 20  # candidates that the robot must reach
 
 
@@ -229,7 +228,6 @@ def plan(
     chosen = chosen_postures(gain, known, postures)
     weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
-    tilt, after = _map(limits, estimate, known, noise, optics, weight)
     volume = volume_after(totals, weight)
     scale = calibration.volume_u_mm / volume[0]  # the model tells gains; where the calibration stands, it says itself
     found = PosturePlan(
@@ -238,9 +236,6 @@ def plan(
         volume_u_mm=frozen(scale * volume),
         middle_mm=limits.middle_mm,
         half_mm=limits.half_mm,
-        cone_deg=cone_deg,
-        map_tilt_deg=frozen(tilt / DEG),
-        map_volume_u_mm=frozen(scale * after),
     )
     return found, _table(found)
 
@@ -300,27 +295,6 @@ def _reached(cell: InputFile, flange: Float) -> Float:
             "the plan: widen cone_deg or roll_deg, or move the sphere",
         )
     return np.asarray(reached)
-
-
-def _map(
-    limits: Limits, estimate: Estimate, known: Float, noise: Noise, optics: Optics, weight: Float
-) -> tuple[Float, Float]:
-    """Tilts (m,) in rad, and volume_u (m, m) after one more posture at each tilt about x and y, in its best place."""
-    tilt = np.linspace(-limits.cone, limits.cone, MAP_STEPS)
-    both = np.stack(np.meshgrid(tilt, tilt, indexing="ij"), axis=-1).reshape(-1, 2)
-    y = limits.off_plane[1] * estimate.radius_mm
-    best = np.full(len(both), np.inf)
-    for corner in np.array(np.meshgrid([-1, 0, 1], [-1, 1], [-1, 0, 1])).reshape(3, -1).T:
-        place = np.array([limits.middle_mm[0], 0.0, limits.middle_mm[1]]) + corner * [
-            limits.half_mm[0],
-            y,
-            limits.half_mm[1],
-        ]
-        centre = np.tile(place, (len(both), 1))
-        flange = poses(limits, estimate, both, np.zeros(len(both)), centre)
-        after = volume_after(known + information_gains(flange, centre, estimate, noise, optics), weight)
-        best = np.minimum(best, after)
-    return tilt, best.reshape(MAP_STEPS, MAP_STEPS)
 
 
 def _table(found: PosturePlan) -> Document:

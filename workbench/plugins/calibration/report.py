@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from workbench.api import DEG, Chapter, Float, Part, Recording, pieces, rpy_from_rotation, stage
@@ -218,10 +217,8 @@ def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
     yield pieces.table_html(head, rows)
     yield pieces.figure_html(
         plan_picture(found, plan),
-        "Gain of one more posture by its tilt, and places in the field of view",
-        "Left: u after one more posture, over the tilt of the range axis from the mean orientation of the recording, "
-        "with the sphere in its best place. Right: the field of view; filled: the centre lies beyond the laser plane "
-        "(y > 0).",
+        "Places of the sphere in the field of view",
+        "The field of view; filled: the centre lies beyond the laser plane (y > 0).",
         ((pieces.BLUE, "measured"), (pieces.ORANGE, "proposed")),
     )
 
@@ -329,26 +326,14 @@ def residuals_picture(calibration: Calibration) -> bytes:
 
 
 def plan_picture(calibration: Calibration, plan: PosturePlan) -> bytes:
-    """Where one more posture would help most: by the tilt of the range axis, and where the sphere lies in the view."""
+    """The view: where the sphere was, and where the plan puts it; filled: beyond the laser plane (y > 0)."""
     with pieces.styled():
         figure = Figure(figsize=(10, 4.2), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        tilt = plan.map_tilt_deg
-        inside = np.hypot(tilt[:, None], tilt) <= plan.cone_deg  # the map's corners lie beyond the cone
-        known = plan.map_volume_u_mm[inside]
-        levels = np.linspace(known.min(), max(known.max(), known.min() + 1e-9), 13)
-        drawn = left.contourf(tilt, tilt, plan.map_volume_u_mm.T, levels=levels, cmap="viridis_r", extend="min")
-        drawn.set_clip_path(Circle((0, 0), plan.cone_deg, transform=left.transData))
-        figure.colorbar(drawn, ax=left, format="%.3g", label="u over the field of view after it, mm")
-        left.set_xlabel("tilt about the profiler's x, °")
-        left.set_ylabel("tilt about the profiler's y, °")
-        left.set_aspect("equal")
-        _places(right, calibration, plan)
+        _places(figure.subplots(), calibration, plan)
         return pieces.svg(figure)
 
 
 def _places(axes: Axes, calibration: Calibration, plan: PosturePlan) -> None:
-    """The view: where the sphere was, and where the plan puts it; filled: beyond the laser plane (y > 0)."""
     for centre, colour, marker in (
         (calibration.centre_mm[calibration.used], pieces.BLUE, "o"),
         (plan.centre_mm, pieces.ORANGE, "s"),

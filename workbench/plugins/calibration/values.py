@@ -83,9 +83,6 @@ class PosturePlan:
     volume_u_mm: Float  # (p + 1,) now, and after each posture
     middle_mm: tuple[float, float]  # of the view: x, z in the profiler frame
     half_mm: tuple[float, float]  # half width and half height within which the sphere is shown
-    cone_deg: float
-    map_tilt_deg: Shaped[Float, " m"]  # tilts of the range axis from the mean orientation, about the profiler's x and y
-    map_volume_u_mm: Shaped[Float, "m m"]  # after one more posture there, the sphere in its best place
 
 
 @dataclass(frozen=True, slots=True, eq=False)

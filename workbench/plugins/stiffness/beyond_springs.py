@@ -24,6 +24,7 @@ MOST_CAUSES, TOLD = 8, 3
 CHANCE = 1e-3  # that sound loads count as lacking fit
 RANK = 1e-6  # singular values of the wrenches below this share are none
 STEP = 1e-3  # of each cause's unit, for its direction
+FEW = 4  # loads of a posture, from which on it may be off by itself
 AXES = "xyz"
 
 
@@ -200,7 +201,9 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
     sensor = (forward_kinematics(chain, tests.joints) @ setup.flange_from_sensor)[:, :3, :3]
     force = (sensor @ tests.wrench[:, :3, None])[..., 0]
     sense = np.sign(np.nanmean(tests.vectors if tests.points else tests.vectors[:, :1], axis=1))
-    ever, forwards = np.ones(len(force)), np.linspace(0.0, 1.0, len(force))
+    ever, forwards, labels = np.ones(len(force)), np.linspace(0.0, 1.0, len(force)), np.array(tests.labels)
+    names, count = np.unique(labels, return_counts=True)
+    alone = names[count >= FEW].tolist() if len(names) > 1 else []
 
     def everywhere(by: Float) -> dict[str, Float]:
         """All that was tracked moved against `by` (L, 3) mm."""
@@ -212,6 +215,10 @@ def _of_displacement(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> 
         yield Cause(f"the displacements' axes turned by {{0}} deg about the base's {axis} axis", DEG, turned)
         for words, unit, size in (
             (f"a displacement of {{0}} mm along {axis} in every load", 1.0, ever),
+            *(
+                (f"a displacement of {{0}} mm along {axis} in every load of posture {one}", 1.0, labels == one)
+                for one in alone
+            ),
             (f"a drift of {{0}} mm along {axis} from the first load to the last", 1.0, forwards),
             (f"backlash: {{0}} mm along {axis} either way", 1.0, sense[:, k]),
             (f"a base or links that give by {{0}} µm/N along {axis}", 1e-3, force[:, k]),

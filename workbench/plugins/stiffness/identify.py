@@ -35,7 +35,6 @@ from workbench.plugins.stiffness.load_checks import (
     check_filled,
     check_limits,
     check_observed,
-    check_pairs,
     check_size,
     check_springs,
     check_stated,
@@ -130,9 +129,6 @@ def identify_from(
         raise InputError(tests.source, mistake)
     if len(left_out) == len(loading.load):
         raise contradictory(tests, loading, found)
-    used = np.zeros_like(eq.seen.reshape(len(eq.y), -1, eq.values))
-    used[loading.load[found.used], loading.point[found.used]] = True
-    sound = dataclasses.replace(eq, seen=used.reshape(eq.seen.shape))
     lack = lack_of_fit(chain, setup, tests, loading, found)
     noisy = found.freedom > 0 and found.chi2 > scipy.special.chdtri(found.freedom, 0.001)  # more than by chance
     covariance = found.inverse * max(lack.widened, found.misfit if noisy else 1.0)
@@ -142,7 +138,7 @@ def identify_from(
     check_springs(found.at, known, lack, tests, largest_relative_u)
     check_size(found.at, tests)
     out = _left_out(tests, loading, found)
-    warnings = [*tests.warnings, *out, *check_pairs(tests, sound, found), *lack_in_words(found, lack, covariance)]
+    warnings = [*tests.warnings, *out, *lack_in_words(found, lack, covariance)]
     use = np.isin(np.arange(len(eq.y)), loading.load[found.used])
     return _stiffness(found, known, covariance, tests, use, tuple(warnings)), {
         "joint_compliance_rad_per_nm": found.at,

@@ -28,7 +28,7 @@ from workbench.api import (
     within_limits,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit
-from workbench.plugins.stiffness.equations import SURE, Equations, Loading, covariances, equations, reason, unobserved
+from workbench.plugins.stiffness.equations import SURE, Equations, Loading, equations, reason, unobserved
 from workbench.plugins.stiffness.read import WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests
 
@@ -41,9 +41,6 @@ COARSE = 5.0  # standard deviations of the noise: rounded to 0.1 mm of 0.015, st
 LEAST_DISTINCT = 10  # readings
 UNLIKE = 3.0  # times the stated stiffness: robots of a type differ by less, units by more
 CLIPPED, CLIPPED_SHARE, NEARLY, FINE = 4, 0.5, 0.99, 1e-3  # loads at the end of a range; of those within 1 % of it
-# Pairs of opposite loads: what does not reverse is drift, backlash or friction, not elasticity.
-OPPOSITE = 0.05  # of the wrench: how far the two may be from opposite
-COMPLAINED = 1e-3  # chance that sound pairs are complained of
 
 
 def makes_sense(found: estimator.Fit[Float], largest_relative_u: float) -> bool:
@@ -161,43 +158,6 @@ def _in_words(columns: tuple[str, ...], factor: float, unit: str) -> str:
         return f"{which} of the wrong sign: is the axis reversed?"
     times = f"{factor:,.5g} times too small" if factor > 1 else f"{1 / factor:,.5g} times too large"
     return f"{which} {times}: in {unit}?"
-
-
-def opposite_pairs(tests: LoadingTests) -> list[tuple[int, int]]:
-    """Loads (i, j) of one posture whose wrenches are opposite; each load in one pair at most."""
-    pairs: list[tuple[int, int]] = []
-    free = set(range(len(tests.lines)))
-    for i in range(len(tests.lines)):
-        for j in range(i + 1, len(tests.lines)):
-            same = tests.labels[i] == tests.labels[j] and np.abs(tests.joints[i] - tests.joints[j]).max() < 1e-6
-            opposed = np.abs(tests.wrench[i] + tests.wrench[j]).max() <= OPPOSITE * np.abs(tests.wrench[i]).max()
-            if same and opposed and {i, j} <= free:
-                pairs.append((i, j))
-                free -= {i, j}
-    return pairs
-
-
-def check_pairs(tests: LoadingTests, eq: Equations, found: estimator.Fit[Float]) -> tuple[str, ...]:
-    """A line for each posture whose opposite loads do not give opposite displacements; `eq`: what is used of them."""
-    covariance, even = covariances(eq, found.at) * max(found.misfit, 1.0), eq.residual(found.at)
-    sums: dict[str, list[tuple[float, int, float]]] = {}
-    for i, j in opposite_pairs(tests):
-        both = eq.seen[i] & eq.seen[j]
-        if not both.any():
-            continue
-        e = (even[i] + even[j])[both] / 2
-        square = e @ np.linalg.solve((covariance[i] + covariance[j])[np.ix_(both, both)] / 4, e)
-        sums.setdefault(tests.labels[i], []).append((float(square), int(both.sum()), float(np.linalg.norm(e[:3]))))
-    notes = []
-    for label, of_pairs in sums.items():
-        limit = scipy.special.chdtri(sum(n for _, n, _ in of_pairs), COMPLAINED / len(sums))
-        if sum(square for square, _, _ in of_pairs) > limit:
-            most = max(mm for _, _, mm in of_pairs)
-            notes.append(
-                f"posture {label}: opposite loads do not give opposite displacements (up to {most:.3f} mm "
-                "remain): drift, backlash or friction beside elasticity"
-            )
-    return tuple(notes)
 
 
 def check_filled(tests: LoadingTests) -> None:

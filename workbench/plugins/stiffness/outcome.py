@@ -40,7 +40,6 @@ from workbench.plugins.stiffness.traversal import (
     Choice,
     Examiner,
     PostureMap,
-    Price,
 )
 
 NO_PLATE = "The cell holds no plate: it is drawn as the path has it, 150 mm of its width."
@@ -103,15 +102,6 @@ class Found:
     def configuration(self) -> tuple[str, ...]:
         """Of the choice."""
         return self.words[self.choice.configuration]
-
-    @property
-    def prices(self) -> list[tuple[tuple[str, ...], Price, float | None]]:
-        """Each configuration by its words, its best cell, and what it costs in percent of the best of all."""
-        least = min((one.mean for one in self.map.prices if one.rotation is not None), default=np.inf)
-        return [
-            (self.words[one.configuration], one, 100 * (one.mean / least - 1) if np.isfinite(one.mean) else None)
-            for one in self.map.prices
-        ]
 
 
 def case_of(examiner: Examiner, rotation: float, table: float, joints: Float, cause: int = FREE, hit: int = -1) -> Case:
@@ -238,7 +228,6 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         pieces.paragraph(pieces.minus(_how(found)))
         + pieces.list_html(made.warnings)
         + _table(found)
-        + _prices(found)
         + _causes(found)
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
         + pieces.figure_html(
@@ -257,21 +246,6 @@ def mean_of(found: Found) -> str:
     if found.measure == DISPLACEMENT:
         return f"mean displacement {found.cost.mean():.4f} mm"
     return f"mean awkwardness {found.cost.mean():.2f} (1 is best; no stiffness is known)"
-
-
-def _prices(found: Found) -> str:
-    """What keeping to a configuration costs."""
-    if not found.prices:
-        return ""
-    rows = []
-    for words, one, percent in found.prices:
-        places = [f"{angle / DEG:g}" for angle in (one.rotation, one.table) if angle is not None] or ["–", "–"]
-        value = "–" if percent is None else f"{'' if one.proven else 'at least '}{one.mean:.4g}"
-        more = "no cell is free" if percent is None else f"{'' if one.proven else 'at least '}{percent:+.1f} %"
-        chosen = " (chosen)" if words == found.configuration else ""
-        rows.append((", ".join(words).replace("_", " ") + chosen, *places, value, more))
-    head = ("Configuration", *_heads(found), "More than the best")
-    return pieces.heading("What a configuration costs, on the map's grid") + pieces.table_html(head, rows)
 
 
 def _sought(made: Postures) -> Float:

@@ -52,7 +52,6 @@ from workbench.plugins.stiffness.traversal import (
     Choice,
     Examiner,
     PostureMap,
-    Price,
     Share,
     Traversal,
     lowest,
@@ -131,7 +130,7 @@ def posture(
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
         planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
         planned_tilt_deg: likewise of its tilt.
-        whole_map: false: cells worse than the optimum are not examined for collision, and no configuration has a price.
+        whole_map: false: cells worse than the optimum are not examined for collision.
         map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
             whole path, which takes about 2 ms.
         least_margin: with modes: ratio of the least unstable depth of cut, less U, to the depth, that is kept; where no
@@ -385,7 +384,6 @@ def posture_document(found: Found) -> bytes:
                 "cells_examined": found.choice.examined,
                 **_margin(found),
             },
-            "configurations": [_priced(found, *one) for one in found.prices],
             "compared": {name: None if case is None else _case(found, case) for name, case in found.cases.items()},
             "pointwise_bound_mm": None if found.bound is None else found.bound.mean(),
             "gap_to_bound": found.gap,
@@ -397,11 +395,9 @@ def posture_document(found: Found) -> bytes:
     )
 
 
-def _named(made: Postures, external: Float | None) -> dict[str, Any]:
+def _named(made: Postures, external: Float) -> dict[str, Any]:
     """Values of the external axes, rad, by their names; a track's beside a turntable that is not there."""
     names = (["tilt_deg"] if made.turntable.ndim > 1 else []) + ["turntable_deg"]
-    if external is None:
-        return dict.fromkeys([*names, *(["track_mm"] if made.on_track else [])])
     said = _rounded(external / DEG, 6)
     named = dict(zip(names, np.moveaxis(said, -1, 0), strict=True)) if made.turntable.ndim > 1 else {names[0]: said}
     if made.on_track:
@@ -409,11 +405,8 @@ def _named(made: Postures, external: Float | None) -> dict[str, Any]:
     return named
 
 
-def _angles_deg(found: Found, rotation: Any, external: Float | None) -> dict[str, Any]:
-    return {
-        "cutter_rotation_deg": None if rotation is None else _rounded(rotation / DEG, 6),
-        **_named(found.postures, external),
-    }
+def _angles_deg(found: Found, rotation: Any, external: Float) -> dict[str, Any]:
+    return {"cutter_rotation_deg": _rounded(rotation / DEG, 6), **_named(found.postures, external)}
 
 
 def _measured(found: Found, mean: Any) -> dict[str, Any]:
@@ -431,17 +424,6 @@ def _margin(found: Found) -> dict[str, Any]:
         "least_margin_asked": found.asked,
         "least_margin": found.choice.margin,
         "margin_kept": found.choice.steady,
-    }
-
-
-def _priced(found: Found, words: tuple[str, ...], one: Price, percent: float | None) -> dict[str, Any]:
-    """The best cell of one configuration; not `proven`: the cost is at least that, its cell was not found."""
-    return {
-        "configuration": list(words),
-        **_angles_deg(found, one.rotation, None if one.table is None else found.points.external(one.table, 0)),
-        **_measured(found, None if percent is None else one.mean),
-        "price_percent": percent,
-        "proven": one.proven,
     }
 
 

@@ -63,7 +63,6 @@ SAMPLED_AT = 16  # stations at which a cell's margins to singular postures are l
 CAUSES = (None, "singular", "limit", "unreachable", "collision")
 
 FIRST_CHUNK, LARGEST_CHUNK = 64, 1024
-MOST_PRICED = 640  # cells that are examined for the price of one configuration, some 2 s
 POSTURES = 400  # at which the configurations' names are found
 
 
@@ -417,17 +416,6 @@ class Choice:
     margin: float | None = None  # from chatter less U, of the screen; None: not asked for
 
 
-@dataclass(frozen=True, slots=True)
-class Price:
-    """What keeping to one configuration costs: its best cell of the map's grid."""
-
-    configuration: int
-    mean: float  # least cost of a free cell; of `proven`, what all better ones were excluded up to
-    rotation: float | None  # None: no cell is free
-    table: float | None
-    proven: bool  # false: MOST_PRICED better cells were excluded, and the rest not looked at
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PostureMap:
     """Eq. (25)'s function over t cutter rotations and a turntable angles; NaN and the cause where infeasible."""
@@ -441,7 +429,6 @@ class PostureMap:
     how: Shaped[Int, "t a"]  # index into `traversal.JUDGED`
     without_collision: Shaped[Float, "t a"]
     chatter: Shaped[Float, "2 t a"] | None = None  # margin, and the same less U where it is large enough; by the screen
-    prices: tuple[Price, ...] = ()
 
     def shares(self, digits: int, causes: Iterable[int]) -> list[str]:
         """How much of the map each cause takes, in words."""
@@ -480,38 +467,19 @@ def search(
 
 
 def mapped(examiner: Examiner, grid: Traversal, progress: Share = silent) -> PostureMap:
-    """The grid with the best free configuration of each cell, or with what stands in the way of all; and the prices.
+    """The grid with the best free configuration of each cell, or with what stands in the way of all.
 
     No cell is called free that was not judged along the whole path: the map says how (`how`).
     """
     state, open_, size = _State(examiner, grid), grid.ranked(EVERY), FIRST_CHUNK
     most = len(open_)
     while len(open_):
-        progress(0.5 * (1 - len(open_) / most))
+        progress(1 - len(open_) / most)
         open_ = open_[~state.settled[open_ % state.cells] & (state.cause[open_] == FREE)]
         first = np.sort(np.unique(open_[:size] % state.cells, return_index=True)[1])  # of each cell the best
         state.examine(open_[first])
         open_, size = np.delete(open_, first), min(2 * size, LARGEST_CHUNK)
-    prices = [_price(state, which, progress) for which in range(CONFIGURATIONS)]
-    return dataclasses.replace(state.map(margins=True), prices=tuple(prices))
-
-
-def _price(state: _State, which: int, progress: Share) -> Price:
-    """The best free cell of one configuration."""
-    ranked, count = state.grid.ranked(np.arange(CONFIGURATIONS) == which), 0
-    progress(0.5 + 0.5 * which / CONFIGURATIONS)
-    for start in range(0, len(ranked), FIRST_CHUNK):
-        flat = ranked[start : start + FIRST_CHUNK]
-        fresh = flat[state.how[flat] == SOLVED]
-        if count + len(fresh) > MOST_PRICED:
-            return Price(which, float(state.grid.mean.reshape(-1)[flat[0]]), None, None, False)
-        state.examine(fresh)
-        count += len(fresh)
-        free = flat[state.cause[flat] == FREE]
-        for one in free[state.steady(free)].tolist():
-            _, rotation, table = state.place(one)
-            return Price(which, float(state.grid.mean.reshape(-1)[one]), rotation, table, True)
-    return Price(which, np.inf, None, None, True)
+    return state.map(margins=True)
 
 
 class _State:

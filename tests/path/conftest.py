@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE, Cloud, RawEdge
+from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UNLABELLED, UPPER_SURFACE, Cloud, RawEdge, Toolpath
 from workbench.cloud import denoise
+from workbench.path import feed, layers
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
 from workbench.units import AnyArray, Float
@@ -27,6 +28,11 @@ class Raw:
     cloud: Cloud
     edge: RawEdge
     start_mm: float  # arc length of the truth at which the edge's own begins
+
+    @functools.cached_property
+    def plan(self) -> Toolpath:
+        """The shipped path with its feed: planned once, since every check of a path begins with it."""
+        return feed(layers(self.edge, self.cloud), self.cloud, self.edge)
 
 
 def true_edge(truth: Truth, cloud: Cloud) -> tuple[RawEdge, float]:

@@ -14,7 +14,7 @@ import pytest
 from tests.path.conftest import Raw
 from workbench.artefacts import Check, Edge, Layer, Toolpath
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
-from workbench.path import check, feed, layers
+from workbench.path import check, layers
 from workbench.path.check import unseen_checks
 from workbench.path.course import same_sign
 from workbench.units import DEG, Float
@@ -23,10 +23,6 @@ CLAMPED = {
     "part": {"length_mm": 94.0, "clamps": [{"from_mm": 40, "to_mm": 54, "height_mm": 12}]},
     "passes": [{"from_mm": 2.0, "to_mm": 92.0}],
 }
-
-
-def planned(scan: Raw, edge: Edge | None = None) -> Toolpath:
-    return feed(layers(edge or scan.edge, scan.cloud), scan.cloud, scan.edge)
 
 
 def change(path: Toolpath, **columns: Callable[[Layer], Any]) -> Toolpath:
@@ -57,13 +53,13 @@ def turned(layer: Layer, axis: int, angle_deg: float) -> Float:
 )
 def test_a_sound_path_passes(raw: Callable[..., Raw], changes: dict[str, Any]) -> None:
     scan = raw(**changes)
-    gate = check(planned(scan), scan.edge, scan.cloud)
+    gate = check(scan.plan, scan.edge, scan.cloud)
     assert gate.passed, gate.reason
 
 
 def test_a_path_in_the_work_objects_frame_passes(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     work = pose_from(rotation_from_vector(np.array([0.3, -1.0, 0.4])), np.array([900.0, 100, 700]))
 
     def moved(points: Any) -> Any:
@@ -197,7 +193,7 @@ def swapped(values: Float, row: int) -> Float:
 @pytest.mark.parametrize("name", FAULTS)
 def test_an_injected_fault_is_found(raw: Callable[..., Raw], name: str) -> None:
     scan, (inject, words) = raw(), FAULTS[name]
-    gate = check(inject(planned(scan)), scan.edge, scan.cloud, v_fast_mm_s=20)
+    gate = check(inject(scan.plan), scan.edge, scan.cloud, v_fast_mm_s=20)
     assert not gate.passed
     assert gate.reason.startswith("path refused: ")
     assert any(word in gate.reason for word in words.split("|")), gate.reason
@@ -243,7 +239,7 @@ def filled(values: Float | None) -> Float:
 
 def test_a_travel_through_the_plate_is_found(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     low = replace(path.travels[1], position_mm=path.travels[1].position_mm - 13 * bevel_normal_of(scan))
     gate = check(
         replace(path, travels=(path.travels[0], low, *path.travels[2:])), scan.edge, scan.cloud, acceleration_mm_s2=1e5
@@ -261,6 +257,6 @@ def test_what_a_recording_does_not_show_is_named(name: str, raw: Callable[..., R
     scan = raw()
     blind = Check(name, None, None, True, "", "the motion does not show whether the clocks agree; nothing tells which")
     told = replace(blind, value=1.0, finding="two passes see one face 0.01 mm apart")
-    toolpath = replace(planned(scan), evidence=(blind,))
+    toolpath = replace(scan.plan, evidence=(blind,))
     assert unseen_checks(toolpath) == (blind.finding,)
     assert not unseen_checks(replace(toolpath, evidence=(told,)))

@@ -16,10 +16,6 @@ from workbench.plugins.stiffness import compensate
 AWAY_MM = np.array([-0.12, 0.03, 0.02])  # x away from the material, in the points' frames
 
 
-def planned(scan: Raw) -> Toolpath:
-    return feed(layers(scan.edge, scan.cloud), scan.cloud, scan.edge)
-
-
 def deflection(path: Toolpath, away_mm: object = AWAY_MM) -> PathDeflection:
     """The robot gives way where it cuts."""
     return PathDeflection({layer.index: layer.cutting[:, None] * np.array(away_mm) for layer in path.layers})
@@ -27,7 +23,7 @@ def deflection(path: Toolpath, away_mm: object = AWAY_MM) -> PathDeflection:
 
 def test_a_corrected_path_passes_where_the_loaded_cutter_comes(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     corrected = compensate(path, deflection(path))
     turn = Rotation.from_quat(path.layers[0].quaternion_wxyz, scalar_first=True)
     moved = turn.apply(path.layers[0].cutting[:, None] * AWAY_MM)
@@ -40,7 +36,7 @@ def test_a_corrected_path_passes_where_the_loaded_cutter_comes(raw: Callable[...
 def test_without_its_prediction_a_corrected_path_is_refused(raw: Callable[..., Raw]) -> None:
     """As commanded it cuts too deep."""
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     gate = check(compensate(path, deflection(path)), scan.edge, scan.cloud)
     assert not gate.passed
     assert "is not at its height" in gate.reason
@@ -49,14 +45,14 @@ def test_without_its_prediction_a_corrected_path_is_refused(raw: Callable[..., R
 @pytest.mark.parametrize("wrong", [{"share": 0.5}, {"share": 2.0}, {"share": 0.0}])
 def test_too_little_or_too_much_correction_is_refused(raw: Callable[..., Raw], wrong: dict[str, float]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     gate = check(compensate(path, deflection(path), **wrong), scan.edge, scan.cloud, deflection(path))
     assert not gate.passed
 
 
 def test_a_prediction_of_another_path_is_refused(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     for wrong in ({}, {1: np.zeros((3, 3))}, {k: v * np.nan for k, v in deflection(path).by_layer_mm.items()}):
         with pytest.raises(InputError, match="a deflection for each point of layer"):
             check(path, scan.edge, scan.cloud, PathDeflection(wrong))
@@ -65,7 +61,7 @@ def test_a_prediction_of_another_path_is_refused(raw: Callable[..., Raw]) -> Non
 def test_a_great_deflection_is_refused_whatever_allows_for_it(raw: Callable[..., Raw]) -> None:
     """Unloaded, the cutter of the corrected path is that much deeper: a wild prediction is no leave to cut there."""
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     for depth, fine in ((-0.9, True), (-1.5, False)):
         wild = deflection(path, [depth, 0, 0])
         gate = check(compensate(path, wild), scan.edge, scan.cloud, wild)
@@ -78,7 +74,7 @@ def test_the_commanded_path_is_held_against_clamps_too(raw: Callable[..., Raw]) 
         part={"length_mm": 94.0, "clamps": [{"from_mm": 40, "to_mm": 54, "height_mm": 12}]},
         passes=[{"from_mm": 2.0, "to_mm": 92.0}],
     )
-    path = planned(scan)
+    path = scan.plan
     over = PathDeflection({k.index: np.where(k.measured[:, None], 0.0, [-12.0, 0, 0]) for k in path.layers})
     gate = check(compensate(path, over), scan.edge, scan.cloud, over)
     assert not gate.passed
@@ -86,7 +82,7 @@ def test_the_commanded_path_is_held_against_clamps_too(raw: Callable[..., Raw]) 
 
 def test_a_greater_penetration_is_told(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     bare, gate = (check(path, scan.edge, scan.cloud, penetration_mm=mm) for mm in (0.05, 0.06))
     (told,) = set(gate.loosened) - set(bare.loosened)
     assert (gate.passed, gate.clean) == (True, False)
@@ -96,7 +92,7 @@ def test_a_greater_penetration_is_told(raw: Callable[..., Raw]) -> None:
 def test_a_cutter_no_thicker_than_what_it_may_enter_is_refused(raw: Callable[..., Raw]) -> None:
     """It was taken as free of collision: nothing comes nearer to its axis than its radius."""
     scan = raw()
-    path = planned(scan)
+    path = scan.plan
     gate = check(replace(path, cutter=replace(path.cutter, diameter_mm=0.08)), scan.edge, scan.cloud)
     assert not gate.passed
 

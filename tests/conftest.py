@@ -117,7 +117,7 @@ def demo() -> Iterator[Mapping[str, Callable[..., Any]]]:
 
 @pytest.fixture(scope="module")
 def undrawn() -> Iterator[None]:
-    """Charts are laid out but not drawn, half of what a stage takes: for modules that look at no picture.
+    """Charts are laid out but not drawn, robots drawn small, half of what a stage takes: where nobody looks at them.
 
     tests/docs and tests/contracts draw those of every stage.
     """
@@ -131,6 +131,7 @@ def undrawn() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", blank)
+        patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))
         yield
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.program.paths import thinned
 from workbench.errors import InputError
 from workbench.path import check_file, read
 from workbench.plugins.stiffness import chatter, force, modes, posture
@@ -21,7 +22,8 @@ OWN = (767.0, 169.0, 222.0, 27.7, 26.6, 0.7)
 
 @pytest.fixture(scope="module")
 def plan():
-    return read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json")
+    """The shipped path, every eighth point of it."""
+    return thinned(read(toolpath=ROOT / "data/synthetic/paths/raw_arc.json"), slice(None, None, 8))
 
 
 @pytest.fixture(scope="module")

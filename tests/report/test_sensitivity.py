@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from workbench.errors import InputError
 from workbench.inspect import sections
 from workbench.pipeline import Pipeline
 from workbench.pipeline.results import result_files
-from workbench.report.sensitivity import Link, needs, thermal_mm
+from workbench.report.sensitivity import Link, needs, sensitivity, thermal_mm
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.scan import fuse, read
 from workbench.strict_json import strict_json
@@ -75,47 +76,58 @@ def test_steel_grows() -> None:
     assert thermal_mm(3.0, 1500.0) == pytest.approx(11.5e-6 * 3 * 1500 / math.sqrt(3))
 
 
-def test_the_shipped_pipeline_names_the_link_to_improve(tmp_path: Path) -> None:
-    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
-    results = load(tmp_path)
-    document = json.loads((tmp_path / "sensitivity.json").read_text())
-    told = {(c["way"], c["name"]): c for c in document["characteristics"]}
-    root = told["blind", "root face"]
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
+    """What the shipped pipeline makes, and where it stands."""
+    folder = tmp_path_factory.mktemp("sensitivity")
+    return Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run(folder), folder
+
+
+@pytest.fixture(scope="module")
+def told(planned: tuple[Any, Path]) -> Callable[..., dict[str, Any]]:
+    """`told(tool=...)`: the document of the same path and edge, by other numbers."""
+    results, _ = planned
+
+    def document(**inputs: Any) -> dict[str, Any]:
+        _, made = sensitivity(results["path.layers"], results["edge.segment_raw"], **inputs)
+        found: dict[str, Any] = json.loads(made.content)
+        return found
+
+    return document
+
+
+def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path], told: Any) -> None:
+    results, folder = planned
+    document = json.loads((folder / "sensitivity.json").read_text())
+    links = {(c["way"], c["name"]): c for c in document["characteristics"]}
+    root = links["blind", "root face"]
     assert sum(link["u"] ** 2 for link in root["links"]) == pytest.approx(root["u"] ** 2)
     assert root["improve_first"] == "hand-eye"  # 0.41 mm: the paper's
     assert not root["holds"]
-    assert told["corrected", "root face"]["holds"]
-    assert told["corrected", "root face"]["improve_first"] == "robot, random"
+    assert links["corrected", "root face"]["holds"]
+    assert links["corrected", "root face"]["improve_first"] == "robot, random"
     assert "hand-eye" in results.last(Chapter).summary
-    bad_tool = load(None, inputs={"tool_mm": 1.0})
-    found = next(one for one in bad_tool if isinstance(one, Document) and one.name == "sensitivity.json")
-    assert json.loads(found.content)["characteristics"][0]["improve_first"] == "tool"
+    assert told(tool_mm=1.0)["characteristics"][0]["improve_first"] == "tool"
 
 
-def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path) -> None:
-    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
+def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path, told: Any) -> None:
     tool, table, robot = (tmp_path / name for name in ("tcp.json", "turntable.json", "robot.json"))
     tool.write_bytes(TOOL.model_dump_json().encode())
     table.write_bytes(TABLE.model_dump_json().encode())
     robot.write_bytes(ROBOT.model_dump_json().encode())
-    load(
-        tmp_path / "out",
-        inputs={"tool": str(tool), "turntable": str(table), "robot_calibration": str(robot), "robot_accuracy_mm": 9},
-    )
-    links = {one["name"]: one for one in json.loads((tmp_path / "out" / "sensitivity.json").read_text())["links"]}
+    links = by_name(told(tool=tool, turntable=table, robot_calibration=robot, robot_accuracy_mm=9))
     assert (links["tool"]["along_b_u_mm"], links["tool"]["tilt_u_deg"]) == (0.03, 0.02)
     assert (links["turntable"]["along_b_u_mm"], links["turntable"]["source"]) == (0.04, "its calibration")
     assert links["robot, systematic"]["along_b_u_mm"] == 0.06
     with pytest.raises(InputError, match="expected 'tool-calibration'"):
-        load(None, inputs={"tool": str(table)})
+        told(tool=table)
     tool.write_text(TOOL.model_dump_json().replace("0.03", '"x"'))
     with pytest.raises(InputError, match=r"points\[0\].u_mm: expected a valid number"):
-        load(None, inputs={"tool": str(tool)})
+        told(tool=tool)
 
 
-def links_of(results: Any) -> dict[str, Any]:
-    document = next(one for one in results if isinstance(one, Document) and one.name == "sensitivity.json")
-    return {one["name"]: one for one in json.loads(document.content)["links"]}
+def by_name(document: dict[str, Any]) -> dict[str, Any]:
+    return {one["name"]: one for one in document["links"]}
 
 
 def test_the_hand_eye_counts_by_its_covariance_at_this_edge(tmp_path: Path) -> None:
@@ -123,36 +135,37 @@ def test_the_hand_eye_counts_by_its_covariance_at_this_edge(tmp_path: Path) -> N
     load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
     pose = read(recording=ROOT / "data" / "synthetic" / "raw_arc.h5").flange_from_profiler
     assert pose is not None
-    told = []
+    found = []
     for shift_mm, turn_deg in ((0.1, 0.0), (0.1, 0.2)):
         spread = np.repeat([shift_mm**2, math.radians(turn_deg) ** 2], 3)
         path = tmp_path / "handeye.json"
         path.write_bytes(strict_json({"flange_from_profiler": pose, "covariance": np.diag(spread)}))
-        told.append(links_of(load(None, inputs={"hand_eye": str(path)})))
-    without, turned = (one["hand-eye"] for one in told)
+        results = load(None, inputs={"hand_eye": str(path)})
+        made = next(one for one in results if isinstance(one, Document) and one.name == "sensitivity.json")
+        found.append(by_name(json.loads(made.content)))
+    without, turned = (one["hand-eye"] for one in found)
     assert (without["source"], without["tilt_u_deg"]) == ("its calibration", pytest.approx(0.0, abs=1e-9))
     assert without["along_b_u_mm"] == pytest.approx(0.1, rel=1e-6)
     assert turned["tilt_u_deg"] == pytest.approx(0.2, rel=1e-6)
     assert turned["along_b_u_mm"] > 0.11
     for key in ("along_b_u_mm", "tilt_u_deg"):  # the scan's own u is not the hand-eye's
-        assert told[0]["sensor"][key] == pytest.approx(told[1]["sensor"][key], rel=1e-3)
+        assert found[0]["sensor"][key] == pytest.approx(found[1]["sensor"][key], rel=1e-3)
 
 
-def test_an_inspection_says_how_well_a_cut_is_measured(tmp_path: Path) -> None:
-    load = Pipeline.load(ROOT / "pipelines" / "sensitivity.json").run
+def test_an_inspection_says_how_well_a_cut_is_measured(tmp_path: Path, told: Any) -> None:
     found = sections(segment(fuse(read(recording=ROOT / "data" / "synthetic" / "milled_edge.h5"))))
     path = tmp_path / "inspection.json"
     path.write_bytes(result_files([found])["inspection.json"])
     u = np.array([(one.root_u_mm, one.bevel_u_deg) for one in found.sections], float)
-    link = links_of(load(None, inputs={"inspection": str(path)}))["measurement of the cut"]
+    link = by_name(told(inspection=path))["measurement of the cut"]
     root, bevel = np.sqrt(np.mean(u**2, axis=0))
     assert link["along_b_u_mm"] == pytest.approx(root * math.sin(math.radians(40.0)))
     assert (link["tilt_u_deg"], link["source"]) == (pytest.approx(bevel), "an inspection")
-    assumed = links_of(load(None))["measurement of the cut"]
+    assumed = by_name(told())["measurement of the cut"]
     assert assumed["along_b_u_mm"] >= link["along_b_u_mm"]  # no better than what is measured
     assert assumed["tilt_u_deg"] >= link["tilt_u_deg"]
     for one in (document := json.loads(path.read_bytes()))["sections"]:
         one["root_u_mm"] = None
     path.write_text(json.dumps(document))
     with pytest.raises(InputError, match="expected one that was measured"):
-        load(None, inputs={"inspection": str(path)})
+        told(inspection=path)

@@ -140,8 +140,8 @@ COARSE = {"preparation": "nose", "land_mm": 0.45, "thickness_mm": 12, "root_mm":
     ("part", "pitch_mm", "suspicion"),
     [
         ({"preparation": "nose", "land_mm": 0.2}, 0.045, "corner_stands_out_mm"),
-        (ROUNDED, 0.045, r"face_columns|corner_bow|face_bow"),
-        (BOWED, 0.045, r"corner_bow|upper surface"),
+        (ROUNDED, 0.045, r"face_columns|face_bow"),
+        (BOWED, 0.045, r"face_bow|upper surface"),
         (HOLLOW, 0.045, r"fillet_misfit_mm|upper surface"),
         (FILLED, 0.045, "upper surface"),
         (COARSE, 0.07, r"face_columns|clear of its corners"),

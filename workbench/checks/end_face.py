@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
-from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, bow_of, direction, rising, surfaces_beside
+from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, direction, rising, surfaces_beside
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_share
 from workbench.checks.limits import Bound, check
+from workbench.checks.straightness import straight_checks, straightness
 from workbench.units import DEG, AnyArray
 
 LEAST_FRAMES = 4
@@ -49,7 +50,7 @@ def require_end_face(
     lean = float(np.median(leans)) / DEG if len(leans) >= LEAST_FRAMES else None
     turns = [turn for _, beside in seen for turn in beside]
     off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
-    bow = bow_of(cloud, labels, rows, ROOT_FACE).share
+    shape = {ROOT_FACE: straightness(cloud, labels, ROOT_FACE)}
     stepped, beside = max((beside_share(cloud, labels, rows, way) for way in (1, -1)), key=lambda one: one[0] or 0.0)
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
     further += "ends, and leads on for more than its rounded edge would: a bevel above or below it?"
@@ -70,12 +71,7 @@ def require_end_face(
             f"the surface beside what would be the end face is {off or 0.0:.0f} deg off the square to it: {prepared}",
             given=limits,
         ),
-        check(
-            "end_face_bow",
-            bow,
-            f"what would be the end face bows by {100 * bow:.1f} % of its width: {prepared}",
-            given=limits,
-        ),
+        *straight_checks(shape, {}, prepared.rstrip("?"), limits),
         check(
             "end_face_step_share",
             stepped,

@@ -9,22 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud
-from workbench.checks.corners import StandsOut, bend_of, frames_with, stands_out, thinning
+from workbench.checks.corners import StandsOut, frames_with, stands_out, thinning
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
-from workbench.checks.profiles import solve_three
 from workbench.checks.sensor import column_pitch_mm
+from workbench.checks.straightness import NAMES, Straightness, straight_checks, straightness
 from workbench.geometry.blocks import as_input
-from workbench.geometry.medians import median, median_of
+from workbench.geometry.medians import median
 from workbench.kernels import kernel
 from workbench.units import DEG, AnyArray, Bool, Float
 
 SAMPLE = 40  # frames with faces
 COUNTED = 500  # frames, of which eight times as many tell the share that shows faces
-LEAST_POINTS = 8  # of a face, to tell whether it is straight
-SURE = 3.0  # standard uncertainties by which a bow is one
-SMALL_BOW_MM, SMALL_BOW = 0.03, 0.03  # no face is straighter for certain; a narrow one than this share of its width
+LEAST_POINTS = 8  # of a face, to tell its direction
 LEAST_RETURNS = 16  # of a frame that shows something
 LEAST_FRAMES = 4
 ON = 2.0 * DEG  # turn, median of the frames, of what goes on elsewhere
@@ -39,7 +37,6 @@ LONG_MM = 1.0  # of that surface at least: a rounded edge is none
 WIDEST_UNTOLD = 2.3  # times its nominal size, of a root face whose plate shows no upper surface: true ones are up to 2
 NARROWEST_ALONE = 0.5  # likewise, where the nominal sizes alone tell it from a bevel face as narrow
 AT_END = 2.0 / 3.0  # of its bow a face stands off its line at its ends
-NAMES = {ROOT_FACE: "root face", BEVEL_FACE: "bevel face"}
 
 
 class Shown(NamedTuple):
@@ -152,26 +149,22 @@ def judge_faces(
     rows = every * np.flatnonzero(found)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
-    bows = {face: bow_of(cloud, clear, rows, face) for face in NAMES}
-    bow, name = max((one.share, NAMES[face]) for face, one in bows.items())
-    round_ = (
-        f"what would be its {name} bows by {100 * bow:.0f} % of its width: a dome, a bar, a cable or a rounded groove?"
-    )
+    shape = {face: straightness(cloud, clear, face) for face in NAMES}
     scatter, blur = _size_scatter(cloud, labels, rows)
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
+    turns = dict.fromkeys(NAMES, _turn_of(seen))
     hollow = 0.0 if lies_on else share_of([one.beside.get(ROOT_FACE, 0.0) < -HOLLOW for one in seen])
     groove = f"beside the root face the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a step "
     groove += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
     corner = stands_out(cloud, labels, *NAMES)
-    out, close = beyond_bows(corner, bows.values())
+    out, close = beyond_bows(corner, shape.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
     widest = max(most("size_scatter"), blur)
     return (
         check("edge_share", share, told, given=given),
-        check("face_bow", bow, round_, given=given),
-        _bend_check(cloud, clear, NAMES, given),
+        *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
         check("hollow_share", hollow, groove, given=given),
         *_beyond_checks(seen, given),
@@ -204,9 +197,9 @@ def _ledge_check(close_mm: float) -> Check:
     return Check("close_stands_out_mm", close_mm, None, True, "a ledge of that is in the uncertainty", told)
 
 
-def beyond_bows(corner: StandsOut, bows: Iterable[Bow]) -> tuple[float, float]:
+def beyond_bows(corner: StandsOut, faces: Iterable[Straightness]) -> tuple[float, float]:
     """By how much a corner stands out of its faces, and close to it for certain, beyond what their bows explain, mm."""
-    bowed = AT_END * max(abs(one.mm) for one in bows)
+    bowed = AT_END * max(abs(one.bow_mm) for one in faces)
     return corner.corner_mm - bowed, max(corner.close_mm - corner.close_u_mm - bowed, 0.0)
 
 
@@ -214,11 +207,9 @@ def corners_checks(
     cloud: Cloud, labels: AnyArray, pairs: Sequence[tuple[int, int]], limits: Mapping[str, Bound] | None = None
 ) -> tuple[Check, Check]:
     """The checks that no corner of two faces, by pairs of their labels (N, M), stands out of both."""
-    rows = frames_with(labels, [label for pair in pairs for label in pair], SAMPLE)
     out = close = 0.0
     for pair in pairs:
-        bows = [bow_of(cloud, labels, rows, label) for label in pair]
-        here = beyond_bows(stands_out(cloud, labels, *pair), bows)
+        here = beyond_bows(stands_out(cloud, labels, *pair), [straightness(cloud, labels, label) for label in pair])
         out, close = max(out, here[0]), max(close, here[1])
     told = f"a corner of two faces stands out of them by {out:.2g} mm: a ledge, a further face, a burr there?"
     return check("corner_stands_out_mm", out, told, given=limits), _ledge_check(close)
@@ -230,44 +221,32 @@ def bows_check(
     faces: Sequence[int],
     pairs: Sequence[tuple[int, int]],
     limits: Mapping[str, Bound] | None = None,
-) -> tuple[Check, Check, Check, Check]:
-    """The checks that no face, by its label (N, M), is round or bent, and that no corner of two of them is but a bow.
+) -> tuple[Check, Check, Check]:
+    """The checks that no face, by its label (N, M), is round or bent, or has too few returns to tell.
 
-    The two halves of one arc are chords that differ by d, rad; each bows by d / 8 of its width. A face must show that
-    it bows by less, for which it needs a few returns.
+    pairs: of faces that make a corner.
     """
     rows = frames_with(labels, faces, SAMPLE)
-    straight = set(faces).intersection(label for pair in pairs for label in pair)
-    counts = [np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1)) for face in straight]
+    cornered = {label for pair in pairs for label in pair}
+    counts = [
+        np.median(((labels[rows] == face) & cloud.keep[rows]).sum(axis=1)) for face in cornered.intersection(faces)
+    ]
     fewest = float(min(counts)) if counts and len(rows) else None
     few = f"the narrowest face has {fewest or 0:.0f} returns in a profile: too few to tell a face from a rounded corner"
-    bows = {face: bow_of(cloud, labels, rows, face) for face in {*faces, *(label for pair in pairs for label in pair)}}
-    most_bow = max(bows[face].share for face in faces)
-    told = f"a face bows by {100 * most_bow:.0f} % of its width: a fillet, a rounded corner, a bead?"
-    as_arc = 0.0
+    turns: dict[int, float] = {}
     for pair in pairs:
-        seen = [one.turn for i in rows if (one := _corner_of(cloud, labels[i], int(i), pair)) is not None]
-        if seen:
-            as_arc = max(as_arc, *(8.0 * bows[face].most_share / max(float(np.median(seen)), ON) for face in pair))
-    round_ = f"a face bows by {as_arc:.0%} of what would make the corner beside it by itself: a rounded corner, or one "
-    round_ += "face that is not straight?"
+        turn = _turn_of([one for i in rows if (one := _corner_of(cloud, labels[i], int(i), pair)) is not None])
+        turns |= {face: min(turns.get(face, turn), turn) for face in pair if turn}
+    shape = {face: straightness(cloud, labels, face) for face in {*faces, *cornered}}
     return (
         check("face_columns", fewest, few, given=limits),
-        check("face_bow", most_bow, told, given=limits),
-        _bend_check(cloud, labels, straight, limits),
-        check("corner_bow", as_arc, round_, given=limits),
+        *straight_checks(shape, turns, "a fillet, a rounded corner, a bead, or a face that is not straight", limits),
     )
 
 
-def _bend_check(
-    cloud: Cloud, labels: AnyArray, faces: Iterable[int], limits: Mapping[str, Bound] | None = None
-) -> Check:
-    """The check that no face, by its label (N, M), is two at an angle."""
-    bends = [(abs(one.turn), one.at, face) for face in faces for one in [bend_of(cloud, labels, face)]]
-    turn, at, face = max(bends, default=(0.0, 0.5, 0))
-    told = f"the {NAMES.get(face, 'face')} has a corner of {turn / DEG:.1f} deg at {100 * at:.0f} % of its width: "
-    told += "a compound bevel whose angles hardly differ, or a face that is not straight?"
-    return check("face_bend_deg", turn / DEG, told, given=limits)
+def _turn_of(seen: Sequence[_Corner]) -> float:
+    """Of the corner of two faces, rad, the median of some frames; 0: none shows it."""
+    return max(float(np.median([one.turn for one in seen])), ON) if seen else 0.0
 
 
 def _without_rim(cloud: Cloud, labels: AnyArray, rim_mm: float) -> AnyArray:
@@ -302,42 +281,6 @@ def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float]:
     return share_of([one and off > ON for one in goes]), off / DEG  # second returns stand off both ways
 
 
-class Bow(NamedTuple):
-    """Height of the parabola through a face over its chord; the median of some frames."""
-
-    mm: float
-    u_mm: float
-    width_mm: float
-
-    @property
-    def share(self) -> float:
-        """Of the width; 0 where it is not certain."""
-        small = min(SMALL_BOW_MM, SMALL_BOW * self.width_mm)
-        return 0.0 if abs(self.mm) <= max(SURE * self.u_mm, small) else abs(self.mm) / self.width_mm
-
-    @property
-    def most_share(self) -> float:
-        """Of the width, with its expanded uncertainty; 0 where no face is seen."""
-        return (abs(self.mm) + 2.0 * self.u_mm) / self.width_mm if self.width_mm > 0.0 else 0.0
-
-
-def bow_of(cloud: Cloud, labels: AnyArray, rows: AnyArray, face: int) -> Bow:
-    """How far a face bows in the frames `rows`; not at all where too few of them show it."""
-    found = []
-    for i in rows:
-        on = (labels[i] == face) & cloud.keep[i]
-        if on.sum() >= LEAST_POINTS:
-            bow, width = _bowed(*(as_input(v[i][on].astype(np.float64)) for v in (cloud.x_mm, cloud.z_mm)))
-            if width > 0.0:
-                found.append((bow, width))
-    if len(found) < LEAST_FRAMES:
-        return Bow(0.0, 0.0, 0.0)
-    bows, widths = np.transpose(found)
-    middle = float(np.median(bows))
-    spread = float(np.median(np.abs(bows - middle))) / 0.6745
-    return Bow(middle, 1.2533 * spread / math.sqrt(len(bows)), float(np.median(widths)))
-
-
 def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:
     """Robust standard deviation of the root face's width between neighbouring frames of the sample, over the width.
 
@@ -353,48 +296,6 @@ def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float
         return 0.0, 0.0
     scatter = np.median(np.abs(np.diff(widths))) / 0.6745 / np.sqrt(2.0)
     return float(scatter / np.median(widths)), float(COLUMNS / np.median(counts))
-
-
-@kernel
-def _bowed(x: Float, z: Float) -> tuple[float, float]:
-    """Height of the parabola through a face's points over its chord, and the chord's length, mm; outliers left out."""
-    size = x.size
-    u, v, off, rows, powers, limit = np.empty(size), np.empty(size), np.zeros(size), np.empty((3, 4)), np.ones(4), 1.0
-    half = _along(x, z, u, v)
-    if half <= 0.0:
-        return 0.0, 0.0
-    for _ in range(3):
-        rows[:, :] = 0.0
-        for i in range(size):
-            if off[i] < limit:
-                powers[1], powers[2], powers[3] = u[i] / half, (u[i] / half) ** 2, v[i]
-                for k in range(3):
-                    for m in range(4):
-                        rows[k, m] += powers[k] * powers[m]
-        solve_three(rows)
-        for i in range(size):
-            t = u[i] / half
-            off[i] = abs(v[i] - rows[0, 3] - t * (rows[1, 3] + t * rows[2, 3]))
-        limit = 4.0 * median_of(off.copy(), size) + 1e-9
-    return rows[2, 3], 2.0 * half
-
-
-@kernel
-def _along(x: Float, z: Float, u: Float, v: Float) -> float:
-    """Fill u and v (n,): points along the line through them and across it; returns half their extent along it."""
-    size = x.size
-    x0, z0, xx, xz, zz = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        x0, z0 = x0 + x[i] / size, z0 + z[i] / size
-    for i in range(size):
-        xx, xz, zz = xx + (x[i] - x0) ** 2, xz + (x[i] - x0) * (z[i] - z0), zz + (z[i] - z0) ** 2
-    turn = 0.5 * math.atan2(2.0 * xz, xx - zz)
-    first, last = np.inf, -np.inf
-    for i in range(size):
-        u[i] = (x[i] - x0) * math.cos(turn) + (z[i] - z0) * math.sin(turn)
-        v[i] = (z[i] - z0) * math.cos(turn) - (x[i] - x0) * math.sin(turn)
-        first, last = min(first, u[i]), max(last, u[i])
-    return 0.5 * (last - first)
 
 
 @kernel

@@ -384,8 +384,8 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
     told = told if traces.mean_frames else "no mean over frames is seen"
     yield Check("mean_frames", traces.mean_frames, None, True, "in the uncertainty of the face's end", told)
     told = (
-        f"{100 * traces.held_end_share:.0f} % of the faces' ends beside lost returns, or of the short gaps in them, "
-        "hold one value: a median filter, or lost returns filled? "
+        f"{100 * traces.held_end_share:.0f} % of the short gaps in faces hold the value beside them, or continue its "
+        "slope: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
     ranges = some_frames(recording)

@@ -71,10 +71,9 @@ LIMITS: dict[str, Limit] = {
     ),
     "held_end_share": Limit(
         0.3,
-        "share of the ends of faces, beside lost returns or a jump, whose last three ranges lie on a line to the "
-        "digit; or of short gaps that hold the range before them, in steep faces, or continue its slope",
-        "a median over returns and losses, or a filter that fills them, makes nearly all of one side so; good "
-        "recordings have up to 0.2",
+        "share of the short gaps, filled ones among them, whose ranges hold the one beside them, or continue its "
+        "slope, to the digit and more often than noise does",
+        "a median, or a filter that fills lost returns, comes to 0.3 and more; good recordings have up to 0.1",
     ),
     "range_step_mm": Limit(
         0.02,
@@ -175,11 +174,10 @@ LIMITS: dict[str, Limit] = {
         "root face",
     ),
     "face_bow": Limit(
-        0.03,
-        "bow of the root face or the bevel face over its width, where it is certain and, on faces from 1 mm on, more "
-        "than 0.03 mm",
-        "a bow of less is in u; chords of domes, bars and cables bow by 0.012 to 0.1, and other checks refuse the "
-        "flatter ones",
+        0.3,
+        "bow of a face, where it is certain, over the bow of a chord which makes the corner beside it by itself",
+        "faces of good recordings bow by up to 0.14 of it, which is in u; chords of domes, bars and cables by all of "
+        "it, a rounded corner's end by half",
     ),
     "face_bend_deg": Limit(
         1.0,
@@ -204,13 +202,6 @@ LIMITS: dict[str, Limit] = {
         (8.0, 1e5),
         "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",
         "fewer do not tell whether it is straight: a rounded corner passes for a face",
-    ),
-    "corner_bow": Limit(
-        0.3,
-        "of those, most that a face may bow (at k = 2) over the bow of a chord which makes the corner "
-        "beside it by itself",
-        "faces of good recordings bow by up to 0.14 of it; what is cut out of an arc by all of it, a rounded corner's "
-        "end by half",
     ),
     "size_scatter": Limit(
         0.3,
@@ -247,11 +238,6 @@ LIMITS: dict[str, Limit] = {
         15.0,
         "how far the plate's surface beside the end face of a raw edge is from square to it; median of the frames",
         "a raw plate is cut square to a few degrees; beside a root face lies a bevel, beside a bevel the upper surface",
-    ),
-    "end_face_bow": Limit(
-        0.02,
-        "bow of the end face of a raw edge over its width, where it is certain and more than 0.03 mm",
-        "rough faces of the simulators bow by up to 0.006; a compound bevel taken for one face by 0.04 and more",
     ),
     "end_face_step_share": Limit(
         0.3,

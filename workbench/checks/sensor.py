@@ -36,16 +36,14 @@ SERIES, BLOCK = 80, 1920  # columns that are followed from frame to frame, and o
 # Quaternions that are looked at, numbers that are alike, how many have to differ, how near to a multiple they are, how
 # many are.
 QUATERNIONS, ALIKE, DIFFERENT, ON_STEP, MOST_ON_STEP = 200, 1e-5, 3, 2e-3, 0.9
-STEEP, SURELY = 4.0, 3.0  # standard deviations of the noise from column to column; times what chance explains
-REACH = 6  # columns about a place that tell how steep the face is there
-SLOPES = 1, 2, 3  # columns before a gap
+SLOPES = 0, 1, 2, 3  # columns before a gap, over which its slope is taken; 0: the last range is held
 SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
 # Of normal noise 1.25 / wide^2 less lie one and two places off on average than at its middle; of heavy tails more.
 PEAKED = 3.75
 # Of second differences: medians within which noise is dense; digits of float32 a bin; bins; share of their mean that is
 # a valley.
 CORE, SCALES, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 4, 40, 0.25
-FACE, LOST, JUMP_MM, LEAST_ENDS = 8, 3, 1.0, 30  # columns of a face that ends beside so many lost ones, or a jump
+LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
 
@@ -58,7 +56,7 @@ class SensorTraces:
     correlation: Float  # (LAGS + 1,) of that noise, by columns apart
     mean_columns: float  # width of a moving mean over columns, or of one that smooths as much; 0: none
     mean_frames: float  # likewise from frame to frame
-    held_end_share: float  # of faces' ends beside lost returns, those that lie on a line to the digit, beyond chance
+    held_end_share: float  # of short gaps, those that a filter has filled; nearly 1 of a median
     step_z_mm: float  # ranges are multiples of this; 0: of nothing
     step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
     pitch_mm: float  # median distance of neighbouring columns
@@ -74,7 +72,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     digit = _digit(many, step_z)
     x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
     step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    held = _held_ends(z, digit)
+    held = _filled_share(many, digit)
     mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
     pieces_x, pieces_z = _pieces(x), _pieces(z)
     enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
@@ -100,7 +98,6 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     noise = float(np.median(size))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
         return nothing
-    held = max(held, _filled_share(z, noise, digit), _continued_share(many, digit))
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     is_whole = plain & used.all(axis=1)
     whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
@@ -112,74 +109,23 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     return SensorTraces(noise, correlation, mean, mean_frames, held, step_z, step_x, pitch)
 
 
-def _held_ends(z: Float, digit_mm: float) -> float:
-    """Share of the ends of whole faces in rows of ranges (n, M) that no noise has made, beyond that of their inside.
+def _filled_share(z: Float, digit_mm: float) -> float:
+    """Of the short gaps in rows of ranges (n, M), the share that a filter has filled; nearly 1 of a median.
 
-    A median of an even surface and what did not return takes the same value in the last columns of a face; a filter
-    that fills gaps holds or continues the last one. Then the last three lie on a line, to `digit_mm`. 0: too few faces
-    end beside lost returns or jumps.
-    """
-    if z.shape[1] <= FACE + LOST:
-        return 0.0
-    lost, jumping = [], []
-    for way in (z, z[:, ::-1]):
-        with np.errstate(invalid="ignore"):
-            joined = np.abs(np.diff(way, axis=1)) < JUMP_MM
-        joined = np.lib.stride_tricks.sliding_window_view(joined, FACE + LOST - 1, axis=1)
-        row, first = np.nonzero(joined[:, :, : FACE - 1].all(axis=2) & ~joined[:, :, FACE - 1])
-        beyond = np.isfinite(way[row[:, None], first[:, None] + np.arange(FACE, FACE + LOST)])
-        held = _on_line(way[row[:, None], first[:, None] + np.arange(FACE - 3, FACE)], digit_mm)[:, 0]
-        lost.append(held[~beyond.any(axis=1)])
-        jumping.append(held[beyond.all(axis=1) & joined[row, first, FACE:].all(axis=1)])
-    ends = [one for one in map(np.concatenate, (lost, jumping)) if len(one) >= LEAST_ENDS]
-    if not ends:
-        return 0.0
-    inside = _on_line(z, digit_mm)[np.isfinite(z[:, :-2] + z[:, 1:-1] + z[:, 2:])]
-    return max(*(float(one.mean() - inside.mean()) for one in ends), 0.0)
-
-
-def _filled_share(z: Float, noise_mm: float, digit_mm: float) -> float:
-    """Of the short gaps within steep faces in rows of ranges (n, M), the share that a filter has filled.
-
-    Beside each other on a steep face two ranges are equal where the second was held; noise makes them so in as few
-    places as normal noise would (`chance`), or as differ by one to four digits. A sensor that fills single losses so
-    fills those beside a face's end too.
-    """
-    if z.shape[1] < REACH or noise_mm <= 0.0:
-        return 0.0
-    step = np.abs(z[:, REACH - 1 :] - z[:, : 1 - REACH]) / (REACH - 1)
-    least = STEEP * max(noise_mm, digit_mm)
-    steep = (step > least) & (step < JUMP_MM)
-    half = REACH // 2
-    middle = z[:, half - 1 : -half], z[:, half : 1 - half]
-    apart = np.abs(middle[1] - middle[0])
-    row, first = np.nonzero(steep & (apart < 4.5 * digit_mm))
-    near = z[row[:, None], first[:, None] + np.arange(REACH)]
-    is_steep = np.abs(np.median(np.diff(near, axis=1), axis=1)) > least  # beside a stray the face is not
-    equal = apart[row, first] < 0.5 * digit_mm
-    chance = digit_mm / (2.0 * np.sqrt(np.pi) * noise_mm) * np.exp(-((step[steep] / (2.0 * noise_mm)) ** 2)).sum()
-    surely = (is_steep & equal).sum() - SURELY * max(float(chance), (is_steep & ~equal).sum() / 8.0)
-    lost = float((steep & (np.isnan(middle[0]) | np.isnan(middle[1]))).sum())
-    return surely / (surely + lost) if surely >= LEAST_ENDS else 0.0
-
-
-def _continued_share(z: Float, digit_mm: float) -> float:
-    """Of the short gaps in rows of ranges (n, M), the share that a filter has filled with the slope before them.
-
-    Such a value lies to the digit where its neighbour and the slope over the last one to three columns put it. How
+    Such a value lies to the digit where its neighbour, or that and the slope over one to three columns, put it. How
     many noise puts there is told by their numbers one and two digits off: by their mean, where noise is wide, and by
     a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
     of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself.
     """
-    found, spread = 0.0, _bends(z) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
-    if spread < digit_mm:
+    found, spread = 0.0, _bends(z[:, ::APART]) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
+    if not digit_mm <= spread < math.inf:
         return 0.0
     for way in (z, z[:, ::-1]):
-        for k in SLOPES if way is z else SLOPES[1:]:  # over one column both ways are the same
+        for k in SLOPES if way is z else SLOPES[2:]:  # over one column, or none, both ways are the same
             # what is off is a multiple of 1 / k where ranges are rounded: counts end halfway between two of these
-            edge = (k // 2 + 0.5) / k
-            there, one, two = _counts_off(as_input(way), k, edge * digit_mm).tolist()
-            wide = spread * math.hypot(1.0, 1.0 + 1.0 / k, 1.0 / k) / (2.0 * edge * digit_mm)
+            share, edge = (1.0 / k, (k // 2 + 0.5) / k) if k else (0.0, 0.5)
+            there, one, two = _counts_off(as_input(way), k, share, edge * digit_mm).tolist()
+            wide = spread * math.hypot(1.0, 1.0 + share, share) / (2.0 * edge * digit_mm)
             flat, bent = 0.25 * (one + two), max((2.0 * one - 0.5 * two) / 3.0, 0.0)  # one and two: on both sides
             peak = max(MOST_MORE, PEAKED / wide**2) if wide > 0.0 else np.inf
             surely = max(
@@ -189,7 +135,7 @@ def _continued_share(z: Float, digit_mm: float) -> float:
                 - max(bent - 0.5 * one, 0.0)
                 - SURE_SD * np.sqrt(bent + (4.0 * one + 0.25 * two) / 9.0 + 1.0),
             )
-            if surely > LEAST_ENDS:
+            if surely > LEAST_FILLED:
                 found = max(found, there - min(flat, bent))
     lost = np.isnan(z)
     short = lost[:, 1:-1] & ~(lost[:, :-2] & lost[:, 2:])
@@ -197,12 +143,12 @@ def _continued_share(z: Float, digit_mm: float) -> float:
 
 
 @kernel
-def _counts_off(z: Float, k: int, edge_mm: float) -> Int:
-    """How many ranges of rows (n, M) lie off where the slope over k columns before puts them, by what: counts (3,).
+def _counts_off(z: Float, k: int, share: float, edge_mm: float) -> Int:
+    """How many ranges of rows (n, M) lie off where a share of the rise over k columns puts them: (3,).
 
     By less than `edge_mm`, from there to less than three times it, and from there to less than five times it.
     """
-    below_one, below_three, below_five, share = 0, 0, 0, 1.0 / k
+    below_one, below_three, below_five = 0, 0, 0
     for i in range(z.shape[0]):
         for j in range(k + 1, z.shape[1]):  # no branch: many at a time
             near = z[i, j - 1]
@@ -247,11 +193,6 @@ def _first_peak(off: Float, bins: int) -> float:
     ends = np.flatnonzero(count[begin:] < VALLEY * count.mean())
     end = begin + int(ends[0]) if len(ends) else bins
     return float(np.median(off[(off >= begin) & (off < end)]))
-
-
-def _on_line(z: Float, digit_mm: float) -> Bool:
-    """Whether three neighbours of rows of ranges (n, M) lie on a line, to two digits of rounding (n, M - 2)."""
-    return np.asarray(np.abs(np.diff(z, n=2, axis=1)) < 2.0 * digit_mm)
 
 
 def _bends(z: Float) -> float:

@@ -1,4 +1,4 @@
-"""A corner within a face: its turn and its place, and shapes that are none."""
+"""A corner within a face: its turn and its place, and shapes that are none; how far a face bows."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import BEVEL_FACE
-from workbench.checks.corners import Bend, bend_of
+from workbench.checks.straightness import Straightness, straightness
 from workbench.units import DEG, Float
 
 WIDTH_MM, COLUMNS, FRAMES = 8.0, 160, 30
@@ -16,7 +16,7 @@ P = np.linspace(0.0, 1.0, COLUMNS)  # shares of the width
 
 def found(
     shape_mm: Float, noise_mm: float = 0.005, frames: int = FRAMES, columns: int = COLUMNS, turn_deg: float = 30.0
-) -> Bend:
+) -> Straightness:
     """Of a face that leans, what it does beside its line (m,) in columns that are spread over it evenly."""
     rng = np.random.default_rng(7)
     along, across = WIDTH_MM * P, shape_mm + rng.normal(0.0, noise_mm, (frames, COLUMNS))
@@ -26,7 +26,7 @@ def found(
     labels[:, np.linspace(0, COLUMNS - 1, columns).astype(int)] = BEVEL_FACE
     keep = np.ones(x.shape, bool)
     cloud: Any = SimpleNamespace(x_mm=x.astype(np.float32), z_mm=z.astype(np.float32), keep=keep)
-    return bend_of(cloud, labels, BEVEL_FACE)
+    return straightness(cloud, labels, BEVEL_FACE)
 
 
 def corner(turn_deg: float, at: float) -> Float:
@@ -55,7 +55,9 @@ def test_a_corner_is_found_by_its_turn_and_place(turn_deg: float, at: float, fac
     ids=["straight", "bowed", "hollow", "step", "waves"],
 )
 def test_other_shapes_are_no_corner(shape_mm: Float) -> None:
-    assert found(shape_mm).turn == 0.0
+    told = found(shape_mm)
+    assert told.turn == 0.0
+    assert abs(told.bow_mm) == pytest.approx(abs(np.polyfit(P, shape_mm, 2)[0]) / 4.0, abs=0.006)
 
 
 def test_a_corner_that_noise_hides_is_none() -> None:

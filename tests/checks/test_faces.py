@@ -279,7 +279,7 @@ def test_an_undercut_beyond_the_end_face_is_told(seed: int) -> None:
     The end face's lower edge was taken for the plate's (1 mm off).
     """
     part = odd_plate("step of 0.15 to 0.9 mm", seed, is_raw=True)
-    with pytest.raises(InputError, match=r"a step, an undercut.*end_face_step_share"):
+    with pytest.raises(InputError, match=r"a step, an undercut.*step_share"):
         segment_raw(denoise(fuse(part.recording)), upper_side=tuple(part.base_from_section[:3, 1].tolist()))
 
 
@@ -291,7 +291,7 @@ def test_end_faces_of_raw_plates_pass(condition: str) -> None:
     assert (value["end_face_square_deg"] or 0.0) < 5.0
     assert (value["end_face_lean_deg"] or 0.0) < 12.0
     assert (value["face_bow"] or 0.0) < 0.1
-    assert (value["end_face_step_share"] or 0.0) < 0.1
+    assert (value["step_share"] or 0.0) < 0.1
 
 
 def test_a_ledge_that_a_single_frame_does_not_show_is_refused() -> None:
@@ -388,7 +388,7 @@ def test_a_root_face_above_a_further_bevel_is_no_bevel_face(seed: int) -> None:
 @pytest.mark.parametrize("seed", [13, 17])
 def test_an_end_face_above_a_bevel_is_refused(seed: int) -> None:
     """Where returns of the bevel are lost here and there, the face seemed to end beyond its corner (10 u)."""
-    with pytest.raises(InputError, match=r"lower edge not in view|end_face_goes_on_share"):
+    with pytest.raises(InputError, match=r"lower edge not in view|goes_on_share"):
         judged_plan(odd_plate(BELOW, seed, is_raw=True))
 
 
@@ -409,7 +409,7 @@ def test_the_shadow_of_a_second_plate_is_no_end_of_the_root_face(seed: int) -> N
 
 def test_an_undercut_that_shows_two_returns_a_frame_is_told() -> None:
     """0.08 mm of it stand out of the shadow: the end face's lower edge was taken for the plate's (1.3 mm off)."""
-    with pytest.raises(InputError, match="end_face_step_share"):
+    with pytest.raises(InputError, match="step_share"):
         judged_plan(odd_plate("step of 0.15 to 0.9 mm", 3216, is_raw=True))
 
 

@@ -107,9 +107,9 @@ def test_an_end_that_three_frames_in_four_lose_is_in_u() -> None:
 def test_rays_that_go_down_between_the_face_and_a_rail_below_it_are_in_the_uncertainty() -> None:
     """The rail joins the face's line 0.64 mm below its end, half a millimetre in front of it: refused, else in u."""
     part = odd_plate("a rail in front", 3503, False)
-    with pytest.raises(InputError, match="root_step_share"):
+    with pytest.raises(InputError, match="step_share"):
         inspected(part)
-    error, u = inspected(part, {"root_step_share": 1.0})["root, mm"]
+    error, u = inspected(part, {"step_share": 1.0})["root, mm"]
     assert error.min() > 0.5
     assert (error < 2.0 * u).all()
 

@@ -197,7 +197,7 @@ def test_a_root_in_the_other_plates_shadow_is_not_told() -> None:
 def test_what_lies_under_two_narrow_plates_is_no_groove() -> None:
     part = {"thickness_mm": flat(8.0), "reach_mm": 9.0, "background_mm": 6.0, "gap_mm": flat(1.0)}
     recording, _ = changed("V", part)
-    with pytest.raises(InputError, match=r"groove_gap_mm|found none|groove_share|groove_level|nothing is seen"):
+    with pytest.raises(InputError, match=r"groove_gap_mm|found none|found_share|groove_level|nothing is seen"):
         segment_groove(denoise(fuse(recording)))
 
 
@@ -260,7 +260,7 @@ def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
 
 
 def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
-    with pytest.raises(InputError, match="groove_share"):
+    with pytest.raises(InputError, match="found_share"):
         measured("odd", "J", 722)
     with pytest.raises(InputError, match="groove_unread"):  # three returns on a steep bevel, in half of the profiles
         measured("odd", "K", 605)

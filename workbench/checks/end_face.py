@@ -73,13 +73,13 @@ def require_end_face(
         ),
         *straight_checks(shape, {}, prepared.rstrip("?"), limits),
         check(
-            "end_face_step_share",
+            "step_share",
             stepped,
             f"in {100 * (stepped or 0.0):.0f} % of the frames returns run parallel to what would be the end face, "
             f"{beside:.2f} mm beside it, beyond one of its ends: a step, an undercut, a second plate, a backing strip?",
             given=limits,
         ),
-        check("end_face_goes_on_share", goes_on_share, further, given=limits),
+        check("goes_on_share", goes_on_share, further, given=limits),
         check("face_behind_share", behind, told, given=limits),
     )
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")

@@ -154,37 +154,36 @@ def judge_faces(
     uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
     turns = dict.fromkeys(NAMES, _turn_of(seen))
-    hollow = 0.0 if lies_on else share_of([one.beside.get(ROOT_FACE, 0.0) < -HOLLOW for one in seen])
-    groove = f"beside the root face the surface turns up again in {100 * hollow:.0f} % of the frames: a groove, a step "
-    groove += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
     corner = stands_out(cloud, labels, *NAMES)
     out, close = beyond_bows(corner, shape.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
     widest = max(most("size_scatter"), blur)
     return (
-        check("edge_share", share, told, given=given),
+        check("found_share", share, told, given=given),
         *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
         check("size_scatter", scatter, uneven, given=given, default=widest),
-        check("hollow_share", hollow, groove, given=given),
-        *_beyond_checks(seen, given),
+        *_beyond_checks(seen, lies_on, given),
         check("corner_stands_out_mm", out, ledge, given=given),
         _ledge_check(close),
     )
 
 
-def _beyond_checks(seen: Sequence[_Corner], given: Mapping[str, Bound]) -> tuple[Check, Check]:
-    """What follows beyond the bevel face: hardly turned, it bends the bevel's line; else it is a face of its own."""
-    found = {face: _goes_on(seen, face) for face in NAMES}
+def _beyond_checks(seen: Sequence[_Corner], lies_on: bool, given: Mapping[str, Bound]) -> tuple[Check, Check]:
+    """What follows beyond a face: hardly turned, it bends its line; beyond the bevel it may be a face of its own."""
+    found = {face: _goes_on(seen, face, lies_on) for face in NAMES}
     on, off = found[BEVEL_FACE]
-    further = off if off > PARTED_DEG and on > most("goes_on_share") else 0.0
-    another = f"beyond the bevel face a further one follows, {off:.0f} deg off its direction: a compound bevel "
+    further = abs(off) if abs(off) > PARTED_DEG and on > most("goes_on_share") else 0.0
+    another = f"beyond the bevel face a further one follows, {further:.0f} deg off its direction: a compound bevel "
     another += "(inspect_preparation.json measures both faces), a land or a fillet"
     if further:
         found.pop(BEVEL_FACE)
     face, (on, off) = max(found.items(), key=lambda one: one[1])
-    bent = f"beyond what would be the {NAMES[face]} the surface goes on, {off:.0f} deg off its direction, in "
+    bent = f"beyond what would be the {NAMES[face]} the surface goes on, {abs(off):.0f} deg off its direction, in "
     bent += f"{100 * on:.0f} % of the frames: a compound bevel (inspect_preparation.json), or one that is not straight?"
+    if face == ROOT_FACE and off < -HOLLOW / DEG:
+        bent = f"beside the root face the surface turns up again in {100 * on:.0f} % of the frames: a groove, a step "
+        bent += "in the root face, or a plate that lies on something (let its lower edge stand free by 2 mm)?"
     return (
         check("goes_on_share", on, bent, given=given),
         Check(FURTHER, further, None, True, "the verdict depends on which face is meant", another),
@@ -268,17 +267,17 @@ class _Corner(NamedTuple):
     beside: dict[int, float]  # by face, the turn to the surface that joins it on its other side, in the sense of `turn`
 
 
-def _goes_on(seen: Sequence[_Corner], face: int) -> tuple[float, float]:
+def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, float]:
     """Share of the frames in which the surface beyond a face is another face and none of the plate; its turn, deg.
 
-    Upper and lower surface stand upright on the root face.
+    Upper and lower surface stand upright on the root face; what the plate lies on turns up.
     """
     upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
     beyond = [one.beside.get(face, np.inf) for one in seen]
-    least = -np.inf if face == BEVEL_FACE else -HOLLOW  # below the root face what turns up is judged by itself
+    least = -HOLLOW if lies_on and face == ROOT_FACE else -np.inf
     goes = [least < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
-    off = abs(float(np.median(np.array(beyond)[goes]))) if any(goes) else 0.0
-    return share_of([one and off > ON for one in goes]), off / DEG  # second returns stand off both ways
+    off = float(np.median(np.array(beyond)[goes])) if any(goes) else 0.0
+    return share_of([one and abs(off) > ON for one in goes]), off / DEG  # second returns stand off both ways
 
 
 def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:

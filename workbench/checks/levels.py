@@ -59,7 +59,7 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
     )
     told += "it, beyond its lower end: a step or an undercut in it, a second plate, a backing strip?"
-    return check("root_step_share", share, told, given=limits)
+    return check("step_share", share, told, given=limits)
 
 
 def beside_share(cloud: Cloud, labels: AnyArray, rows: Int, way: int = 0) -> tuple[float | None, float]:

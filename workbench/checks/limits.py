@@ -126,10 +126,16 @@ LIMITS: dict[str, Limit] = {
         "distance of a face as one pass saw it from where the next saw it",
         "robots repeat to 0.1 mm and calibrated hand-eye poses add 0.3 mm",
     ),
-    "edge_share": Limit(
+    "found_share": Limit(
         (0.34, 1.0),
-        "share of the frames that show something in which the faces of the edge were found",
-        "an edge is there all along a plate",
+        "share of the frames that show something in which the faces of the edge, the groove or the preparation were "
+        "found",
+        "they are there all along a plate",
+    ),
+    "agreement": Limit(
+        (0.6, 1.0),
+        "share of those that show the kind of face, or the preparation, that most do; of the worse plate",
+        "a plate is prepared alike along its edge; spatter and tack welds hide less",
     ),
     "root_seen_share": Limit(
         (0.34, 1.0),
@@ -186,12 +192,20 @@ LIMITS: dict[str, Limit] = {
         "no face of 900 good ones of three simulators shows one, bowed ones and those with ghosts included; of "
         "compound bevels that differ by 1.5 deg and more nine in ten do; a smaller one is in the uncertainty",
     ),
-    "root_step_share": Limit(
+    "step_share": Limit(
         0.3,
-        "share of some frames in which returns run parallel to the root face, 0.04 to 3 mm beside it, beyond its lower "
-        "end",
-        "good recordings of both simulators have 0; a lower part of the face that stands back by 0.05 mm and "
-        "more nearly 1, where the rays reach it",
+        "share of some frames in which returns run parallel to the root face, or the end face of a raw plate, 0.04 to "
+        "3 mm beside it, beyond an end of it",
+        "good root faces have 0, raw plates up to 0.15; a lower part that stands back by 0.05 mm and more has 0.5 to "
+        "1, where the rays reach it",
+    ),
+    "goes_on_share": Limit(
+        0.3,
+        "share of the frames in which a surface that is none of the plate's follows a face: beyond the bevel 2 to 8 "
+        "deg off it, beyond the root face by more or turned up again, beyond a raw edge's end face by less than a "
+        "right angle",
+        "plates are convex and show none; what hardly turns is the rest of a bevel that bows; the lower bevel of a "
+        "double one is seen in 0.55 to all of the frames",
     ),
     "end_step_columns": Limit(
         4.0,
@@ -208,18 +222,6 @@ LIMITS: dict[str, Limit] = {
         "scatter of the root face's width from frame to frame, over its width; 1.5 columns where that is more",
         "a root face changes slowly along the edge, by up to 0.25 where it is rough by a fifth of it; what is cut "
         "out of noise by more",
-    ),
-    "hollow_share": Limit(
-        0.3,
-        "share of the frames in which a surface beside the root face turns the other way than root face and bevel do",
-        "a plate's edge is convex; grooves and steps of the root face are not",
-    ),
-    "goes_on_share": Limit(
-        0.3,
-        "share of the frames in which the surface beyond the bevel face is 2 to 8 deg off it and no upper surface, or "
-        "beyond the root face more than 2 deg and no lower surface",
-        "what hardly turns is the rest of a bevel that bows; a face that turns by more is one of its own, and the "
-        "bevel's angle that of the face beside the root face",
     ),
     "corner_stands_out_mm": Limit(
         0.01,
@@ -239,20 +241,6 @@ LIMITS: dict[str, Limit] = {
         "how far the plate's surface beside the end face of a raw edge is from square to it; median of the frames",
         "a raw plate is cut square to a few degrees; beside a root face lies a bevel, beside a bevel the upper surface",
     ),
-    "end_face_step_share": Limit(
-        0.3,
-        "share of some frames in which returns run parallel to the end face of a raw plate, up to 3 mm beside it, "
-        "beyond one of its ends",
-        "raw plates of all simulators show them in up to 0.15; a step or an undercut, whose lower edge is another, in "
-        "0.5 and more, unless all of it lies in shadow",
-    ),
-    "end_face_goes_on_share": Limit(
-        0.2,
-        "share of the frames in which a surface leads on from the lower or the upper end of the end face, away from it "
-        "by less than a right angle and for more than 2 mm",
-        "plates show none; the lower bevel of a double one is seen in 0.55 to all of the frames, and where some of its "
-        "returns are lost the face seems to end beyond its corner",
-    ),
     "face_behind_share": Limit(
         0.3,
         "share of some frames in which a second face rises behind the end face of a raw edge, along it, where the "
@@ -265,20 +253,10 @@ LIMITS: dict[str, Limit] = {
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",
         "grooves show them in 0.9 and more, edges beside a table or a fixture in less than 0.1",
     ),
-    "groove_share": Limit(
-        (0.34, 1.0),
-        "share of the profiles in which two plates with a groove between them were found",
-        "a groove is there all along the plates",
-    ),
     "groove_told_share": Limit(
         (0.34, 1.0),
         "share of the groove's length at which its width is told",
         "what is told here and there only may be anything: spatter, a step between plates that touch",
-    ),
-    "groove_agreement": Limit(
-        (0.6, 1.0),
-        "share of the profiles with a face that show the kind of face that most do, of the worse plate",
-        "a plate is prepared alike along its edge; spatter and tack welds hide less",
     ),
     "groove_compound": Limit(
         0.2,
@@ -290,16 +268,6 @@ LIMITS: dict[str, Limit] = {
         0.5,
         "share of the profiles with two plates in which a face could not be read",
         "U and J grooves come to 0.3; what the lesser part of the profiles shows is mostly the upper one of two faces",
-    ),
-    "preparation_share": Limit(
-        (0.34, 1.0),
-        "share of the profiles in which upper surface, preparation and root face of one plate were found",
-        "as groove_share",
-    ),
-    "preparation_agreement": Limit(
-        (0.6, 1.0),
-        "share of these that show the preparation that most do",
-        "as groove_agreement, of one plate",
     ),
     "root_extent_mm": Limit(
         (-0.1, 1.0),

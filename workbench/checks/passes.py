@@ -40,19 +40,10 @@ def find_repeats(z_mm: AnyArray, pass_index: Int) -> Repeats:
         return none
     counted = np.isfinite(z_mm).sum(axis=1) >= LEAST_RETURNS
     copies = np.zeros(frames, bool)
-    sets: list[tuple[int, frozenset[int]]] = []
-    passes = {}
     for number in np.unique(pass_index):
         at = np.flatnonzero((pass_index == number) & counted)
-        own = digest[at]
-        _, first = np.unique(own, return_index=True)
-        copies[np.delete(at, first)] = True
-        found = frozenset(own.tolist())
-        known = next((n for n, s in sets if found and len(found & s) > 0.5 * len(found)), None)
-        if known is not None:
-            passes[int(number)] = known
-        sets.append((int(number), found))
-    return Repeats(copies, alike | passes)
+        copies[np.delete(at, np.unique(digest[at], return_index=True)[1])] = True
+    return Repeats(copies, alike)
 
 
 def _has_noise(z_mm: AnyArray) -> bool:
@@ -64,7 +55,7 @@ def _has_noise(z_mm: AnyArray) -> bool:
 
 
 def _alike_passes(z_mm: AnyArray, pass_index: Int) -> dict[int, int]:
-    """By copy, the original, of passes of as many frames whose noise is the same although no frame is bit for bit.
+    """By copy, the original, of passes of as many frames whose noise is the same, though perhaps no frame bit for bit.
 
     A second pass over the same plate has the same shape, but noise of its own.
     """

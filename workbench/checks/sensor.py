@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -53,7 +53,6 @@ class SensorTraces:
     """What the noise within straight pieces of profiles and the values themselves show; NaN where nothing does."""
 
     noise_mm: float  # standard deviation about a straight line
-    correlation: Float  # (LAGS + 1,) of that noise, by columns apart
     mean_columns: float  # width of a moving mean over columns, or of one that smooths as much; 0: none
     mean_frames: float  # likewise from frame to frame
     held_end_share: float  # of short gaps, those that a filter has filled; nearly 1 of a median
@@ -80,24 +79,15 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     off, used = _off_line(pieces_x[enough], pieces_z)
     straight = used.mean(axis=1) >= LEAST_SHARE
     mean = moving_mean(z)
-    nothing = SensorTraces(
-        np.nan,
-        np.full(LAGS + 1, np.nan),
-        mean,
-        mean_frames,
-        held,
-        step_z,
-        step_x,
-        pitch,
-    )
+    traces = SensorTraces(np.nan, mean, mean_frames, held, step_z, step_x, pitch)
     if straight.sum() < LEAST_PIECES:
-        return nothing
+        return traces
     off, used, pieces_z = off[straight], used[straight], pieces_z[straight]
     size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
     plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
     noise = float(np.median(size))
     if plain.sum() < LEAST_PIECES or noise < 1e-6:
-        return nothing
+        return traces
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     is_whole = plain & used.all(axis=1)
     whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
@@ -106,7 +96,7 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if min(fading(whole, digit), fading(level, digit)) < FILTERED:
         alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
         mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
-    return SensorTraces(noise, correlation, mean, mean_frames, held, step_z, step_x, pitch)
+    return replace(traces, noise_mm=noise, mean_columns=mean)
 
 
 def _filled_share(z: Float, digit_mm: float) -> float:

@@ -130,10 +130,10 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     unread = f"in {100 * read.unread:.0f} % of the profiles a face is too steep, low or curved to read: two faces?"
     mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
     return [
-        check("groove_share", read.share, f"{few}: no groove?", given=given),
+        check("found_share", read.share, f"{few}: no groove?", given=given),
         check("groove_compound", read.compound, two, given=given),
         check("groove_unread", read.unread, unread, given=given),
-        check("groove_agreement", read.agreement, mixed, given=given),
+        check("agreement", read.agreement, mixed, given=given),
     ]
 
 

@@ -174,8 +174,8 @@ def _checks(
     )
     return (
         plates_check(two_plates_share(cloud), given),
-        check("preparation_share", frames.share, found, given=given),
-        check("preparation_agreement", frames.agreement, agree, given=given),
+        check("found_share", frames.share, found, given=given),
+        check("agreement", frames.agreement, agree, given=given),
         check("root_seen_share", seen, ends, given=given),
         check("root_over_nominal", wide, told, given=given),
         *bows_check(cloud, tracked.labels, frames.order[1:], straight_corners(frames), given),

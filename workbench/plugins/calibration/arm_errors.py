@@ -27,7 +27,7 @@ from workbench.api import (
     Shaped,
     pieces,
 )
-from workbench.plugins.calibration.tables import sentence
+from workbench.plugins.calibration.tables import results, sentence
 
 if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
     from workbench.api import Chain
@@ -166,28 +166,6 @@ def _words(way: Float) -> str:
     )
 
 
-def arm_document(arm: ArmErrors, values: Float, covariance: Float, more: dict[str, Any]) -> dict[str, Any]:
-    """The content of robot.json; `more`: what else the stage found."""
-    u = np.sqrt(np.diagonal(covariance))
-    parameters = [
-        {
-            "name": name,
-            "axis": int(arm.before[k]) + 1,
-            ("value_mm" if arm.is_length[k] else "value_deg"): values[k] / (1.0 if arm.is_length[k] else DEG),
-            ("u_mm" if arm.is_length[k] else "u_deg"): u[k] / (1.0 if arm.is_length[k] else DEG),
-            "determined": bool(u[k] < OPEN * arm.prior[k]),
-        }
-        for k, name in enumerate(arm.names)
-    ]
-    return {
-        "frame": "base",
-        "parameters": parameters,
-        "covariance": covariance,  # of their values, mm and rad
-        "left_as_built": _left(arm, covariance, u),
-        **more,
-    }
-
-
 def _left(arm: ArmErrors, covariance: Float, u: Float) -> list[str]:
     """Which parameters the measurements leave open, and what each cannot be told from."""
     said = []
@@ -212,18 +190,27 @@ def robot_results(
 
     `more`: what else the stage found, its verdict and warnings among it.
     """
-    document = arm_document(arm, values, covariance, more)
+    u = np.sqrt(np.diagonal(covariance))
+    parameters = []
+    for k, name in enumerate(arm.names):
+        unit, size = ("mm", 1.0) if arm.is_length[k] else ("deg", DEG)
+        found = {f"value_{unit}": values[k] / size, f"u_{unit}": u[k] / size}
+        known = bool(u[k] < OPEN * arm.prior[k])
+        parameters.append({"name": name, "axis": int(arm.before[k]) + 1, **found, "determined": known})
+    document = {
+        "frame": "base",
+        "parameters": parameters,
+        "covariance": covariance,  # of their values, mm and rad
+        "left_as_built": _left(arm, covariance, u),
+        **more,
+    }
     rows = [
         (one["name"], _number(one, "value"), _number(one, "u"), "" if one["determined"] else "nearly as built")
-        for one in document["parameters"]
+        for one in parameters
     ]
-    verdict, warnings = document["verdict"], tuple(document["warnings"]) + tuple(document["left_as_built"])
     table = pieces.table_html(("Error of the arm", "found", "u", ""), rows) if rows else ""
-    html = table + pieces.paragraph(f"{said} {sentence(verdict)}")
-    return (
-        Document(RobotFile.NAME, RobotFile.written(document)),
-        Chapter("Robot calibration", html, summary=verdict, part=part, about="instruments", warnings=warnings),
-    )
+    html = table + pieces.paragraph(f"{said} {sentence(more['verdict'])}")
+    return results(RobotFile, "Robot calibration", part, document, html)
 
 
 def _number(one: dict[str, Any], name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -187,7 +187,6 @@ def robot(
     together_u = volume_u(both, estimate.rotation, view)
     pose = pose_from(estimate.rotation, estimate.translation_mm)
     more = {
-        "part": asdict(recording.part),
         "flange_from_profiler": pose,
         "hand_eye_covariance": covariance[:6, :6],
         "volume_u_mm": u,

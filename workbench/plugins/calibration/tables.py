@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from workbench.api import (
     DEG,
+    Chapter,
+    Document,
     Float,
     InputError,
+    Part,
+    RobotFile,
+    ToolFile,
+    TurntableFile,
     estimator,
     pose_from,
     rotation_from_quaternion,
@@ -55,12 +63,13 @@ def enough(
     what: str,
     else_: str,
     turn: tuple[float, float] | None = None,
+    but: Iterable[str] = (),
 ) -> tuple[bool, str]:
     """Whether an uncertainty across the bevel serves a tolerance of the root face, and the sentence that says so.
 
     A tool that stands off by u along the bevel's normal moves the root's end by u / sin(bevel). Uncertainties add as
     squares: one that takes up to half of the tolerance leaves 87 % of it to all others. `turn`: likewise, the
-    uncertainty of a direction and the tolerance of the bevel angle, both in degrees.
+    uncertainty of a direction and the tolerance of the bevel angle, both in degrees. `but`: why it does not even so.
     """
     expanded = 2.0 * u_mm / math.sin(bevel_deg * DEG)
     good = expanded <= ENOUGH * root_tolerance_mm
@@ -68,7 +77,8 @@ def enough(
     if turn is not None:
         good = good and 2.0 * turn[0] <= ENOUGH * turn[1]
         takes += f" and {2.0 * turn[0]:.3f} deg of a bevel tolerance of ± {turn[1]:g} deg"
-    return good, f"{takes}: {'good enough' if good else f'not good enough, more than half of it; {else_}'}"
+    verdict = f"{takes}: {'good enough' if good else f'not good enough, more than half of it; {else_}'}"
+    return good and not but, "; not good enough: ".join((verdict, *but))
 
 
 def noisy(found: estimator.Fit[Any], what: str, ask: str) -> tuple[str, ...]:
@@ -86,6 +96,25 @@ def noisy(found: estimator.Fit[Any], what: str, ask: str) -> tuple[str, ...]:
         f"{what} lie {math.sqrt(found.misfit):.1f} times as far apart as the stated noise says: the uncertainties "
         f"hold that; {ask}",
     )
+
+
+def refuse_open(where: str, what: str, u_mm: float, way: Float, frame: str, most_mm: float, ask: Iterable[str]) -> None:
+    """Refuse a place whose greatest standard uncertainty, along `way` (3,), is beyond a limit; or is not finite."""
+    if u_mm <= most_mm:
+        return
+    size = "nothing determines" if u_mm > 1e3 else f"u = {u_mm:.3g} mm of"
+    axes = ", ".join(f"{v:+.2f}" for v in way)
+    said = f"{size} {what} along ({axes}) in the {frame}, expected at most {most_mm:g} mm: {'; '.join(ask)}"
+    raise InputError(where, said)
+
+
+def results(
+    file: type[RobotFile | ToolFile | TurntableFile], title: str, who: Part, content: dict[str, Any], html: str
+) -> tuple[Document, Chapter]:
+    """A calibration's file and the report's chapter; `content`: what was found, with what `told` says."""
+    warnings = (*content["warnings"], *content.get("left_as_built", ()))
+    chapter = Chapter(title, html, summary=content["verdict"], part=who, about="instruments", warnings=warnings)
+    return Document(file.NAME, file.written({"part": asdict(who), **content})), chapter
 
 
 def told(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -32,7 +32,15 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.model import Noise
 from workbench.plugins.calibration.observations import Observations
-from workbench.plugins.calibration.scanned import BELIEVED, LEAST_POSTURES, Place, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.scanned import (
+    BELIEVED,
+    LEAST_POSTURES,
+    UNSAID,
+    Place,
+    known_hand_eye,
+    seen_by,
+    sphere_place,
+)
 from workbench.plugins.calibration.tables import (
     POSE,
     check_misfit,
@@ -40,6 +48,8 @@ from workbench.plugins.calibration.tables import (
     fit_words,
     noisy,
     poses,
+    refuse_open,
+    results,
     rms_mm,
     sentence,
     told,
@@ -147,18 +157,20 @@ def tcp(
     of = [spread[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(len(names))]
     _check_reach(place, names, least_reach_mm, str(touches))
     apart = noisy(found, "the touches", "is the tool loose, a pose or its unit wrong, the robot less accurate?")
-    _check_determined(of, names, max_u_mm, str(touches), apart)
-    axis = _axis(place, spread, names)
-    u = [estimator.worst(one)[0] for one in of]
-    good, verdict = enough(
-        u[0], bevel_deg, root_tolerance_mm, "the tool", "touch in more orientations, or with less noise"
+    widest, ask = [estimator.worst(one) for one in of], apart or ("turn the flange about axes across that direction",)
+    for name, worst in zip(names, widest, strict=True):
+        refuse_open(str(touches), f"the tool point '{name}'", *worst, "flange", max_u_mm, ask)
+    axis, u = _axis(place, spread, names), [one[0] for one in widest]
+    verdict = enough(
+        u[0],
+        bevel_deg,
+        root_tolerance_mm,
+        "the tool",
+        "touch in more orientations, or with less noise",
+        but=[UNSAID] if believed else (),
     )
-    if believed:
-        good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
     warnings = tuple(left_out.values()) + apart + believed + _tip_nearest(place, names)
-    who = UNKNOWN_PART.with_names(part)
     document = {
-        "part": asdict(who),
         "frame": "flange",
         "points": [
             {"name": name, "position_mm": place[k], "u_mm": u[k], "covariance_mm2": of[k]}
@@ -171,16 +183,13 @@ def tcp(
         ],
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "touches": int(found.used.sum()),
-        **told(found, left_out, (good, verdict), warnings),
+        **told(found, left_out, verdict, warnings),
     }
     head = ("Tool point", "x, mm", "y, mm", "z, mm", "u, least certain direction, mm")
     rows = [(name, *(f"{v:.3f}" for v in place[k]), f"{u[k]:.3f}") for k, name in enumerate(names)]
     turned = "" if axis is None else f"Axis: u = {axis['u_deg']:.3f}° about the least certain direction. "
-    html = pieces.table_html(head, rows) + pieces.paragraph(f"{turned}{fit_words(found)} {sentence(verdict)}")
-    return (
-        Document(ToolFile.NAME, ToolFile.written(document)),
-        Chapter("Tool calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings),
-    )
+    html = pieces.table_html(head, rows) + pieces.paragraph(f"{turned}{fit_words(found)} {sentence(verdict[1])}")
+    return results(ToolFile, "Tool calibration", UNKNOWN_PART.with_names(part), document, html)
 
 
 def with_scanned(
@@ -339,21 +348,6 @@ def _tip_nearest(place: Float, names: tuple[str, ...]) -> tuple[str, ...]:
         f"the tip '{names[0]}', the table's first tool point, lies nearer to the flange ({tip:.0f} mm) than "
         f"'{names[-1]}' ({last:.0f} mm): is the table's order, or a name, exchanged?",
     )
-
-
-def _check_determined(
-    covariances: list[Float], names: tuple[str, ...], max_u_mm: float, where: str, apart: tuple[str, ...]
-) -> None:
-    for name, covariance in zip(names, covariances, strict=True):
-        u, direction = estimator.worst(covariance)
-        if u > max_u_mm:
-            axes = ", ".join(f"{v:+.2f}" for v in direction)
-            size = "nothing determines" if u > 1e3 else f"u = {u:.2f} mm of"
-            raise InputError(
-                where,
-                f"{size} the tool point '{name}' along ({axes}) in the flange, expected u of at "
-                f"most {max_u_mm:g} mm: " + "; ".join(apart or ("turn the flange about axes across that direction",)),
-            )
 
 
 def _axis(place: Float, covariance: Float, names: tuple[str, ...]) -> dict[str, object] | None:

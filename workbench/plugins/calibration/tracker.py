@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -207,9 +207,7 @@ def tracker(
     verdict = enough(u, bevel_deg, root_tolerance_mm, "the robot", "estimate tilts too, or calibrate where it works")
     warnings = tuple(left_out.values()) + noisy(found, "the readings", "does the robot repeat, is a target loose?")
     warnings += _not_as_built(arm, found.at.errors)
-    who = UNKNOWN_PART.with_names(part)
     more = {
-        "part": asdict(who),
         "tracker_from_base": found.at.tracker_from_base,
         "registration_covariance": covariance[:6, :6],
         "targets": [
@@ -233,7 +231,7 @@ def tracker(
         more,
         f"Readings lie {rms:.3f} mm RMS an axis from the model, {more['residual_rms_as_built_mm']:.3f} mm as built. "
         f"{fit_words(found)}",
-        who,
+        UNKNOWN_PART.with_names(part),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -31,8 +31,18 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.scanned import BELIEVED, known_hand_eye, seen_by, sphere_place
-from workbench.plugins.calibration.tables import check_misfit, enough, fit_words, noisy, rms_mm, sentence, told
+from workbench.plugins.calibration.scanned import BELIEVED, UNSAID, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.tables import (
+    check_misfit,
+    enough,
+    fit_words,
+    noisy,
+    refuse_open,
+    results,
+    rms_mm,
+    sentence,
+    told,
+)
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.table import Table
 
@@ -186,33 +196,24 @@ def turntable(
     _check_angles(1.0 + scale, scale_u, str(marks))
     apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
-    if not u <= max_u_mm:
-        axes = ", ".join(f"{v:+.2f}" for v in direction)
-        raise InputError(
-            str(marks),
-            f"u = {u:.3g} mm of the axis along ({axes}) in the base, over a reach of "
-            f"{reach_mm:g} mm, expected at most {max_u_mm:g} mm: "
-            + "; ".join(apart or ("measure at angles farther apart, or markers farther from the axis",))
-            + ("; or know the hand-eye pose better" if every.shared.size else ""),
-        )
-    good, verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers")
+    ask = [*(apart or ("measure at angles farther apart, or markers farther from the axis",))]
+    ask += ["or know the hand-eye pose better"] if every.shared.size else []
+    refuse_open(str(marks), "the axis", u, direction, f"base, over a reach of {reach_mm:g} mm", max_u_mm, ask)
+    but = [UNSAID] if believed else []
     warnings = tuple(left_out.values()) + apart + believed
     if axis.frame[2, 2] < -UPRIGHT:
         warnings += (
             "the axis points down, against the base's z: rising angles turn clockwise seen from above; if the table "
             "counts the other way, columns x_mm and y_mm are swapped, or the angles' sign is wrong",
         )
-    if believed:
-        good, verdict = False, f"{verdict}; not good enough: nobody says how well the hand-eye pose is known"
     if scale_u > CHECKED:
-        good, verdict = False, f"{verdict}; not good enough: the points do not check the table's angles"
+        but.append("the points do not check the table's angles")
         warnings += (
             f"the table's angles are believed: the points tell them to {100.0 * scale_u:.2g} % only, and an "
             "error of them displaces the axis; measure at a third angle, or a marker farther from the others",
         )
-    who = UNKNOWN_PART.with_names(part)
+    verdict = enough(u, bevel_deg, root_tolerance_mm, "the table", "measure more angles or markers", but=but)
     document = {
-        "part": asdict(who),
         "frame": "base",
         "base_from_turntable": pose_from(axis.frame.T, axis.point_mm),
         "axis_point_mm": axis.point_mm,
@@ -223,17 +224,14 @@ def turntable(
         "direction_u_deg": estimator.worst(covariance[2:, 2:])[0] / DEG,
         "residual_rms_mm": rms_mm(found.rows.residual[found.used]),
         "points": int(found.used.sum()),
-        **told(found, left_out, (good, verdict), warnings),
+        **told(found, left_out, verdict, warnings),
     }
     html = pieces.paragraph(
         f"Axis through ({', '.join(f'{v:.3f}' for v in axis.point_mm)}) mm along "
         f"({', '.join(f'{v:.5f}' for v in axis.frame[2])}); u = {u:.3f} mm in the least certain direction over a "
         f"reach of {reach_mm:g} mm. {fit_words(found)}"
-    ) + pieces.paragraph(sentence(verdict))
-    return (
-        Document(TurntableFile.NAME, TurntableFile.written(document)),
-        Chapter("Turntable calibration", html, summary=verdict, part=who, about="instruments", warnings=warnings),
-    )
+    ) + pieces.paragraph(sentence(verdict[1]))
+    return results(TurntableFile, "Turntable calibration", UNKNOWN_PART.with_names(part), document, html)
 
 
 def scanned_marks(

@@ -28,7 +28,6 @@ from workbench.api import (
     posture_key,
     posture_picture,
     quaternion_from_rotation,
-    rotation_from_quaternion,
     sliding,
 )
 from workbench.plugins.stiffness.arm import FREE
@@ -42,10 +41,8 @@ from workbench.plugins.stiffness.traversal import (
     PostureMap,
 )
 
-NO_PLATE = "The cell holds no plate: it is drawn as the path has it, 150 mm of its width."
+NO_PLATE = "The cell holds no plate (robot.plate): the path alone is drawn."
 CLOSE_UP_MM, BESIDE = 220.0, 1.3  # the close-up shows so much at least, and so many times the path
-PLATE_MM, PLATE_STEPS = 150.0, 40  # of the plate: drawn from its edge on; stretches along it
-BACK, FORTH = ((2, 1), (3, 2), (4, 3)), ((1, 2), (2, 3), (3, 4))  # its ends as triangles, seen from outside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +170,7 @@ def _feeds(points: PathPoints, position_mm: Float) -> Float:
 # The report's chapter.
 
 
-def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
+def robots_html(cell: Cell, found: Found) -> str:
     """Before and after, from the same point of view: the cell, and close to the path."""
     made = found.postures
     at = found.points.loaded[len(found.points.loaded) // 2]
@@ -185,34 +182,11 @@ def robots_html(cell: Cell, found: Found, toolpath: Toolpath) -> str:
         turned = found.points.moved(cell, table)
         way = found.points.part_mm[found.points.cutting] @ turned[:3, :3].T + turned[:3, 3]
         bodies = cell_triangles(cell, joints, table)
-        if not any(body == "workpiece" for body, _ in bodies):
-            bodies.append(("workpiece", plate_triangles(toolpath) @ turned[:3, :3].T + turned[:3, 3]))
         size = max(CLOSE_UP_MM, BESIDE * float(np.ptp(way, axis=0).max()))
         drawn.append((posture_picture(cell, bodies, way), name))
         drawn.append((posture_picture(cell, bodies, way, size), f"{name}, close to the path"))
     note = "" if any(shape.body == "workpiece" for shape in cell.shapes) else pieces.paragraph(NO_PLATE)
     return pieces.panels_html(drawn, pairs=True) + pieces.key_html(posture_key(cell)) + note
-
-
-def plate_triangles(toolpath: Toolpath) -> Shaped[Float, "t 3 3"]:
-    """The finished plate along the final layer, counter-clockwise from outside; PLATE_MM of its surfaces."""
-    final, bevel = toolpath.layers[-1], toolpath.bevel_deg * DEG
-    use = np.flatnonzero(final.cutting)
-    use = use[np.unique(np.linspace(0, len(use) - 1, min(PLATE_STEPS, len(use))).astype(int))]
-    x, _, z = np.moveaxis(rotation_from_quaternion(final.quaternion_wxyz[use]), 2, 0)
-    outwards = np.sin(bevel) * z - np.cos(bevel) * x
-    across = -np.cos(bevel) * z - np.sin(bevel) * x  # from the lower to the upper side
-    half = final.width_mm[use, None] / 2
-    upper, root = final.position_mm[use] - half * z, final.position_mm[use] + half * z
-    lower = root - toolpath.root_mm * across
-    outline = np.stack([upper - PLATE_MM * outwards, upper, root, lower, lower - PLATE_MM * outwards], axis=1)
-    work = np.eye(4) if toolpath.base_from_workobject is None else toolpath.base_from_workobject
-    outline = outline @ work[:3, :3].T + work[:3, 3]
-    a, b = outline[:-1], outline[1:]
-    a_next, b_next = (np.roll(one, -1, axis=1) for one in (a, b))
-    skin = np.concatenate([np.stack([a, b_next, b], axis=2), np.stack([a, a_next, b_next], axis=2)]).reshape(-1, 3, 3)
-    fans = [outline[end][[0, *pair]] for end, pairs in ((0, BACK), (-1, FORTH)) for pair in pairs]
-    return np.concatenate([skin, fans])
 
 
 def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
@@ -234,7 +208,7 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
             map_picture(found), f"Map of the mean {found.measure.name}, with the chosen postures{beside}"
         )
         + pieces.heading("The robot at the middle of the path")
-        + robots_html(cell, found, toolpath)
+        + robots_html(cell, found)
         + pieces.heading(f"{found.measure.name.capitalize()} and margins along the path")
         + pieces.figure_html(along_picture(cell, found), "Cost and margins along the path")
     )

@@ -96,7 +96,7 @@ def test_a_simulation_by_others() -> None:
     folder = REAL / "weld_line"
     if not folder.is_dir():
         pytest.skip("others' files are not here")
-    poses, seen = np.loadtxt(folder / "egm.txt"), np.loadtxt(folder / "cam.txt")[::25]
+    poses, seen = np.loadtxt(folder / "egm.txt"), np.loadtxt(folder / "cam.txt")[::50]
     turn, along = poses[:, 1:4], poses[:, 4:]
     angle = np.maximum(np.linalg.norm(turn, axis=1)[:, None], 1e-9)
     once = np.cross(turn, along)

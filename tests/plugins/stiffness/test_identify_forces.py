@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench.force_recordings import DYNAMOMETER, Slot, recording, write
+from tests.program.paths import thinned
 from workbench.api import Cutter, read_forces
 from workbench.errors import InputError
 from workbench.path import read as read_path
@@ -143,10 +144,8 @@ def test_the_file_goes_into_the_force_with_its_u(tmp_path: Path) -> None:
     document, _ = identify_forces(recordings=SHIPPED, feeds_mm_min=FEEDS, **CUT, **NAMED)
     path = tmp_path / document.name
     path.write_bytes(document.content)
-    plan, cell = (
-        read_path(toolpath=ROOT / "data/synthetic/paths/raw_arc.json"),
-        read_cell(ROOT / "data/robot/cell.json"),
-    )
+    plan = thinned(read_path(toolpath=ROOT / "data/synthetic/paths/raw_arc.json"), slice(None, None, 8))
+    cell = read_cell(ROOT / "data/robot/cell.json")
     made, _ = force(plan, None, cell, coefficients_file=path)
     same, _ = force(plan, None, cell, coefficients=tuple(read_coefficients(path).values))
     layer = made.layers[-1]

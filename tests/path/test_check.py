@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
+from tests.program.paths import in_work_object
 from workbench.artefacts import Check, Edge, Layer, Toolpath
 from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, layers
@@ -59,23 +60,8 @@ def test_a_sound_path_passes(raw: Callable[..., Raw], changes: dict[str, Any]) -
 
 def test_a_path_in_the_work_objects_frame_passes(raw: Callable[..., Raw]) -> None:
     scan = raw()
-    path = scan.plan
     work = pose_from(rotation_from_vector(np.array([0.3, -1.0, 0.4])), np.array([900.0, 100, 700]))
-
-    def moved(points: Any) -> Any:
-        turn = work[:3, :3].T @ rotation_from_quaternion(points.quaternion_wxyz)
-        return replace(
-            points,
-            position_mm=(points.position_mm - work[:3, 3]) @ work[:3, :3],
-            quaternion_wxyz=same_sign(quaternion_from_rotation(turn)),
-        )
-
-    there = replace(
-        path,
-        layers=tuple(moved(p) for p in path.layers),
-        travels=tuple(moved(p) for p in path.travels),
-        base_from_workobject=work,
-    )
+    there = in_work_object(scan.plan, work)
     gate = check(there, scan.edge, scan.cloud)
     assert gate.passed, gate.reason
     assert not check(replace(there, base_from_workobject=None), scan.edge, scan.cloud).passed

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
+from tests.program.paths import in_work_object
 from workbench.artefacts import (
     ChainU,
     EdgeProfile,
@@ -24,7 +25,6 @@ from workbench.artefacts import (
 from workbench.errors import InputError
 from workbench.geometry.poses import (
     pose_from,
-    quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,
 )
@@ -68,23 +68,6 @@ def faces(path: Toolpath) -> tuple[Float, Float, Float]:
     final = path.layers[-1]
     poses, cut = poses_of(path, final), final.cutting
     return (poses.origin_mm + 0.5 * final.width_mm[:, None] * poses.z)[cut], -poses.z[cut], final.arc_length_mm[cut]
-
-
-def in_work_object(path: Toolpath, base_from_workobject: Float) -> Toolpath:
-    """The same path with its poses in the frame of a work object."""
-    turn, origin = base_from_workobject[:3, :3], base_from_workobject[:3, 3]
-
-    def carried(points: Any) -> Any:
-        quaternion = quaternion_from_rotation(turn.T @ rotation_from_quaternion(points.quaternion_wxyz))
-        return replace(points, position_mm=(points.position_mm - origin) @ turn, quaternion_wxyz=quaternion)
-
-    return replace(
-        path,
-        layers=tuple(map(carried, path.layers)),
-        travels=tuple(map(carried, path.travels)),
-        finishing=None if path.finishing is None else in_work_object(path.finishing, base_from_workobject),
-        base_from_workobject=base_from_workobject,
-    )
 
 
 def test_a_path_in_a_work_object_is_corrected_alike(scan: Raw, plan: Toolpath) -> None:

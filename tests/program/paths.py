@@ -81,6 +81,25 @@ def thinned(path: Toolpath, some) -> Toolpath:
     return replace(path, layers=tuple(map(fewer, path.layers)))
 
 
+def moved(path: Toolpath, move: np.ndarray) -> Toolpath:
+    """The path elsewhere."""
+
+    def part(one):
+        place = one.position_mm @ move[:3, :3].T + move[:3, 3]
+        turn = Rotation.from_matrix(move[:3, :3]) * Rotation.from_quat(one.quaternion_wxyz, scalar_first=True)
+        return replace(one, position_mm=place, quaternion_wxyz=turn.as_quat(scalar_first=True))
+
+    layers: tuple[Layer, ...] = tuple(part(layer) for layer in path.layers)
+    return replace(path, layers=layers, travels=tuple(part(one) for one in path.travels))
+
+
+def in_work_object(path: Toolpath, base_from_workobject: np.ndarray) -> Toolpath:
+    """The same path with its poses in the frame of a work object."""
+    finishing = path.finishing and in_work_object(path.finishing, base_from_workobject)
+    there = moved(path, np.linalg.inv(base_from_workobject))
+    return replace(there, finishing=finishing, base_from_workobject=base_from_workobject)
+
+
 def travel(points, quaternions) -> Travel:
     return Travel(np.array(points), np.array(quaternions), np.full(len(points), 20.0))
 

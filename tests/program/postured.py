@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from bench.program_outsider import Outsider, Target
-from workbench.artefacts import Layer, Moves, Postures, ProgramMoves, Toolpath
+from workbench.artefacts import Moves, Postures, ProgramMoves, Toolpath
 from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.path.simplify import _points
@@ -19,7 +19,7 @@ from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_c
 from workbench.robot.cell import Turntable
 from workbench.units import Float
 
-from .paths import Shape, mill_path
+from .paths import Shape, mill_path, moved
 
 URDFS = Path(__file__).parents[1] / "robot" / "urdf"
 DATA = Path(__file__).parents[2] / "data" / "robot"
@@ -147,15 +147,3 @@ def filled(path: Toolpath, step_mm: float) -> Toolpath:
             )
         )
     return replace(path, travels=tuple(made))
-
-
-def moved(path: Toolpath, move: np.ndarray) -> Toolpath:
-    """The path elsewhere."""
-
-    def part(one):
-        place = one.position_mm @ move[:3, :3].T + move[:3, 3]
-        turn = Rotation.from_matrix(move[:3, :3]) * Rotation.from_quat(one.quaternion_wxyz, scalar_first=True)
-        return replace(one, position_mm=place, quaternion_wxyz=turn.as_quat(scalar_first=True))
-
-    layers: tuple[Layer, ...] = tuple(part(layer) for layer in path.layers)
-    return replace(path, layers=layers, travels=tuple(part(one) for one in path.travels))

@@ -33,8 +33,8 @@ from workbench.robot import Cell, read_cell
 from workbench.robot.judge import judge
 from workbench.units import Float
 
-from .paths import Shape, mill_path, thinned, to_polyline
-from .postured import DATA, URDFS, by_an_outsider, moved
+from .paths import Shape, mill_path, moved, thinned, to_polyline
+from .postured import DATA, URDFS, by_an_outsider
 
 TILT_AT, TABLE_ABOVE = np.array([0.0, 0.0, -180.0]), np.array([0.0, 0.0, 120.0])
 ROBOTS = {  # URDF, base frame, home, and where the table is, mm

@@ -23,8 +23,8 @@ from workbench.robot import Cell, read_cell
 from workbench.robot.judge import judge
 from workbench.units import Float
 
-from .paths import Shape, mill_path, thinned
-from .postured import DATA, URDFS, by_an_outsider, moved
+from .paths import Shape, mill_path, moved, thinned
+from .postured import DATA, URDFS, by_an_outsider
 
 LENGTH_MM, EVERY = 6000, 20
 ALONG = np.array([0.6, 0.8, 0.0])  # of the track, in the base

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.program.paths import in_work_object
 from workbench.artefacts import ChainU
 from workbench.report.planned import LOCAL_MM, local_turn_deg, planned_bevel, planned_u, thickness_mm, whole_run
 
@@ -37,19 +38,7 @@ def test_the_work_objects_frame_does_not_matter(planned):
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_rotvec([0.3, -0.8, 1.9]).as_matrix()
     pose[:3, 3] = [700.0, -80.0, 20.0]
-    turn = Rotation.from_matrix(pose[:3, :3].T)
-
-    def seen_from_work(points):
-        position = (points.position_mm - pose[:3, 3]) @ pose[:3, :3]
-        quaternion = (turn * Rotation.from_quat(points.quaternion_wxyz, scalar_first=True)).as_quat(scalar_first=True)
-        return dataclasses.replace(points, position_mm=position, quaternion_wxyz=quaternion)
-
-    moved = dataclasses.replace(
-        p.toolpath,
-        layers=tuple(map(seen_from_work, p.toolpath.layers)),
-        travels=tuple(map(seen_from_work, p.toolpath.travels)),
-        base_from_workobject=pose,
-    )
+    moved = in_work_object(p.toolpath, pose)
     np.testing.assert_allclose(moved.in_base(moved.layers[0].position_mm), p.toolpath.layers[0].position_mm, atol=1e-9)
     np.testing.assert_allclose(whole_run(moved).position_mm, whole_run(p.toolpath).position_mm, atol=1e-9)
     here, there = planned_bevel(p.toolpath, p.edge), planned_bevel(moved, p.edge)

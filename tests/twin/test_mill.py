@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.program.paths import in_work_object
 from tests.twin.conftest import CURVES, perfect_path, raw_recipe, travel_at
 from workbench.artefacts import Toolpath
 from workbench.errors import InputError, PipelineError
 from workbench.geometry.poses import (
-    inverse,
     pose_from,
     quaternion_from_rotation,
     rotation_from_quaternion,
@@ -245,18 +245,8 @@ def test_what_is_given_stays_as_it_was_and_bytes_repeat(recipe):
 
 def test_a_path_in_a_work_object_is_the_same_path(recipe):
     toolpath = perfect_path(recipe)
-    base_from_workobject = pose_from(rotation_from_vector(np.array([0.3, -0.8, 1.1])), np.array([900.0, 50, 400]))
-    back = inverse(base_from_workobject)
-    layers = tuple(
-        dataclasses.replace(
-            layer,
-            position_mm=layer.position_mm @ back[:3, :3].T + back[:3, 3],
-            quaternion_wxyz=quaternion_from_rotation(back[:3, :3] @ rotation_from_quaternion(layer.quaternion_wxyz)),
-        )
-        for layer in toolpath.layers
-    )
-    moved = dataclasses.replace(toolpath, layers=layers, base_from_workobject=base_from_workobject)
-    made, engagement = mill(Workpiece(recipe), moved)
+    work = pose_from(rotation_from_vector(np.array([0.3, -0.8, 1.1])), np.array([900.0, 50, 400]))
+    made, engagement = mill(Workpiece(recipe), in_work_object(toolpath, work))
     same, expected = mill(Workpiece(recipe), toolpath)
     cut = same.cut.height_mm < same.cut.stock_mm
     assert np.abs(made.cut.height_mm - same.cut.height_mm)[cut].max() < 1e-3

@@ -50,6 +50,8 @@ RUNS = {
             "plan_bevel.json",
             "--input",
             f"cell={ROOT / 'data/robot/cell.json'}",
+            "--input",
+            "depth_of_cut_mm=4.5",  # one layer loads what five load
             "--set",
             "stiffness.posture.whole_map=false",
         ),

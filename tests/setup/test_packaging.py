@@ -52,9 +52,8 @@ def imported_packages():
     found = set()
     for path in (ROOT / "workbench").rglob("*.py"):
         tree = ast.parse(path.read_text())
-        guarded = [
-            one for one in ast.walk(tree) if isinstance(one, ast.If) and ast.unparse(one.test) == "TYPE_CHECKING"
-        ]
+        ifs = [one for one in ast.walk(tree) if isinstance(one, ast.If)]
+        guarded = [one for one in ifs if getattr(one.test, "id", "") == "TYPE_CHECKING"]
         for_types = {id(node) for one in guarded for branch in one.body for node in ast.walk(branch)}
         for node in ast.walk(tree):
             if id(node) in for_types:
@@ -63,7 +62,7 @@ def imported_packages():
                 found |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 found.add(node.module.split(".")[0])
-            elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("Extra", "library"):
+            elif isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Extra", "library"):
                 found.add(node.args[0].value.split(".")[0])
     return found - set(sys.stdlib_module_names) - {"workbench"}
 

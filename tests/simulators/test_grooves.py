@@ -10,11 +10,10 @@ import pytest
 from bench.drawn.grooves import random_groove_recipe
 from bench.simulators.swept import parse_groove_recipe, simulate_groove
 from bench.simulators.swept.sweep import GROOVES
-from tests.simulators.returns import base_points
+from tests.simulators.returns import in_sections
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.synthetic import GrooveTruth
-from workbench.units import Float
 
 
 def simulated(**part: Any) -> tuple[Recording, GrooveTruth]:
@@ -30,13 +29,6 @@ def document(**part: Any) -> dict[str, Any]:
         "scanner": {"columns": 400, "pitch_mm": 0.09, "noise": {"sd_mm": 0, "speckle": 0}, "mixed_share": 0},
         "robot": {"frame_pitch_mm": 1.0, "pose_rate_hz": 2000},
     }
-
-
-def in_sections(recording: Recording, truth: GrooveTruth) -> tuple[Float, Float, Float]:
-    """All returns: base points (k, 3), a and b in their sections."""
-    base = base_points(recording)
-    off = base - truth.at(base, truth.position_mm)
-    return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
 
 
 def test_background_tacks_spatter_and_reflections_are_seen() -> None:

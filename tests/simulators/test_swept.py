@@ -11,10 +11,9 @@ import pytest
 from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from bench.simulators.swept import parse_swept_recipe, simulate_swept
 from bench.simulators.swept.truth import SweptTruth
-from tests.simulators.returns import base_points
+from tests.simulators.returns import in_sections
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.units import Float
 
 SPINES: dict[str, dict[str, Any]] = {
     "straight": {},
@@ -40,13 +39,6 @@ def simulated(part: dict[str, Any], **keys: Any) -> tuple[Recording, SweptTruth]
         "robot": {"frame_pitch_mm": 1.0, "pose_rate_hz": 2000},
     }
     return simulate_swept(parse_swept_recipe(document | keys))
-
-
-def in_sections(recording: Recording, truth: SweptTruth) -> tuple[Float, Float, Float]:
-    """All returns: base points (k, 3), their height over the root face along n, and their place along m."""
-    base = base_points(recording)
-    off = base - truth.at(base, truth.position_mm)
-    return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
 
 
 @pytest.mark.parametrize("name", SPINES)

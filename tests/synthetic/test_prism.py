@@ -12,11 +12,11 @@ import pytest
 
 from bench.drawn.grooves import random_prism_recipe
 from bench.simulators.swept import parse_groove_recipe, parse_swept_recipe, simulate_groove, simulate_swept
+from tests.simulators.returns import in_sections
 from workbench.artefacts import Recording
 from workbench.errors import InputError
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import (
-    GrooveTruth,
     PrismRecipe,
     parse_as,
     parse_recipe,
@@ -24,7 +24,6 @@ from workbench.synthetic import (
     simulate_prism,
     simulate_recording,
 )
-from workbench.units import Float
 
 DRIFT = {
     "gap_mm": {"start": 2, "end": 3, "amplitude": 0.2},
@@ -44,17 +43,6 @@ def document(kind: str, **groove: Any) -> dict[str, Any]:
         "scanner": {"columns": 400, "pitch_mm": 0.09, "noise": {"sd_mm": 0}, "beam": "fan"},
         "robot": {"frame_pitch_mm": 1.5},
     }
-
-
-def in_sections(recording: Recording, truth: GrooveTruth) -> tuple[Float, Float, Float]:
-    """All returns (k, 3) in the base, a and b in their sections."""
-    assert recording.flange_from_profiler is not None
-    poses = flange_poses(recording) @ recording.flange_from_profiler
-    frame, column = np.nonzero(np.isfinite(recording.z_mm))
-    x, z = recording.x_mm[frame, column].astype(float), recording.z_mm[frame, column].astype(float)
-    base = poses[frame, :3, 0] * x[:, None] + poses[frame, :3, 2] * z[:, None] + poses[frame, :3, 3]
-    off = base - truth.at(base, truth.position_mm)
-    return base, (off * truth.at(base, truth.normal)).sum(axis=1), (off * truth.at(base, truth.across)).sum(axis=1)
 
 
 @pytest.mark.parametrize("kind", ["V", "Y", "HV", "HY", "X", "K"])

@@ -25,6 +25,8 @@ def inspect(*, recording: InputFile, shift_mm: float = 0.0) -> Inspection:
     what, values = recording.read_text().splitlines()
     if what == "slow":
         time.sleep(0.4)
+    while what == "held" and not recording.with_name("go").exists():
+        time.sleep(0.02)
     if what == "hang":
         time.sleep(1000)
     if what == "exit":

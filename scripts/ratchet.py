@@ -52,8 +52,6 @@ RUNS = {
             f"cell={ROOT / 'data/robot/cell.json'}",
             "--input",
             "depth_of_cut_mm=4.5",  # one layer loads what five load
-            "--set",
-            "stiffness.posture.whole_map=false",
         ),
         *("--set", "stiffness.posture.cutter_rotation_deg=[0, 0]", "--set", "stiffness.posture.turntable_deg=[0, 0]"),
     ],

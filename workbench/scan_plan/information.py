@@ -9,7 +9,6 @@ simulated parts (docs/scan_planning.md). Several passes are one likelihood.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -135,7 +134,7 @@ class PassInformation:
     bevel_run: float
     root_form: FaceForm
     bevel_form: FaceForm
-    seen: tuple[SeenEnd, ...]  # for each edge of the prior, all templates; empty: nothing is hidden
+    seen: tuple[SeenEnd, ...]  # for each of `edges_of` the prior, all templates; empty: nothing is hidden
 
 
 class Predicted(NamedTuple):
@@ -143,8 +142,7 @@ class Predicted(NamedTuple):
 
     root: Quantity
     bevel: Quantity
-    rounding_most_mm: float  # of the edges of the prior, where the rounding's term is the median
-    u_most: tuple[float, float]  # of root face, mm, and bevel angle, deg, with that
+    u_most: tuple[float, float]  # of root face, mm, and bevel angle, deg, by the edge of the prior that hides most
 
 
 def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
@@ -287,20 +285,17 @@ def _templates(condition: EdgeCondition) -> EndTemplates:
 
 
 @functools.lru_cache(maxsize=32)
-def _edges(condition: EdgeCondition) -> tuple[tuple[float, float], ...]:
-    """Radii of edges that stand for the prior's, and their shares: a sharp one, and quantiles of the rounded ones."""
+def edges_of(condition: EdgeCondition) -> tuple[float, float]:
+    """Radii, mm, of the two edges that stand for the prior: half, and all but one of a hundred, have no more."""
     prior, templates = PRIORS[condition], end_templates(PRIORS[condition])
     round_ = (templates.turn == 0.0) & (templates.size_mm > 0.0)
-    size, share = templates.size_mm[round_], np.exp(templates.log_prior[round_])
-    along = np.cumsum(share) / share.sum()
-    found = [(0.0, prior.sharp)] if prior.sharp > 0.0 else []
-    radii = np.interp(LEVELS, along, size)
-    share = (1.0 - prior.sharp) * np.diff([0.0, *(0.5 * (a + b) for a, b in itertools.pairwise(LEVELS)), 1.0])
-    return (*found, *zip(radii.tolist(), share.tolist(), strict=True))
+    along = np.append(0.0, np.cumsum(np.exp(templates.log_prior[round_])))
+    size = np.append(0.0, templates.size_mm[round_])
+    half, most = np.interp(LEVELS, prior.sharp + (1.0 - prior.sharp) * along / along[-1], size).tolist()
+    return half, most
 
 
-LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99)  # of the rounded edges' radii
-LIKELY = 0.9  # of scans are to keep a promise
+LEVELS = (0.5, 0.99)
 PIXEL = int(np.abs(PIXELS - [0.0, 0.5]).sum(axis=1).argmin())  # a column wide, that returns where half of it is filled
 
 
@@ -340,7 +335,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     )
     templates = _templates(known.edge_condition)
     out = []
-    for radius, _ in _edges(known.edge_condition):
+    for radius in edges_of(known.edge_condition):
         at = (
             np.array([radius]),
             np.zeros(1),
@@ -395,7 +390,7 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     }
     root, bevel = Quantity.of("root_mm", joint.root_mm, of_root), Quantity.of("bevel_deg", beta / DEG, of_bevel)
     far = math.sqrt(float(root.u) ** 2 + rounding_most**2 - rounding**2)
-    return Predicted(root, bevel, rounding_most, (far, float(bevel.u)))
+    return Predicted(root, bevel, (far, float(bevel.u)))
 
 
 def _parallel(u: Sequence[float]) -> float:
@@ -413,28 +408,24 @@ def _end_u_mm(one: PassInformation) -> float:
 
 
 def _rounding(known: Knowledge, passes: Sequence[PassInformation], count: Float) -> tuple[float, float, Float]:
-    """What passes with `count` (k,) frames leave open of the broken end: the median over edges, and the most, mm.
+    """What passes with `count` (k,) frames leave open of the broken end, of the first edge, and of either at most, mm.
 
     And the passes' weights (k,).
     """
-    edges = _edges(known.edge_condition)
-    chance = np.array([weight for _, weight in edges])
-    hidden = _hidden_u_mm(known, passes, len(edges))
-    share = weights(np.zeros(len(passes)), np.sqrt(chance @ hidden**2 / chance.sum()))
+    hidden = _hidden_u_mm(known, passes)
+    share = weights(np.zeros(len(passes)), np.sqrt(np.mean(hidden**2, axis=0)))
     left = hidden @ (share * count) / (share * count).sum()
-    order = np.argsort(left, kind="stable")
-    upto = np.cumsum(chance[order]) / chance.sum()
-    return float(left[order[np.searchsorted(upto, 0.5 - 1e-9)]]), float(left.max()), share
+    return float(left[0]), float(left.max()), share
 
 
-def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation], edges: int) -> Float:
+def _hidden_u_mm(known: Knowledge, passes: Sequence[PassInformation]) -> Float:
     """What each pass leaves open of the broken end, given all, for each edge of the prior: (e, k)."""
-    out = np.zeros((edges, len(passes)))
+    out = np.zeros((len(edges_of(known.edge_condition)), len(passes)))
     blind = [k for k, one in enumerate(passes) if one.seen]
     if not blind:
         return out
     prior = _templates(known.edge_condition).log_prior
-    for number in range(edges):
+    for number in range(len(out)):
         seen = [passes[k].seen[number] for k in blind]
         log = prior + np.sum([one.log for one in seen], axis=0)
         share = np.exp(log - log.max())

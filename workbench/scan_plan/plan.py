@@ -18,7 +18,6 @@ from pydantic import Field
 from workbench.artefacts import (
     DIRECTIONS,
     END,
-    ROUNDING,
     Chapter,
     Document,
     Gate,
@@ -51,12 +50,11 @@ from workbench.scan_plan.information import (
     Profiler,
     View,
     hidden_why,
-    incidences,
     information,
 )
 from workbench.scan_plan.reach import Examiner, scan_cell
-from workbench.scan_plan.rehearsal import rehearsed, straight
-from workbench.scan_plan.search import COVERAGE, RESERVE, Candidate, Search, Times, Wanted
+from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, rehearsed, straight
+from workbench.scan_plan.search import COVERAGE, Candidate, Search, Times, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -67,6 +65,7 @@ PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest sp
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
+REHEARSALS = 2  # of other passes each time
 PASS_S = 15.0  # from home to a pass, and back
 SIDE_KEYS = ("columns", "measuring_range_mm", "width_mm", "noise_mm")
 NO_CELL = "reach, collisions and what stands in the way of laser and camera: no cell is named"
@@ -392,16 +391,14 @@ def _rehearsed_plan(
 ) -> ScanPlan:
     """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
     search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
-    made = _made(task, place, unchecked, table, looked, search, chosen)
-    _learn(made, search, chosen)
-    # A rough face's directions are no matter of views, and its rehearsals take long.
-    if not task.known.roughness_mm and not made.reached[search.visible].all():
-        again = search.best(task.passes)[0]
-        if again != chosen:
-            other = _made(task, place, unchecked, table, looked, search, again)
-            _learn(other, search, again)
-            if _shortfall(other) < _shortfall(made):
-                made, chosen = other, again
+    tried: dict[tuple[int, ...], ScanPlan] = {}
+    while chosen not in tried and len(tried) < REHEARSALS:
+        tried[chosen] = _made(task, place, unchecked, table, looked, chosen)
+        if tried[chosen].reached[search.visible].all():
+            break
+        _learn(tried[chosen], search, chosen)
+        chosen = search.best(task.passes)[0]
+    chosen, made = min(tried.items(), key=lambda one: _shortfall(one[1]))
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, looked, search, chosen))
@@ -417,13 +414,15 @@ def _shortfall(made: ScanPlan) -> tuple[int, float]:
 
 
 def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
-    """Keep what the rehearsal of these passes promised over what the search thinks of them."""
-    if made.refused is not None:
-        return
+    """Keep what the rehearsal of these passes promised over what the search thinks of them; refused: never enough."""
     groups, which = search.patterns(chosen)
     for number, group in enumerate(groups):
         here = (which == number) & np.isfinite(made.bevel.u)
-        if group and here.any():
+        if not group:
+            continue
+        if made.refused is not None:
+            search.times[search.kind(group)] = math.inf, math.inf
+        elif here.any():
             told = search.predicted(group)
             root, bevel = (
                 float(np.median(one[here])) / (RESERVE * COVERAGE * u)
@@ -512,7 +511,6 @@ def _made(
     unchecked: tuple[str, ...],
     table: float,
     looked: _Looked,
-    search: Search,
     chosen: tuple[int, ...],
 ) -> ScanPlan:
     """The plan of chosen candidates, with what its rehearsal says."""
@@ -536,43 +534,35 @@ def _made(
         place,
         unchecked,
     )
+    share = min(1.0, LONGEST_MM / task.edge.length_mm)
     told = rehearsed(
         task.joint,
         task.profiler,
         task.known,
-        _along_nominal(made),
+        along_nominal(made, share),
         np.stack([one.sees for one in passes]),
-        task.stations,
+        share * task.stations,
     )
     if isinstance(told, str):
         return dataclasses.replace(made, refused=told)
-    groups, which = search.patterns(chosen)
-    each = [search.predicted(group) if group else None for group in groups]
-    rounding, most = (
-        np.array([math.nan if one is None else get(one) for one in each])[which]
-        for get in (lambda one: float(one.root.u_by_source[ROUNDING]), lambda one: one.rounding_most_mm)
-    )
-    root = Quantity.of(told.root.name, told.root.value, {**told.root.u_by_source, ROUNDING: rounding})
-    spread = np.maximum(told.spread, RESERVE)
-    far = np.sqrt(root.u**2 - rounding**2 + most**2)
     return dataclasses.replace(
         made,
-        root=root,
+        root=told.root,
         bevel=told.bevel,
-        promised_root_mm=COVERAGE * spread[0] * far,
-        promised_bevel_deg=COVERAGE * spread[1] * told.bevel.u,
+        promised_root_mm=COVERAGE * told.promised_root_u_mm,
+        promised_bevel_deg=COVERAGE * told.promised_bevel_u_deg,
     )
 
 
-def _along_nominal(made: ScanPlan) -> PlannedScan:
-    """The passes along the nominal joint, which is straight."""
-    length = made.edge.length_mm
+def along_nominal(made: ScanPlan, share: float = 1.0) -> PlannedScan:
+    """The passes along the nominal joint, which is straight and a share of the edge long."""
+    length = share * made.edge.length_mm
     line = straight(length)
     led = [
         dataclasses.replace(
             one,
             base_from_view=view_poses(
-                line.at(one.edge.arc_length_mm), made.joint, made.profiler, one.view, False, length
+                line.at(share * one.edge.arc_length_mm), made.joint, made.profiler, one.view, False, length
             ),
         )
         for one in made.passes
@@ -648,21 +638,16 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
             ("a sensor without error of linearity", linear, known),
             ("a robot without position noise", profiler, known._replace(robot_noise_mm=0.0)),
             ("a hand-eye pose without error of rotation", profiler, known._replace(hand_eye_turn=0.0)),
-            ("knowing that the edge is sharp (edge_condition)", profiler, known._replace(edge_condition="sharp")),
         )
         for what, sensor, prior in others:
             after = _excess(task._replace(profiler=sensor, known=prior), looked, chosen, search.times)
             if after is not None and after < 0.9 * now.excess:
                 yield _better(what, now.excess, after)
+        sharp = known._replace(edge_condition="sharp")
         if known.roughness_mm and (smooth := _excess(task, looked, chosen, {})) is not None:
             yield _better(f"a smooth root face, not {known.roughness_mm:.2g} mm rough", now.excess, smooth)
-    view = View(-(math.pi / 2.0 - MOST_INCIDENCE) - 2.0 * DEG, task.profiler.middle_mm, task.pitches_mm[0])
-    below = any(abs(one.elevation - view.elevation) < 10.0 * DEG for one in looked.refused)
-    if below and incidences(task.joint, view)[1] <= MOST_INCIDENCE:
-        yield (
-            f"room for a view from below ({view.elevation / DEG:.0f} deg and lower): it shows the lower edge's other "
-            "side, and nothing of a rounding is hidden"
-        )
+        elif (after := _excess(task._replace(known=sharp), looked, chosen, {})) is not None:
+            yield _better("knowing that the edge is sharp (edge_condition)", now.excess, after)
 
 
 def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: Times) -> float | None:

@@ -1,10 +1,10 @@
 """A planned scan rehearsed: the engine itself on a simulated scan of the nominal joint, before anything moves.
 
-The joint is straight, sharp and of the edge's length; its root face is as rough as declared. Each pass is led along it
-as planned and sees it where the plan says so. What the engine then says of it is what it will say of the part: its own
-windows, priors and ways to put passes together. Noise alone makes its u differ from scan to scan: the median is
-predicted, what `LIKELY` of the draws stay within is promised. What a broken edge hides is not shown: that term stays as
-`information.combined` has it.
+The joint is straight; its root face is as rough as declared, and its lower edge has in turn the radii that stand for
+what is held possible of it (`information.edges_of`). Each pass is led along it as planned and sees it where the plan
+says so. What the engine then says of it is what it will say of the part: its own windows, priors and ways to put passes
+together. Predicted is the median of the first, over stations and noise; promised is what `LIKELY` of the stations of
+either stay within.
 """
 
 from __future__ import annotations
@@ -16,16 +16,19 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench import cloud, edge, scan, twin
-from workbench.artefacts import ROUNDING, MilledEdge, PlannedScan, Quantity, Recording
+from workbench.artefacts import MilledEdge, PlannedScan, Quantity, Recording
 from workbench.errors import WorkbenchError
-from workbench.scan_plan.information import LIKELY, Joint, Knowledge, Profiler, decay_columns
+from workbench.scan_plan.information import Joint, Knowledge, Profiler, decay_columns, edges_of
 from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic import Recipe
 from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Robot, Scanner
 from workbench.synthetic.workpiece import Workpiece
-from workbench.units import DEG, Bool, Float, Int, Shaped
+from workbench.units import DEG, Bool, Float, Shaped
 
-DRAWS, ROUGH_DRAWS = 4, 2  # of noise; of a rough face's waves, whose rehearsals take long
+EDGES = (0, 0, 1)  # that are rehearsed, each with other noise
+LIKELY = 0.9  # of the stations of a scan are to keep a promise
+RESERVE = 1.25  # what is achieved may be that much more than the median, by noise alone
+LONGEST_MM = 100.0  # of a nominal edge: a longer one is rehearsed on so much, its shadows drawn together
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
@@ -43,7 +46,8 @@ class Rehearsed(NamedTuple):
 
     root: Quantity
     bevel: Quantity
-    spread: tuple[float, float]  # of each: what `LIKELY` of the draws stay within, over what is predicted
+    promised_root_u_mm: Shaped[Float, " s"]
+    promised_bevel_u_deg: Shaped[Float, " s"]
 
 
 def rehearsed(
@@ -76,11 +80,11 @@ def rehearsed(
         passes=(Pass(from_mm=0.0, to_mm=length),),
     )
     turn = np.diag([0.0, 0.0, 0.0, *3 * [known.hand_eye_turn**2]])
-    found, why, draws = [], "", ROUGH_DRAWS if known.roughness_mm else DRAWS
-    for seed in range(draws):
+    found, why = [], ""
+    for seed, radius_mm in enumerate(edges_of(known.edge_condition)[number] for number in EDGES):
         recording = twin.scan(Workpiece(recipe.model_copy(update={"seed": seed})), way)
         try:
-            points = cloud.denoise(scan.fuse(_masked(recording, way, sees, stations)))
+            points = cloud.denoise(scan.fuse(_as_seen(recording, way, sees, stations, radius_mm)))
             found.append(
                 edge.segment(
                     dataclasses.replace(points, hand_eye_covariance=turn),
@@ -91,54 +95,71 @@ def rehearsed(
                 )
             )
         except WorkbenchError as refused:
-            why = str(refused)
+            why = f"with a radius of {radius_mm:.2g} mm: {refused}"
     if why:
-        return f"{draws - len(found)} of {draws} rehearsed: {why}"
-    patterns = np.where(sees.any(axis=0), np.unique(sees, axis=1, return_inverse=True)[1].ravel(), -1)
+        return f"{len(EDGES) - len(found)} of {len(EDGES)} rehearsed, {why}"
+    patterns = [(sees == one[:, None]).all(axis=0) for one in np.unique(sees[:, sees.any(axis=0)], axis=1).T]
     root, bevel = (
         _typical([_along(one, getattr(one, name), stations) for one in found], patterns) for name in ("root", "bevel")
     )
-    return Rehearsed(root[0], bevel[0], (root[1], bevel[1]))
+    return Rehearsed(root[0], bevel[0], root[1], bevel[1])
 
 
-def _typical(draws: list[Quantity], patterns: Shaped[Int, " s"]) -> tuple[Quantity, float]:
-    """The median u over draws and stations that the same passes see; and what `LIKELY` of them stay within, over it.
+def _typical(draws: list[Quantity], patterns: list[Bool]) -> tuple[Quantity, Float]:
+    """The first edge's median where the same passes see it; and u that `LIKELY` of each draw's stations stay within.
 
     Where one draw is odd says nothing of where the part's scan is. The terms are medians too, drawn to the same sum.
-    patterns: which passes see a station together, by number; -1: none.
     """
-    each = {name: np.array([one.u_by_source[name] for one in draws]) for name in draws[0].u_by_source}
     u = np.array([one.u for one in draws])
-    terms = {name: np.full(u.shape[1], np.nan) for name in each}
-    over = np.full_like(u, np.nan)
-    for which in (patterns == k for k in np.unique(patterns[patterns >= 0])):
-        if np.isfinite(u[:, which]).any():
-            middle = float(np.nanmedian(u[:, which]))
-            medians = {name: float(np.nanmedian(one[:, which])) for name, one in each.items()}
+    first = np.flatnonzero(np.array(EDGES) == 0)
+    terms = {name: np.full(u.shape[1], np.nan) for name in draws[0].u_by_source}
+    most = np.full(u.shape[1], np.nan)
+    for which in patterns:
+        seen = which & np.isfinite(u).all(axis=0)
+        if seen.any():
+            middle = float(np.median(u[first][:, seen]))
+            medians = {name: float(np.median([draws[k].u_by_source[name][seen] for k in first])) for name in terms}
             drawn = middle / math.sqrt(sum(one**2 for one in medians.values()))
             for name, one in medians.items():
-                terms[name][which & np.isfinite(u).any(axis=0)] = drawn * one
-            over[:, which] = u[:, which] / middle
-    return Quantity.of(draws[0].name, draws[0].value, terms), float(np.nanquantile(over, LIKELY))
+                terms[name][seen] = drawn * one
+            most[seen] = max(
+                RESERVE * np.median(u[:, seen], axis=1).max(), np.quantile(u[:, seen], LIKELY, axis=1).max()
+            )
+    return Quantity.of(draws[0].name, draws[0].value, terms), most
 
 
-def _masked(recording: Recording, way: PlannedScan, sees: Bool, stations: Float) -> Recording:
-    """The recording without the frames that show nothing, since something stands in the way."""
-    seen = []
+def _as_seen(recording: Recording, way: PlannedScan, sees: Bool, stations: Float, radius_mm: float) -> Recording:
+    """The recording of an edge with a radius; frames are dark where something stands in the way."""
+    z = recording.z_mm.astype(float)
     for number, course in enumerate(way.courses):
-        ends = course.base_from_profiler[[0, -1], 0]  # the laser meets the edge ahead of a profiler that leans
-        first, last = ends[:, 3] + way.standoff_mm * ends[:, 2] - PLACE_MM[0]
-        frames = int((recording.pass_index == number).sum())
-        at = np.clip(np.linspace(first, last, frames), stations[0], stations[-1])
-        seen.append(np.interp(at, stations, sees[number].astype(float)) > 1.0 - 1e-9)
-    dark = ~np.concatenate(seen)[:, None]
-    return dataclasses.replace(
-        recording, x_mm=np.where(dark, np.nan, recording.x_mm), z_mm=np.where(dark, np.nan, recording.z_mm)
-    )
+        rows = np.flatnonzero(recording.pass_index == number)
+        first, *_, last = course.base_from_profiler[:, :3, 3]
+        along = (last - first) / np.linalg.norm(last - first)
+        place = first + course.frame_pitch_mm * np.arange(rows.size)[:, None] * along - PLACE_MM
+        turn = course.base_from_profiler[0, :3, :3]
+        # The laser meets the edge ahead of a profiler that leans.
+        at = np.clip(place[:, 0] + way.standoff_mm * turn[0, 2], stations[0], stations[-1])
+        z[rows[np.interp(at, stations, sees[number].astype(float)) < 1.0 - 1e-9]] = np.nan
+        if radius_mm > 0.0:
+            z[rows] += _farther_mm(place[:, None] + recording.x_mm[rows, :, None] * turn[:, 0], turn[:, 2], radius_mm)
+    return dataclasses.replace(recording, x_mm=np.where(np.isnan(z), np.nan, recording.x_mm), z_mm=z.astype(np.float32))
+
+
+def _farther_mm(origin: Shaped[Float, "f c 3"], ray: Shaped[Float, " 3"], radius_mm: float) -> Shaped[Float, "f c"]:
+    """How much farther rays go to an edge with a radius than to a sharp one; NaN: past it, or at too flat an angle."""
+    n, m, by_n, by_m = -origin[..., 1], origin[..., 2], -ray[1], ray[2]
+    sharp = -n / by_n if by_m <= 0.0 else np.fmax(-n / by_n, -m / by_m)
+    n, m = n + sharp * by_n + radius_mm, m + sharp * by_m - radius_mm  # of what they meet, from the rounding's middle
+    at_edge = (n > 0.0) & (m < 0.0) & (m > -radius_mm - 1e-9)
+    square, half = by_n**2 + by_m**2, n * by_n + m * by_m
+    left = half**2 - square * (n**2 + m**2 - radius_mm**2)
+    far = (-half - np.sqrt(np.where(left > 0.0, left, np.nan))) / square
+    cosine = -((n + far * by_n) * by_n + (m + far * by_m) * by_m) / radius_mm
+    return np.where(at_edge, np.where(cosine > math.cos(MOST_SEEN_DEG * DEG), far, np.nan), 0.0)
 
 
 def _along(found: MilledEdge, quantity: Quantity, stations: Float) -> Quantity:
-    """The quantity at the stations, NaN where it is not seen; what the simulated edge hides left out."""
+    """The quantity at the stations, NaN where it is not seen."""
     on = found.seen & np.isfinite(quantity.u)
     place = found.position_mm[on, 0] - PLACE_MM[0]
     half = 0.5 * float(stations[-1]) / SECTIONS
@@ -147,6 +168,5 @@ def _along(found: MilledEdge, quantity: Quantity, stations: Float) -> Quantity:
     terms = {
         name: np.where(near, np.interp(at, place, np.broadcast_to(u, on.shape)[on]), np.nan)
         for name, u in quantity.u_by_source.items()
-        if name != ROUNDING
     }
     return Quantity.of(quantity.name, np.interp(at, place, quantity.value[on]), terms)

@@ -14,13 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.scan_plan.information import Joint, Knowledge, PassInformation, Predicted, View, combined
+from workbench.scan_plan.rehearsal import RESERVE
 from workbench.units import Bool, Int, Shaped
 
 COVERAGE = 2.0  # k of the expanded uncertainties
-RESERVE = 1.25  # what is achieved may be that much more than what was predicted; what a rehearsal promises at the least
 MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
 
-Times = dict[tuple[int, bool], tuple[float, float]]
+Kind = tuple[bool, bool]
+Times = dict[Kind, tuple[float, float]]
 
 
 class Wanted(NamedTuple):
@@ -75,13 +76,16 @@ class Search:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = told.u_most[0] / self.wanted.root_mm, told.u_most[1] / self.wanted.bevel_deg
-        most = (1.0, 1.0) if not self.times else np.max(list(self.times.values()), axis=0)  # of kinds not rehearsed
-        of_root, of_bevel = self.times.get(self.kind(passes), most)
+        of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
         return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
 
-    def kind(self, passes: tuple[int, ...]) -> tuple[int, bool]:
-        """How many passes they are, and whether one of them leads: the robot's errors then count along the edge."""
-        return len(passes), any(self.candidates[k].view.lead for k in passes)
+    def kind(self, passes: tuple[int, ...]) -> Kind:
+        """Whether one of these passes leads, and whether one sees the lower surface.
+
+        With a lead the robot's errors along the edge count; from below a radius is in the form of the faces.
+        """
+        views = [self.candidates[k].view for k in passes]
+        return any(one.lead for one in views), any(one.elevation < 0.0 for one in views)
 
     def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
         """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""

@@ -22,7 +22,7 @@ RECIPE = DATA / "synthetic" / "raw_arc.json"
 
 def test_a_raw_edge_is_scanned_from_end_to_end_as_planned() -> None:
     part = twin.part(recipe=RECIPE)
-    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, wanted_root_mm=0.02, wanted_bevel_deg=0.1)
+    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1)
     planned = next(one for one in made if isinstance(one, PlannedScan))
     (course,) = planned.courses
     recording = twin.scan(part, planned)
@@ -37,7 +37,7 @@ def test_a_raw_edge_is_scanned_from_end_to_end_as_planned() -> None:
 
 def test_what_was_not_done_as_planned_is_told(tmp_path: Path) -> None:
     part = twin.part(recipe=RECIPE)
-    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, wanted_root_mm=0.02, wanted_bevel_deg=0.1)
+    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1)
     planned = next(one for one in made if isinstance(one, PlannedScan))
     content = next(one.content for one in made if isinstance(one, Document))
     file = tmp_path / "scan-plan.json"

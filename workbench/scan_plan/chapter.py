@@ -8,14 +8,14 @@ import numpy as np
 
 from workbench import pieces
 from workbench.artefacts import Chapter, Gate
-from workbench.scan_plan.information import Joint, View
+from workbench.scan_plan.information import MOST_INCIDENCE, Joint, View
 from workbench.scan_plan.plan import ScanPlan
 from workbench.scan_plan.search import COVERAGE
 from workbench.scan_plan.way import aim_mm
 from workbench.units import DEG
 
 BEHIND_MM = 6.0  # of the plate, in the drawing
-RAYS = 9  # drawn of a fan
+RAYS = 11  # drawn of the laser's
 
 
 def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
@@ -35,7 +35,6 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
             f"{one.view.standoff_mm:.0f}",
             f"{one.speed_mm_s:.0f}",
             f"{one.view.frame_pitch_mm:g}",
-            f"{one.drift_mm:.2f}",
             f"{100 * one.sees.mean():.0f}",
         )
         for k, one in enumerate(made.passes, 1)
@@ -46,20 +45,19 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         "lead, °",
         "stand-off, mm",
         "speed, mm/s",
-        "frames each, mm",
-        "drift, mm",
+        "frame pitch, mm",
         "of the edge seen, %",
     )
     text = pieces.facts_html(facts) + pieces.table_html(head, rows)
-    text += pieces.figure_html(
-        _section_picture(made),
-        "Section of the nominal joint with the laser plane of each pass",
-        "Section with the rays of each pass; dotted: surfaces that it does not measure.",
+    text += pieces.panels_html(
+        (_section_picture(made, one.view, pieces.SERIES[k % len(pieces.SERIES)]), _section_words(k + 1, one.view))
+        for k, one in enumerate(made.passes)
     )
     text += pieces.figure_html(
         _along_picture(made),
         "Predicted U along the edge",
-        "U = 2 u along the edge as predicted; pale: up to what nine of ten scans stay within; dashed: wanted.",
+        "U = 2 u along the lower edge. Promised is what nine of ten places stay within, whatever the edge's rounding.",
+        ((pieces.BLUE, "predicted"), (pieces.PALE_BLUE, "up to what is promised"), (pieces.PURPLE, "wanted")),
     )
     worst = int(np.nanargmax(made.root.u)) if np.isfinite(made.root.u).any() else 0
     sources = [
@@ -68,7 +66,8 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
             f"{made.root.u_by_source[name][worst]:.4f}",
             f"{made.bevel.u_by_source[name][worst]:.4f}" if name in made.bevel.u_by_source else "–",
         )
-        for name in made.root.u_by_source
+        for name, u in made.root.u_by_source.items()
+        if u[worst] > 0.0
     ]
     text += pieces.table_html(
         ("source", "u of the root face, mm", "u of the bevel angle, °"),
@@ -84,64 +83,77 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
     )
 
 
-def _section_picture(made: ScanPlan) -> bytes:
+def _section_words(number: int, view: View) -> str:
+    lead = f", led by {view.lead / DEG:.0f}°" if view.lead else ""
+    return (
+        f"Pass {number}: the laser's rays in the section, {view.elevation / DEG:.0f}° above the normal of the root "
+        f"face (dash-dotted){lead}. Coloured: faces that it measures; dotted: those that it does not."
+    )
+
+
+def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
     from matplotlib.figure import Figure
 
     joint = made.joint
+    towards = np.array([math.cos(view.elevation), math.sin(view.elevation)])
+    across = np.array([-towards[1], towards[0]])
+    reach = float(np.ptp(joint.section_mm @ across))
+    front = 0.5 * (float(np.ptp(joint.section_mm @ towards)) + reach)
     with pieces.styled():
-        figure = Figure(figsize=(3.6 * max(len(made.passes), 2), 3.4), layout="constrained")
-        each = np.atleast_1d(figure.subplots(1, max(len(made.passes), 1), squeeze=False)[0])
-        for k, (axes, one) in enumerate(zip(each, made.passes, strict=False)):
-            outline = _outline(joint)
-            axes.fill(*outline.T, color=pieces.PALE, lw=0)
-            colour = pieces.SERIES[k % len(pieces.SERIES)]
-            _rays(axes, joint, one.view, colour)
-            for a, b, normal in _faces(joint):
-                sight = math.cos(one.view.elevation) * normal[0] + math.sin(one.view.elevation) * normal[1]
-                style = {"lw": 2.2, "color": colour} if sight > 0.2 else {"lw": 1.2, "color": pieces.INK, "ls": ":"}
+        figure = Figure(figsize=(4.4, 3.1), layout="constrained")
+        axes = figure.subplots()
+        axes.fill(*np.array([one[0] for one in _faces(joint)]).T, color=pieces.PALE, lw=0)
+        feet = aim_mm(joint, view) + np.linspace(-0.6, 0.6, RAYS)[:, None] * reach * across
+        for start in feet + front * towards:
+            end, met = _met(joint, start, towards)
+            axes.plot(*np.array([start, end]).T, color=colour if met else pieces.PALE, lw=0.7)
+        laser = feet[[0, -1]] + front * towards
+        axes.plot(*laser.T, color=pieces.INK, lw=3.0)
+        away = laser.mean(axis=0) + 0.1 * reach * towards
+        text = f"scanner,\n{view.standoff_mm:.0f} mm away"
+        axes.text(*away, text, va="bottom" if towards[1] > 0.4 else "top" if towards[1] < -0.4 else "center")
+        axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
+        for a, b, normal, name in _faces(joint):
+            lit = normal @ towards > math.cos(MOST_INCIDENCE)
+            style = {"lw": 2.2, "color": colour} if lit else {"lw": 1.2, "color": pieces.INK, "ls": ":"}
+            if name:
                 axes.plot(*np.array([a, b]).T, **style)
-            axes.set_title(f"pass {k + 1}: {one.view.elevation / DEG:.0f}°")
-            axes.set_aspect("equal")
-            axes.set_xlabel("along n, mm")
-            axes.set_ylabel("along m, mm")
+                axes.text(
+                    *(0.6 * a + 0.4 * b - 0.07 * reach * normal),
+                    name,
+                    ha="right" if normal[0] > 0.5 else "center",
+                    va="center",
+                )
+        axes.set_aspect("equal")
+        axes.set_xlabel("out of the root face (n), mm")
+        axes.set_ylabel("up from the lower surface (m), mm")
         return pieces.svg(figure)
 
 
-def _outline(joint: Joint) -> np.ndarray:
-    back = joint.section_mm[2, 0] - BEHIND_MM
-    return np.array([*joint.section_mm[:3], [back, joint.thickness_mm], [back, 0.0]])
-
-
-def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, tuple[float, float]]]:
+def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
+    """The section's sides in order: ends, outward normal, name; '' where the drawing ends."""
     low, corner, top = joint.section_mm[:3]
-    back = top[0] - BEHIND_MM
+    back = np.array([[top[0] - BEHIND_MM, joint.thickness_mm], [top[0] - BEHIND_MM, 0.0]])
+    slope = np.array([math.cos(joint.bevel), math.sin(joint.bevel)])
     return [
-        (low, corner, (1.0, 0.0)),
-        (corner, top, (math.cos(joint.bevel), math.sin(joint.bevel))),
-        (top, np.array([back, joint.thickness_mm]), (0.0, 1.0)),
-        (low, np.array([back, 0.0]), (0.0, -1.0)),
+        (low, corner, np.array([1.0, 0.0]), "root face"),
+        (corner, top, slope, "bevel"),
+        (top, back[0], np.array([0.0, 1.0]), "upper surface"),
+        (back[0], back[1], np.array([-1.0, 0.0]), ""),
+        (back[1], low, np.array([0.0, -1.0]), "lower surface"),
     ]
 
 
-def _rays(axes, joint: Joint, view: View, colour: str) -> None:  # type: ignore[no-untyped-def]
-    """From the laser's side to the surface that each ray meets first."""
-    towards = np.array([math.cos(view.elevation), math.sin(view.elevation)])
-    across = np.array([-towards[1], towards[0]])
-    outline = _outline(joint)
-    middle = aim_mm(joint, view)
-    reach = float(np.ptp(joint.section_mm @ across))
-    for share in np.linspace(-0.55, 0.55, RAYS):
-        foot = middle + share * reach * across
-        hits = []
-        for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-            matrix = np.stack([towards, a - b], axis=1)
-            if abs(np.linalg.det(matrix)) > 1e-9:
-                t, u = np.linalg.solve(matrix, a - foot)
-                if 0.0 <= u <= 1.0:
-                    hits.append(t)
-        if hits:
-            start, end = foot + max(hits) * towards, foot + (max(hits) + 5.0) * towards
-            axes.plot(*np.array([start, end]).T, color=colour, lw=0.7)
+def _met(joint: Joint, start: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Where a ray from the scanner meets the section first; past it, where it does not."""
+    far = []
+    for a, b, _, _ in _faces(joint):
+        matrix = np.stack([-towards, a - b], axis=1)
+        if abs(np.linalg.det(matrix)) > 1e-9:
+            t, u = np.linalg.solve(matrix, a - start)
+            if 0.0 <= u <= 1.0:
+                far.append(t)
+    return start - (min(far) if far else 2.0 * float(np.ptp(joint.section_mm @ towards))) * towards, bool(far)
 
 
 def _along_picture(made: ScanPlan) -> bytes:
@@ -154,7 +166,7 @@ def _along_picture(made: ScanPlan) -> bytes:
             (COVERAGE * made.bevel.u, made.promised_bevel_deg, made.wanted.bevel_deg, "U bevel, °"),
         )
         for axes, (predicted, promised, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
-            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.BLUE, alpha=0.2, lw=0)
+            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.PALE_BLUE, lw=0)
             axes.plot(made.arc_length_mm, predicted, color=pieces.BLUE, lw=1.4)
             axes.axhline(most, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
             axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(promised, initial=0.0))))

@@ -467,13 +467,13 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
             both = tuple(
                 view_poses(at, task.joint, task.profiler, view, half, task.edge.length_mm) for half in (False, True)
             )
-            turned, sees = False, np.ones(at.arc_length_mm.size, bool)
+            turned, sees, fastest = False, np.ones(at.arc_length_mm.size, bool), task.most_speed_mm_s
             if examiner is not None:
                 reached = examiner.reach(both[0], (both[0], both[1]), table)
                 if isinstance(reached, str):
                     found.refused[view] = reached
                     continue
-                turned = reached.turned
+                turned, fastest = reached.turned, min(fastest, reached.fastest_mm_s)
                 names = examiner.shadows(
                     _section_points(at, task.joint), eyes_mm(task.profiler, view, both[int(turned)]), table
                 )
@@ -481,7 +481,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
                 found.shadows.append((view, names))
             if not sees.any():
                 continue
-            for pitch in task.pitches_mm:
+            for pitch in dict.fromkeys(min(one, fastest / task.frame_rate_hz) for one in task.pitches_mm):
                 one = view._replace(frame_pitch_mm=pitch)
                 tells = functools.partial(_told, task, one, told)
                 found.candidates.append(Candidate(one, tells, sees, _seconds(task, one)))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -28,6 +26,8 @@ from workbench.stage import stage
 from workbench.units import DEG
 
 TOLERANCE_MM = 0.1  # by which the laser's middle may leave the planned pass
+NEAR_MM = 500.0  # about the edge, in a close picture
+RENAMED = {"spindle": "scanner", "path": "lower edge: where the laser goes"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
 LOGGED = {  # where a recording's poses come from, by controller; each with its time
     "abb": "EGM or a socket task, flange (tool0) in the base",
@@ -39,7 +39,6 @@ LOGGED = {  # where a recording's poses come from, by controller; each with its 
 }
 NO_LOAD = "the load of the scanner: neither mass nor centre of gravity (scan.program: scanner_mass_kg)"
 NO_PLAN = "nothing is written: the plan does not reach what is wanted"
-SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the planned speed, tried until the joints can follow
 Triple = tuple[float, float, float]
 
 
@@ -57,10 +56,9 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
 
-    Home, profiler on (`trigger_signal`), along the pass, off, home; slower than planned where joints could not follow.
-    Read back and driven through the cell as a milling
-    program (docs/programs.md), the scanner as tool and the plate as a body; what fails leaves no program. The head says
-    how poses are to be logged.
+    Home, profiler on (`trigger_signal`), along the pass as fast as planned, off, home. Read back and driven through the
+    cell as a milling program (docs/programs.md), the scanner as tool and the plate as a body; what fails leaves no
+    program. The head says how poses are to be logged.
 
     Args:
         plan: the planned scan.
@@ -106,26 +104,18 @@ def program(
     out: list[Document | Chapter] = []
     gates = []
     for number, one in enumerate(plan.passes, 1):
-        for share in SLOWER:  # frames come closer together then
-            slow = dataclasses.replace(
-                one,
-                speed_mm_s=share * one.speed_mm_s,
-                view=one.view._replace(frame_pitch_mm=share * one.view.frame_pitch_mm),
-            )
-            moves, gate = _moves(plan, place, slow, number, LOGGED[dialect])
-            written = write(
-                moves,
-                gate,
-                place,
-                controller=controller,
-                name=f"{name}{number}",
-                procedure=f"Scan{number}",
-                tool_name="tScan",
-                work_object_name="woScan",
-                root_tolerance_mm=10.0,
-            )
-            if not _too_fast(written):
-                break
+        moves, gate = _moves(plan, place, one, number, LOGGED[dialect])
+        written = write(
+            moves,
+            gate,
+            place,
+            controller=controller,
+            name=f"{name}{number}",
+            procedure=f"Scan{number}",
+            tool_name="tScan",
+            work_object_name="woScan",
+            root_tolerance_mm=10.0,
+        )
         for made in written:
             if isinstance(made, Document):
                 check = made.name == "program_check.json"
@@ -134,8 +124,7 @@ def program(
                 robot = _robot_html(place, moves.postures)
                 out.append(dataclasses.replace(made, title=f"Program of pass {number}", html=robot + made.html))
             elif isinstance(made, PathGate):
-                slower = "" if share == 1.0 else f", at {share:g} of the planned speed: the joints cannot follow it"
-                gates.append(dataclasses.replace(made, reason=f"{made.reason}{slower}"))
+                gates.append(made)
     return (*out, _joined(gates))
 
 
@@ -144,17 +133,13 @@ def _robot_html(cell: Cell, postures: Postures | None) -> str:
     if postures is None:
         return ""
     drawn = []
-    for name, k in (("first", 0), ("middle", len(postures.joints) // 2), ("last", -1)):
+    for name, k, wide in (("middle", len(postures.joints) // 2, None), ("first", 0, NEAR_MM), ("last", -1, NEAR_MM)):
         bodies = cell_triangles(cell, postures.joints[k], postures.turntable[k])
-        drawn.append((posture_picture(cell, bodies, postures.position_mm), f"At the {name} station"))
-    return pieces.panels_html(drawn) + pieces.key_html(posture_key(cell))
-
-
-def _too_fast(written: Sequence[object]) -> bool:
-    """Whether a program was refused for nothing but the speeds and accelerations that it asks of the joints."""
-    checks = [one.content for one in written if isinstance(one, Document) and one.name == "program_check.json"]
-    kinds = {one["kind"] for check in checks for one in json.loads(check)["violations"]}
-    return bool(kinds) and kinds <= {"speed", "acceleration"}
+        near = "" if wide is None else ", near the edge"
+        picture = posture_picture(cell, bodies, postures.position_mm, wide)
+        drawn.append((picture, f"Robot and scanner at the {name} station{near}"))
+    key = [(colour, RENAMED.get(name, name)) for colour, name in posture_key(cell)]
+    return pieces.panels_html(drawn) + pieces.key_html(key)
 
 
 def _joined(gates: list[PathGate]) -> Gate:

@@ -6,6 +6,7 @@ Kinematics and bodies are the cell's (`workbench.robot`); distances are python-f
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -37,6 +38,7 @@ fcl = Extra("fcl")
 PLATE_MM = 150.0  # of the plate behind its edge that is a body to run into
 PIECE_MM = 50.0  # of a curved edge, that a box of the plate follows
 RAY_MM = 0.5  # radius of a ray that must be free
+GENTLE, LEAST = 0.8, 1e-6  # share of what a joint can do, that a pass may ask for; s/mm
 MOST_TURN = 0.35  # rad, of a joint between two stations
 VOXEL_MM = 4.0
 BODY, BESIDE = "workpiece", "seen beside the plate"
@@ -47,6 +49,7 @@ class Reached(NamedTuple):
 
     joints: Shaped[Float, "k 6"]  # rad
     turned: bool  # the scanner by half a turn about its rays
+    fastest_mm_s: float  # that the joints follow
 
 
 class Examiner:
@@ -96,7 +99,7 @@ class Examiner:
             if (hits == FREE).all():
                 hits = self.screen.hits(joints, angles)
             if (hits == FREE).all():
-                return Reached(joints, half)
+                return Reached(joints, half, self._fastest_mm_s(joints, base_from_view))
             why = "collision of " + " and ".join(self.screen.pair(int(hits[hits != FREE][0])))
         return why
 
@@ -112,6 +115,15 @@ class Examiner:
         if wrist.min() < cell.margins.wrist or condition.max() > cell.margins.condition:
             return 0.0, "a singular posture"
         return float(room.min()), ""
+
+    def _fastest_mm_s(self, joints: Float, base_from_view: Float) -> float:
+        """At which no joint takes more than `GENTLE` of its speed, or of its acceleration where that is stated."""
+        step = np.linalg.norm(np.diff(base_from_view[:, :3, 3], axis=0), axis=1)[:, None]
+        a_mm = np.diff(joints, axis=0) / step
+        bend = np.diff(a_mm, axis=0) / (0.5 * (step[1:] + step[:-1]))
+        most = np.full(6, np.inf) if self.cell.accelerations is None else self.cell.accelerations
+        asked = (np.abs(a_mm) / self.cell.chain.speeds).max(), math.sqrt((np.abs(bend) / most).max(initial=0.0))
+        return GENTLE / max(*asked, LEAST)
 
     def shadows(self, point_mm: Shaped[Float, "k p 3"], eye_mm: Shaped[Float, "k e 3"], table: float) -> list[str]:
         """Body in the way between points of each station's section and what looks at them, all as planned; '': none.

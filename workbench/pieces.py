@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
-PALE_BLUE = "#cce3f0"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)  # told apart with any colour vision (after Okabe and Ito)
 STYLE: Any = {
     "font.size": 9.0,

@@ -32,6 +32,7 @@ from workbench.units import DEG, Bool, Float
 
 HAND_EYE = CELL.parent.parent / "calibration" / "handeye.json"
 TAUGHT_MM = 0.3  # error of a taught point
+SIMULATORS = "analytic, sharp", "triangulated, sharp", "triangulated, a radius"
 ENDS_MM = 4.0  # of the edge, where passes begin
 LIGHT_MM = 0.5  # beside a ray: the line's half width, and more than a point is taught wrong
 
@@ -52,9 +53,11 @@ def examine(seed: int) -> dict[str, Any]:
         row["missed"] = _missed(drawn, task, made)
         row["collision"] = _driven(made) if made.reached.all() else None
         way = courses(made)
-        found = {"analytic": _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
+        found = {SIMULATORS[0]: _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
         if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
-            found["triangulated"] = _achieved(drawn, made, sensor, *triangulated(drawn, made, seed))
+            found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(
+                drawn, made, sensor, *triangulated(drawn, made, seed)
+            )
     return {**row, "simulators": found}
 
 

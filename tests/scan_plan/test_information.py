@@ -26,8 +26,8 @@ def told(*elevations_deg: float, sensor: Profiler = SENSOR, known: Knowledge = S
 
 def no_worse(better: Predicted, worse: Predicted) -> bool:
     """Passes whose view of the break differs by less than ALIKE_MM count alike to the engine (`edge.rim.weights`)."""
-    alike = {"root": ALIKE_MM / 3.0, "bevel": 0.0}
-    return all(float(getattr(better, n).u) <= UNHARMED * float(getattr(worse, n).u) + a for n, a in alike.items())
+    alike = {"root_mm": ALIKE_MM / 3.0, "bevel_deg": 0.0}
+    return all(getattr(better, n) <= UNHARMED * getattr(worse, n) + a for n, a in alike.items())
 
 
 @pytest.mark.parametrize(("first", "second"), [(40.0, 40.0), (50.0, 10.0), (20.0, -30.0), (-30.0, 50.0), (0.0, 30.0)])
@@ -53,26 +53,25 @@ def test_what_is_finer_never_raises_u(elevation: float, finer: dict[str, object]
 
 def test_order_of_passes_and_side_of_the_lead_change_nothing() -> None:
     one, other = told(45.0, -30.0), told(-30.0, 45.0)
-    assert float(one.root.u) == pytest.approx(float(other.root.u))
-    assert float(one.bevel.u) == pytest.approx(float(other.bevel.u))
+    assert one.root_mm == pytest.approx(other.root_mm)
+    assert one.bevel_deg == pytest.approx(other.bevel_deg)
     leads = [
         information(JOINT, SENSOR, SHARP, View(30.0 * DEG, 150.0, 0.4, lead * DEG), LENGTH_MM) for lead in (10, -10)
     ]
-    u = [float(combined(JOINT, SHARP, [one], LENGTH_MM).bevel.u) for one in leads if one is not None]
+    u = [combined(JOINT, SHARP, [one], LENGTH_MM).bevel_deg for one in leads if one is not None]
     assert u[0] == pytest.approx(u[1])
 
 
 def test_a_view_that_shows_the_lower_edge_leaves_no_rounding_open() -> None:
     unknown = Knowledge(edge_condition="unknown")
-    above, square, below = (float(told(one, known=unknown).root.u) for one in (50.0, 10.0, -30.0))
+    above, square, below = (told(one, known=unknown).root_mm for one in (50.0, 10.0, -30.0))
     assert below < 0.5 * square < 0.25 * above
-    assert float(told(50.0, -30.0, known=unknown).root.u) < 2.0 * below
+    assert told(50.0, -30.0, known=unknown).root_mm < 2.0 * below
 
 
 def test_u_scales_with_the_declared_linearity() -> None:
     some, more = (
-        float(told(20.0, sensor=dataclasses.replace(SENSOR, linearity=Linearity(rms, 6.0))).bevel.u)
-        for rms in (0.01, 0.02)
+        told(20.0, sensor=dataclasses.replace(SENSOR, linearity=Linearity(rms, 6.0))).bevel_deg for rms in (0.01, 0.02)
     )
     assert more == pytest.approx(2.0 * some, rel=0.1)
 

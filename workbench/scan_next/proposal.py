@@ -171,9 +171,7 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
         if further is not None:
             both = combined(joint, known, (*there, further), length)
             found.append(
-                Proposal(
-                    elevation, COVERAGE * float(both.root.u), COVERAGE * float(both.bevel.u), further.step_mm == 0.0
-                )
+                Proposal(elevation, COVERAGE * both.root_mm, COVERAGE * both.bevel_deg, further.step_mm == 0.0)
             )
     return found
 

@@ -57,7 +57,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         _along_picture(made),
         "Predicted U along the edge",
         "U = 2 u along the lower edge. Promised is what nine of ten places stay within, whatever the edge's rounding.",
-        ((pieces.BLUE, "predicted"), (pieces.PALE_BLUE, "up to what is promised"), (pieces.PURPLE, "wanted")),
+        ((pieces.BLUE, "predicted"), (pieces.SKY, "up to what is promised"), (pieces.PURPLE, "wanted")),
     )
     worst = int(np.nanargmax(made.root.u)) if np.isfinite(made.root.u).any() else 0
     sources = [
@@ -166,7 +166,7 @@ def _along_picture(made: ScanPlan) -> bytes:
             (COVERAGE * made.bevel.u, made.promised_bevel_deg, made.wanted.bevel_deg, "U bevel, °"),
         )
         for axes, (predicted, promised, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
-            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.PALE_BLUE, lw=0)
+            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.SKY, lw=0)
             axes.plot(made.arc_length_mm, predicted, color=pieces.BLUE, lw=1.4)
             axes.axhline(most, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
             axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(promised, initial=0.0))))

@@ -1,4 +1,4 @@
-"""What a scanning pass will tell of a bevel: predicted standard uncertainties by source, before anything moves.
+"""What a scanning pass will tell of a bevel: predicted standard uncertainties, before anything moves.
 
 The terms and sensitivities are those of the budget (docs/method.md, 5), and so are the engine's own functions where it
 has them: what a view does not see of the broken edge, for edges of the prior (`edge.rim`), and the form of the faces by
@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import DIRECTIONS, END, FORM, ROUNDING, TANGENT, Quantity
 from workbench.edge.residual_image import PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
 from workbench.edge.rim import (
     DEEP_MM,
@@ -138,11 +137,11 @@ class PassInformation:
 
 
 class Predicted(NamedTuple):
-    """Root face and bevel angle with their predicted standard uncertainties by source."""
+    """Predicted standard uncertainties of root face, mm, and bevel angle, deg."""
 
-    root: Quantity
-    bevel: Quantity
-    u_most: tuple[float, float]  # of root face, mm, and bevel angle, deg, by the edge of the prior that hides most
+    root_mm: float
+    bevel_deg: float
+    most_root_mm: float  # by the edge of the prior that hides most
 
 
 def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
@@ -351,7 +350,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
 
 
 def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], length_mm: float) -> Predicted:
-    """Root face and bevel angle by all passes together, as the engine fuses them."""
+    """What is told by all passes together, as the engine fuses them."""
     root_u = _parallel([one.root / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
     bevel_u = _parallel([one.bevel / math.sqrt(one.per_mm * DIRECTION_MM) for one in passes])
     count = np.array([one.per_mm for one in passes])
@@ -376,21 +375,9 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     turned = math.hypot(lever / math.sin(beta) * bevel_u, 0.5 * joint.root_mm / math.tan(beta) * root_u)
     corner = (root_form[2] / math.tan(beta), root_form[1] * steep, bevel_form[1] / math.sin(beta))
     leverage = math.sqrt(max(run_r**2 + run_b**2 - 2.0 * run_r * run_b * math.cos(beta), 0.0))
-    of_root = {
-        END: end,
-        DIRECTIONS: turned,
-        TANGENT: tangent * run_r * joint.root_mm,
-        FORM: math.sqrt(sum(one**2 for one in corner)),
-        ROUNDING: rounding,
-    }
-    of_bevel = {
-        DIRECTIONS: math.hypot(root_u, bevel_u) / DEG,
-        TANGENT: tangent * leverage / DEG,
-        FORM: math.hypot(root_form[0], bevel_form[0]) / DEG,
-    }
-    root, bevel = Quantity.of("root_mm", joint.root_mm, of_root), Quantity.of("bevel_deg", beta / DEG, of_bevel)
-    far = math.sqrt(float(root.u) ** 2 + rounding_most**2 - rounding**2)
-    return Predicted(root, bevel, (far, float(bevel.u)))
+    seen = math.hypot(end, turned, tangent * run_r * joint.root_mm, *corner)
+    bevel = math.hypot(root_u, bevel_u, tangent * leverage, root_form[0], bevel_form[0])
+    return Predicted(math.hypot(seen, rounding), bevel / DEG, math.hypot(seen, rounding_most))
 
 
 def _parallel(u: Sequence[float]) -> float:

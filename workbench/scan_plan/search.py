@@ -75,7 +75,7 @@ class Search:
     def over(self, passes: tuple[int, ...]) -> float:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
-        root, bevel = told.u_most[0] / self.wanted.root_mm, told.u_most[1] / self.wanted.bevel_deg
+        root, bevel = told.most_root_mm / self.wanted.root_mm, told.bevel_deg / self.wanted.bevel_deg
         of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
         return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
 

@@ -109,21 +109,15 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
             axes.plot(*np.array([start, end]).T, color=colour if met else pieces.PALE, lw=0.7)
         laser = feet[[0, -1]] + front * towards
         axes.plot(*laser.T, color=pieces.INK, lw=3.0)
-        away = laser.mean(axis=0) + 0.1 * reach * towards
-        text = f"scanner,\n{view.standoff_mm:.0f} mm away"
-        axes.text(*away, text, va="bottom" if towards[1] > 0.4 else "top" if towards[1] < -0.4 else "center")
+        x, y = laser.mean(axis=0) + 0.1 * reach * towards
+        axes.text(x, y, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
         axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
         for a, b, normal, name in _faces(joint):
             lit = normal @ towards > math.cos(MOST_INCIDENCE)
-            style = {"lw": 2.2, "color": colour} if lit else {"lw": 1.2, "color": pieces.INK, "ls": ":"}
             if name:
-                axes.plot(*np.array([a, b]).T, **style)
-                axes.text(
-                    *(0.6 * a + 0.4 * b - 0.07 * reach * normal),
-                    name,
-                    ha="right" if normal[0] > 0.5 else "center",
-                    va="center",
-                )
+                axes.plot(*np.array([a, b]).T, lw=2.2, color=colour if lit else pieces.INK, ls="-" if lit else ":")
+                x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
+                axes.text(x, y, name, ha="right" if normal[0] > 0.5 else "center", va="center")
         axes.set_aspect("equal")
         axes.set_xlabel("out of the root face (n), mm")
         axes.set_ylabel("up from the lower surface (m), mm")

@@ -122,7 +122,7 @@ class Examiner:
         a_mm = np.diff(joints, axis=0) / step
         bend = np.diff(a_mm, axis=0) / (0.5 * (step[1:] + step[:-1]))
         most = np.full(6, np.inf) if self.cell.accelerations is None else self.cell.accelerations
-        asked = (np.abs(a_mm) / self.cell.chain.speeds).max(), math.sqrt((np.abs(bend) / most).max(initial=0.0))
+        asked = float((np.abs(a_mm) / self.cell.chain.speeds).max()), math.sqrt((np.abs(bend) / most).max(initial=0.0))
         return GENTLE / max(*asked, LEAST)
 
     def shadows(self, point_mm: Shaped[Float, "k p 3"], eye_mm: Shaped[Float, "k e 3"], table: float) -> list[str]:

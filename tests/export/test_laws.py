@@ -42,7 +42,6 @@ from workbench.export import inspection as export_inspection
 from workbench.export import qdas, qif, sections
 from workbench.export.qif import NAMESPACE
 from workbench.pipeline.results import result_files
-from workbench.report import csv
 
 Q = {"q": NAMESPACE}
 RUN = Provenance("t", (("recording", "part 7.h5", "ab12"),), {}, {}, 0)
@@ -208,11 +207,7 @@ def rows_of(document: Document) -> list[dict[str, Any]]:
 
 
 def from_csv(inspection: JointInspection) -> Found:
-    yield from table_rows(inspection, rows_of(export_inspection(inspection, RUN, format="csv")))
-
-
-def from_report_csv(inspection: JointInspection) -> Found:
-    rows = rows_of(csv(inspection))
+    rows = rows_of(export_inspection(inspection, RUN, format="csv"))
     assert [row["reason"] for row in rows] == [one_line(section.reason) for section in inspection.sections]
     yield from table_rows(inspection, rows)
 
@@ -251,7 +246,6 @@ EXPORTS = {  # how exactly values and u come back
     from_qdas: (1e-8, 0.003),
     from_parquet: (0.0, 0.0),
     from_csv: (0.0, 0.0),
-    from_report_csv: (1e-6, 1e-6),
     from_file: (0.0, 0.0),
     from_dxf: (0.006, 0.006),
 }

@@ -9,7 +9,7 @@ import pytest
 
 from workbench import Pipeline
 from workbench.errors import OutputError
-from workbench.pipeline import run as module
+from workbench.pipeline import cache as module
 
 ROOT = Path(__file__).parents[2]
 RECORDING = str(ROOT / "data" / "synthetic" / "milled_edge.h5")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import InputError
-from workbench.pipeline.run import BLOCK_BYTES, digesting
+from workbench.pipeline.digests import BLOCK_BYTES, digesting
 from workbench.pipeline.wiring import InputRecord
 
 

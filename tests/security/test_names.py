@@ -29,7 +29,7 @@ PLAN = (
     {"stage": "program.write"},
     {"stage": "program.csv"},
 )
-TABLES = ({"stage": "export.inspection", "format": "csv"}, {"stage": "report.csv"})
+TABLE = {"stage": "export.inspection", "format": "csv"}
 
 
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
@@ -37,12 +37,12 @@ def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tm
     """Tables hold the name as a text; nothing is written but the results; the terminal sees plain lines."""
     path = hostile_part("milled", name)
     before = files_below(tmp_path)
-    pipeline = pipeline_file(*INSPECT, *TABLES, recording=str(path), title=name[:500])
+    pipeline = pipeline_file(*INSPECT, TABLE, recording=str(path), title=name[:500])
     outcome = command("run", pipeline, "--out", tmp_path / "out")
     assert outcome.status in (0, 1), outcome.err
     assert_plain_lines(outcome.out + outcome.err)
     assert files_below(tmp_path) - before - {"pipeline.json", "out"} == {
-        f"out/{file}" for file in ("inspection.json", "inspection.csv", "sections.csv", "run.json")
+        f"out/{file}" for file in ("inspection.json", "inspection.csv", "run.json")
     }
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out/inspection.csv").read_bytes().decode(), newline="")))
     assert len(rows) == 2
@@ -79,7 +79,7 @@ def test_a_recording_with_a_hostile_file_name(file_name, hostile_part, pipeline_
     path = hostile_part("milled", "plate", file_name)
     outcome = command(
         "run",
-        pipeline_file(*INSPECT, *TABLES, recording="x"),
+        pipeline_file(*INSPECT, TABLE, recording="x"),
         "--out",
         tmp_path / "out",
         "--input",

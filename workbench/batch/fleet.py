@@ -51,8 +51,6 @@ def fleet_files(records: Sequence[Record], title: str) -> dict[str, bytes]:
 
 def study(what: Characteristic) -> Study:
     """What the parts say of one characteristic."""
-    from workbench.batch.fleet import part_means
-
     columns = range(what.value.shape[1])
     limits = what.lower, what.upper
     return Study(

@@ -19,11 +19,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from workbench.batch.part import Job, Record, fail, run_part
+from workbench.children import environment
 from workbench.errors import InputError, OutputError, WorkbenchError
 from workbench.extras import require
 from workbench.geometry.blocks import cores
@@ -40,13 +40,11 @@ class Worker:
 
     def __init__(self, working_dir: str, threads: int) -> None:
         self.connection, other = Pipe()
-        home = str(Path(__file__).resolve().parents[2])  # this copy of the package, from whatever directory
-        path = os.pathsep.join(each for each in (home, os.environ.get("PYTHONPATH")) if each)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "workbench.batch.workers", str(other.fileno())],
             pass_fds=[other.fileno()],
             cwd=working_dir,
-            env={**os.environ, **dict.fromkeys(THREAD_VARIABLES, str(threads)), "PYTHONPATH": path},
+            env=environment(**dict.fromkeys(THREAD_VARIABLES, str(threads))),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -5,23 +5,17 @@ from __future__ import annotations
 import hashlib
 import itertools
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import fromstring, indent, tostring
 
 from workbench.artefacts import Characteristic, Document, JointInspection, Part, Provenance, u_name
 from workbench.errors import one_line
 from workbench.stage import stage
 from workbench.strict_json import content_digest
-from workbench.units import DEG
 
 NAMESPACE = "http://qifstandards.org/xsd/qif3"
-STANDARD = {
-    "Designator": "9692-1",
-    "Year": "2013",
-    "Title": "Types of joint preparation",
-}
 STATUS = {"pass": "PASS", "fail": "FAIL", "undecided": "UNKNOWN"}  # of the part
 STATUS_OF_ONE = {
     "pass": "PASS",
@@ -60,184 +54,101 @@ def qif(inspection: JointInspection, provenance: Provenance | None = None) -> Do
         >>> export.qif(found).name
         'inspection.qif'
     """
-    root = _document(inspection, provenance)
+    values = _values(inspection, provenance)
+    root = fromstring(_filled(values))
+    for name, value in {"xmlns": NAMESPACE, "versionQIF": "3.0.0", "idMax": str(values["last_id"])}.items():
+        root.set(name, value)
     indent(root)
     return Document("inspection.qif", b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, "utf-8") + b"\n")
 
 
-def _document(inspection: JointInspection, provenance: Provenance | None) -> Element:
-    """The QIFDocument, its children in the order of the schema."""
-    ids = itertools.count(1)
-    root = Element("QIFDocument", {"xmlns": NAMESPACE, "versionQIF": "3.0.0"})
-    _text(root, "QPId", _unique(inspection, provenance, "document"))
-    header = SubElement(root, "Header")
-    application = SubElement(header, "Application")
-    version = provenance.versions.get("workbench", "") if provenance else ""
-    _text(application, "Name", f"workbench {version}".strip())
-    _text(header, "Description", one_line(provenance.title) if provenance else f"inspection of a {inspection.WHAT}")
-    _text(header, "Scope", "Results")
-    standard = _standard(root, ids)
-    _units(root)
-    devices = _devices(root, inspection.part, ids)
-    _product(root, inspection.part, ids)
-    found = inspection.characteristics
-    holder = SubElement(root, "Characteristics")
-    _text(holder, "FormalStandardId", str(standard))
-    items = _characteristics(holder, found, devices, inspection, ids)
-    _results(root, inspection, provenance, found, items, devices, ids)
-    root.set("idMax", str(next(ids) - 1))
-    return root
+def _filled(values: Mapping[str, Any]) -> str:
+    """The template filled in: every value is text, escaped and on one line."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
-
-def _standard(root: Element, ids: Iterator[int]) -> int:
-    """The standard whose terms the characteristics are: its id."""
-    made = next(ids)
-    standard = SubElement(SubElement(root, "StandardsDefinitions", n="1"), "Standard", id=str(made))
-    _text(SubElement(standard, "Organization"), "StandardsOrganizationEnum", "ISO")
-    for name, text in STANDARD.items():
-        _text(standard, name, text)
-    return made
-
-
-def _units(root: Element) -> None:
-    primary = SubElement(SubElement(root, "FileUnits"), "PrimaryUnits")
-    for kind, si, name, factor in (("Angular", "radian", "degree", DEG), ("Linear", "meter", "mm", 0.001)):
-        unit = SubElement(primary, f"{kind}Unit")
-        _text(unit, "SIUnitName", si)
-        _text(unit, "UnitName", name)
-        _text(SubElement(unit, "UnitConversion"), "Factor", _decimal(factor))
-
-
-def _devices(root: Element, part: Part, ids: Iterator[int]) -> list[int]:
-    """The sensor and the robot that carried it, each with what is known of its calibration."""
-    listed = SubElement(SubElement(root, "MeasurementResources"), "MeasurementDevices", n="2")
-    made = []
-    for name, what, serial, facts in (
-        (
-            part.sensor or "unknown",
-            "laser profile sensor",
-            part.sensor_serial,
-            {"calibrated at": part.sensor_calibrated_at},
-        ),
-        (
-            part.robot or "unknown",
-            "robot that carries the sensor",
-            part.robot_serial,
-            {"hand-eye calibration": part.hand_eye, "hand-eye calibrated at": part.hand_eye_calibrated_at},
-        ),
-    ):
-        made.append(next(ids))
-        device = SubElement(listed, "MeasurementDevice", id=str(made[-1]))
-        _text(device, "Name", name)
-        _text(device, "Description", what)
-        if serial:
-            _text(device, "SerialNumber", serial)
-        _attributes(device, {key: text or "unknown" for key, text in facts.items()})
-    return made
-
-
-def _product(root: Element, part: Part, ids: Iterator[int]) -> None:
-    """The part by its drawing."""
-    made = SubElement(SubElement(SubElement(root, "Product"), "PartSet", n="1"), "Part", id=str(next(ids)))
-    _text(made, "ModelNumber", part.drawing or "unknown")
-
-
-def _characteristics(
-    holder: Element,
-    found: tuple[Characteristic, ...],
-    devices: list[int],
-    inspection: JointInspection,
-    ids: Iterator[int],
-) -> list[list[int]]:
-    """Definitions, nominals and items; the ids of the items, a list a characteristic."""
-    definitions = SubElement(holder, "CharacteristicDefinitions", n=str(len(found)))
-    nominals = SubElement(holder, "CharacteristicNominals", n=str(len(found)))
-    items = SubElement(holder, "CharacteristicItems", n=str(len(found) * len(inspection.sections)))
-    made: list[list[int]] = []
-    for one in found:
-        definition, nominal = next(ids), next(ids)
-        kind, term = kind_of(one), one.term.lower()
-        element = SubElement(definitions, f"{kind}CharacteristicDefinition", id=str(definition))
-        _text(element, "Name", term)
-        if one.required is None:
-            _text(element, "NonTolerance", "MEASURED")
-        else:
-            limits = SubElement(element, "Tolerance")
-            _text(limits, "MaxValue", _decimal(one.required[1][1]))
-            _text(limits, "MinValue", _decimal(one.required[1][0]))
-            _text(limits, "DefinedAsLimit", "false")
-        element = SubElement(nominals, f"{kind}CharacteristicNominal", id=str(nominal))
-        _text(element, "CharacteristicDefinitionId", str(definition))
-        _text(element, "Name", term)
-        if one.required is not None:
-            _text(element, "TargetValue", _decimal(one.required[0]))
-        made.append([])
-        for section in inspection.sections:
-            made[-1].append(next(ids))
-            element = SubElement(items, f"{kind}CharacteristicItem", id=str(made[-1][-1]))
-            place = " ".join(_decimal(float(x)) for x in section.origin_mm)
-            _attributes(element, {"arc length mm": _decimal(section.arc_length_mm), "origin in the base mm": place})
-            _text(element, "Name", f"{term} {one.symbol}, section {section.index}")
-            designator = SubElement(element, "CharacteristicDesignator")
-            _text(designator, "Designator", f"{one.symbol}-{section.index}")
-            _ids(element, "MeasurementDeviceIds", devices)
-            _text(element, "CharacteristicNominalId", str(nominal))
-    return made
-
-
-def _results(
-    root: Element,
-    inspection: JointInspection,
-    provenance: Provenance | None,
-    found: tuple[Characteristic, ...],
-    items: list[list[int]],
-    devices: list[int],
-    ids: Iterator[int],
-) -> None:
-    results = SubElement(root, "Results")
-    component, part = next(ids), inspection.part
-    made = SubElement(SubElement(results, "MeasurementResultsSet", n="1"), "MeasurementResults", id=str(next(ids)))
-    _attributes(made, dict(_context(inspection, provenance)))
-    _traceability(made, part, provenance)
-    _text(made, "ThisResultsInstanceQPId", _unique(inspection, provenance, "results"))
-    measured = SubElement(
-        SubElement(made, "MeasuredCharacteristics"), "CharacteristicMeasurements", n=str(sum(map(len, items)))
+    templates = Environment(
+        loader=PackageLoader("workbench.export", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=lambda value: value if isinstance(value, Markup) else _plain(str(value)),
     )
-    for one, mine in zip(found, items, strict=True):
-        for item, pair, verdict in zip(mine, one.pairs, one.verdicts, strict=True):
-            element = SubElement(measured, f"{kind_of(one)}CharacteristicMeasurement", id=str(next(ids)))
-            status = SubElement(element, "Status")
-            _text(element, "CharacteristicItemId", str(item))
-            _text(element, "ActualComponentId", str(component))
-            _ids(element, "MeasurementDeviceIds", devices)
-            told = "hidden" if pair is None else verdict or "nothing required"
-            _text(status, "CharacteristicStatusEnum", STATUS_OF_ONE[told])
-            if pair is not None:
-                _text(element, "Value", _decimal(pair[0])).set("combinedUncertainty", _decimal(pair[1]))
-    _text(SubElement(made, "InspectionStatus"), "InspectionStatusEnum", STATUS[inspection.verdict])
-    _ids(made, "ActualComponentIds", [component])
-    whole = SubElement(SubElement(results, "ActualComponentSets", n="1"), "ActualComponentSet", n="1")
-    actual = SubElement(whole, "ActualComponent", id=str(component))
-    if part.part_id:
-        _text(actual, "SerialNumber", part.part_id)
-    _text(SubElement(actual, "Status"), "InspectionStatusEnum", STATUS[inspection.verdict])
+    templates.filters |= {"decimal": _decimal, "date_time": date_time}
+    return templates.get_template("qif.xml.j2").render(values)
 
 
-def _traceability(parent: Element, part: Part, provenance: Provenance | None) -> None:
-    """When, by whom and by which procedure it was measured; unknown is said, but for the start, which must be a time.
+def _values(inspection: JointInspection, provenance: Provenance | None) -> dict[str, Any]:
+    """What the template takes; ids in the order of the definitions."""
+    ids, part = itertools.count(1), inspection.part
+    version = provenance.versions.get("workbench", "") if provenance else ""
+    values: dict[str, Any] = {
+        "document": _unique(inspection, provenance, "document"),
+        "instance": _unique(inspection, provenance, "results"),
+        "program": f"workbench {version}".strip(),
+        "title": provenance.title if provenance else f"inspection of a {inspection.WHAT}",
+        "part": part,
+        "standard": next(ids),
+        "devices": list(_devices(part, ids)),
+        "product": next(ids),
+        "found": [_characteristic(one, inspection, ids) for one in inspection.characteristics],
+        "component": next(ids),
+        "results": next(ids),
+        "count": len(inspection.characteristics) * len(inspection.sections),
+        "context": dict(_context(inspection, provenance)),
+        "procedure": _traceability(part, provenance),
+        "status": STATUS[inspection.verdict],
+    }
+    for one in (section for each in values["found"] for section in each["sections"]):
+        one["measurement"] = next(ids)
+    return {**values, "last_id": next(ids) - 1}
+
+
+def _devices(part: Part, ids: Iterator[int]) -> Iterator[dict[str, Any]]:
+    """The sensor and the robot that carried it, each with what is known of its calibration."""
+    sensor = {"calibrated at": part.sensor_calibrated_at}
+    robot = {"hand-eye calibration": part.hand_eye, "hand-eye calibrated at": part.hand_eye_calibrated_at}
+    for name, what, serial, facts in (
+        (part.sensor, "laser profile sensor", part.sensor_serial, sensor),
+        (part.robot, "robot that carries the sensor", part.robot_serial, robot),
+    ):
+        told = {key: text or "unknown" for key, text in facts.items()}
+        yield {"id": next(ids), "name": name, "what": what, "serial": serial, "facts": told}
+
+
+def _characteristic(one: Characteristic, inspection: JointInspection, ids: Iterator[int]) -> dict[str, Any]:
+    """A size: its definition, its nominal value, and in each section item, value and status."""
+    return {
+        "kind": kind_of(one),
+        "term": one.term.lower(),
+        "symbol": one.symbol,
+        "required": one.required,
+        "definition": next(ids),
+        "nominal": next(ids),
+        "sections": [
+            {
+                "item": next(ids),
+                "index": section.index,
+                "arc_length_mm": section.arc_length_mm,
+                "origin_mm": section.origin_mm.tolist(),
+                "pair": pair,
+                "status": STATUS_OF_ONE["hidden" if pair is None else verdict or "nothing required"],
+            }
+            for section, pair, verdict in zip(inspection.sections, one.pairs, one.verdicts, strict=True)
+        ],
+    }
+
+
+def _traceability(part: Part, provenance: Provenance | None) -> dict[str, str]:
+    """By which procedure it was measured, and what of its traceability is unknown.
 
     QIF's own InspectionProgram must name an author and a formal standard, which nobody states here: the procedure is
     an attribute.
     """
-    trace = SubElement(parent, "InspectionTraceability")
-    if part.recorded_at:
-        _text(trace, "InspectionStart", date_time(part.recorded_at))
-    _text(SubElement(trace, "InspectionOperator"), "Name", part.operator or "unknown")
     told = {"measurement procedure": "unknown"}
     if provenance:
         digest = content_digest(_procedure(provenance))
         told = {"measurement procedure": provenance.title or "pipeline", "measurement procedure SHA-256": digest}
-    _attributes(trace, told | ({} if part.recorded_at else {"inspection start": "unknown"}))
+    return told | ({} if part.recorded_at else {"inspection start": "unknown"})
 
 
 def _procedure(provenance: Provenance) -> dict[str, Any]:
@@ -288,24 +199,6 @@ def _unique(inspection: JointInspection, provenance: Provenance | None, role: st
     known.update(repr(inspection.part).encode())
     known.update(repr(provenance.inputs if provenance else ()).encode())
     return str(uuid.UUID(bytes=known.digest()[:16], version=4))
-
-
-def _attributes(parent: Element, values: dict[str, str]) -> None:
-    holder = SubElement(parent, "Attributes", n=str(len(values)))
-    for name, value in values.items():
-        SubElement(holder, "AttributeStr", name=name, value=_plain(value))
-
-
-def _ids(parent: Element, name: str, values: list[int]) -> None:
-    holder = SubElement(parent, name, n=str(len(values)))
-    for value in values:
-        _text(holder, "Id", str(value))
-
-
-def _text(parent: Element, name: str, text: str) -> Element:
-    made = SubElement(parent, name)
-    made.text = _plain(text)
-    return made
 
 
 def _plain(text: str) -> str:

@@ -142,6 +142,8 @@ def _drawing(shapes: list[SectionShape]) -> Any:
         left, stop = _extent(shape)
         drawing.modelspace().add_blockref(block.name, (right - left, 0.0))
         right += stop - left + GAP_MM
+    for name in sorted(drawing.entitydb.dxf_types_in_use()):  # ezdxf adds them in the order of a set
+        drawing.classes.add_class(name)
     return drawing
 
 

@@ -319,8 +319,6 @@ def profile_drawing(profile: Profile) -> bytes:
     return figure.svg()
 
 
-# Anchors of a ramp from dark to light that keeps its order with any colour vision, and in grey.
-RAMP = np.array([[68, 1, 84], [65, 68, 135], [42, 120, 142], [34, 168, 132], [122, 209, 81]], float)
 SHARE = (1.0, 99.0)  # per cent of the values that the ramp spans; strays do not wash it out
 
 
@@ -361,14 +359,15 @@ def scene_of(found: Seen) -> Scene | None:
 
 
 def _shading(shade: Shade) -> Shading:
+    from workbench.report.marks import ramp
+
     low, high = np.percentile(shade.values, SHARE)
     if not high > low:
         low, high = float(shade.values.min()), float(shade.values.max())
-    steps = np.linspace(0.0, 1.0, 256)
-    palette = np.stack([np.interp(steps, np.linspace(0.0, 1.0, len(RAMP)), RAMP[:, k]) for k in range(3)], axis=1)
+    palette = ramp(np.linspace(0.0, 1.0, 256))
     index = np.round(255.0 * np.clip((shade.values - low) / max(high - low, 1e-12), 0.0, 1.0)).astype(np.uint8)
     legend = tuple(
-        (f"{low + part * (high - low):.6g}", "#{:02x}{:02x}{:02x}".format(*palette[round(255 * part)].astype(int)))
+        (f"{low + part * (high - low):.6g}", "#{:02x}{:02x}{:02x}".format(*palette[round(255 * part)]))
         for part in (0.0, 0.25, 0.5, 0.75, 1.0)
     )
-    return Shading(shade.name, index, palette.astype(np.uint8), legend)
+    return Shading(shade.name, index, palette, legend)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.artefacts.edges import required_in_file
+from workbench.artefacts.edges import required_in_file, u_name
 from workbench.page.store import Run, Store
 from workbench.strict_json import plain
 
@@ -32,7 +32,7 @@ def summary(folder: Path) -> dict[str, Any]:
     following = folder / NEXT_SCAN
     todo = json.loads(following.read_text(encoding="utf-8"))["sentence"] if following.is_file() else ""
     asked = required_in_file(tree["requirements"])
-    names = ("index", "arc_length_mm", "verdict", *asked, *(_u(name) for name in asked))
+    names = ("index", "arc_length_mm", "verdict", *asked, *(u_name(name) for name in asked))
     sections = [{name: one.get(name) for name in names} for one in tree.get("sections", [])]
     told = measured(tree.get("part") or {}, tree["requirements"], sections)
     told["record"]["todo"] = todo
@@ -48,11 +48,6 @@ def measured(identity: Mapping[str, Any], required: Any, sections: Sequence[Mapp
         "tool": identity.get("tool"),
     }
     return {"part": identity.get("part_id"), "sizes": sizes(sections), "record": plain(record)}
-
-
-def _u(size: str) -> str:
-    name, _, unit = size.rpartition("_")
-    return f"{name}_u_{unit}"
 
 
 def _named(identity: Mapping[str, Any], *names: str) -> str | None:

@@ -1,150 +1,34 @@
-"""`Pipeline`: load, check, run. The command line and a notebook go through the same few lines.
-
-With a cache of what stages made, what rests on nothing that changed is not computed again. A stage's result is found by
-the digest of the code of its package and of this one, the versions of the libraries, its parameters, and the digests of
-what it takes. What reads files or asks for the run's provenance is always run; the digest of its result stands for it.
-An entry whose content is not what was written is made anew.
-"""
+"""`Pipeline`: load, check, run. The command line and a notebook go through the same few lines."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import json
-import os
-import pickle
 import platform
-import stat
-import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from threading import Event
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 from workbench import __version__
 from workbench.artefacts import Gate, PathGate, Provenance
 from workbench.artefacts.showing import brief, shown
-from workbench.errors import InputError, OutputError, PipelineError, WorkbenchError, one_line
+from workbench.errors import InputError, PipelineError, WorkbenchError, one_line
 from workbench.parameters import jsonable
+from workbench.pipeline.cache import Made, StageCache
 from workbench.pipeline.catalogue import FILES
+from workbench.pipeline.digests import digesting
 from workbench.pipeline.document import PipelineDocument, check_document, parse_json, read_document
 from workbench.pipeline.output import OutputDirectory
 from workbench.pipeline.results import RUN_FILE, result_files, written
 from workbench.pipeline.terminal import Reporter, compilation_watch
-from workbench.pipeline.wiring import InputRecord, Plan, Step, makes_pages, plan
+from workbench.pipeline.wiring import Plan, Step, makes_pages, plan
 from workbench.stage import Role, Source
-from workbench.user_folder import forget, keep, package_digest
-
-Made: TypeAlias = tuple[tuple[Any, ...], list[str]]  # artefacts and warnings of a stage
-
-QUICK_S = 0.05  # what takes less is not kept: reading it back takes as long
-KEPT_DAYS = 30  # since an entry was last used
-SUFFIX = ".stage"
-
-
-class StageCache:
-    """The entries in one folder, for one run."""
-
-    def __init__(self, folder: Path, versions: Mapping[str, str]) -> None:
-        """`versions`: of the libraries that results rest on. Raises OutputError: the folder cannot be used."""
-        self.folder, self._versions = folder, dict(versions)
-        self._known: dict[str, str | None] = {}  # by step: what stands for its result
-        try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            status = folder.stat()
-            tempfile.TemporaryFile(dir=folder).close()
-        except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or error
-            raise OutputError(f"--cache {folder}", f"cannot be written: {why}") from None
-        if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
-            raise OutputError(
-                f"--cache {folder}", "expected a folder that you alone may write: its entries are trusted"
-            )
-        forget(f"*{SUFFIX}", self.folder, KEPT_DAYS)
-
-    def made(self, step: Step, run: Callable[[], Made]) -> Made:
-        """What the step makes, out of the cache or by `run`."""
-        key = self._key(step)
-        found = self._load(key) if key else None
-        if found is None:
-            start = time.perf_counter()
-            found = run()
-            slow = time.perf_counter() - start > QUICK_S
-            packed = _packed(found) if slow or key is None else None
-            if key is None and packed:
-                key = _digest(packed)
-            elif key and packed:
-                self._keep(key, packed)
-        self._known[step.id] = key
-        return found
-
-    def _key(self, step: Step) -> str | None:
-        """None: it has to be run."""
-        from pydantic_core import to_jsonable_python
-
-        taken = [self._known[one] for ids in step.sources.values() for one in ids]
-        if step.files or None in taken or any(issubclass(one.type, Provenance) for one in step.stage.sources):
-            return None
-        packages = {step.stage.function.__module__.partition(".")[0], "workbench"}
-        code = [(name, package_digest(name)) for name in sorted(packages)]
-        sources = {name: [self._known[one] for one in ids] for name, ids in step.sources.items()}
-        rests_on = [self._versions, code, step.stage.name, sources, to_jsonable_python(dict(step.parameters))]
-        return hashlib.sha256(json.dumps(rests_on, sort_keys=True).encode()).hexdigest()
-
-    def _load(self, key: str) -> Made | None:
-        path = self.folder / f"{key}{SUFFIX}"
-        try:
-            content = memoryview(path.read_bytes())
-            digest, sizes, body = _parts(content)
-            if hashlib.sha256(content[32:]).digest() != digest:
-                return None
-            buffers, at = [], sizes[0]
-            for size in sizes[1:]:
-                buffers.append(body[at : at + size])
-                at += size
-            made: Made = pickle.loads(body[: sizes[0]], buffers=buffers)
-            os.utime(path)
-            return made
-        except (OSError, ValueError, IndexError):  # not there, or cut short
-            return None
-
-    def _keep(self, key: str, packed: list[bytes | memoryview]) -> None:
-        sizes = json.dumps([len(part) for part in packed]).encode() + b"\n"
-        digest = hashlib.sha256(sizes)
-        for part in packed:
-            digest.update(part)
-        keep(self.folder / f"{key}{SUFFIX}", digest.digest(), sizes, *packed)
-
-
-def _packed(made: Made) -> list[bytes | memoryview] | None:
-    """A stage's result as bytes, large arrays by themselves; None: it holds what only this process knows."""
-    buffers: list[pickle.PickleBuffer] = []
-    try:
-        head = pickle.dumps(made, protocol=5, buffer_callback=buffers.append)
-    except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
-        return None
-    return [head, *(buffer.raw() for buffer in buffers)]
-
-
-def _digest(packed: list[bytes | memoryview]) -> str:
-    digest = hashlib.sha256()
-    for part in packed:
-        digest.update(part)
-    return digest.hexdigest()
-
-
-def _parts(content: memoryview) -> tuple[bytes, list[int], memoryview]:
-    """Digest, sizes of the parts, and the parts. Raises ValueError for what is no entry."""
-    end = bytes(content[32:100_000]).index(b"\n") + 32
-    return bytes(content[:32]), json.loads(bytes(content[32:end])), content[end + 1 :]
-
 
 A = TypeVar("A")
 VERSIONED = ("numpy", "scipy", "numba", "h5py", "pydantic", "open3d", "pyvista", "matplotlib")
@@ -395,65 +279,3 @@ def run_files(checked: Plan, results: Results) -> dict[str, bytes]:
         },
     )
     return files
-
-
-# The SHA-256 of a run's inputs, taken in a thread while the stages work: hashing can take longer than reading.
-
-BLOCK_BYTES = 2**20
-
-
-Fingerprint = tuple[int, int, int]
-
-
-class Digests:
-    """The digests of a run's input files, each to come."""
-
-    def __init__(self, started: dict[InputRecord, tuple[Fingerprint, Future[str]]]) -> None:
-        self._started = started
-
-    def all(self) -> list[tuple[str, str, str]]:
-        """Name, path as given and SHA-256 of every file, once; waits until all are known.
-
-        Raises InputError for a file that is not what it was when the run started.
-        """
-        found = []
-        for record, (before, digest) in self._started.items():
-            found.append((record.name, record.given, digest.result()))
-            if _fingerprint(record) != before:
-                raise InputError(record.given, "changed while the pipeline ran")
-        return list(dict.fromkeys(found))
-
-
-@contextmanager
-def digesting(records: Iterable[InputRecord]) -> Iterator[Digests]:
-    """Start hashing files; whoever leaves early, with an error, need not wait for the rest."""
-    stop = Event()
-    pool = ThreadPoolExecutor(max_workers=1)
-    try:
-        yield Digests({record: (_fingerprint(record), pool.submit(_sha256, record, stop)) for record in records})
-    finally:
-        stop.set()
-        pool.shutdown(cancel_futures=True)
-
-
-def _sha256(record: InputRecord, stop: Event) -> str:
-    digest, buffer = hashlib.sha256(), bytearray(BLOCK_BYTES)
-    with _readable(record), record.path.open("rb", buffering=0) as file:
-        while not stop.is_set() and (count := file.readinto(buffer)):
-            digest.update(memoryview(buffer)[:count])
-    return digest.hexdigest()
-
-
-def _fingerprint(record: InputRecord) -> Fingerprint:
-    """What changes when the file is written to or replaced."""
-    with _readable(record):
-        status = os.stat(record.path)
-    return status.st_ino, status.st_size, status.st_mtime_ns
-
-
-@contextmanager
-def _readable(record: InputRecord) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(record.given, f"cannot be read any more: {error.strerror}") from None

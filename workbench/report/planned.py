@@ -12,14 +12,12 @@ from workbench.errors import one_line
 from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.report.along import axes_at, developed, hidden_stretches
-from workbench.report.marks import AIR, rgb
+from workbench.report.marks import AIR, ramp, rgb
 from workbench.report.plot import Figure
 from workbench.report.text import COVERAGE, alike, decimals, span
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direction of a rough end face
-# viridis up to 0.86: it keeps its order with any colour vision, and in grey.
-ANCHORS = ("#440154", "#482677", "#3f4889", "#32658e", "#27808e", "#1f998a", "#2eb37c", "#5ec962", "#a2da37")
 SHADES = 64  # of a continuous scale
 MOST_NAMES = 12  # layers that a scale names
 
@@ -138,13 +136,6 @@ def thickness_mm(edge: Edge) -> Float:
         return np.full(len(edge.arc_length_mm), np.nan)
     rise = edge.upper_position_mm - edge.position_mm
     return np.asarray(np.einsum("ij,ij->i", rise, edge.across))
-
-
-def ramp(fraction: Float) -> AnyArray:
-    """(n, 3) uint8 for values (n,) from 0 (dark) to 1 (light)."""
-    known = np.array([rgb(anchor) for anchor in ANCHORS], float)
-    at = np.clip(np.nan_to_num(np.asarray(fraction, float)), 0.0, 1.0) * (len(known) - 1)
-    return np.stack([np.interp(at, np.arange(len(known)), known[:, k]) for k in range(3)], axis=-1).astype(np.uint8)
 
 
 def layer_colours(layer: AnyArray, count: int) -> AnyArray:

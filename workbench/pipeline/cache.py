@@ -1,0 +1,101 @@
+"""What stages made, kept: what rests on nothing that changed is not computed again.
+
+A stage's result is found by the digest of the code of its package and of this one, the versions of the libraries, its
+parameters, and the digests of what it takes. What reads files or asks for the run's provenance is always run; the
+digest of its result stands for it. An entry whose content is not what was written is made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+import stat
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from workbench.artefacts import Provenance
+from workbench.errors import OutputError
+from workbench.pipeline.wiring import Step
+from workbench.user_folder import forget, keep, package_digest
+
+Made: TypeAlias = tuple[tuple[Any, ...], list[str]]  # artefacts and warnings of a stage
+
+QUICK_S = 0.05  # what takes less is not kept: reading it back takes as long
+KEPT_DAYS = 30  # since an entry was last used
+SUFFIX = ".stage"
+DIGEST = hashlib.sha256().digest_size  # an entry begins with that of the rest
+
+
+class StageCache:
+    """The entries in one folder, for one run."""
+
+    def __init__(self, folder: Path, versions: Mapping[str, str]) -> None:
+        """`versions`: of the libraries that results rest on. Raises OutputError: the folder cannot be used."""
+        self.folder, self._versions = folder, dict(versions)
+        self._known: dict[str, str | None] = {}  # by step: what stands for its result
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            status = folder.stat()
+            tempfile.TemporaryFile(dir=folder).close()
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise OutputError(f"--cache {folder}", f"cannot be written: {why}") from None
+        if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
+            raise OutputError(
+                f"--cache {folder}", "expected a folder that you alone may write: its entries are trusted"
+            )
+        forget(f"*{SUFFIX}", self.folder, KEPT_DAYS)
+
+    def made(self, step: Step, run: Callable[[], Made]) -> Made:
+        """What the step makes, out of the cache or by `run`."""
+        key = self._key(step)
+        found = self._load(key) if key else None
+        if found is None:
+            start = time.perf_counter()
+            found = run()
+            slow = time.perf_counter() - start > QUICK_S
+            content = _pickled(found) if slow or key is None else None
+            if key is None and content:
+                key = hashlib.sha256(content).hexdigest()
+            elif key and content:
+                keep(self.folder / f"{key}{SUFFIX}", hashlib.sha256(content).digest(), content)
+        self._known[step.id] = key
+        return found
+
+    def _key(self, step: Step) -> str | None:
+        """None: it has to be run."""
+        from pydantic_core import to_jsonable_python
+
+        taken = [self._known[one] for ids in step.sources.values() for one in ids]
+        if step.files or None in taken or any(issubclass(one.type, Provenance) for one in step.stage.sources):
+            return None
+        packages = {step.stage.function.__module__.partition(".")[0], "workbench"}
+        code = [(name, package_digest(name)) for name in sorted(packages)]
+        sources = {name: [self._known[one] for one in ids] for name, ids in step.sources.items()}
+        rests_on = [self._versions, code, step.stage.name, sources, to_jsonable_python(dict(step.parameters))]
+        return hashlib.sha256(json.dumps(rests_on, sort_keys=True).encode()).hexdigest()
+
+    def _load(self, key: str) -> Made | None:
+        path = self.folder / f"{key}{SUFFIX}"
+        try:
+            content = memoryview(path.read_bytes())
+            if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:  # cut short, or not what was written
+                return None
+            made: Made = pickle.loads(content[DIGEST:])
+            os.utime(path)
+            return made
+        except OSError:  # not there
+            return None
+
+
+def _pickled(made: Made) -> bytes | None:
+    """A stage's result as bytes; None: it holds what only this process knows."""
+    try:
+        return pickle.dumps(made, protocol=pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
+        return None

@@ -48,7 +48,7 @@ def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):
     assert (chapter.title, chapter.verdict, chapter.part.part_id) == ("Closed loop", "pass", "B-17")
     assert chapter.summary == (
         f"root face {min(root):.3f} to {max(root):.3f} mm (required 1.5 mm), "
-        f"bevel {min(bevel):.2f} to {max(bevel):.2f}° (required 40°); nothing to rework"
+        f"bevel angle {min(bevel):.2f} to {max(bevel):.2f}° (required 40°); nothing to rework"
     )
     assert f"1 11.1 1.500 {first.root_mm:.4f} ± 0.0062 {first.root_mm - 1.5:+.3f} 40.00" in text
     assert "5 100.0 – – – – – –" in text

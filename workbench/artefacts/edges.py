@@ -17,6 +17,7 @@ from workbench.artefacts.evidence import UNKNOWN_PART, Check, Part, Unseen, Verd
 from workbench.artefacts.quantities import Quantity
 from workbench.artefacts.showing import AlongTheEdge, along_chart, rows_table
 from workbench.geometry.chains import FaceLines
+from workbench.pieces import table_html
 from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 # Face labels of a grid point, in `Edge.labels` (uint8).
@@ -201,11 +202,6 @@ class Characteristic:
 PLAIN_LETTERS = str.maketrans({"α": "alpha", "β": "beta", "₁": "1", "₂": "2"})
 
 
-def _cell(values: Mapping[str, Any], name: str) -> str:
-    value, u = values.get(name), values.get(u_name(name))
-    return "<td>not measured</td>" if value is None or u is None else f"<td>{value:.3f} ± {2 * u:.3f}</td>"
-
-
 class JointInspection(ABC):
     """A joint's preparation in sections against its requirements (ISO 14253-1 with guard band `guard_factor` * u)."""
 
@@ -231,14 +227,12 @@ class JointInspection(ABC):
 
     def more_html(self) -> str:
         """Verdict and reason, and a row a section: each size with U = 2 u."""
-        names = [one for one in self.sections[0].values if one in ALL_TERMS] if self.sections else []
-        heads = "".join(f"<th>{ALL_TERMS[name][0]}, {'°' if name.endswith('_deg') else 'mm'}</th>" for name in names)
-        rows = "".join(
-            f"<tr><td>{one.index}</td>{''.join(_cell(one.values, name) for name in names)}<td>{one.verdict}</td></tr>"
-            for one in self.sections
-        )
-        head = f"<tr><th>section</th>{heads}<th>verdict</th></tr>"
-        return f"<p><b>{self.verdict}</b>: {html.escape(self.reason)}</p><table>{head}{rows}</table>"
+        found = self.characteristics
+        head = ["section", *(f"{one.term}, {'°' if one.is_angle else 'mm'}" for one in found), "verdict"]
+        pairs = zip(*(one.pairs for one in found), strict=True)
+        cells = ([f"{pair[0]:.3f} ± {2 * pair[1]:.3f}" if pair else "not measured" for pair in row] for row in pairs)
+        rows = [[f"{s.index}", *row, s.verdict] for s, row in zip(self.sections, cells, strict=True)]
+        return f"<p><b>{self.verdict}</b>: {html.escape(self.reason)}</p>{table_html(head, rows)}"
 
     @property
     def required(self) -> Required:

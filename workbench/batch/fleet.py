@@ -13,9 +13,6 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from workbench import __version__
 from workbench.artefacts import u_name
@@ -24,8 +21,8 @@ from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capa
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.extras import Extra
-from workbench.pieces import styled, svg
 from workbench.report.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
+from workbench.report.plot import Axes, Figure
 from workbench.units import Float, Int, Shaped
 
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet
@@ -248,6 +245,7 @@ def _limits(size: str, wanted: tuple[float, tuple[float, float]]) -> str:
 
 
 COLUMNS = 3  # of small charts side by side
+WIDE_IN, CELL_IN = 10.4, 2.6  # of a figure; height of a small chart
 WITH_DOTS = 60  # parts up to which each value has a dot
 COLOURS = (MEASURED, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of the characteristics, in turn
 
@@ -255,35 +253,33 @@ COLOURS = (MEASURED, "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # o
 def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> bytes:
     """SVG: for each section the values over the moving ranges, with limits; signals stand out."""
     rows = math.ceil(len(charts) / COLUMNS)
-    with styled():
-        height = 2.6 * rows + 0.4
-        figure = Figure(figsize=(10.4, height))  # margins in inches: a layout engine takes as long as the drawing
-        outer = {"left": 0.07, "right": 0.99, "bottom": 0.4 / height, "top": 1 - 0.25 / height}
-        grid = figure.add_gridspec(rows, COLUMNS, hspace=0.28, wspace=0.2, **outer)
-        for k, chart in enumerate(charts):
-            row, column = divmod(k, COLUMNS)
-            inner = grid[row, column].subgridspec(2, 1, height_ratios=[3, 1], hspace=0.1)
-            values = figure.add_subplot(inner[0])
-            ranges = figure.add_subplot(inner[1], sharex=values)
-            _draw_values(values, chart, what, f"section {k + 1}")
-            _draw_ranges(ranges, chart)
-            if column == 0:
-                values.set_ylabel(f"{what.name}, {what.unit}")
-                ranges.set_ylabel("range")
-            if row == rows - 1 or k + COLUMNS >= len(charts):
-                ranges.set_xlabel("part")
-            ranges.xaxis.set_major_locator(MaxNLocator(integer=True))
-        return svg(figure)
+    height = CELL_IN * rows + 0.2
+    figure = Figure(figsize=(WIDE_IN, height))
+    for k, chart in enumerate(charts):
+        row, column = divmod(k, COLUMNS)
+        left, top = 0.07 + 0.32 * column, height - CELL_IN * row
+        places = ((top - 1.8, 1.5), (top - 2.3, 0.42))  # inches up, and high
+        values, ranges = (figure.add_axes((left, low / height, 0.27, high / height)) for low, high in places)
+        values.labelled["x"] = False
+        for axes in (values, ranges):
+            axes.integer = "x"
+            axes.set(xlim=(0.5, max(1, *(chart.order + 1)) + 0.5))
+        _draw_values(values, chart, what, f"section {k + 1}")
+        _draw_ranges(ranges, chart)
+        if column == 0:
+            values.set(ylabel=f"{what.name}, {what.unit}")
+            ranges.set(ylabel="range")
+        if row == rows - 1 or k + COLUMNS >= len(charts):
+            ranges.set(xlabel="part")
+    return figure.svg()
 
 
 def _draw_values(axes: Axes, chart: ControlChart, what: Characteristic, title: str) -> None:
-    axes.set_title(title, fontsize=9, loc="left", color=INK)
-    axes.tick_params(labelbottom=False)
+    axes.annotate(title, (0, 1), (0, 5), xycoords="axes fraction")
     part = chart.order + 1
     _draw_line(axes, part, chart.value)
-    low, high = _span([*chart.value, *chart.limits])
-    axes.set_ylim(low, high)
-    axes.axhspan(what.lower, what.upper, color=TOLERANCE, linewidth=0, zorder=0)
+    axes.set(ylim=_span([*chart.value, *chart.limits]))
+    _draw_tolerance(axes, what)
     for limit in (what.lower, what.upper):
         axes.axhline(limit, color=LIMIT, linewidth=1.0)
     if math.isfinite(chart.sigma):
@@ -291,22 +287,30 @@ def _draw_values(axes: Axes, chart: ControlChart, what: Characteristic, title: s
         for limit in chart.limits:
             axes.axhline(limit, color=REJECTED, linewidth=0.8, dashes=(4, 2.5))
     at = sorted({k for k, rule in chart.signals if rule})
-    axes.plot(part[at], chart.value[at], "o", color=REJECTED, markersize=4, zorder=4)
+    axes.points(part[at], chart.value[at], "o", color=REJECTED, markersize=4, zorder=4)
 
 
 def _draw_ranges(axes: Axes, chart: ControlChart) -> None:
     part = chart.order[1:] + 1
     _draw_line(axes, part, chart.moving_range)
-    axes.set_ylim(0, _span([0.0, *chart.moving_range, chart.range_limit])[1])
+    axes.set(ylim=(0, _span([0.0, *chart.moving_range, chart.range_limit])[1]))
     if math.isfinite(chart.range_limit):
         axes.axhline(chart.range_limit, color=REJECTED, linewidth=0.8, dashes=(4, 2.5))
     at = [k - 1 for k, rule in chart.signals if rule == 0]
-    axes.plot(part[at], chart.moving_range[at], "o", color=REJECTED, markersize=4, zorder=4)
+    axes.points(part[at], chart.moving_range[at], "o", color=REJECTED, markersize=4, zorder=4)
 
 
 def _draw_line(axes: Axes, part: Int, value: Float) -> None:
-    few = len(part) <= WITH_DOTS
-    axes.plot(part, value, "-o" if few else "-", color=MEASURED, linewidth=0.8, markersize=2.2, zorder=3)
+    axes.plot(part, value, color=MEASURED, linewidth=0.8, zorder=3)
+    if len(part) <= WITH_DOTS:
+        axes.points(part, value, "o", color=MEASURED, markersize=2.2, zorder=3)
+
+
+def _draw_tolerance(axes: Axes, what: Characteristic) -> None:
+    """The tolerance zone, as much of it as the axes show."""
+    shown = axes.get_ylim()
+    axes.axhspan(what.lower, what.upper, color=TOLERANCE, zorder=0)
+    axes.set(ylim=shown)
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:
@@ -318,27 +322,23 @@ def _span(values: Sequence[float]) -> tuple[float, float]:
 
 def trend_chart(found: Sequence[Characteristic]) -> bytes:
     """SVG: the mean over each part's sections, the lowest and the highest, and the straight line through the means."""
-    with styled():
-        figure = Figure(figsize=(10.4, 2.4 * len(found)))
-        figure.subplots_adjust(left=0.07, right=0.99, bottom=0.1, top=0.98, hspace=0.08)
-        for axes, what in zip(figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0], found, strict=True):
-            known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
-            inside = what.value[known]
-            mean = np.nanmean(inside, axis=1)
-            axes.fill_between(
-                known + 1, np.nanmin(inside, axis=1), np.nanmax(inside, axis=1), color=MEASURED, alpha=0.2, linewidth=0
-            )
-            _draw_line(axes, known + 1, mean)
-            fit = capability(part_means(what), np.zeros(len(what.value)), what.lower, what.upper)
-            if math.isfinite(fit.slope):
-                axes.plot(known + 1, mean.mean() + fit.slope * (known - known.mean()), color=INK, linewidth=1.2)
-            low, high = axes.get_ylim()
-            axes.axhspan(what.lower, what.upper, color=TOLERANCE, linewidth=0, zorder=0)
-            axes.set_ylim(low, high)
-            axes.set_ylabel(f"{what.name}, {what.unit}")
-        axes.set_xlabel("part, in the order given")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        return svg(figure)
+    figure = Figure(figsize=(WIDE_IN, 2.4 * len(found)))
+    rows = figure.subplots(len(found), 1, sharex=True)
+    figure.subplots_adjust(0.07, 0.1, 0.99, 0.98, hspace=0.08)
+    for axes, what in zip(rows, found, strict=True):
+        known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
+        inside = what.value[known]
+        mean = np.nanmean(inside, axis=1)
+        axes.fill_between(known + 1, np.nanmin(inside, axis=1), np.nanmax(inside, axis=1), color=MEASURED, alpha=0.2)
+        _draw_line(axes, known + 1, mean)
+        fit = capability(part_means(what), np.zeros(len(what.value)), what.lower, what.upper)
+        if math.isfinite(fit.slope):
+            axes.plot(known + 1, mean.mean() + fit.slope * (known - known.mean()), color=INK, linewidth=1.2)
+        _draw_tolerance(axes, what)
+        axes.set(ylabel=f"{what.name}, {what.unit}")
+        axes.integer = "x"
+    rows[-1].set(xlabel="part, in the order given")
+    return figure.svg()
 
 
 def part_means(what: Characteristic) -> Float:
@@ -351,19 +351,19 @@ def part_means(what: Characteristic) -> Float:
 
 def worst_chart(found: Sequence[Characteristic], counts: Int) -> bytes:
     """SVG: in how many parts each section has the smallest margin; counts (characteristics, sections)."""
-    with styled():
-        figure = Figure(figsize=(10.4, 2.3))
-        axes = figure.add_axes((0.07, 0.2, 0.78, 0.75))
-        sections, base = np.arange(1, counts.shape[1] + 1), np.zeros(counts.shape[1])
-        for what, colour, count in zip(found, itertools.cycle(COLOURS), counts, strict=False):
-            axes.bar(sections, count, bottom=base, color=colour, width=0.7, label=what.name)
-            base = base + count
-        axes.axhline(counts.sum() / counts.shape[1], color=INK, linewidth=1.0, dashes=(4, 2.5))
-        axes.set_xticks(sections)
-        axes.set_xlabel("section")
-        axes.set_ylabel("parts in which it is the worst")
-        axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-        return svg(figure)
+    figure = Figure(figsize=(WIDE_IN, 2.3))
+    axes = figure.add_axes((0.07, 0.2, 0.92, 0.66))
+    sections, base = range(1, counts.shape[1] + 1), np.zeros(counts.shape[1])
+    for what, colour, count in zip(found, itertools.cycle(COLOURS), counts, strict=False):
+        axes.plot([], [], color=colour, label=what.name)
+        for x, low, high in zip(sections, base, base + count, strict=True):
+            axes.fill([x - 0.35, x + 0.35, x + 0.35, x - 0.35], [low, low, high, high], facecolor=colour)
+        base = base + count
+    axes.axhline(counts.sum() / counts.shape[1], color=INK, linewidth=1.0, dashes=(4, 2.5))
+    names = [f"{section}" for section in sections]
+    axes.set(xticks=(sections, names), ylim=(0, None), xlabel="section", ylabel="parts in which\nit is the worst")
+    axes.legend()
+    return figure.svg()
 
 
 PART_COLUMNS = ("part", "part_id", "recording", "outcome", "cause", "verdict", "seconds")

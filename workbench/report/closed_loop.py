@@ -11,6 +11,7 @@ from workbench.errors import InputError, one_line
 from workbench.report.along import deviation_chart
 from workbench.report.planned import Compared, compared, duration, whole_run
 from workbench.report.scenes import loop_scene
+from workbench.report.tables import unit_of
 from workbench.report.text import data_address, decimals, measured, render, signed, span
 from workbench.stage import stage
 
@@ -39,43 +40,40 @@ def closed_loop_html(
     )
 
 
+def asked(toolpath: Toolpath) -> dict[str, float]:
+    """What the path was planned for, by the names of sizes."""
+    return {"root_mm": toolpath.root_mm, "bevel_deg": toolpath.bevel_deg}
+
+
 def closed_loop_summary(inspection: Inspection, toolpath: Toolpath, rework: Rework | None) -> str:
     """The loop in one line."""
-    root = [s.root_mm for s in inspection.sections if s.root_mm is not None]
-    bevel = [s.bevel_deg for s in inspection.sections if s.bevel_deg is not None]
-    done = f"; {one_line(rework.reason)}" if rework else ""
-    return (
-        f"root face {span(np.array(root), PLACES['root_mm'], ' mm')} (required {toolpath.root_mm:g} mm), "
-        f"bevel {span(np.array(bevel), PLACES['bevel_deg'], '°')} (required {toolpath.bevel_deg:g}°){done}"
+    sizes = (
+        f"{one.term.lower()} {span(one.quantity.value, PLACES[one.name], unit_of(one))} "
+        f"(required {asked(toolpath)[one.name]:g}{unit_of(one)})"
+        for one in inspection.characteristics
     )
+    return ", ".join(sizes) + (f"; {one_line(rework.reason)}" if rework else "")
 
 
 def contradictions(inspection: Inspection, toolpath: Toolpath) -> Iterator[str]:
     """Where the part was inspected against something else than was asked of the path."""
-    required = inspection.requirements
-    for name, unit, asked, nominal in (
-        ("root face", " mm", toolpath.root_mm, required.root_nominal_mm),
-        ("bevel angle", "°", toolpath.bevel_deg, required.bevel_nominal_deg),
-    ):
-        if abs(asked - nominal) > 1e-9:
-            yield f"the path was planned for a {name} of {asked:g}{unit}, the part inspected against {nominal:g}{unit}"
+    for name, (nominal, _) in inspection.required.items():
+        path, (term, _), unit = asked(toolpath)[name], inspection.terms[name], "°" if name.endswith("_deg") else " mm"
+        if abs(path - nominal) > 1e-9:
+            what = f"the path was planned for a {term.lower()} of {path:g}{unit}"
+            yield f"{what}, the part inspected against {nominal:g}{unit}"
 
 
 def _summary_rows(inspection: Inspection, toolpath: Toolpath, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
     """Name, asked, planned, measured, measured less planned: mean and greatest."""
-    for name, unit, asked, key in (
-        ("Root face", " mm", toolpath.root_mm, "root_mm"),
-        ("Bevel angle", "°", toolpath.bevel_deg, "bevel_deg"),
-    ):
-        places = PLACES[key]
-        planned, found = (
-            np.array([np.nan if (v := getattr(each, key)) is None else v for each in them])
-            for them in (rows, inspection.sections)
-        )
+    for one in inspection.characteristics:
+        places, unit, found = PLACES[one.name], unit_of(one), one.quantity.value
+        planned = np.array([getattr(row, one.name) for row in rows], float)
         off = (found - planned)[np.isfinite(found - planned)]
-        mean = signed(float(off.mean()), places) + unit if len(off) else "–"
-        most = signed(float(off[np.argmax(np.abs(off))]), places) + unit if len(off) else "–"
-        yield name, f"{asked:g}{unit}", span(planned, places, unit), span(found, places, unit), mean, most
+        ends = (off.mean(), off[np.argmax(np.abs(off))]) if len(off) else ()
+        texts = [signed(float(end), places) + unit for end in ends] or ["–", "–"]
+        required = f"{asked(toolpath)[one.name]:g}{unit}"
+        yield one.term, required, span(planned, places, unit), span(found, places, unit), *texts
 
 
 def _section_rows(inspection: Inspection, rows: list[Compared]) -> Iterator[tuple[str, ...]]:
@@ -176,8 +174,8 @@ def closed_loop(
     if not toolpath.layers:
         raise InputError(toolpath.source or "path", "expected at least one layer")
     rows = compared(inspection, toolpath)
-    asked = {"root_mm": toolpath.root_mm, "bevel_deg": toolpath.bevel_deg}
-    chart = deviation_chart({"": inspection}, asked, {name: [getattr(row, name) for row in rows] for name in asked})
+    planned = {name: [getattr(row, name) for row in rows] for name in PLACES}
+    chart = deviation_chart({"": inspection}, asked(toolpath), planned)
     return Chapter(
         title="Closed loop",
         html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),

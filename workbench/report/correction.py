@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from workbench.artefacts import Chapter, Inspection, PathCorrection
+from workbench.artefacts import Chapter, Characteristic, Inspection, PathCorrection
 from workbench.artefacts.paths import CANCELS, NOT_INCLUDED
 from workbench.errors import one_line
 from workbench.pieces import minus
@@ -47,7 +47,7 @@ def correction_summary(found: PathCorrection, finished: Mapping[str, Inspection]
     said += [
         f"{name}: mean root face deviation {signed(off[0], 3)} mm"
         for name, one in finished.items()
-        if (off := _off(one, "root_mm"))
+        if (off := _off(one.characteristics[0]))
     ]
     return minus("; ".join(said))
 
@@ -75,16 +75,14 @@ def _found_rows(found: PathCorrection) -> Iterator[tuple[str, ...]]:
 def _finished_rows(finished: Mapping[str, Inspection]) -> Iterator[tuple[str, ...]]:
     for name, one in finished.items():
         cells: list[str] = []
-        for key, places in (("root_mm", 3), ("bevel_deg", 2)):
-            cells += [signed(value, places) for value in _off(one, key) or ()] or ["–", "–"]
+        for what in one.characteristics:
+            cells += [signed(value, 2 if what.is_angle else 3) for value in _off(what) or ()] or ["–", "–"]
         yield name, *cells, one.verdict
 
 
-def _off(inspection: Inspection, key: str) -> tuple[float, float] | None:
+def _off(what: Characteristic) -> tuple[float, float] | None:
     """Mean and greatest deviation of the sections from nominal; None where none was measured."""
-    needs = inspection.requirements
-    nominal = needs.root_nominal_mm if key == "root_mm" else needs.bevel_nominal_deg
-    known = np.array([v - nominal for s in inspection.sections if (v := getattr(s, key)) is not None])
+    known = np.array([pair[0] - what.required[0] for pair in what.pairs if pair and what.required])
     return (float(known.mean()), float(known[np.argmax(np.abs(known))])) if len(known) else None
 
 

@@ -219,7 +219,7 @@ def stepping_drawing(cloud: Cloud, edge: Edge, toolpath: Toolpath, stepped: Step
         (0.6 / (width + 0.65), 0.45 / (height + 0.5), width / (width + 0.65), height / (height + 0.5))
     )
     axes.set(xlim=(-LEFT_IN * inch, RIGHT_IN * inch), ylim=(-BELOW_IN * inch, top + ABOVE_IN * inch))
-    axes.integer = True
+    axes.integer = "xy"
     _draw_stock(axes, stepped, LEFT_IN * inch)
     _draw_points(axes, cloud, edge, stepped)
     _draw_layers(axes, toolpath, stepped, size)

@@ -70,7 +70,6 @@ class Figure:
     def __init__(self, figsize: tuple[float, float]) -> None:
         self.width, self.height = 72.0 * figsize[0], 72.0 * figsize[1]
         self.axes: list[Axes] = []
-        self._labels: list[str] = []
         self._grid: list[tuple[list[list[Axes]], Sequence[float]]] = []
 
     def add_axes(self, rect: tuple[float, float, float, float]) -> Axes:
@@ -116,14 +115,6 @@ class Figure:
                     one.rect = (left + j * width * (1.0 + wspace), up - high, width, high)
                 up -= high + hspace * height
 
-    def supxlabel(self, text: str, fontsize: float = SIZE) -> None:
-        """A label below all axes."""
-        self._labels.append(text_element(text, self.width / 2, self.height - 3, fontsize, "center", "bottom"))
-
-    def supylabel(self, text: str, fontsize: float = SIZE, x: float = 0.0) -> None:
-        """A label left of all axes."""
-        self._labels.append(text_element(text, x * self.width, self.height / 2, fontsize, "center", "top", UPRIGHT))
-
     def svg(self) -> bytes:
         """The file."""
         hatch = (
@@ -146,7 +137,7 @@ class Figure:
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{pt(self.width)}pt" height="{pt(self.height)}pt" '
             f'viewBox="0 0 {pt(self.width)} {pt(self.height)}" font-family="{FONT}">\n'
-            f"<defs>{''.join(clips)}</defs>\n" + "\n".join([*parts, *self._labels]) + "\n</svg>\n"
+            f"<defs>{''.join(clips)}</defs>\n" + "\n".join(parts) + "\n</svg>\n"
         ).encode()
 
 
@@ -189,7 +180,7 @@ class Axes:
     bars: list[Limits] = field(default_factory=list)
     labels: dict[str, str] = field(default_factory=lambda: {"x": "", "y": ""})
     equal: bool = False
-    integer: bool = False
+    integer: str = ""  # axes whose ticks are whole numbers
     spine_hidden: bool = False
     y_label_at: float | None = None
     tick_size: float = SIZE
@@ -540,7 +531,9 @@ class Axes:
         if axis in self.ticks:
             return self.ticks[axis]
         room = self.box[2 if axis == "x" else 3]
-        return nice_ticks(self.shared[axis].limits(), max(2, int(room / TICKS_EACH_PT[axis])), integer=self.integer)
+        return nice_ticks(
+            self.shared[axis].limits(), max(2, int(room / TICKS_EACH_PT[axis])), integer=axis in self.integer
+        )
 
     def _frame(self) -> str:
         """Left and lower border, ticks, their labels, and what the axes show."""

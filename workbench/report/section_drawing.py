@@ -136,8 +136,8 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
         draw_deviations(axes, drawn, limit)
     for axes in grid.flat[len(all_drawn) :]:
         axes.visible = False
-    figure.supxlabel("u along the root face's outward normal, mm", fontsize=9)
-    figure.supylabel("v from the lower to the upper side, mm", fontsize=9, x=0.004)
+    grid[-1, COLUMNS // 2].set(xlabel="u along the root face's outward normal, mm")
+    grid[(rows - 1) // 2, 0].set(ylabel="v from the lower to the upper side, mm")
     return figure.svg()
 
 

@@ -184,8 +184,8 @@ class RequirementsRow(Row):
     bevel_tolerance_deg: tuple[Number, Number]
 
 
-class SectionRow(Row):
-    """An inspected section: its plane in the base, the values in it, their standard uncertainties."""
+class JointSection(Row):
+    """A section of a joint: its plane in the base. Sizes stand in further keys, each with its standard uncertainty."""
 
     index: Annotated[int, Field(ge=1)]
     arc_length_mm: Number
@@ -193,13 +193,18 @@ class SectionRow(Row):
     tangent: Vector
     normal: Vector | None = None
     across: Vector | None = None
+    quantities: list[QuantityRow] = Field(default_factory=list)
+    verdict: Verdict
+    reason: str = ""
+
+
+class SectionRow(JointSection):
+    """A section of a bevel: the values in it, their standard uncertainties."""
+
     root_mm: Unknown
     root_u_mm: UnknownU
     bevel_deg: Unknown
     bevel_u_deg: UnknownU
-    quantities: list[QuantityRow] = Field(default_factory=list)
-    verdict: Verdict
-    reason: str = ""
 
 
 class ProfileColumns(Row):
@@ -493,16 +498,10 @@ class CornerRow(Row):
     column: Unknown
 
 
-class GrooveSection(Row):
-    """A section of a groove; sizes stand in further keys, each with its standard uncertainty (docs/pipelines.md)."""
+class GrooveSection(JointSection):
+    """A section of a groove or of one plate, with its corners (docs/pipelines.md)."""
 
-    index: Annotated[int, Field(ge=1)]
-    arc_length_mm: Number
-    origin_mm: Vector
-    tangent: Vector
     corners: list[CornerRow]
-    quantities: list[QuantityRow] = Field(default_factory=list)
-    verdict: Verdict
 
 
 class JointFile(PartFile):

@@ -262,7 +262,7 @@ def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
 def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
     with pytest.raises(InputError, match="found_share"):
         measured("odd", "J", 722)
-    with pytest.raises(InputError, match="groove_unread"):  # three returns on a steep bevel, in half of the profiles
+    with pytest.raises(InputError, match="agreement"):  # three returns on a steep bevel, in half of the profiles
         measured("odd", "K", 605)
 
 

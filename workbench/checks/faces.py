@@ -15,10 +15,8 @@ from workbench.checks.levels import beside_check
 from workbench.checks.limits import Bound, check, least, most
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.straightness import NAMES, Straightness, straight_checks, straightness
-from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median
-from workbench.kernels import kernel
-from workbench.units import DEG, AnyArray, Bool, Float
+from workbench.units import DEG, AnyArray, Float
 
 SAMPLE = 40  # frames with faces
 COUNTED = 500  # frames, of which eight times as many tell the share that shows faces
@@ -30,7 +28,6 @@ PARTED_DEG = 8.0  # a face beyond the bevel that turns by more is another face: 
 FURTHER = "further_face_deg"
 HOLLOW = 12.0 * DEG  # turn beyond which a surface turns back, and within which it goes on
 RIGHT, UPRIGHT = 90.0 * DEG, 15.0 * DEG  # the plate's surface stands upright on its root face to within this
-COLUMNS = 1.5  # robust standard deviation of a width whose two ends alternate between neighbouring columns, at most
 SKIP, BESIDE = 4, 24  # columns at a corner that are left out, and of the surface beyond it
 FEW = 8  # columns of that surface at least
 LONG_MM = 1.0  # of that surface at least: a rounded edge is none
@@ -142,27 +139,23 @@ def judge_faces(
     """
     given = limits or {}
     every = thinning(len(labels), COUNTED)
-    shows, found = np.zeros((2, len(labels[::every])), bool)
-    _shown(as_input(cloud.keep[::every]), as_input(labels[::every]), shows, found)
+    shows = cloud.keep[::every].sum(axis=1) >= LEAST_RETURNS
+    found = np.isin(labels[::every], list(NAMES)).any(axis=1)
     share = float((found & shows).sum() / max(int(shows.sum()), 1))
     told = f"faces of a bevel were found in {100 * share:.0f} % of the frames: no bevel, or little of one?"
     rows = every * np.flatnonzero(found)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
     clear = _without_rim(cloud, labels, rim_mm) if rim_mm > 0.0 else labels
     shape = {face: straightness(cloud, clear, face) for face in NAMES}
-    scatter, blur = _size_scatter(cloud, labels, rows)
-    uneven = f"the width of what would be its root face scatters by {100 * scatter:.0f} % from frame to frame: no edge?"
     seen = [one for i in rows if (one := _corner_of(cloud, labels[i], int(i))) is not None]
     turns = dict.fromkeys(NAMES, _turn_of(seen))
     corner = stands_out(cloud, labels, *NAMES)
     out, close = beyond_bows(corner, shape.values())
     ledge = f"the corner of root face and bevel face stands out of them by {out:.2g} mm: a ledge, a burr there, "
     ledge += "a nose (inspect_preparation.json)?"
-    widest = max(most("size_scatter"), blur)
     return (
         check("found_share", share, told, given=given),
         *straight_checks(shape, turns, "a dome, a bar, a cable or a rounded groove", given),
-        check("size_scatter", scatter, uneven, given=given, default=widest),
         *_beyond_checks(seen, lies_on, given),
         check("corner_stands_out_mm", out, ledge, given=given),
         _ledge_check(close),
@@ -278,35 +271,6 @@ def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, 
     goes = [least < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = float(np.median(np.array(beyond)[goes])) if any(goes) else 0.0
     return share_of([one and abs(off) > ON for one in goes]), off / DEG  # second returns stand off both ways
-
-
-def _size_scatter(cloud: Cloud, labels: AnyArray, rows: AnyArray) -> tuple[float, float]:
-    """Robust standard deviation of the root face's width between neighbouring frames of the sample, over the width.
-
-    And what the columns alone may make it: each of its two ends falls on one column or the next.
-    """
-    grid = cloud.x_mm, cloud.z_mm
-    on = (labels[rows] == ROOT_FACE) & cloud.keep[rows]
-    counts = on.sum(axis=1)
-    rows, on, counts = rows[counts >= 2], on[counts >= 2], counts[counts >= 2]
-    spans = [np.where(on, v[rows], -np.inf).max(axis=1) - np.where(on, v[rows], np.inf).min(axis=1) for v in grid]
-    widths = np.hypot(*spans)
-    if len(widths) < LEAST_FRAMES or not np.median(widths) > 0:
-        return 0.0, 0.0
-    scatter = np.median(np.abs(np.diff(widths))) / 0.6745 / np.sqrt(2.0)
-    return float(scatter / np.median(widths)), float(COLUMNS / np.median(counts))
-
-
-@kernel
-def _shown(keep: Bool, labels: AnyArray, shows: Bool, found: Bool) -> None:
-    """Frames (N,) that show something, and those that have a point of the faces."""
-    for i in range(keep.shape[0]):
-        returns = j = 0
-        while j < keep.shape[1] and not (returns >= LEAST_RETURNS and found[i]):
-            returns += keep[i, j]
-            found[i] |= labels[i, j] == ROOT_FACE or labels[i, j] == BEVEL_FACE
-            j += 1
-        shows[i] = returns >= LEAST_RETURNS
 
 
 def share_of(found: list[bool]) -> float:

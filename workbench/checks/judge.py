@@ -380,48 +380,65 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
         f"the sensor has averaged its profiles over {traces.mean_columns:.2g} columns: switch its smoothing filter off"
     )
     yield check("mean_columns", traces.mean_columns, told, given=given)
-    told = f"the sensor has averaged over {traces.mean_frames:.0f} frames, which blurs what changes along the edge"
-    told = told if traces.mean_frames else "no mean over frames is seen"
-    yield Check("mean_frames", traces.mean_frames, None, True, "in the uncertainty of the face's end", told)
     told = (
         f"{100 * traces.held_end_share:.0f} % of the short gaps in faces hold the value beside them, or continue its "
         "slope: a median filter, or lost returns filled? "
     )
     yield check("held_end_share", traces.held_end_share, told + "switch the sensor's filters off", given=given)
-    ranges = some_frames(recording)
-    dropped = dropped_columns(ranges)
-    told = "single losses leave gaps of one column, or too few were seen"
-    if dropped:
-        told = f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much"
-    yield Check("dropped_columns", dropped, None, True, "in the uncertainty of the face's end", told)
-    seen = telling_returns(recording.z_mm)
-    yield from _fixed_end(seen)
-    yield _blind(seen)
+    yield from _told_of_sensor(recording, traces.mean_frames)
 
 
-def _fixed_end(seen: Bool) -> Iterator[Check]:
-    """Whether an end of all that returned may be the window's; told, not judged."""
-    share, columns = fixed_end_share(seen), hidden_columns(seen)
-    told = "returns end where the part does, or at the ends of the view"
-    if share > PINNED:
-        told = f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
-        told += "view to tell whether it ends there or the scanner's window does: an end of the window would not show"
-    reason = f"parts that move by {MOVED_MM:g} mm and more take their ends with them"
-    yield Check("fixed_end_share", share, None, True, reason, told)
-    told = "no end stays in one column, or no others are blind"
-    if columns:
-        told = f"returns end in one column, and elsewhere {columns} columns are blind side by side: the face that ends "
-        told += "there may go on by as much"
-    yield Check("hidden_columns", columns, None, True, "in the uncertainty of the face's end", told)
-
-
-def _blind(seen: Bool) -> Check:
-    """How many columns see nothing between others that measure; told, not judged."""
-    count = blind_columns(seen)
-    told = "every column between others measures"
-    if count:
-        told = f"{count} columns between others that measure never return: is the scanner's window dirty?"
-    return Check("blind_columns", count, None, True, "a face that ends beside them is known to their width", told)
+def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]:
+    """What may hide the end of a face, told and not judged: a name, its value, whether it is told, and how."""
+    seen, in_u = telling_returns(recording.z_mm), "in the uncertainty of the face's end"
+    dropped, share, hidden = dropped_columns(some_frames(recording)), fixed_end_share(seen), hidden_columns(seen)
+    blind = blind_columns(seen)
+    rows = (
+        (
+            "mean_frames",
+            mean_frames,
+            mean_frames > 0.0,
+            in_u,
+            "no mean over frames is seen",
+            f"the sensor has averaged over {mean_frames:.0f} frames, which blurs what changes along the edge",
+        ),
+        (
+            "dropped_columns",
+            dropped,
+            dropped > 0,
+            in_u,
+            "single losses leave gaps of one column, or too few were seen",
+            f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much",
+        ),
+        (
+            "fixed_end_share",
+            share,
+            share > PINNED,
+            f"parts that move by {MOVED_MM:g} mm and more take their ends along",
+            "returns end where the part does, or at the ends of the view",
+            f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
+            "view to tell whether it ends there or the scanner's window does: an end of the window would not show",
+        ),
+        (
+            "hidden_columns",
+            hidden,
+            hidden > 0,
+            in_u,
+            "no end stays in one column, or no others are blind",
+            f"returns end in one column, and elsewhere {hidden} columns are blind side by side: the face that ends "
+            "there may go on by as much",
+        ),
+        (
+            "blind_columns",
+            blind,
+            blind > 0,
+            "a face that ends beside them is known to their width",
+            "every column between others measures",
+            f"{blind} columns between others that measure never return: is the scanner's window dirty?",
+        ),
+    )
+    for name, value, is_told, reason, nothing, told in rows:
+        yield Check(name, value, None, True, reason, told if is_told else nothing)
 
 
 def _hand_eye_check(hand_eye: Float, given: Mapping[str, Bound]) -> Check:

@@ -134,8 +134,10 @@ LIMITS: dict[str, Limit] = {
     ),
     "agreement": Limit(
         (0.6, 1.0),
-        "share of those that show the kind of face, or the preparation, that most do; of the worse plate",
-        "a plate is prepared alike along its edge; spatter and tack welds hide less",
+        "share of those, and of profiles with a face that is not to be read, that show the kind of face, or the "
+        "preparation, that most do; of the worse plate",
+        "a plate is prepared alike along its edge; spatter and tack welds hide less, U and J grooves leave up to 0.3 "
+        "unread; what the lesser part of the profiles shows is mostly the upper one of two faces",
     ),
     "root_seen_share": Limit(
         (0.34, 1.0),
@@ -217,12 +219,6 @@ LIMITS: dict[str, Limit] = {
         "of a prepared plate or a groove, returns of a profile on its narrowest face, clear of the corners",
         "fewer do not tell whether it is straight: a rounded corner passes for a face",
     ),
-    "size_scatter": Limit(
-        0.3,
-        "scatter of the root face's width from frame to frame, over its width; 1.5 columns where that is more",
-        "a root face changes slowly along the edge, by up to 0.25 where it is rough by a fifth of it; what is cut "
-        "out of noise by more",
-    ),
     "corner_stands_out_mm": Limit(
         0.01,
         "how far returns within 0.25 mm of the corner of root face and bevel face stand out of both on average, beyond "
@@ -253,21 +249,11 @@ LIMITS: dict[str, Limit] = {
         "share of some profiles in which two level plates with a groove between them were found, of a single edge",
         "grooves show them in 0.9 and more, edges beside a table or a fixture in less than 0.1",
     ),
-    "groove_told_share": Limit(
-        (0.34, 1.0),
-        "share of the groove's length at which its width is told",
-        "what is told here and there only may be anything: spatter, a step between plates that touch",
-    ),
     "groove_compound": Limit(
         0.2,
         "share of the profiles in which a plate of a groove shows a face above a steeper one",
         "plain grooves come to 0.05 among spatter and tack welds; bevels of two angles mostly to 0.4 and more, and "
         "what the other profiles showed of these was measured as one",
-    ),
-    "groove_unread": Limit(
-        0.5,
-        "share of the profiles with two plates in which a face could not be read",
-        "U and J grooves come to 0.3; what the lesser part of the profiles shows is mostly the upper one of two faces",
     ),
     "root_extent_mm": Limit(
         (-0.1, 1.0),

@@ -90,10 +90,10 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         return traces
     correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
     is_whole = plain & used.all(axis=1)
-    whole, level = off[is_whole], _off_trend(pieces_z[is_whole])
-    if mean and not (_blind(whole, mean) or _blind(level, mean)):
+    whole = _off_trend(pieces_z[is_whole])
+    if mean and not _blind(whole, mean):
         mean = 0.0
-    if min(fading(whole, digit), fading(level, digit)) < FILTERED:
+    if fading(whole, digit) < FILTERED:
         alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
         mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
     return replace(traces, noise_mm=noise, mean_columns=mean)

@@ -127,13 +127,15 @@ def _read_checks(read: ReadFrames, given: Mapping[str, Bound]) -> list[Check]:
     few += f", in {100 * read.unread:.0f} % a face is too steep, low or curved to read" if read.unread else ""
     two = f"in {100 * read.compound:.0f} % of the profiles a plate shows a face above a steeper one: a compound bevel, "
     two += "or one whose upper edge is dressed?"
-    unread = f"in {100 * read.unread:.0f} % of the profiles a face is too steep, low or curved to read: two faces?"
-    mixed = f"{100 * read.agreement:.0f} % of the profiles agree on the faces of the plates: is it one groove?"
+    agree = read.agreement * read.share / max(read.share + read.unread, 1e-9)
+    mixed = (
+        f"{100 * agree:.0f} % of the profiles agree on the faces of the plates, in {100 * read.unread:.0f} % a face is "
+    )
+    mixed += "too steep, low or curved to read: is it one groove, or a plate with two faces?"
     return [
         check("found_share", read.share, f"{few}: no groove?", given=given),
         check("groove_compound", read.compound, two, given=given),
-        check("groove_unread", read.unread, unread, given=given),
-        check("agreement", read.agreement, mixed, given=given),
+        check("agreement", agree, mixed, given=given),
     ]
 
 
@@ -160,10 +162,7 @@ def _checks(
     uneven = f"one root begins {100 * measured.uneven:.0f} % of the preparation's depth above the other: a bevel of "
     uneven += "which the view hides the lower part?"
     short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
-    told = float(np.isfinite(measured.sizes["width_mm"].value).mean())
-    seldom = f"the groove's width is told along {100 * told:.0f} % of its length: no groove, or one that is covered?"
     return [
-        check("groove_told_share", told, seldom, given=given),
         check("groove_level", level, stands, given=given),
         check(
             "groove_overlap_mm",

@@ -70,10 +70,10 @@ LIMITS: dict[str, Limit] = {
         "over more columns bends narrow faces",
     ),
     "held_end_share": Limit(
-        0.3,
+        0.1,
         "share of the short gaps, filled ones among them, whose ranges hold the one beside them, or continue its "
         "slope, to the digit and more often than noise does",
-        "a median, or a filter that fills lost returns, comes to 0.3 and more; good recordings have up to 0.1",
+        "a median, or a filter that fills lost returns, comes to 0.25 and more; good recordings have 0.00",
     ),
     "range_step_mm": Limit(
         0.02,

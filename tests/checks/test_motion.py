@@ -16,6 +16,10 @@ COUNT = 11
 STEADY = np.stack([20.0 * TIME, 3.0 * np.sin(2.0 * TIME), 500.0 + 0.0 * TIME], axis=1)
 
 
+STRAIGHT = STEADY * [1.0, 0.0, 1.0] + np.random.default_rng(7).normal(0.0, 0.02, STEADY.shape)
+DROPPED = np.abs(TIME - 1.5) < 0.5
+
+
 def of(place: Float, time: Float = TIME) -> float:
     return jump_mm(time, place, np.zeros(len(time), np.int64))
 
@@ -27,6 +31,8 @@ def after(k: int, by: Float) -> Float:
 @pytest.mark.parametrize("by", [[-2.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 1.0, 0.0]])
 def test_a_slip_is_told(by: list[float]) -> None:
     assert of(STEADY + after(120, np.array(by))) == pytest.approx(np.linalg.norm(by), abs=0.01)
+    noisy = STRAIGHT + after(150, np.array(by))
+    assert of(noisy[~DROPPED], TIME[~DROPPED]) == pytest.approx(np.linalg.norm(by), abs=0.2)
 
 
 def test_what_robots_do_is_no_jump() -> None:
@@ -42,6 +48,8 @@ def test_what_robots_do_is_no_jump() -> None:
     for place in (STEADY, STEADY + noise, back, held, hung, 10.0 * slows):
         assert of(place) < 0.5
     assert of(STEADY, waits) < 0.5  # stop and go
+    for sway_mm in (0.0, 0.3):  # of a dense stream a second is missing
+        assert of((STRAIGHT + sway_mm * np.sin(4.0 * TIME)[:, None])[~DROPPED], TIME[~DROPPED]) < 0.5
     assert of(STEADY[:2], TIME[:2]) == 0.0
     last = np.append(TIME, TIME[-1] + 1e-4)  # a pose right before the end: what it moved is noise
     steady = np.vstack([STEADY, STEADY[-1]]) + np.random.default_rng(6).normal(0.0, 0.02, (301, 3))

@@ -240,7 +240,8 @@ SINGLE = 8.0  # times what nine in ten of a pass's poses are off: a jump is sing
 def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
     """The greatest single jump of positions (k, 3) at times (k,), against the motion before and after it, mm.
 
-    Over three steps: a pose that comes late, and is made up for, is none.
+    Over three steps: a pose that comes late, and is made up for, is none. Velocities are taken over as much time as the
+    longest of these steps: over less, noise of the poses beside a drop-out is enlarged across it.
     """
     found = 0.0
     for number in np.unique(pass_index):
@@ -249,16 +250,33 @@ def jump_mm(time_s: Float, position_mm: Float, pass_index: Int) -> float:
             continue
         time, place = time_s[mine], position_mm[mine]
         step, took = np.diff(place, axis=0), np.diff(time)
-        velocity = step / np.maximum(took, 1e-9)[:, None]
-        way, while_s = place[4:-1] - place[1:-4], (time[4:-1] - time[1:-4])[:, None]
-        by_time = _beyond(way, velocity[:-4] * while_s, velocity[4:] * while_s)
-        by_count = _beyond(way, 3.0 * step[:-4], 3.0 * step[4:])
-        off = np.minimum(by_time, by_count)
-        before, after = np.linalg.norm(velocity[:-4], axis=1), np.linalg.norm(velocity[4:], axis=1)
-        alike = np.linalg.norm(velocity[:-4] - velocity[4:], axis=1) <= ALIKE * np.maximum(before, after)
-        single = alike & (off > SINGLE * np.quantile(off, 0.9))
-        found = max(found, float(off[single].max(initial=0.0)))
+        first = np.arange(1, len(time) - 4)
+        last = first + 3
+        longest = np.max([took[1:-3], took[2:-2], took[3:-1]], axis=0)
+        begin = np.minimum(np.searchsorted(time, time[first] - longest), first - 1)
+        end = np.maximum(np.searchsorted(time, time[last] + longest, side="right") - 1, last + 1)
+        before_s, while_s, after_s = np.maximum(np.diff(time[[begin, first, last, end]], axis=0), 1e-9)
+        before = (place[first] - place[begin]) / before_s[:, None]
+        after = (place[end] - place[last]) / after_s[:, None]
+        way = place[last] - place[first]
+        by_time = _beyond(way, before * while_s[:, None], after * while_s[:, None])
+        off = np.minimum(by_time, _beyond(way, 3.0 * step[:-4], 3.0 * step[4:]))
+        faster = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1))
+        alike = np.linalg.norm(before - after, axis=1) <= ALIKE * faster
+        u = while_s / np.minimum(before_s, after_s)  # of a way that noisy shorter ones foretell, relative
+        single = alike & (off > SINGLE * u * np.quantile(off / u, 0.9))
+        for i in np.flatnonzero(single):  # a sway that is twice as long as a drop-out makes four times of what strays
+            low, high = np.searchsorted(time, (time[first[i]] - 2.0 * longest[i], time[last[i]] + 2.0 * longest[i]))
+            beside = slice(low, first[i] + 1), slice(last[i], high)
+            if off[i] > max(found, *(0.5 * SINGLE * _stray_mm(time[poses], place[poses]) for poses in beside)):
+                found = float(off[i])
     return found
+
+
+def _stray_mm(time: Float, place: Float) -> float:
+    """By how much places (k, 3) at times (k,) stray from even motion from the first to the last."""
+    share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-9)
+    return float(np.linalg.norm(place - place[0] - share[:, None] * (place[-1] - place[0]), axis=1).max())
 
 
 def _beyond(way: Float, one: Float, other: Float) -> Float:

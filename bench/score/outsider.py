@@ -51,9 +51,12 @@ class Worn(Sharp):
 
 
 class Below(Worn):
-    """The same, seen from below the root face's normal, or squarely."""
+    """The same, seen from below the root face's normal, or squarely: nothing lies under the plate, which would hide it."""
 
     incline = (-20.0, 5.0)
+
+    def section(self, rng: np.random.Generator, is_raw: bool) -> Section:
+        return dataclasses.replace(super().section(rng, is_raw), table_mm=None)
 
 
 def stations(part: Part) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

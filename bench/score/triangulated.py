@@ -128,7 +128,7 @@ def below(seed: int) -> Drawn:
     rng = generator("score triangulated below", seed)
     part, eye, led = ordinary(rng, "milled", seed, -20.0, 5.0)
     eye, led, known = real(rng, eye, led, 0.005, 0.03)
-    part = replace(part, lower_radius_mm=float(rng.uniform(0.01, 0.3)))
+    part = replace(part, lower_radius_mm=float(rng.uniform(0.01, 0.3)), table_mm=None)  # a table would hide the edge
     drawn = made(part, eye, led, seed, known, f", rounded {part.lower_radius_mm:.3f} mm, {about_robot(known)}")
     across = drawn.truth["across"]
     return drawn._replace(declared=drawn.declared | {"upper_side": across[len(across) // 2].tolist()})

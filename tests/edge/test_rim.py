@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bench.outside import Part, Usual, drawn_section, simulate
-from bench.score.triangulated import below, sensor, way, workpiece
+from bench.score.outsider import below as outside_below
+from bench.score.parts import Drawn
+from bench.score.triangulated import below as triangulated_below
+from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import simulate as triangulated
 from workbench.artefacts import MilledEdge
 from workbench.cloud import denoise
@@ -70,12 +74,37 @@ def test_a_view_from_below_sees_all_of_a_rounding(seed: int, radius_mm: float, i
 @pytest.mark.parametrize("seed", [7300011, 7300002])
 def test_a_lower_surface_that_returns_here_and_there_is_no_rounding(seed: int) -> None:
     """It was averaged into the depths of the end: in a quarter of the frames it put that 0.36 mm too far, at 45 u."""
-    drawn = below(seed)
+    edge, off = seen_from_below(triangulated_below(seed))
+    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
+
+
+def seen_from_below(drawn: Drawn) -> tuple[MilledEdge, Float]:
+    """The edge, and the errors of its root face where it is seen."""
     names = ("upper_side", "root_nominal_mm", "bevel_nominal_deg")
     edge = segment(denoise(fuse(drawn.recording)), **{name: drawn.declared[name] for name in names})
     true = np.asarray(drawn.truth["position_mm"])
     near = ((edge.position_mm[edge.seen][:, None] - true) ** 2).sum(axis=2).argmin(axis=1)
-    off = edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
+    return edge, edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
+
+
+@pytest.mark.parametrize(
+    ("draw", "seed", "radius_mm"),
+    [(triangulated_below, 2508, 0.235), (triangulated_below, 2511, 0.240), (outside_below, 2515, 0.277)],
+)
+def test_a_rounding_between_root_face_and_lower_surface_is_measured(
+    draw: Callable[[int], Drawn], seed: int, radius_mm: float
+) -> None:
+    """It was refused as a corner in the root face, or turned that face's line."""
+    edge, off = seen_from_below(draw(seed))
+    assert np.abs(off).max() < 0.004
+    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
+    found = next(check.value for check in edge.checks if check.name == "edge_break_mm")
+    assert found == pytest.approx(radius_mm, rel=0.05)
+
+
+def test_a_lower_surface_that_is_lost_along_the_way_leaves_the_rounding_in_u() -> None:
+    """Its frames' last returns, on the rounding, counted as the corner of both faces: 0.025 mm off at 10 u."""
+    edge, off = seen_from_below(triangulated_below(2504))
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
 
 

@@ -94,7 +94,8 @@ def find_faces(
             "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame",
         )
     faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
-    lies_on = lower & seen & _turns_up(faces)
+    lower &= seen & (faces[LOWER_SURFACE].count > 0)
+    lies_on = lower & _turns_up(faces)
     end[~seen] = np.nan
     outward = np.where(seen, end[:, 3] * rising, 0).astype(np.int64)
     return TrackedFaces(
@@ -106,7 +107,7 @@ def find_faces(
         end[:, 4] == tracking.MIXED,
         _among_such((end[:, 4] == tracking.CUT) & ~lower, seen, cloud.pass_index),
         _among_such((end[:, 4] == tracking.BURR) & ~lies_on, seen, cloud.pass_index),
-        lower & seen,
+        lower,
         lies_on,
         labels,
         sigma,

@@ -22,6 +22,7 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
+from workbench.edge.lower_fillet import lower_fillet
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
@@ -59,6 +60,10 @@ HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twi
 ROUNDED = (
     "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
+)
+FILLETED = (
+    "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to where root face and lower surface "
+    "would meet"
 )
 LIES_ON = (
     "the plate lies on what joins the root face's lower end: sizes are those to where both cross, and by how much the "
@@ -120,13 +125,17 @@ def segment(
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
     rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
-    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
+    fillet = lower_fillet(cloud, tracked)
+    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm, fillet.radius_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
-    if rounding.size_mm > 0.0:
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
-        rounding = broken_end(cloud, root_rim(tracked, rounding.rim_mm), is_free_end(tracked), edge_condition)
+    if rounding.size_mm > 0.0 or fillet.radius_mm > 0.0:
+        rim = max(rounding.rim_mm, fillet.rim_mm)
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rim, upper_side)
+        rounding = broken_end(cloud, root_rim(tracked, rim), is_free_end(tracked), edge_condition)
+        fillet = lower_fillet(cloud, tracked)
     free = is_free_end(tracked)
-    checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
+    size_mm = max(rounding.size_mm, fillet.radius_mm)
+    checks = (*checks, edge_break_check(size_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
@@ -212,9 +221,11 @@ def milled_edge(
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
-    told: tuple[str, ...] = (
-        () if rounding.size_mm == 0 else (ROUNDED.format(rounding.size_mm, rounding.beyond_mm.max()),)
-    )
+    told: tuple[str, ...] = ()
+    if rounding.size_mm > 0.0:
+        told = (ROUNDED.format(rounding.size_mm, rounding.beyond_mm.max()),)
+    elif (size_mm := _value(checks, "edge_break_mm")) > 0.0:
+        told = (FILLETED.format(size_mm),)
     if tracked.lies_on.any():
         told += (LIES_ON,)
     if measured.faces.even is not None:

@@ -70,7 +70,8 @@ def _finite(a: Float) -> bool:
 def _limits(state: Float, side: float, margin_mm: float, rim_mm: float) -> Float:
     """Start and stop of each face along u = side * x, the margin at its ends taken off; empty if not seen.
 
-    rim_mm: taken off the free end of the root face besides, along x: it is rounded there.
+    rim_mm: taken off the lower end of the root face besides, along x, and as much of the lower surface: their edge is
+    rounded there.
     """
     limits = np.full((4, 2), np.nan)
     bevel_root = side * _crossing(state, BEVEL, ROOT)
@@ -87,8 +88,10 @@ def _limits(state: Float, side: float, margin_mm: float, rim_mm: float) -> Float
         margin = margin_mm / np.sqrt(1.0 + state[f, SLOPE] ** 2)
         limits[f, 0] += margin
         limits[f, 1] -= margin
-    if not state[LOWER, SEEN]:
-        limits[ROOT, 1] = max(limits[ROOT, 1] - rim_mm, 0.5 * (limits[ROOT, 0] + limits[ROOT, 1]))
+    limits[ROOT, 1] = max(limits[ROOT, 1] - rim_mm, 0.5 * (limits[ROOT, 0] + limits[ROOT, 1]))
+    if state[LOWER, SEEN]:
+        as_long = rim_mm * np.sqrt((1.0 + state[ROOT, SLOPE] ** 2) / (1.0 + state[LOWER, SLOPE] ** 2))
+        limits[LOWER, 0] = min(limits[LOWER, 0] + as_long, 0.5 * (limits[LOWER, 0] + limits[LOWER, 1]))
     return limits
 
 

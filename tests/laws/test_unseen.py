@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.score.outsider import sharp
 from workbench.artefacts import Inspection, MilledEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment
@@ -83,3 +84,20 @@ def test_a_hand_eye_pose_whose_u_is_known_is_no_doubt() -> None:
     known = segment(replace(cloud, hand_eye_covariance=np.diag([0.01] * 3 + [1e-8] * 3)))
     assert "hand_eye" in {one.name for one in as_it_is()[0].unseen}
     assert "hand_eye" not in {one.name for one in known.unseen}
+
+
+@pytest.mark.parametrize("lost", [0, 3])
+def test_an_end_that_stays_in_one_column_is_a_condition(lost: int) -> None:
+    """A straight way beside a straight part shows the part's own end as it shows a window that ends before it."""
+    drawn = sharp(2500)
+    scan = drawn.recording
+    seen = np.isfinite(scan.z_mm).sum(axis=0) > 0.5 * len(scan.z_mm)
+    ends = np.flatnonzero(seen)[[lost, -1 - lost]]
+    columns = np.arange(seen.size)
+    cut = np.where((columns >= ends[0]) & (columns <= ends[1]), scan.z_mm, np.nan).astype(np.float32)
+    nominal = {name: drawn.declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
+    edge = segment(denoise(fuse(replace(scan, z_mm=cut))), **nominal)
+    wide = {"root_tolerance_mm": (-1.0, 1.0), "bevel_tolerance_deg": (-10.0, 10.0)}
+    found = sections(edge, **nominal, **wide)
+    assert (found.verdict, [one.name for one in found.conditions]) == ("undecided", ["window_end"])
+    assert sections(edge, **nominal, **wide, accept_conditions=("window_end",)).verdict == "pass"

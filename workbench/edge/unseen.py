@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge, Quantity, Unseen
+from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import is_free_end
 from workbench.geometry.poses import rotation_from_vector
@@ -29,6 +30,13 @@ BY_TABLE = Unseen(
     "lies_on",
     "That what joins the root face's lower end is what the plate lies on: a stop that touches the root face further up "
     "looks alike.",
+    is_doubt=True,
+)
+BY_WINDOW = Unseen(
+    "window_end",
+    "That the root face ends where its returns do: in nearly all frames that is one and the same column, with none "
+    "beyond it, as where the sensor's window ends, or columns of it are blind. A scan that moves sideways by some "
+    "columns on its way tells.",
     is_doubt=True,
 )
 
@@ -94,6 +102,15 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
             0.0,
         ),
     )
+
+
+def ends_in_one_column(cloud: Cloud, tracked: TrackedFaces) -> bool:
+    """Does the root face end where the part and the sensor's window look alike: in one column, with none beyond it?"""
+    pinned = {one.name: one.value or 0.0 for one in cloud.checks}.get("fixed_end_share", 0.0)
+    column = np.abs(tracked.end_column[is_free_end(tracked)])
+    if not column.size or pinned <= PINNED:
+        return False
+    return bool(np.bincount(column).max() > PINNED * tracked.seen.sum())
 
 
 class _Section:

@@ -29,6 +29,8 @@ Tolerance = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
 Condition = Literal[
     "told_by_nominal",
     "lies_on",
+    "window_end",
+    "compound",
     "lost_columns",
     "shadow",
     "hand_eye",

@@ -51,7 +51,7 @@ class Worn(Sharp):
 
 
 class Below(Worn):
-    """The same, seen from below the root face's normal, or squarely: nothing lies under the plate, which would hide it."""
+    """The same, seen from below the root face's normal, or squarely; nothing lies under the plate, to hide it."""
 
     incline = (-20.0, 5.0)
 

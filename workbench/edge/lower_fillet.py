@@ -38,7 +38,8 @@ def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet:
     x = np.where(cloud.keep[here], cloud.x_mm[here].astype(np.float64), np.nan)
     along = side[:, None] * x
     under = [
-        sense[:, None] * (cloud.z_mm[here] - (face.z_mean[here] + slope[k] * (x.T - face.x_mean[here])).T)
+        sense[:, None]
+        * (cloud.z_mm[here] - (face.z_mean[here] + slope[k] * (x.T - face.x_mean[here])).T)
         / np.hypot(1.0, slope[k])[:, None]
         for k, face in enumerate((root, lower))
     ]

@@ -31,6 +31,7 @@ LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
+LEAST_WEIGHT = 1e-6  # of a frame, by what it does not show of the end beside others
 START_FRAMES = 5  # of each stretch over which a course averages, that the first round takes
 # A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
 # that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
@@ -253,6 +254,7 @@ def _state(
     ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
+    spread /= np.maximum(weights(made.upper_s, broken.doubt_mm), LEAST_WEIGHT)
     course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = said = None
@@ -280,7 +282,7 @@ def _state(
         end,  # type: ignore[arg-type]
         said,  # type: ignore[arg-type]
         upper_s,
-        np.where(weights(upper_s, broken.u_mm) < 0.5, np.nan, made.lever),
+        np.where(weights(upper_s, broken.doubt_mm) < 0.5, np.nan, made.lever),
         made.root_turn,
         made.bevel_turn,
         shift,
@@ -367,7 +369,7 @@ def _as_ends(
         freed.step[on],
         np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
-        share * freed.weight[on] * weights(upper_s[on], broken.u_mm[on]),
+        share * freed.weight[on] * weights(upper_s[on], broken.doubt_mm[on]),
         ends.fill[on],
         ends.fill_sigma[on],
         freed.doubt[on],

@@ -517,7 +517,7 @@ def _end_along(
         side = replace(
             side,
             low=side.low + broken.beyond_mm,
-            sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.u_mm), 1e-6)),
+            sigma=side.sigma / np.sqrt(np.maximum(weights(side.s, broken.doubt_mm), 1e-6)),
         )
     course, off = _found_end(side, cloud.pass_index, (2, 3), shared, whole)
     return EndAlong(_scaled(course, side.outward), bend, side.s, broken, off)
@@ -531,12 +531,14 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
     sense = np.full(here.size, found.sense)
     rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, sense, on_line=False)
     broken = broken_end(cloud, rim, here, condition)
-    beyond, u = broken.beyond_mm.copy(), broken.u_mm.copy()
+    all_ = [broken.beyond_mm.copy(), broken.u_mm.copy(), broken.hidden_u_mm.copy()]
     for p in np.unique(cloud.pass_index[here]):
         one = int(np.argmax(here & (cloud.pass_index == p)))
         mine = side.silhouette & (cloud.pass_index == p)
-        beyond[mine], u[mine] = beyond[one], u[one]
-    return replace(broken, beyond_mm=beyond, u_mm=u)
+        for of in all_:
+            of[mine] = of[one]
+    beyond, u, hidden = all_
+    return replace(broken, beyond_mm=beyond, u_mm=u, hidden_u_mm=hidden)
 
 
 def _at_rim(s: Float) -> Bool:

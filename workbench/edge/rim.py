@@ -105,9 +105,15 @@ class BrokenEnd:
 
     beyond_mm: Shaped[Float, " N"]  # of the virtual edge, from where the returns on the line end: its mean
     u_mm: Shaped[Float, " N"]  # and standard uncertainty, common to the frames of a pass
+    hidden_u_mm: Shaped[Float, " N"]  # the same by columns that do not show where it ends (`hidden_columns_u`)
     lit: Shaped[Float, " N"]  # share of a pixel that must be filled to return
     size_mm: float  # radius of a rounding, height of a chamfer: the mean, where the edge is proven broken; else 0
     rim_mm: float  # of the face before its last return on the line, along x, that is broken
+
+    @property
+    def doubt_mm(self) -> Float:
+        """Standard uncertainty (N,), mm, of all that a frame does not show of the end."""
+        return np.hypot(self.u_mm, self.hidden_u_mm)
 
 
 def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition = "unknown") -> BrokenEnd:
@@ -137,7 +143,8 @@ def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition 
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size = float(share @ templates.size_mm) if proven else 0.0
-    return BrokenEnd(beyond, u, lit, size, max(rims) if proven else 0.0)
+    hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
+    return BrokenEnd(beyond, u, hidden, lit, size, max(rims) if proven else 0.0)
 
 
 def _posterior(views: Sequence[EndView], templates: EndTemplates) -> tuple[list[SeenEnd], Float, Float]:
@@ -171,16 +178,22 @@ def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
 
 def whole_end(frames: int) -> BrokenEnd:
     """The end of a face of which nothing is broken."""
-    return BrokenEnd(np.zeros(frames), np.zeros(frames), np.full(frames, 0.5), 0.0, 0.0)
+    none = np.zeros(frames)
+    return BrokenEnd(none, none, none, np.full(frames, 0.5), 0.0, 0.0)
 
 
-def u_along(s: Float, u_mm: Float, at: Float) -> Float:
-    """What frames at s (N,) with u (N,), mm, do not see of the break together at stations (k,), mm; NaN in s: none."""
+def u_along(s: Float, broken: BrokenEnd, at: Float) -> tuple[Float, Float]:
+    """What frames at s (N,) do not see of the break, and of the end by hidden columns, together at stations (k,), mm.
+
+    NaN in s: none.
+    """
     on = np.isfinite(s)
-    cell, weight = np.clip(np.searchsorted(at, s[on]), 0, at.size - 1), weights(s[on], u_mm[on])
+    cell, weight = np.clip(np.searchsorted(at, s[on]), 0, at.size - 1), weights(s[on], broken.doubt_mm[on])
     total = np.bincount(cell, weight, at.size)
     known = total > 0.0
-    return np.interp(at, at[known], np.bincount(cell, weight * u_mm[on], at.size)[known] / total[known])
+    together = [np.bincount(cell, weight * u[on], at.size)[known] for u in (broken.u_mm, broken.hidden_u_mm)]
+    by_break, by_columns = (np.interp(at, at[known], u / total[known]) for u in together)
+    return by_break, by_columns
 
 
 class EndTemplates(NamedTuple):
@@ -603,7 +616,7 @@ def _log_likelihoods(mean: Float, covariance: Float, expected: Float, u: Float, 
         out[n] = log[size]
 
 
-def hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
+def _hidden_end_u_mm(cloud: Cloud, face: FaceLines) -> float:
     """Standard uncertainty of where a face ends, mm, by columns that do not show it (`hidden_columns_u`)."""
     columns = hidden_columns_u(cloud.checks)
     if not columns:

@@ -40,7 +40,6 @@ from workbench.edge.rim import (
     BrokenEnd,
     EdgeCondition,
     broken_end,
-    hidden_end_u_mm,
     is_free_end,
     root_rim,
     u_along,
@@ -274,11 +273,12 @@ def _end_terms(
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
     on = np.flatnonzero(np.isfinite(shown))
     face = tracked.faces[ROOT_FACE]
-    hidden = np.hypot(hidden_end_u_mm(cloud, face), under_u_mm(cloud, tracked, measured.s_low, at))
+    by_break, by_columns = u_along(shown, broken, s)
+    hidden = np.hypot(by_columns, under_u_mm(cloud, tracked, measured.s_low, at))
     frames = measured.ends
     own = np.interp(np.nan_to_num(measured.upper_s), end.s, measured.said.own) > 0.5
     left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
-    left[~own | (weights(shown, broken.u_mm) < 0.5)] = np.nan
+    left[~own | (weights(shown, broken.doubt_mm) < 0.5)] = np.nan
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
     low = np.where(own, frames.low, np.nan)
     reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
@@ -286,7 +286,7 @@ def _end_terms(
     unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
     level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
-    return EndTerms(level_u, u_along(shown, broken.u_mm, s), hidden, declared_u_mm, steep)
+    return EndTerms(level_u, by_break, hidden, declared_u_mm, steep)
 
 
 def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:

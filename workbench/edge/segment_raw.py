@@ -48,7 +48,7 @@ from workbench.edge.raw_measure import (
     unevenness,
 )
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
-from workbench.edge.rim import EdgeCondition, hidden_end_u_mm, u_along
+from workbench.edge.rim import EdgeCondition, u_along
 from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.errors import InputError
 from workbench.geometry.curves import covered
@@ -214,13 +214,14 @@ def _edge(
         CLOCK: _between(measured.s_face, late_mm[0], at),
     }
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
-    hidden = hidden_end_u_mm(cloud, found.faces[ROOT_FACE]), raw_under_u_mm(cloud, found, lower_s, at)
+    by_break, by_columns = u_along(measured.lower.s, measured.lower.broken, at)
+    hidden = by_columns, raw_under_u_mm(cloud, found, lower_s, at)
     along_m = {
         ROBOT: low_u[0],
         SPARSE: np.full(at.size, sparse_u_mm),
         PLACE: low_u[1],
         FORM: np.hypot(below.offset_u_mm, steep * form.offset_u_mm),  # along the rays
-        ROUNDING: u_along(measured.lower.s, measured.lower.broken.u_mm, at),
+        ROUNDING: by_break,
         HIDDEN: root_sum_square(at, (*hidden, burred_u_mm(cloud, found))),
         DECLARED: np.full(at.size, declared.end_u_mm),
         STEPS: np.hypot(

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
 from workbench.edge.faces import TrackedFaces
 from workbench.geometry.tracking import CORNER_MARGIN_MM
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import Bool, Float, Shaped
 
 SAMPLE_FRAMES, LEAST_FRAMES = 400, 20
 
@@ -56,9 +56,9 @@ def _where_alike(
     along: Shaped[Float, "f M"], first: Shaped[Float, "f M"], second: Shaped[Float, "f M"], on: Shaped[Bool, "f M"]
 ) -> Float:
     """The value (f,) that both take in the first place along a frame where the first is no longer the lesser one."""
-    order: Int = np.argsort(np.where(on, along, np.inf), axis=1)
-    first, second, on = (np.take_along_axis(of, order, axis=1) for of in (first, second, on))
-    off = np.where(on, first - second, -np.inf)
+    order = np.argsort(np.where(on, along, np.inf), axis=1)
+    off = np.take_along_axis(np.where(on, first - second, -np.inf), order, axis=1)
+    first = np.take_along_axis(first, order, axis=1)
     k = np.maximum((off > 0.0).argmax(axis=1), 1)
     row = np.arange(len(k))
     before, after = off[row, k - 1], off[row, k]

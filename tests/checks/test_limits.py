@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from workbench.checks.limits import LIMITS, check, checked_limits, within
+from workbench.checks.limits import GONE, LIMITS, check, checked_limits, within
 from workbench.errors import PipelineError
 
 
@@ -64,6 +64,9 @@ def test_a_check_says_whether_it_passed_and_by_whose_limit(
         ("view_width_mm", [3.0, 4.0, 5.0], "expected two numbers"),
         ("view_width_mm", [3.0, None], "expected two numbers"),
         ("rang_mm", 3.0, "did you mean 'range_mm'"),
+        *((gone, 0.5, told) for gone, told in GONE.items()),
+        ("root_step_share", 0.5, "step_share judges that now"),
+        ("size_scatter", 0.5, "no check judges that now"),
     ],
 )
 def test_limits_that_are_none_are_refused_with_their_place(name: str, value: Any, words: str) -> None:
@@ -71,6 +74,7 @@ def test_limits_that_are_none_are_refused_with_their_place(name: str, value: Any
         checked_limits({name: value}, "scan.fuse.limits")
     assert f"scan.fuse.limits.{name}: " in str(refused.value)
     assert words in str(refused.value)
+    assert GONE.get(name, "no check").split(" judges")[0] in {"no check", *LIMITS}
 
 
 def test_limits_are_taken_as_they_are_given() -> None:

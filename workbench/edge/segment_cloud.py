@@ -34,7 +34,7 @@ from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
 from workbench.geometry.splines import Spline
 from workbench.stage import InputFile, stage
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Bool, Float
 
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
@@ -176,7 +176,7 @@ def _noise_slope(face: FaceLines) -> float:
 # A cloud without scan lines as an organised one: sliced across its edge, seen from where its faces show best.
 
 SAMPLE = 4000  # points whose neighbours tell how densely they lie
-NEIGHBOURS = 16
+NEIGHBOURS = 16  # at the least; as few as spread both ways
 THICKER = 1.5  # than one point a cell asks for: points on lines do not spread evenly over the slices
 VIEWS = 24  # directions of sight that are tried, around the edge
 TRIAL_SLICES, COARSE_SLICES, MOST_SLICES = 60, 240, 200_000
@@ -213,31 +213,33 @@ def slice_cloud(points: PointSet, nominal: Nominal) -> tuple[Cloud, Traces]:
     view = best_view(points, straight, step, nominal)
     coarse = _sliced(points, straight, view, step, COARSE_SLICES)
     found = find_faces(coarse, nominal.root_mm, nominal.bevel_deg)
-    check_agreement(coarse, found.seen)
+    check_agreement(coarse, found.seen, step)
     course = measure_edge(coarse, found).curve
     near = _near(points.points_mm, course)
-    frame, column = np.nonzero(found.labels == ROOT_FACE)
-    cloud = _sliced(points, near, view, spacing(points, _placed(coarse, frame, column)), MOST_SLICES)
+    step = spacing(points, coarse.placed(*np.nonzero(found.labels == ROOT_FACE)))
+    cloud = _sliced(points, near, view, step, MOST_SLICES)
     found = find_faces(cloud, nominal.root_mm, nominal.bevel_deg)
     check_one_sheet(cloud, found)
-    check_agreement(cloud, found.seen)
+    check_agreement(cloud, found.seen, step)
     return cloud, passes_shown(near, view, cloud, found)
 
 
-def check_agreement(cloud: Cloud, seen: Bool) -> None:
+def check_agreement(cloud: Cloud, seen: Bool, step: Spacing) -> None:
     """Refuse slices that lose the edge here and there: what they hold is no one surface.
 
     seen (N,): slices that show root face and bevel. Where a clamp hides the edge, they lack in one long stretch.
     """
-    place = cloud.base_from_profiler[:, :3, 3]
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
-    known = np.flatnonzero(seen)
-    gap = np.diff(known)
-    short = (gap > 1) & (np.diff(s[known]) < HIDDEN_MM)
-    lost = float((gap[short] - 1).sum()) / max(1.0, float(known.size + (gap[short] - 1).sum()))
+    gap = np.diff(np.flatnonzero(seen)) - 1
+    short = np.linalg.norm(np.diff(cloud.base_from_profiler[seen, :3, 3], axis=0), axis=1) < HIDDEN_MM
+    missing = float(gap[short].sum())
+    lost = missing / (float(seen.sum()) + missing)
     if lost > MOST_LOST:
-        words = f"{100 * lost:.0f} % of its slices lose the edge here and there: expected one surface"
-        raise InputError(cloud.source, f"{words}; do its passes disagree? Give points in scan order or each pass alone")
+        raise InputError(
+            cloud.source,
+            f"{100 * lost:.0f} % of its slices lose the edge here and there: expected one surface with at least three "
+            f"points across the root face in a slice, and they lie about {step.width_mm:.2g} x "
+            f"{step.thickness_mm / THICKER:.2g} mm apart; give points in scan order",
+        )
 
 
 def _straight(points: PointSet) -> Laid:
@@ -262,15 +264,24 @@ def _near(points_mm: Float, course: Curve) -> Laid:
 def spacing(points: PointSet, at_mm: Float | None = None) -> Spacing:
     """Median distance between neighbours, and what that leaves to the other direction by the density in the surface.
 
-    Where points lie on lines the neighbours are those of the line, and the slices are as thick as the lines are apart.
-    at_mm (k, 3): where to look; everywhere if None. Raises InputError where points repeat each other.
+    Where points lie on lines the neighbours are those of the line, and the slices are as thick as the lines are apart:
+    the density is that of so many neighbours that they spread both ways, at most about the root of all points.
+    at_mm (k, 3): near which points to look; at all if None. Raises InputError where points repeat each other.
     """
-    at = points.points_mm if at_mm is None else at_mm
-    distance = scipy.spatial.cKDTree(points.points_mm).query(at[:: max(1, len(at) // SAMPLE)], k=NEIGHBOURS + 1)[0]
+    tree = scipy.spatial.cKDTree(points.points_mm)
+    at = points.points_mm if at_mm is None else points.points_mm[tree.query(at_mm)[1]]
+    at = at[:: max(1, len(at) // SAMPLE)]
+    neighbours, is_line = NEIGHBOURS // 2, True
+    while is_line and neighbours**2 < len(points.points_mm):
+        neighbours *= 2
+        distance, near = tree.query(at, k=neighbours + 1)
+        off = points.points_mm[near] - points.points_mm[near].mean(axis=1, keepdims=True)
+        length, breadth, _ = np.median(np.linalg.svd(off, compute_uv=False), axis=0)
+        is_line = breadth < 0.5 * length
+    area = float(np.median(np.pi * distance[:, -1] ** 2)) / neighbours  # of the surface, a point
     width = float(np.median(distance[:, 1]))
     if not width > 0.0:
         raise InputError(points.source, "most points stand in the cloud more than once: expected each point once")
-    area = float(np.median(np.pi * distance[:, -1] ** 2)) / NEIGHBOURS  # of the surface, a point
     return Spacing(width, max(THICKER * area / width, width))
 
 
@@ -326,10 +337,3 @@ def _between(found: list[Candidate], cloud: Cloud) -> Float:
     slope = float(np.arctan(np.median([(c.root[0], c.bevel[0]) for c in found], axis=0)).mean())
     pose = cloud.base_from_profiler[len(cloud.base_from_profiler) // 2, :3]
     return np.asarray(np.cos(slope) * pose[:, 2] - np.sin(slope) * pose[:, 0])
-
-
-def _placed(cloud: Cloud, frame: Int, column: Int) -> Float:
-    """Grid points (k, 3) in the base."""
-    pose = cloud.base_from_profiler[frame, :3]
-    x, z = cloud.x_mm[frame, column, None], cloud.z_mm[frame, column, None]
-    return pose[:, :, 3] + x * pose[:, :, 0] + z * pose[:, :, 2]

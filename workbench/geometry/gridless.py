@@ -84,12 +84,14 @@ def cut(laid: Laid, view: Float, at_mm: Float, thickness_mm: float, width_mm: fl
     axes, (x, z) = seen_from(laid, view, at_mm)
     width_mm = max(width_mm, float(np.ptp(x)) / MOST_COLUMNS)
     first = float(x.min()) - MARGIN * width_mm
-    columns = int(np.ptp(x) / width_mm) + 1 + 2 * MARGIN
     frame = np.searchsorted(at_mm - 0.5 * thickness_mm, laid.s, side="right") - 1
     frame[laid.s > at_mm[frame] + 0.5 * thickness_mm] = -1
-    column = ((x - first) / width_mm).astype(np.int64)
-    off_middle = np.abs((x - first) / width_mm - column - 0.5)
-    chosen = _chosen(frame, column, as_input(z), off_middle, at_mm.size, columns)
+    # Points of a line are about as evenly spaced as columns: where they stand on a border their noise chooses among
+    # them, which would turn a face if the next slice had its columns in the same places.
+    at = (x - first) / width_mm + math.sqrt(5.0) * frame % 1.0
+    column = at.astype(np.int64)
+    off_middle = np.abs(at - column - 0.5)
+    chosen = _chosen(frame, column, as_input(z), off_middle, at_mm.size, int(column.max()) + 1 + MARGIN)
     grid = [np.where(chosen >= 0, value[chosen], np.nan).astype(np.float32) for value in (x, z)]
     return grid[0], grid[1], _poses(laid.course, at_mm, axes)
 

@@ -165,6 +165,15 @@ def two_digits(r: Recording) -> Recording:
     return spoilt(r, robot_quaternion_wxyz=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
 
 
+def coded(r: Recording, code: float) -> Recording:
+    lost = ~np.isfinite(r.z_mm) | (np.random.default_rng(5).random(r.z_mm.shape) < 0.05)
+    return spoilt(r, z_mm=np.where(lost, code, r.z_mm).astype(np.float32))
+
+
+def saturated(r: Recording) -> Recording:
+    return spoilt(r, z_mm=np.minimum(r.z_mm, np.nanquantile(r.z_mm, 0.8)))
+
+
 FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "positions in metres": (partial(scaled, by=1e-3), "reach_mm", "metres read as mm"),
     "positions in inches": (partial(scaled, by=1 / 25.4), "reach_mm", "inches"),
@@ -200,6 +209,9 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r)), "mean_columns", "smoothing filter"),
     "ranges rounded to 0.1 mm": (lambda r: rounded(r, "z_mm"), "range_step_mm", "rounded to 0.1"),
     "quaternions rounded to 0.01": (two_digits, "orientation_step_deg", "rounded to 0.01"),
+    "no return is 0": (partial(coded, code=0.0), "held_end_share", "the range 0 mm to the digit: the sensor's code"),
+    "no return is -9999": (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),
+    "ranges that saturate": (saturated, "held_end_share", "or ranges that saturate?"),
     "places rounded to 0.1 mm": (lambda r: rounded(r, "x_mm"), "lateral_step_mm", "rounded to 0.1"),
 }
 

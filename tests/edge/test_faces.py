@@ -137,6 +137,12 @@ def test_a_root_face_that_runs_out_of_the_field_is_refused(scanned: Scans) -> No
     limits = (0, middle) if outwards > 0 else (middle, truth.shape[1])
     with pytest.raises(InputError, match="lower edge not in view: the root face runs out of the field of view"):
         find_faces(without_columns(scan.cloud, *limits), 1.5, 40.0)
+    cut = without_columns(scan.cloud, *limits)
+    kept = cut.keep & (np.random.default_rng(3).random(cut.keep.shape) > 0.02)
+    order = np.argsort(~kept, axis=1, kind="stable")
+    x, z, keep = (np.take_along_axis(one, order, axis=1) for one in (cut.x_mm, cut.z_mm, kept))
+    with pytest.raises(InputError, match="packed into the first columns"):
+        find_faces(replace(cut, x_mm=x, z_mm=np.where(keep, z, np.nan).astype(np.float32), keep=keep), 1.5, 40.0)
 
 
 def test_empty_frames_and_few_frames(scanned: Scans) -> None:

@@ -88,9 +88,15 @@ def test_another_kind_than_is_seen_is_refused(cloud) -> None:
     assert segment_preparation(cloud, preparation="nose").declared
 
 
-def test_a_plate_without_its_upper_surface_in_view_is_refused() -> None:
+def test_a_plate_without_its_upper_surface_in_view_or_right_above_a_table_is_refused(cloud) -> None:
     with pytest.raises(InputError, match=r"upper surface|prepared plate"):
         segment_preparation(denoise(fuse(read(recording="data/synthetic/raw_edge.h5"))))
+    along = np.repeat(np.radians([-38.6, 20.8, -38.6, 51.4, -38.6]), [110, 230, 40, 20, 200])
+    x, z = 0.06 * np.cumsum([np.cos(along), np.sin(along)], axis=1)
+    z = z + np.random.default_rng(2).normal(0.0, 0.01, (len(cloud.keep), z.size))
+    drawn = replace(cloud, x_mm=np.tile(x, (len(z), 1)), z_mm=z, keep=np.ones(z.shape, bool))
+    with pytest.raises(InputError, match="it lies on a table or right above it"):
+        segment_preparation(drawn)
 
 
 def test_swapped_axes_of_a_fillet_are_refused_in_a_line() -> None:

@@ -14,7 +14,16 @@ from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
 from workbench.checks.profiles import Chain, Few, chains, rough_mm
-from workbench.checks.sensor import column_pitch_mm, position_step_mm, quaternion_step, sensor_traces, uneven_share
+from workbench.checks.sensor import (
+    PACKED,
+    column_pitch_mm,
+    is_packed,
+    position_step_mm,
+    quaternion_step,
+    sensor_traces,
+    shared_range,
+    uneven_share,
+)
 from workbench.checks.window import (
     MOVED_MM,
     PINNED,
@@ -103,7 +112,18 @@ def judged(
     recording = as_delivered(recording)
     repeats = find_repeats(recording.z_mm, recording.pass_index)
     once = _without_copies(recording, repeats)
-    return tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating)), once
+    checks = tuple(_checks(recording, repeats, once, hand_eye, limits or {}, calibrating))
+    if not all(one.passed for one in checks) and (told := _returns_cause(recording)):
+        checks = tuple(one if one.passed else dataclasses.replace(one, finding=told) for one in checks)
+    return checks, once
+
+
+def _returns_cause(recording: Recording) -> str:
+    """What the returns themselves show to be wrong, and would make other checks fail; empty: nothing."""
+    if shared := shared_range(recording.z_mm):
+        told = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
+        return told + "the sensor's code for no return, or ranges that saturate? make them NaN"
+    return f"are {PACKED}?" if is_packed(recording.x_mm, recording.z_mm) else ""
 
 
 def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:

@@ -58,7 +58,7 @@ def beside_check(cloud: Cloud, labels: AnyArray, limits: Mapping[str, Bound] | N
     told = (
         f"in {100 * (share or 0.0):.0f} % of the frames returns run parallel to the root face, {at_mm:.2g} mm beside "
     )
-    told += "it, beyond its lower end: a step or an undercut in it, a second plate, a backing strip?"
+    told += "it, beyond its lower end: a table or a strip right below, a step or an undercut in it, a second plate?"
     return check("step_share", share, told, given=limits)
 
 

@@ -43,6 +43,7 @@ PEAKED = 3.75
 # Of second differences: medians within which noise is dense; digits of float32 a bin; bins; share of their mean that is
 # a valley.
 CORE, SCALES, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 4, 40, 0.25
+PACKED = "returns packed into the first columns, lost ones left out: export every column, lost returns as NaN"
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
@@ -97,6 +98,32 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
         alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
         mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
     return replace(traces, noise_mm=noise, mean_columns=mean)
+
+
+def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
+    """A range (mm) that far more returns of a grid (N, M) have to the digit than any other, and their share; or None.
+
+    Only 0, the least and the greatest one are looked at: what sensors write for no return, or where they saturate.
+    """
+    rows = z_mm[np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))]
+    found, count = np.unique(rows[np.isfinite(rows)], return_counts=True)
+    if len(found) < FEW:
+        return None
+    most = int(count.argmax())
+    is_code = found[most] in (found[0], found[-1], 0.0) and count[most] > FEW * np.sort(count)[-2]
+    return (float(found[most]), float(count[most] / count.sum())) if is_code else None
+
+
+def is_packed(x_mm: AnyArray, z_mm: AnyArray) -> bool:
+    """Whether the returns of every frame of a grid (N, M) fill its first columns, and x leaps where some are left out.
+
+    Their number varies; most frames have steps that are half as long again as the usual one.
+    """
+    seen = np.isfinite(z_mm)
+    if np.ptp(seen.sum(axis=1)) == 0 or (seen[:, 1:] & ~seen[:, :-1]).any():
+        return False
+    step = np.abs(np.diff(np.where(seen, x_mm, np.nan), axis=1))
+    return bool((step > 1.5 * np.nanmedian(step)).any(axis=1).mean() > 0.5)
 
 
 def _filled_share(z: Float, digit_mm: float) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
+from workbench.checks.sensor import PACKED, is_packed
 from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote
 from workbench.edge.raw_direction import across_the_edge
 from workbench.errors import InputError
@@ -89,10 +90,8 @@ def find_faces(
             + ("" if upper_side is None else ", with the bevel towards upper_side"),
         )
     if not (seen & ~((end[:, 4] == tracking.CUT) & ~lower)).sum() > 1:
-        raise InputError(
-            cloud.source,
-            "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame",
-        )
+        out = "lower edge not in view: the root face runs out of the field of view, or behind something, in every frame"
+        raise InputError(cloud.source, PACKED if is_packed(cloud.x_mm, cloud.z_mm) else out)
     faces = {int(label): face_lines(sums[:, f], seen) for f, label in enumerate(LABELS)}
     lower &= seen & (faces[LOWER_SURFACE].count > 0)
     lies_on = lower & _turns_up(faces)

@@ -178,7 +178,7 @@ def _read(
         if _off(convex(r, chain[lower]), math.pi / 2) < 4.5:
             lower_row, score = chain[lower], score - CONTEXT
             root_end = crossing(r, chain[lower])
-        elif upper_row is not None and _lies_on(chain, root, lower, upper_row):
+        elif upper_row is not None and lies_on(chain, root, lower, upper_row):
             lower_row, root_end = chain[lower], crossing(r, chain[lower])
         elif convex(r, chain[lower]) > 0 and upper_row is None:  # else a bevel below, too
             score += CONTEXT
@@ -208,7 +208,7 @@ def width_mm(row: Float) -> float:
     return float((row[X1] - row[X0]) * math.hypot(1.0, row[SLOPE]))
 
 
-def _lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
+def lies_on(chain: Float, root: int, lower: int, upper: Float) -> bool:
     """Whether the face number `lower`, which turns up from the root face, is what the plate lies on: a table.
 
     It is parallel to the upper surface and goes on to the end of the view; the land of a nose ends before. The root

@@ -13,7 +13,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURF
 from workbench.artefacts.edges import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces
 from workbench.edge.fillet import SHARP_MM, fit_on_land
-from workbench.edge.identify import crossing, whole_faces, width_mm
+from workbench.edge.identify import crossing, lies_on, whole_faces, width_mm
 from workbench.edge.prepared_profile import Reading, readings
 from workbench.errors import InputError
 from workbench.geometry import tracking
@@ -170,6 +170,16 @@ def _readings(cloud: Cloud, i: int) -> list[Reading]:
     return [one for one in readings(chain) if not _cut(cloud, one, column)]
 
 
+def _stands_on(cloud: Cloud, i: int) -> bool:
+    """Whether the last face in frame i joins an upright one, is parallel to the first and goes on to the view's end."""
+    x, z, _ = _profile(cloud, i)
+    if x.size < LEAST_RETURNS:
+        return False
+    chain = whole_faces(straight_faces(x, z)[:MAX_LINES])
+    last = len(chain) - 1
+    return last > 1 and (lies_on(chain, last - 1, last, chain[0]) or lies_on(chain, 1, 0, chain[last]))
+
+
 def _profile(cloud: Cloud, i: int) -> tuple[Float, Float, Int]:
     """x and z of the returns of frame i in the order of rising x, and their columns."""
     column = np.flatnonzero(cloud.keep[i])
@@ -192,7 +202,11 @@ def _plate(
     shows = [i for i, frame in enumerate(found) if frame]
     refused = "expected a plate with its upper surface, the faces of its preparation and its root face in view"
     if len(shows) < 2:
-        raise InputError(cloud.source, f"{refused}, found none: no prepared plate, or its upper surface is not seen?")
+        cause = "no prepared plate, or its upper surface is not seen?"
+        some = np.linspace(0, len(found) - 1, min(len(found), FEW_FRAMES)).round().astype(int)
+        if np.mean([_stands_on(cloud, i) for i in some]) > SHOWN:
+            cause = "it lies on a table or right above it? lift it"
+        raise InputError(cloud.source, f"{refused}, found none: {cause}")
     best: list[tuple[float, int, Int]] = []
     for sense in (1, -1):
         for first in (1, -1):

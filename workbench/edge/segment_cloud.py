@@ -114,8 +114,8 @@ def segment_cloud(
     if passes == "several passes" and noise_mm > MOST_PASS_NOISE_MM:
         raise InputError(
             points.source,
-            "points stand on lines of several scanning passes, which may differ by the "
-            f"robot's noise: give points in scan order or each pass alone (or robot_noise_mm of at most "
+            "points stand on lines of several scanning passes, which may differ by the robot's noise, or of rounded "
+            "coordinates: give points as measured, in scan order or each pass alone (or robot_noise_mm of at most "
             f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)",
         )
     edge = segment(

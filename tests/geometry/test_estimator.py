@@ -109,16 +109,14 @@ def test_the_distance_of_an_observation_is_that_from_a_fit_without_it(seed: int,
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6))
-def test_one_more_unknown_is_what_a_fit_with_it_finds(seed: int) -> None:
+def test_more_unknowns_are_what_a_fit_with_them_finds(seed: int) -> None:
     one = drawn(seed)
-    change = np.random.default_rng(seed + 1).normal(size=one.seen.shape)
-    more = dataclasses.replace(
-        one, slope=np.concatenate([one.slope, change[..., None]], axis=2), prior=np.pad(one.prior, (0, 1))
-    )
-    found, u = fit(one, np.zeros(4)).tested(change)
-    expected = fit(more, np.zeros(5))
-    assert found == pytest.approx(expected.at[-1], rel=1e-6, abs=1e-9)
-    assert u == pytest.approx(np.sqrt(expected.covariance[-1, -1]), rel=1e-6)
+    change = np.random.default_rng(seed + 1).normal(size=(*one.seen.shape, 2))
+    more = dataclasses.replace(one, slope=np.concatenate([one.slope, change], axis=2), prior=np.pad(one.prior, (0, 2)))
+    found, covariance = fit(one, np.zeros(4)).tested(change)
+    expected = fit(more, np.zeros(6))
+    np.testing.assert_allclose(found, expected.at[-2:], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(covariance, expected.covariance[-2:, -2:], rtol=1e-6, atol=1e-9)
 
 
 @dataclass
@@ -148,7 +146,9 @@ def test_a_step_that_cannot_be_solved_is_shortened_and_what_runs_away_ends_with_
 
 def test_one_more_unknown_that_the_others_can_be_is_open() -> None:
     one = drawn(3)
-    assert np.isinf(fit(dataclasses.replace(one, prior=np.zeros((4, 4))), np.zeros(4)).tested(one.slope[..., 1])[1])
+    found, covariance = fit(dataclasses.replace(one, prior=np.zeros((4, 4))), np.zeros(4)).tested(one.slope[..., 1:2])
+    assert covariance[0, 0] > 1e9
+    assert np.abs(found[0]) < 1e-3 * np.sqrt(covariance[0, 0])
 
 
 def test_an_error_that_is_not_fitted_is_carried_as_a_refit_moves() -> None:
@@ -217,6 +217,15 @@ def test_a_covariance_grows_with_the_misfit_and_never_shrinks() -> None:
     assert np.sqrt(np.diag(humble.covariance)) == pytest.approx(
         np.sqrt(np.diag(np.linalg.inv(humble.information))), rel=1e-6
     )
+
+
+def test_a_misfit_leaves_what_was_known_before_as_it_was() -> None:
+    """An unknown that nothing shows: no worse known than before, however large the residuals."""
+    one = drawn(9, n=40)
+    hidden = dataclasses.replace(one, slope=one.slope * [1, 1, 1, 0], covariance=0.01 * one.covariance)
+    found = fit(hidden, np.zeros(4))
+    assert found.misfit > 9.0
+    np.testing.assert_allclose(found.covariance[3], [0, 0, 0, 1 / hidden.prior[3, 3]], atol=1e-12)
 
 
 def numbers(values: Float, repeats: Float | None = None) -> Linear:

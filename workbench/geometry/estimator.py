@@ -214,8 +214,13 @@ class Fit(Generic[S]):
 
     @property
     def covariance(self) -> Float:
-        """Covariance (P, P) of the unknowns, larger where the residuals are larger than the noise."""
-        return self.inverse * (max(1.0, self.misfit) if self.freedom > 0 else 1.0)
+        """Covariance (P, P) of the unknowns, larger where the residuals are larger than the noise; priors stay."""
+        return self._scaled(self.information, self.rows.prior, self.misfit if self.freedom > 0 else 1.0)
+
+    @staticmethod
+    def _scaled(information: Float, prior: Float, misfit: float) -> Float:
+        """Inverse of an information matrix of which all but the prior is less by a misfit above 1."""
+        return inverse_information((information - prior) / max(1.0, misfit) + prior)
 
     @property
     def distance(self) -> Float:
@@ -229,20 +234,18 @@ class Fit(Generic[S]):
         size = len(self.information)
         return np.asarray(self.inverse @ joined[:size, size:])
 
-    def tested(self, change: Float) -> tuple[float, float]:
-        """What one more unknown would be, 0 as fitted, that changes the prediction by (n, d); and its u.
+    def tested(self, change: Float) -> tuple[Float, Float]:
+        """What q more unknowns would be, 0 as fitted, that change the prediction by (n, d, q); and their covariance.
 
-        u is infinite where the other unknowns do the same, and larger where the residuals are larger than the noise.
+        The covariance is huge where the other unknowns do the same, and larger where the residuals are.
         """
-        rows, used, size = self.rows, self.used, len(self.information)
-        columns = np.concatenate([rows.jacobian, rows.residual[..., None], change[..., None]], axis=2)
-        joined = rows.only(used).product(columns[used])
-        across = self.inverse @ joined[:size, -1]
-        left, push = joined[-1, -1] - joined[-1, :size] @ across, joined[-1, size]
-        if left <= ALONE**1.5 * joined[-1, -1]:
-            return 0.0, float("inf")
-        rest = (self.chi2 - push**2 / left) / max(self.freedom - 1, 1)
-        return float(push / left), float(np.sqrt(max(1.0, rest) / left))
+        rows, more = self.rows, change.shape[2]
+        columns = np.concatenate([rows.jacobian, change, rows.residual[..., None]], axis=2)
+        joined, prior = rows.only(self.used).product(columns[self.used]), np.pad(rows.prior, (0, more))
+        information, push = joined[:-1, :-1] + prior, joined[-1 - more : -1, -1]
+        found = inverse_information(information)[-more:, -more:] @ push
+        rest = (self.chi2 - found @ push) / max(self.freedom - more, 1)
+        return found, self._scaled(information, prior, rest)[-more:, -more:]
 
 
 def distance(rows: Rows, used: Bool, covariance: Float) -> Float:

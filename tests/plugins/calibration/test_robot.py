@@ -143,6 +143,7 @@ def test_a_tracker_finds_the_robot_and_its_blunder() -> None:
     undetermined = [one["name"] for one in found["parameters"] if not one["determined"]]
     assert undetermined == ["offset of joint 1", "shift of axis 2 along z", "offset of joint 6"]
     assert [name in " ".join(found["left_as_built"]) for name in undetermined] == [True] * 3
+    assert [re.search(r"u is 100 % of the prior", one) is not None for one in found["left_as_built"]] == [True] * 3
     assert found["left_out"] == [{"line": 25, "cause": found["left_out"][0]["cause"]}]
     assert "499.9" in found["left_out"][0]["cause"]
     assert found["residual_rms_mm"] < 0.07 < 4.0 < found["residual_rms_as_built_mm"]

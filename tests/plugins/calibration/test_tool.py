@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import math
 from pathlib import Path
 from typing import Any
@@ -313,6 +314,29 @@ def test_angles_that_nothing_checks_are_told_and_not_good_enough(tmp_path: Path)
     found = turned(tmp_path, rows, root_tolerance_mm=2.0)
     assert not found["good_enough"]
     assert any("the table's angles are believed" in words for words in found["warnings"])
+
+
+def test_a_slow_drift_is_told_and_stands_in_u(tmp_path: Path) -> None:
+    """0.02 mm a reading along x, angle by angle: where the axis is depends on when."""
+    for seed in range(4):
+        rows = mark_rows(np.random.default_rng(seed), markers=4, angles=(0, 60, 120, 200, 280))
+        rows = [rows[5 * k + j].split(",") for j in range(5) for k in range(4)]
+        still, moved = (
+            turned(
+                tmp_path,
+                [",".join([*row[:2], f"{float(row[2]) + by * i:.6f}", *row[3:]]) for i, row in enumerate(rows)],
+            )
+            for by in (0.0, 0.02)
+        )
+        assert not any("drift" in words for words in still["warnings"])
+        assert any(
+            re.search(r"the markers drift by 0\.[34]\d mm across the axis", words) for words in moved["warnings"]
+        )
+        begun = CENTRE - moved["axis_point_mm"]
+        off = np.array(moved["across"]) @ begun
+        assert off @ np.linalg.solve(np.array(moved["covariance"])[:2, :2], off) < 9.0
+        assert not moved["good_enough"]
+        assert moved["u_mm"] > 3.0 * still["u_mm"]
 
 
 def test_a_marker_written_down_again_counts_once(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -55,6 +56,7 @@ STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
 CHECKED = 0.01  # u of the angles' scale, up to which the points check it
+CHANCE = 0.01  # that markers at rest count as drifting
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +148,8 @@ def turntable(
     """Determine a turntable's axis in the base from markers measured at two or more of its angles.
 
     Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
-    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause.
+    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. A drift from
+    the first row to the last, D across the axis, adds D D^T / 12 to its covariance.
     `turntable.json` holds the pose for a cell file (docs/howto/calibrate_tool.md).
 
     Args:
@@ -192,15 +195,19 @@ def turntable(
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
     axis, shift = found.at, found.carried(every.shared)[:4]
     covariance = found.covariance[:4, :4] + shift @ shift.T
-    scale, scale_u = found.tested(table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None])
+    drift_mm, drifts = _drift(found, every.lines)
+    covariance[:2, :2] += np.outer(drift_mm, drift_mm) / 12.0  # any time between first and last row is as likely
+    turned_more = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
+    (scale,), ((variance,),) = found.tested(turned_more[..., None])
+    scale_u = math.sqrt(variance)
     _check_angles(1.0 + scale, scale_u, str(marks))
     apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
-    ask = [*(apart or ("measure at angles farther apart, or markers farther from the axis",))]
+    ask = [*(drifts or apart or ("measure at angles farther apart, or markers farther from the axis",))]
     ask += ["or know the hand-eye pose better"] if every.shared.size else []
     refuse_open(str(marks), "the axis", u, direction, f"base, over a reach of {reach_mm:g} mm", max_u_mm, ask)
     but = [UNSAID] if believed else []
-    warnings = tuple(left_out.values()) + apart + believed
+    warnings = tuple(left_out.values()) + apart + drifts + believed
     if axis.frame[2, 2] < -UPRIGHT:
         warnings += (
             "the axis points down, against the base's z: rising angles turn clockwise seen from above; if the table "
@@ -232,6 +239,16 @@ def turntable(
         f"reach of {reach_mm:g} mm. {fit_words(found)}"
     ) + pieces.paragraph(sentence(verdict[1]))
     return results(TurntableFile, "Turntable calibration", UNKNOWN_PART.with_names(part), document, html)
+
+
+def _drift(found: estimator.Fit[Axis], lines: tuple[int, ...]) -> tuple[Float, tuple[str, ...]]:
+    """By how much (2,) markers drift across the axis from the first row to the last, and the warning; 0: by chance."""
+    time = np.argsort(np.argsort(lines)) / (len(lines) - 1) - 0.5
+    drift, covariance = found.tested(time[:, None, None] * found.at.frame[:2].T)
+    if drift @ np.linalg.solve(covariance, drift) < scipy.special.chdtri(2, CHANCE):
+        return np.zeros(2), ()
+    said = f"the markers drift by {np.hypot(*drift):.2f} mm across the axis from the first row to the last"
+    return drift, (f"{said}: the uncertainties hold that; did base, table or what measures them move or warm up?",)
 
 
 def scanned_marks(

@@ -165,7 +165,8 @@ def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared_and_is_told
     high = dataclasses.replace(tests, wrench=1.05 * tests.wrench)
     off = np.abs(identify_from(cell.chain, cell.loading, high)[0].nm_per_rad - blind.nm_per_rad) / blind.u_nm_per_rad
     assert off.max() == pytest.approx(5 * float(times), rel=0.1)
-    kinds = ["the force sensor's place", "the force sensor's axes", "the place of what is tracked", "a joint's zero"]
+    kinds = ["the force sensor's place", "the force sensor's axes", "the place of what is tracked"]
+    kinds += ["the forces' gain against the torques'", "a joint's zero"]
     assert [one.split(":")[0] for one in others] == kinds
     told, notes = identify_from(cell.chain, cell.loading, tests, scale_relative_u=0.02)
     assert notes["not_included"] == others

@@ -164,7 +164,9 @@ def _causes(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Iterator[
     """What may be other than told. Sizes in words are in mm, deg, N, Nm, % and micrometres per N."""
     first_three = np.arange(6) < 3
     yield from _of_frames(setup)
-    yield Cause("forces that need {0} % against the torques", 0.01, {"wrench": tests.wrench * first_three})
+    words = "forces that need {0} % against the torques, or torques that need the opposite"
+    hidden = "the forces' gain against the torques'", "1 % of it", "%"
+    yield Cause(words, 0.01, {"wrench": tests.wrench * first_three}, hidden=hidden)
     for k in range(6):
         name, unit = ("force", "N") if k < 3 else ("torque", "Nm")
         words = f"a {name} of {{0}} {unit} along the sensor's {AXES[k % 3]} axis in every load"

@@ -195,19 +195,19 @@ def turntable(
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
     axis, shift = found.at, found.carried(every.shared)[:4]
     covariance = found.covariance[:4, :4] + shift @ shift.T
-    drift_mm, drifts = _drift(found, every.lines)
+    drift_mm, apart = _drift(found, every.lines)
     covariance[:2, :2] += np.outer(drift_mm, drift_mm) / 12.0  # any time between first and last row is as likely
     turned_more = table.sway(axis) * (every.angle - every.angle[found.used].mean())[:, None]
     (scale,), ((variance,),) = found.tested(turned_more[..., None])
     scale_u = math.sqrt(variance)
     _check_angles(1.0 + scale, scale_u, str(marks))
-    apart = noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
+    apart += noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
-    ask = [*(drifts or apart or ("measure at angles farther apart, or markers farther from the axis",))]
+    ask = [*(apart or ("measure at angles farther apart, or markers farther from the axis",))]
     ask += ["or know the hand-eye pose better"] if every.shared.size else []
     refuse_open(str(marks), "the axis", u, direction, f"base, over a reach of {reach_mm:g} mm", max_u_mm, ask)
     but = [UNSAID] if believed else []
-    warnings = tuple(left_out.values()) + apart + drifts + believed
+    warnings = tuple(left_out.values()) + apart + believed
     if axis.frame[2, 2] < -UPRIGHT:
         warnings += (
             "the axis points down, against the base's z: rising angles turn clockwise seen from above; if the table "

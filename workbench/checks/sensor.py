@@ -40,9 +40,9 @@ SLOPES = 0, 1, 2, 3  # columns before a gap, over which its slope is taken; 0: t
 SURE_SD, MOST_MORE = 4.0, 0.03  # 80 recordings of the third simulator have up to 4.3, with too few to count
 # Of normal noise 1.25 / wide^2 less lie one and two places off on average than at its middle; of heavy tails more.
 PEAKED = 3.75
-# Of second differences: medians within which noise is dense; digits of float32 a bin; bins; share of their mean that is
-# a valley.
-CORE, SCALES, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 4, 40, 0.25
+# Of second differences: medians within which noise is dense; digits of float32 a bin, and times coarser from one to the
+# next; bins; share of their mean that is a valley.
+CORE, SCALES, COARSER, LEAST_BINS, VALLEYS, VALLEY = 2.5, (1, 6, 36, 216), 6, 4, 40, 0.25
 PACKED = "returns packed into the first columns, lost ones left out: export every column, lost returns as NaN"
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
@@ -180,20 +180,24 @@ def _digit(z: Float, step_mm: float) -> float:
     """To what rows of ranges (n, M) are rounded, mm: to `step_mm` or float32's digits at least.
 
     Steps of a few digits of float32, and those that begin elsewhere in every row, leave valleys between the second
-    differences that noise makes.
+    differences that noise makes. Where too few differences are small enough to show valleys, it is the least step that
+    the next coarser look shows.
     """
     digit = float(np.spacing(np.float32(np.nanmax(np.abs(z), initial=1.0))))
     off = np.abs(np.diff(z, n=2, axis=1)) / digit
     off = off[np.isfinite(off)]
     if len(off) < LEAST_PAIRS:
         return max(step_mm, digit)
-    core = CORE * median(off[:: 1 + off.size // ENOUGH])
+    core, may_be = CORE * median(off[:: 1 + off.size // ENOUGH]), 1
     for scale in SCALES:
         bins = min(VALLEYS, int(core / scale))
-        found = _first_peak(off[off < bins * scale] / scale, bins) if bins >= LEAST_BINS else 0.0
+        near = off[off < bins * scale] / scale
+        found = _first_peak(near, bins) if bins >= LEAST_BINS else 0.0
         if found:
             return max(step_mm, digit * scale * found)
-    return max(step_mm, digit)
+        if bins == VALLEYS and len(near) < LEAST_PAIRS:
+            may_be = COARSER * scale
+    return max(step_mm, digit * may_be)
 
 
 def _first_peak(off: Float, bins: int) -> float:

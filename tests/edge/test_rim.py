@@ -10,7 +10,7 @@ import pytest
 
 from bench.outside import Part, Usual, drawn_section, simulate
 from bench.score.outsider import below as outside_below
-from bench.score.parts import Drawn
+from bench.score.parts import Drawn, generator, nominal
 from bench.score.triangulated import below as triangulated_below
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import simulate as triangulated
@@ -146,3 +146,16 @@ def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float
     off = edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
     assert np.abs(off).max() < 0.015
+
+
+def test_a_pass_that_sees_the_lower_edge_whole_outweighs_one_that_does_not() -> None:
+    """The mean of the passes began the search for the end, and that out of the reach of the right one: 0.12 mm, 8 u."""
+    rng = generator("reread", 2611)
+    section = replace(workpiece(rng, "milled", 2611), lower_radius_mm=0.2, table_mm=None)
+    led = [way(rng, section, elevation_deg) for elevation_deg in (-15.0, 40.0)]
+    drawn = triangulated(section, sensor(rng, max(wide for _, wide in led)), [one for one, _ in led], 2611)
+    upper_side = drawn.truth["across"][len(drawn.truth["across"]) // 2].tolist()
+    told = nominal(section.root_mm.mean, section.bevel.mean / DEG) | {"upper_side": upper_side}
+    edge, off = seen_from_below(Drawn(drawn.recording, drawn.truth, told, ""))
+    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
+    assert np.abs(off).max() < 0.004

@@ -31,7 +31,7 @@ LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
 LEAST_SIGMA_MM = 1e-3
-LEAST_WEIGHT = 1e-6  # of a frame, by what it does not show of the end beside others
+LEAST_WEIGHT = 0.5  # of a frame that shows the end as well as others beside it do
 START_FRAMES = 5  # of each stretch over which a course averages, that the first round takes
 # A rough root face: directions over 2 mm scatter by so many times the variance that those of single frames explain, or
 # that the range noise does. Smooth ones of all conditions of both simulators by up to 1.5, and 18 where noise is
@@ -254,8 +254,8 @@ def _state(
     ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
-    spread /= np.maximum(weights(made.upper_s, broken.doubt_mm), LEAST_WEIGHT)
-    course = fit_course(made.upper_s[of], middle[of], spread[of], cloud.pass_index[of])
+    shows = np.arange(s.size)[of][weights(made.upper_s[of], broken.doubt_mm[of]) > LEAST_WEIGHT]
+    course = fit_course(made.upper_s[shows], middle[shows], spread[shows], cloud.pass_index[shows])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = said = None
     if few is None:
@@ -282,7 +282,7 @@ def _state(
         end,  # type: ignore[arg-type]
         said,  # type: ignore[arg-type]
         upper_s,
-        np.where(weights(upper_s, broken.doubt_mm) < 0.5, np.nan, made.lever),
+        np.where(weights(upper_s, broken.doubt_mm) < LEAST_WEIGHT, np.nan, made.lever),
         made.root_turn,
         made.bevel_turn,
         shift,

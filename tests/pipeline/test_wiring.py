@@ -111,6 +111,11 @@ def change(path: str, value: Any) -> Any:
             "stages[1].stage: unknown stage 'demo.trun'; did you mean 'demo.turn'?",
         ),
         (
+            change("stages.1.stage", "report.csv"),
+            "stages[1].stage: unknown stage 'report.csv': it is gone; 'export.inspection' with \"format\": \"csv\" "
+            "writes its rows",
+        ),
+        (
             change("stages.1.stage", "dmeo.turn"),
             "stages[1].stage: unknown stage 'dmeo.turn'; did you mean 'demo.turn'?",
         ),

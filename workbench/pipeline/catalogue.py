@@ -31,6 +31,7 @@ from workbench.user_folder import package_digest
 
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
+GONE = {"report.csv": ": it is gone; 'export.inspection' with \"format\": \"csv\" writes its rows"}
 FURTHER = {"scan": ("workbench.scan_next", "workbench.scan_plan")}  # of the same families
 
 
@@ -54,7 +55,7 @@ def find(name: str, where: str) -> Stage:
         load(family, name)
     if name not in REGISTRY:
         known, broken = every_stage()
-        hint = f" ({broken[family]})" if family in broken else nearest(name, known)
+        hint = f" ({broken[family]})" if family in broken else GONE.get(name) or nearest(name, known)
         raise PipelineError(where, f"unknown stage '{name}'{hint}")
     return REGISTRY[name]
 

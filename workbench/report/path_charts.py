@@ -85,14 +85,13 @@ def engagement_chart(edge: Edge, toolpath: Toolpath, engagement: Engagement) -> 
     figure = Figure(figsize=(10, 3.9))
     rows = figure.subplots(len(ENGAGED), 1, sharex=True)
     figure.subplots_adjust(0.068, 0.125, 0.868, 0.98, hspace=0.18)
+    rows[0].axhline(toolpath.depth_of_cut_mm, color=LIMIT, linewidth=0.8, dashes=(4, 2.5))
+    label_level(rows[0], toolpath.depth_of_cut_mm, f"depth of cut {toolpath.depth_of_cut_mm:g} mm")
     for axes, (name, label) in zip(rows, ENGAGED, strict=True):
         for layer in engagement.layers:
             colour = layer_colours(np.array([layer.index]), count)[0] / 255.0
             axes.plot(layer.arc_length_mm, getattr(layer, name), color=colour, linewidth=1.1)
         axes.set(ylabel=label, ylim=(0.0, None))
-    rows[0].axhline(toolpath.depth_of_cut_mm, color=LIMIT, linewidth=0.8, dashes=(4, 2.5))
-    label_level(rows[0], toolpath.depth_of_cut_mm, f"depth of cut {toolpath.depth_of_cut_mm:g} mm")
-    for axes in rows:
         hatch_hidden(axes, hidden_stretches(edge))
     rows[-1].set(xlabel=ALONG)
     return figure.svg()

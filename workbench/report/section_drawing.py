@@ -129,15 +129,15 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
     rows = math.ceil(len(all_drawn) / COLUMNS)
     figure = Figure(figsize=(COLUMNS * PANEL_IN[0], rows * PANEL_IN[1]))
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
-    figure.subplots_adjust(0.048, 0.16 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
+    figure.subplots_adjust(0.048, 0.18 / rows, 0.995, 1 - 0.09 / rows, wspace=0.05, hspace=0.14)
     limit = deviation_limit(all_drawn)
     for axes, drawn in zip(grid.flat, all_drawn, strict=False):
         _draw(axes, drawn, window, places)
         draw_deviations(axes, drawn, limit)
     for axes in grid.flat[len(all_drawn) :]:
         axes.visible = False
-    grid[-1, COLUMNS // 2].set(xlabel="u along the root face's outward normal, mm")
-    grid[(rows - 1) // 2, 0].set(ylabel="v from the lower to the upper side, mm")
+    grid[-1, min(COLUMNS // 2, (len(all_drawn) - 1) % COLUMNS)].set(xlabel="out of the root face, mm")
+    grid[(rows - 1) // 2, 0].set(ylabel="up, mm")
     return figure.svg()
 
 

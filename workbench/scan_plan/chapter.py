@@ -117,7 +117,9 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
             if name:
                 axes.plot(*np.array([a, b]).T, lw=2.2, color=colour if lit else pieces.INK, ls="-" if lit else ":")
                 x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
-                axes.text(x, y, name, ha="right" if normal[0] > 0.5 else "center", va="center")
+                if normal[0] == 0.0:  # a surface, named at its far end, where no other name is
+                    x = min(a[0], b[0]) + 0.02 * reach
+                axes.text(x, y, name, ha="right" if normal[0] > 0.5 else "left", va="center")
         axes.set_aspect("equal")
         axes.set_xlabel("out of the root face (n), mm")
         axes.set_ylabel("up from the lower surface (m), mm")

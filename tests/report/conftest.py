@@ -33,6 +33,7 @@ from workbench.artefacts import (
     Toolpath,
     Travel,
 )
+from workbench.report.plot import Figure
 from workbench.units import DEG
 
 THICKNESS_MM, ROOT_MM, BEVEL_DEG = 10.0, 1.5, 40.0
@@ -292,6 +293,14 @@ def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0)
         warnings=(),
     )
     return Planned(cloud, edge, path_by_formula(radius_mm=radius_mm, clamp=clamp))
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The figures that are made, before they are written."""
+    figures = []
+    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"<svg/>")
+    return figures
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,6 @@ from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
 from workbench.errors import InputError
 from workbench.report import closed_loop, html
 from workbench.report.planned import compared
-from workbench.report.plot import Figure
 
 
 def text_of(chapter):
@@ -90,17 +89,14 @@ def test_another_requirement_than_was_inspected_is_a_warning(part, by_formula):
     assert chapter.warnings == ("the path was planned for a root face of 2 mm, the part inspected against 1.5 mm",)
 
 
-def test_the_chart_draws_measured_and_planned(part, by_formula, monkeypatch):
-    figures = []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_the_chart_draws_measured_and_planned(part, by_formula, drawn):
     inspection, path = part(frames=50, columns=50).inspection, by_formula()
     closed_loop(inspection, path)
-    root, bevel = figures[0].axes
+    root, bevel = drawn[0].axes
     profile = inspection.profile
     for axes, values in ((root, profile.root_mm - 1.5), (bevel, profile.bevel_deg - 40.0)):
-        drawn = [line.xy for line in axes.lines]
         expected = np.c_[profile.arc_length_mm, values]
-        assert any(np.array_equal(xy, expected, equal_nan=True) for xy in drawn)
+        assert any(np.array_equal(line.xy, expected, equal_nan=True) for line in axes.lines)
         crosses = [line.xy[:, 1][0] for line in axes.lines if line.marker == "x"]
         np.testing.assert_allclose(crosses, 0.0, atol=1e-6)
         assert len(crosses) == 7  # two of the nine sections are not cut

@@ -8,22 +8,8 @@ import numpy as np
 import pytest
 
 from workbench.report import along
-from workbench.report.plot import Figure
 from workbench.report.section_drawing import deviations, laid_out, section_drawings
 from workbench.report.tables import decision_rule, set_aside
-
-
-@pytest.fixture
-def drawn(monkeypatch):
-    """The figures that are made, before they are written."""
-    figures = []
-
-    def keep(figure: Figure) -> bytes:
-        figures.append(figure)
-        return b"<svg/>"
-
-    monkeypatch.setattr(Figure, "svg", keep)
-    return figures
 
 
 def lines(figure):

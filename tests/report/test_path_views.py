@@ -11,7 +11,6 @@ from PIL import Image
 from workbench.artefacts import Engagement, LayerEngagement, Scene, Shading, Strokes
 from workbench.report import path_charts
 from workbench.report.planned import feed_scale, layer_scale, whole_run
-from workbench.report.plot import Figure
 from workbench.report.scene import View, picture
 from workbench.report.views import path_views
 
@@ -39,35 +38,31 @@ def test_the_whole_path_is_drawn_layer_by_layer(planned, run, views):
         np.testing.assert_allclose(line, position, atol=1e-9)
 
 
-def test_the_scales_name_layers_and_feeds(planned, run, monkeypatch):
-    figures = []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_the_scales_name_layers_and_feeds(planned, run, drawn):
     layer_scale(planned().toolpath)
     feed_scale(run)
-    layers, feeds = (figure.axes[0] for figure in figures)
+    layers, feeds = (figure.axes[0] for figure in drawn)
     assert layers.ticks["x"][1] == [f"{k + 1} ({5 - k} mm)" for k in range(6)]
     assert (layers.labels["x"], feeds.labels["x"]) == ("layer (its height above the finished bevel)", "feed, mm/s")
     assert feeds.get_xlim() == (1.0, 20.0)
 
 
-def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, monkeypatch):
-    p, figures = planned(), []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, drawn):
+    p = planned()
     path_charts.feed_chart(p.edge, p.toolpath)
-    axes = figures[0].axes[0]
+    axes = drawn[0].axes[0]
     final = p.toolpath.layers[-1]
     np.testing.assert_array_equal(axes.lines[0].xy, np.c_[final.arc_length_mm, final.feed_mm_s])
     assert axes.bars == [(0.0, 89.0), (123.0, 200.0)]
     assert axes.get_ylim()[1] > 10.0
 
 
-def test_a_depth_of_cut_beyond_what_was_milled_is_in_the_picture(planned, monkeypatch):
-    p, figures = planned(), []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_a_depth_of_cut_beyond_what_was_milled_is_in_the_picture(planned, drawn):
+    p = planned()
     s = p.toolpath.layers[0].arc_length_mm
     shallow = LayerEngagement(1, s, 0.1 + 0.0 * s, 0.1 + 0.0 * s, 0.1 + 0.0 * s)
     path_charts.engagement_chart(p.edge, p.toolpath, Engagement((shallow,)))
-    radial = figures[0].axes[0]
+    radial = drawn[0].axes[0]
     assert radial.get_ylim()[1] > p.toolpath.depth_of_cut_mm
     assert radial.texts[0].place()[1] >= 0.0  # on the sheet
 

@@ -17,7 +17,6 @@ from workbench.errors import InputError
 from workbench.report import html, plan
 from workbench.report.plan import stepped_section, stepping_drawing
 from workbench.report.planned import duration
-from workbench.report.plot import Figure
 
 PASSED = Gate(True, "frames, spacing and clearances hold")
 BETA = np.radians(40.0)
@@ -185,24 +184,21 @@ def test_it_lies_in_the_longest_stretch_that_is_cut(planned):
     assert stepped_section(p.edge, p.toolpath).arc_length_mm == pytest.approx(44.5, abs=0.51)
 
 
-def test_it_is_dimensioned_from_the_path(planned, by_formula, monkeypatch):
-    p, figures = planned(clamp=(-2.0, -1.0)), []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_it_is_dimensioned_from_the_path(planned, by_formula, drawn):
+    p = planned(clamp=(-2.0, -1.0))
     path = by_formula(clamp=(-2.0, -1.0), bevel_deg=41.0)
     stepping_drawing(p.cloud, p.edge, path, stepped_section(p.edge, path))
-    figure: Figure = figures[0]
-    texts = {text.text for text in figure.axes[0].texts}
+    texts = {text.text for text in drawn[0].axes[0].texts}
     assert {"root face 1.500 ± 0.016 mm", "(41.000 ± 0.057)°", "thickness\n10.00 mm", "depth of cut 1 mm"} <= texts
     assert {"1", "2", "3", "4", "5", "6"} <= texts
 
 
-def test_no_text_lies_on_another_or_outside(planned, monkeypatch):
-    p, figures = planned(clamp=(-2.0, -1.0)), []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_no_text_lies_on_another_or_outside(planned, drawn):
+    p = planned(clamp=(-2.0, -1.0))
     for layers in (p.toolpath.layers, p.toolpath.layers[-1:]):
         path = dataclasses.replace(p.toolpath, layers=layers)
         stepping_drawing(p.cloud, p.edge, path, stepped_section(p.edge, path))
-        figure = figures.pop()
+        figure = drawn.pop()
         boxes = [text.place() for text in figure.axes[0].texts]
         for k, (left, top, right, bottom) in enumerate(boxes):
             assert 0.0 <= left < right <= figure.width

@@ -7,7 +7,6 @@ import pytest
 
 from workbench.report import path_charts
 from workbench.report.marks import TOOL_AXES, rgb
-from workbench.report.plot import Figure
 from workbench.report.scene import everything_mm
 from workbench.report.scenes import TOOL_AXIS_MM
 from workbench.report.views import procedure_views, shown_stretch
@@ -47,11 +46,10 @@ def test_key_points_carry_frames_along_the_feed_and_down_the_bevel(views):
 
 
 @pytest.mark.parametrize("radius_mm", [None, 300.0])
-def test_edges_in_the_plane_show_how_far_the_end_face_is_from_flat(planned, radius_mm, monkeypatch):
-    p, figures = planned(radius_mm=radius_mm, clamp=(-2.0, -1.0)), []
-    monkeypatch.setattr(Figure, "svg", lambda figure: figures.append(figure) or b"")
+def test_edges_in_the_plane_show_how_far_the_end_face_is_from_flat(planned, radius_mm, drawn):
+    p = planned(radius_mm=radius_mm, clamp=(-2.0, -1.0))
     path_charts.edges_in_plane(p.cloud, p.edge)
-    in_plane, off = figures[0].axes
+    in_plane, off = drawn[0].axes
     lower, upper = (line.xy[:, 1] for line in in_plane.lines[1::2])  # after each edge's vertices
     np.testing.assert_allclose(np.asarray(upper) - np.asarray(lower), 10.0, atol=1e-6)
     sagitta = 0.0 if radius_mm is None else radius_mm * (1 - np.cos(50.0 / radius_mm))

@@ -31,7 +31,7 @@ from workbench.user_folder import package_digest
 
 FILES: dict[str, str] = {}  # SHA-256 of plug-ins of one file, by module: run.json names them
 BUILT_IN = ("scan", "cloud", "edge", "path", "program", "inspect", "twin", "report")
-GONE = {"report.csv": ": it is gone; 'export.inspection' with \"format\": \"csv\" writes its rows"}
+GONE = {"report.csv": ': it is gone; \'export.inspection\' with "format": "csv" writes its rows'}
 FURTHER = {"scan": ("workbench.scan_next", "workbench.scan_plan")}  # of the same families
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from workbench.artefacts import Engagement, LayerEngagement, Scene, Shading, Strokes
+from workbench.artefacts import Scene, Shading, Strokes
 from workbench.report import path_charts
 from workbench.report.planned import feed_scale, layer_scale, whole_run
 from workbench.report.scene import View, picture
@@ -55,16 +55,6 @@ def test_the_feed_chart_shows_feed_and_where_it_cuts(planned, drawn):
     np.testing.assert_array_equal(axes.lines[0].xy, np.c_[final.arc_length_mm, final.feed_mm_s])
     assert axes.bars == [(0.0, 89.0), (123.0, 200.0)]
     assert axes.get_ylim()[1] > 10.0
-
-
-def test_a_depth_of_cut_beyond_what_was_milled_is_in_the_picture(planned, drawn):
-    p = planned()
-    s = p.toolpath.layers[0].arc_length_mm
-    shallow = LayerEngagement(1, s, 0.1 + 0.0 * s, 0.1 + 0.0 * s, 0.1 + 0.0 * s)
-    path_charts.engagement_chart(p.edge, p.toolpath, Engagement((shallow,)))
-    radial = drawn[0].axes[0]
-    assert radial.get_ylim()[1] > p.toolpath.depth_of_cut_mm
-    assert radial.texts[0].place()[1] >= 0.0  # on the sheet
 
 
 def inside(axes_length_mm=0.0):

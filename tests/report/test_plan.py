@@ -15,6 +15,7 @@ import pytest
 from workbench.artefacts import Engagement, Gate, LayerEngagement, Moves, Part
 from workbench.errors import InputError
 from workbench.report import html, plan
+from workbench.report.path_charts import engagement_chart
 from workbench.report.plan import stepped_section, stepping_drawing
 from workbench.report.planned import duration
 
@@ -198,7 +199,8 @@ def test_no_text_lies_on_another_or_outside(planned, drawn):
     for layers in (p.toolpath.layers, p.toolpath.layers[-1:]):
         path = dataclasses.replace(p.toolpath, layers=layers)
         stepping_drawing(p.cloud, p.edge, path, stepped_section(p.edge, path))
-        figure = drawn.pop()
+    engagement_chart(p.edge, dataclasses.replace(p.toolpath, depth_of_cut_mm=3.0), engagement_of(p.toolpath))
+    for figure in drawn:
         boxes = [text.place() for text in figure.axes[0].texts]
         for k, (left, top, right, bottom) in enumerate(boxes):
             assert 0.0 <= left < right <= figure.width

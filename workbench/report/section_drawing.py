@@ -136,8 +136,7 @@ def section_drawings(cloud: Cloud, edge: Edge, inspection: Inspection) -> bytes:
         draw_deviations(axes, drawn, limit)
     for axes in grid.flat[len(all_drawn) :]:
         axes.visible = False
-    grid[-1, min(COLUMNS // 2, (len(all_drawn) - 1) % COLUMNS)].set(xlabel="out of the root face, mm")
-    grid[(rows - 1) // 2, 0].set(ylabel="up, mm")
+    grid[-1, 0].set(xlabel="out of the root face, mm", ylabel="up, mm")
     return figure.svg()
 
 

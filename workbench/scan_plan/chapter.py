@@ -109,20 +109,18 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
             axes.plot(*np.array([start, end]).T, color=colour if met else pieces.PALE, lw=0.7)
         laser = feet[[0, -1]] + front * towards
         axes.plot(*laser.T, color=pieces.INK, lw=3.0)
-        x, y = laser.mean(axis=0) + 0.1 * reach * towards
-        axes.text(x, y, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
+        axes.text(*laser.mean(axis=0) + 0.1 * reach * towards, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
         axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
         for a, b, normal, name in _faces(joint):
             lit = normal @ towards > math.cos(MOST_INCIDENCE)
             if name:
                 axes.plot(*np.array([a, b]).T, lw=2.2, color=colour if lit else pieces.INK, ls="-" if lit else ":")
                 x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
-                if normal[0] == 0.0:  # a surface, named at its far end, where no other name is
-                    x = min(a[0], b[0]) + 0.02 * reach
-                axes.text(x, y, name, ha="right" if normal[0] > 0.5 else "left", va="center")
-        axes.set_aspect("equal")
-        axes.set_xlabel("out of the root face (n), mm")
-        axes.set_ylabel("up from the lower surface (m), mm")
+                if normal[0] > 0.5:
+                    axes.text(x, y, name, ha="right", va="center")
+                else:  # at the far end of a surface, where no other name is
+                    axes.text(min(a[0], b[0]), y, f" {name}", va="center")
+        axes.set(aspect="equal", xlabel="out of the root face (n), mm", ylabel="up from the lower surface (m), mm")
         return pieces.svg(figure)
 
 
@@ -135,7 +133,7 @@ def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]
         (low, corner, np.array([1.0, 0.0]), "root face"),
         (corner, top, slope, "bevel"),
         (top, back[0], np.array([0.0, 1.0]), "upper surface"),
-        (back[0], back[1], np.array([-1.0, 0.0]), ""),
+        (*back, np.array([-1.0, 0.0]), ""),
         (back[1], low, np.array([0.0, -1.0]), "lower surface"),
     ]
 

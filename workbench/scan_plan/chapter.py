@@ -109,7 +109,8 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
             axes.plot(*np.array([start, end]).T, color=colour if met else pieces.PALE, lw=0.7)
         laser = feet[[0, -1]] + front * towards
         axes.plot(*laser.T, color=pieces.INK, lw=3.0)
-        axes.text(*laser.mean(axis=0) + 0.1 * reach * towards, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
+        x, y = laser.mean(axis=0) + 0.1 * reach * towards
+        axes.text(x, y, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
         axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
         for a, b, normal, name in _faces(joint):
             lit = normal @ towards > math.cos(MOST_INCIDENCE)

@@ -49,10 +49,11 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         "of the edge seen, %",
     )
     text = pieces.facts_html(facts) + pieces.table_html(head, rows)
-    text += pieces.panels_html(
+    sections = (
         (_section_picture(made, one.view, pieces.SERIES[k % len(pieces.SERIES)]), _section_words(k + 1, one.view))
         for k, one in enumerate(made.passes)
     )
+    text += pieces.panels_html(sections, pairs=True)
     text += pieces.figure_html(
         _along_picture(made),
         "Predicted U along the edge",

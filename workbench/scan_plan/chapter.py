@@ -49,10 +49,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
         "of the edge seen, %",
     )
     text = pieces.facts_html(facts) + pieces.table_html(head, rows)
-    sections = (
-        (_section_picture(made, one.view, pieces.SERIES[k % len(pieces.SERIES)]), _section_words(k + 1, one.view))
-        for k, one in enumerate(made.passes)
-    )
+    sections = [(_section_picture(made, one.view), _section_words(k, one.view)) for k, one in enumerate(made.passes, 1)]
     text += pieces.panels_html(sections, pairs=True)
     text += pieces.figure_html(
         _along_picture(made),
@@ -92,7 +89,7 @@ def _section_words(number: int, view: View) -> str:
     )
 
 
-def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
+def _section_picture(made: ScanPlan, view: View) -> bytes:
     from matplotlib.figure import Figure
 
     joint = made.joint
@@ -107,7 +104,7 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
         feet = aim_mm(joint, view) + np.linspace(-0.6, 0.6, RAYS)[:, None] * reach * across
         for start in feet + front * towards:
             end, met = _met(joint, start, towards)
-            axes.plot(*np.array([start, end]).T, color=colour if met else pieces.PALE, lw=0.7)
+            axes.plot(*np.array([start, end]).T, color=pieces.BLUE if met else pieces.PALE, lw=0.7)
         laser = feet[[0, -1]] + front * towards
         axes.plot(*laser.T, color=pieces.INK, lw=3.0)
         x, y = laser.mean(axis=0) + 0.1 * reach * towards
@@ -116,7 +113,7 @@ def _section_picture(made: ScanPlan, view: View, colour: str) -> bytes:
         for a, b, normal, name in _faces(joint):
             lit = normal @ towards > math.cos(MOST_INCIDENCE)
             if name:
-                axes.plot(*np.array([a, b]).T, lw=2.2, color=colour if lit else pieces.INK, ls="-" if lit else ":")
+                axes.plot(*np.array([a, b]).T, lw=2.2, color=pieces.BLUE if lit else pieces.INK, ls="-" if lit else ":")
                 x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
                 if normal[0] > 0.5:
                     axes.text(x, y, name, ha="right", va="center")

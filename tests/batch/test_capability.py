@@ -27,6 +27,7 @@ def test_what_measurement_adds_to_the_spread() -> None:
     assert (found.s, found.u, found.s_part) == pytest.approx((0.05, 0.03, 0.04))
     assert found.cpk == pytest.approx(0.4 / 0.15)
     assert capability(series(50, 1.6, 0.02), np.full(50, 0.03), 1.0, 2.0).s_part == 0.0
+    assert capability(np.full(36, 40.2), np.zeros(36), 39.0, 41.0).s == 0.0  # whatever rounding its mean has
 
 
 def test_parts_spread_is_found_under_noise() -> None:

@@ -140,7 +140,7 @@ def capability(value: Float, u: Float, lower: float, upper: float) -> Capability
         nan = math.nan
         return Capability(n, mean, nan, none, nan, nan, nan, none, nan, none, nan, none)
     known = value[order]
-    mean, s, u_rms = float(known.mean()), float(known.std(ddof=1)), float(np.sqrt(np.mean(u[order] ** 2)))
+    mean, s, u_rms = float(known.mean()), float((known - known[0]).std(ddof=1)), float(np.sqrt(np.mean(u[order] ** 2)))
     s_low, s_high = spread_interval(s, n)
     cp = (upper - lower) / (6 * s) if s else math.inf
     cpk = min(upper - mean, mean - lower) / (3 * s) if s else math.inf

@@ -316,7 +316,7 @@ def _draw_tolerance(axes: Axes, what: Characteristic) -> None:
 def _span(values: Sequence[float]) -> tuple[float, float]:
     """Room for all of the finite values."""
     known = [v for v in values if math.isfinite(v)] or [0.0, 1.0]
-    room = 0.12 * (max(known) - min(known)) or 0.5
+    room = 0.12 * round(max(known) - min(known), 9) or 0.5
     return min(known) - room, max(known) + room
 
 

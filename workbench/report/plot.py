@@ -163,7 +163,7 @@ class _Extent:
             return self.given
         if self.low > self.high:
             return 0.0, 1.0
-        room = self.margin * (self.high - self.low) or 0.05 * abs(self.high) or 0.05
+        room = self.margin * round(self.high - self.low, 10) or 0.05 * abs(self.high) or 0.05
         return self.low - room, self.high + room
 
 

@@ -1,5 +1,6 @@
 """A rigid motion of the recording moves positions, turns directions and leaves sizes, through every stage."""
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,11 @@ def expectation(place: str, value: Any, motion: Any) -> Any:
         return value @ motion[:3, :3].T + motion[:3, 3]
     if name in DIRECTIONS:
         return value @ motion[:3, :3].T
+    if isinstance(value, bytes) and b'"edge-line"' in value:
+        document = json.loads(value)
+        points, side = (np.array(document[key]) @ motion[:3, :3].T for key in ("points_mm", "upper_side"))
+        document |= {"points_mm": (points + motion[:3, 3]).tolist(), "upper_side": side.tolist()}
+        return json.dumps(document, indent=1).encode() + b"\n"
     return motion @ value if name in POSES else value
 
 

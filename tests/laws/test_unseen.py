@@ -12,11 +12,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.score.outsider import sharp
-from workbench.artefacts import Inspection, MilledEdge, Recording
+from bench.score.parts import generator, nominal
+from bench.score.triangulated import sensor, way, workpiece
+from bench.simulators.triangulated import STRAIGHT_MM
+from bench.simulators.triangulated import simulate as triangulated
+from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse, read
+from workbench.units import DEG
 
 RECORDING = "data/synthetic/milled_edge.h5"
 
@@ -101,3 +106,21 @@ def test_an_end_that_stays_in_one_column_is_a_condition(lost: int) -> None:
     found = sections(edge, **nominal, **wide)
     assert (found.verdict, [one.name for one in found.conditions]) == ("undecided", ["window_end"])
     assert sections(edge, **nominal, **wide, accept_conditions=("window_end",)).verdict == "pass"
+
+
+def test_a_window_that_ends_both_turned_passes_is_a_condition() -> None:
+    """Each ends in a column of its own, none in most frames of both: 0.7 mm too short at 26 u, and no condition."""
+    rng = generator("reread", 2661)
+    part = replace(workpiece(rng, "milled", 2661), radius_mm=STRAIGHT_MM, table_mm=None)
+    ways = [way(rng, part, elevation_deg) for elevation_deg in (40.0, 42.0)]
+    led = [replace(one, drift_mm=0.0, sway=0.0, oblique=(0.0, 0.0, 0.0)) for one, _ in ways]
+    drawn = triangulated(part, sensor(rng, max(wide for _, wide in ways)), led, 2661)
+    given = nominal(part.root_mm.mean, part.bevel.mean / DEG)
+    names = ("root_nominal_mm", "bevel_nominal_deg")
+    whole = segment(denoise(fuse(drawn.recording)), **{name: given[name] for name in names})
+    root = [np.flatnonzero((whole.labels[whole.pass_index == one] == ROOT_FACE).mean(axis=0) > 0.5) for one in (0, 1)]
+    low, high = min(one[0] for one in root), max(one[-1] for one in root)
+    columns = np.arange(drawn.recording.z_mm.shape[1])
+    cut = np.where((columns > low + 20) & (columns < high - 20), drawn.recording.z_mm, np.nan).astype(np.float32)
+    edge = segment(denoise(fuse(replace(drawn.recording, z_mm=cut))), **{name: given[name] for name in names})
+    assert "window_end" in [one.name for one in edge.unseen]

@@ -106,11 +106,10 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
 
 def ends_in_one_column(cloud: Cloud, tracked: TrackedFaces) -> bool:
     """Does the root face end where the part and the sensor's window look alike: in one column, with none beyond it?"""
-    pinned = {one.name: one.value or 0.0 for one in cloud.checks}.get("fixed_end_share", 0.0)
-    column = np.abs(tracked.end_column[is_free_end(tracked)])
-    if not column.size or pinned <= PINNED:
-        return False
-    return bool(np.bincount(column).max() > PINNED * tracked.seen.sum())
+    column = tracked.end_column[is_free_end(tracked)]  # counted outwards: below 0 where these fall
+    used = np.flatnonzero(cloud.keep.any(axis=0))
+    pinned = (column == used[-1]) | (column == -used[0])
+    return bool(pinned.sum() > PINNED * tracked.seen.sum())
 
 
 class _Section:

@@ -149,6 +149,7 @@ def test_the_first_printed_page_holds_one_a4_side(page):
     high, needed, foot, end = page.evaluate("""() => { const c = document.querySelector(".certificate");
       const box = c.getBoundingClientRect(), foot = c.querySelector("footer").getBoundingClientRect();
       return [box.height, c.scrollHeight, foot.bottom, box.bottom]; }""")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= A4_WIDTH_PX  # of all pages
     assert high <= A4_HEIGHT_PX
     assert needed <= high + 1
     assert foot <= end + 1

@@ -97,9 +97,14 @@ def hidden_columns_u(checks: Sequence[Check]) -> float:
     to half its width.
     """
     found = {check.name: check.value or 0.0 for check in checks}
-    wide = max(found.get("mean_columns", 0.0), found.get("mean_frames", 0.0), 1.0)
+    wide = max(averaged_columns(checks), found.get("mean_frames", 0.0))
     hidden = found.get("hidden_columns", 0.0), found.get("dropped_columns", 0.0), 0.5 * (wide - 1.0)
     return math.hypot(*hidden) / math.sqrt(3.0)
+
+
+def averaged_columns(checks: Sequence[Check]) -> float:
+    """Over how many columns the sensor has averaged, by what a recording's checks found; at least its own column."""
+    return max((check.value or 0.0 for check in checks if check.name == "mean_columns"), default=0.0) or 1.0
 
 
 def dropped_columns(z: AnyArray) -> int:

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, Cloud
+from workbench.checks.sensor import column_pitch_mm
+from workbench.checks.window import averaged_columns
 from workbench.edge.faces import TrackedFaces
-from workbench.geometry.tracking import CORNER_MARGIN_MM
 from workbench.units import Bool, Float, Shaped
 
 SAMPLE_FRAMES, LEAST_FRAMES = 400, 20
+PROVEN = 2.0  # standard uncertainties of the depth, from which a corner is told to be rounded
 
 
 class LowerFillet(NamedTuple):
-    """The rounding of that corner; zeros where it is no larger than what lines of faces leave out anyway."""
+    """What the frames that show both say of that corner."""
 
-    radius_mm: float
-    rim_mm: float  # of the root face, along x, that is rounded
+    depth_mm: float  # under both faces' lines, where it is as deep under the one as under the other
+    depth_u_mm: float  # of a sharp corner as well: its returns lie on either side of it
+    half_turn: float  # between both faces, rad
+    radius_mm: float  # of a rounding so deep; 0 where a sharp corner would look alike
+    rim_mm: float  # of the root face, along x, that is rounded; 0 likewise
 
 
-def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet:
-    """The rounded corner of root face and lower surface in all frames that show both.
+NOT_SEEN = LowerFillet(0.0, math.inf, 0.5 * math.pi, 0.0, 0.0)
+
+
+def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet | None:
+    """The rounded corner of root face and lower surface; None: too few frames show both.
 
     A circle of radius R that touches two lines, which turn by t, begins R tan(t / 2) before their corner, and lies
     R (1 - cos(t / 2)) under both where it is as deep under the one as under the other.
@@ -30,7 +39,7 @@ def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet:
     root, bevel, lower = (tracked.faces[label] for label in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE))
     here = np.flatnonzero(tracked.end_is_corner & ~tracked.lies_on & (root.count > 2) & (lower.count > 2))
     if here.size < LEAST_FRAMES:
-        return LowerFillet(0.0, 0.0)
+        return None
     here = here[np.unique(np.linspace(0, here.size - 1, SAMPLE_FRAMES).round().astype(np.int64))]
     slope = {one: face.sxz[here] / face.sxx[here] for one, face in enumerate((root, lower, bevel))}
     side = tracked.side[here]
@@ -44,25 +53,37 @@ def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet:
         for k, face in enumerate((root, lower))
     ]
     between = (along > (side * root.x_mean[here])[:, None]) & (along < (side * lower.x_mean[here])[:, None])
-    half = 0.5 * np.abs(np.arctan(slope[1]) - np.arctan(slope[0]))
-    radius = _where_alike(along, under[0], under[1], between) / (1.0 - np.cos(half))
-    length = radius * np.tan(half)
-    if np.isfinite(length).sum() < LEAST_FRAMES or not np.nanmedian(length) > CORNER_MARGIN_MM:
-        return LowerFillet(0.0, 0.0)
-    return LowerFillet(float(np.nanmedian(radius)), float(np.nanmedian(length / np.hypot(1.0, slope[0]))))
+    depth, chord = _where_alike(along, under[0], under[1], between)
+    on = np.isfinite(depth)
+    if on.sum() < LEAST_FRAMES:
+        return None
+    half = 0.5 * np.abs(np.arctan(slope[1]) - np.arctan(slope[0]))[on]
+    depth_mm, turn = float(np.median(depth[on])), float(np.median(half))
+    slopes, lean = np.median([slope[0], slope[1]], axis=1), math.hypot(1.0, float(np.median(slope[0])))
+    # A mean of ranges over a width across the corner lies deeper than it, by an eighth of both slopes' difference.
+    mean = averaged_columns(cloud.checks) * column_pitch_mm(cloud.x_mm) * abs(float(np.diff(slopes)[0])) / (8.0 * lean)
+    depth_u = math.hypot(float(np.median(chord[on])), mean) / math.sqrt(3.0)
+    radius = depth_mm / (1.0 - math.cos(turn)) if depth_mm > PROVEN * depth_u else 0.0
+    return LowerFillet(depth_mm, depth_u, turn, radius, radius * math.tan(turn) / lean)
 
 
 def _where_alike(
     along: Shaped[Float, "f M"], first: Shaped[Float, "f M"], second: Shaped[Float, "f M"], on: Shaped[Bool, "f M"]
-) -> Float:
-    """The value (f,) that both take in the first place along a frame where the first is no longer the lesser one."""
+) -> tuple[Float, Float]:
+    """The value (f,) that both take in the first place along a frame where the first is no longer the lesser one.
+
+    And what it would be of a sharp corner that lies anywhere between the two returns beside that place, at most.
+    """
     order = np.argsort(np.where(on, along, np.inf), axis=1)
     off = np.take_along_axis(np.where(on, first - second, -np.inf), order, axis=1)
     first = np.take_along_axis(first, order, axis=1)
     k = np.maximum((off > 0.0).argmax(axis=1), 1)
     row = np.arange(len(k))
     before, after = off[row, k - 1], off[row, k]
+    rise = first[row, k] - first[row, k - 1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        weight = -before / (after - before)
-        value = (1.0 - weight) * first[row, k - 1] + weight * first[row, k]
-    return np.where((before <= 0.0) & (after > 0.0), value, np.nan)
+        value = first[row, k - 1] - before / (after - before) * rise
+        fall = after - before - rise
+        chord = np.abs(rise * fall) / (np.abs(rise) + np.abs(fall))
+    found = (before <= 0.0) & (after > 0.0)
+    return np.where(found, value, np.nan), np.where(found, chord, np.nan)

@@ -19,6 +19,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import hidden_columns_u
 from workbench.edge.faces import TrackedFaces
+from workbench.edge.lower_fillet import LowerFillet
 from workbench.geometry.blocks import as_input
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.course import stretches
@@ -116,8 +117,16 @@ class BrokenEnd:
         return np.hypot(self.u_mm, self.hidden_u_mm)
 
 
-def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition = "unknown") -> BrokenEnd:
+def broken_end(
+    cloud: Cloud,
+    rim: FaceRim,
+    here: Bool,
+    condition: EdgeCondition = "unknown",
+    corner: LowerFillet | None = None,
+) -> BrokenEnd:
     """The lower end of a face in the frames `here` (N,), by the depths of its last returns in all passes.
+
+    And by its corner with the lower surface, where other frames show both.
 
     Source: eq. (12) and (12a) of docs/method.md for the templates; averaged over them as Hoeting et al., Bayesian model
     averaging, Statistical Science 14 (1999), 382.
@@ -128,10 +137,10 @@ def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition 
     views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
     prior = PRIORS[condition]
     templates = end_templates(prior)
-    seen, likelihood, share = _posterior(views, templates)
+    seen, likelihood, share = _posterior(views, templates, corner)
     if seen:
         templates = templates.finer(share > UNLIKELY, math.log(prior.most_mm / prior.least_mm) / (SIZES - 1))
-        seen, likelihood, share = _posterior(views, templates)
+        seen, likelihood, share = _posterior(views, templates, corner)
     possible = np.isfinite(templates.log_prior[1:])
     proven = bool(likelihood[1:][possible].max() - likelihood[0] > PROOF)
     rims = [0.0]
@@ -147,13 +156,31 @@ def broken_end(cloud: Cloud, rim: FaceRim, here: Bool, condition: EdgeCondition 
     return BrokenEnd(beyond, u, hidden, lit, size, max(rims) if proven else 0.0)
 
 
-def _posterior(views: Sequence[EndView], templates: EndTemplates) -> tuple[list[SeenEnd], Float, Float]:
+def _posterior(
+    views: Sequence[EndView], templates: EndTemplates, corner: LowerFillet | None
+) -> tuple[list[SeenEnd], Float, Float]:
     """The templates as all passes see them, their log-likelihoods (t,) and their shares (t,)."""
     seen = [seen_end(view, templates) for view in views]
-    likelihood = np.sum([one.log for one in seen], axis=0) if seen else np.zeros(templates.size_mm.size)
+    by_corner = np.zeros(templates.size_mm.size) if corner is None else _corner_log(templates, corner)
+    likelihood = np.sum([by_corner, *(one.log for one in seen)], axis=0)
     log = templates.log_prior + likelihood
     share = np.exp(log - log.max())
     return seen, likelihood, share / share.sum()
+
+
+def _corner_log(templates: EndTemplates, corner: LowerFillet) -> Float:
+    """Log-likelihoods (t,) of the depth under both lines where it is the same, of a corner that turns by 2 h.
+
+    Of a rounding r (1 - cos h), of a chamfer of height c, turned by tau, c / (1 + sin tau / sin(2 h - tau)).
+    """
+    size, turn = templates.size_mm, templates.turn
+    round_ = turn == 0.0
+    ahead = np.sin(np.clip(2.0 * corner.half_turn - turn, 0.0, math.pi))
+    with np.errstate(divide="ignore"):
+        depth = size * np.where(round_, 1.0 - math.cos(corner.half_turn), ahead / (ahead + np.sin(turn)))
+    sharp_u = corner.depth_u_mm + DEPTH_U_MM
+    u = np.hypot(sharp_u**2 / (sharp_u + depth), np.where(round_, QUARTER, FLAT) * depth)  # returns lie on the arc, too
+    return np.asarray(-0.5 * ((corner.depth_mm - depth) / u) ** 2 - np.log(u))
 
 
 def weights(s: Float, u_mm: Float) -> Float:

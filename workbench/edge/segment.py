@@ -22,7 +22,7 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.lower_fillet import lower_fillet
+from workbench.edge.lower_fillet import NOT_SEEN, LowerFillet, lower_fillet
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
@@ -123,15 +123,13 @@ def segment(
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
-    rounding = broken_end(cloud, root_rim(tracked), is_free_end(tracked), edge_condition)
-    fillet = lower_fillet(cloud, tracked)
-    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm, fillet.radius_mm))
+    fillet, rounding = _lower_edge(cloud, tracked, 0.0, edge_condition)
+    size_mm, rim_mm = (max(rounding.size_mm, fillet.radius_mm), max(rounding.rim_mm, fillet.rim_mm))
+    shown = shown._replace(rim_mm=max(shown.rim_mm, size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
-    if rounding.size_mm > 0.0 or fillet.radius_mm > 0.0:
-        rim = max(rounding.rim_mm, fillet.rim_mm)
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rim, upper_side)
-        rounding = broken_end(cloud, root_rim(tracked, rim), is_free_end(tracked), edge_condition)
-        fillet = lower_fillet(cloud, tracked)
+    if size_mm > 0.0:
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rim_mm, upper_side)
+        fillet, rounding = _lower_edge(cloud, tracked, rim_mm, edge_condition)
     free = is_free_end(tracked)
     size_mm = max(rounding.size_mm, fillet.radius_mm)
     checks = (*checks, edge_break_check(size_mm, given), end_step_check(tracked.end_column[free], given))
@@ -149,6 +147,14 @@ def segment(
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
     edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
+
+
+def _lower_edge(
+    cloud: Cloud, tracked: TrackedFaces, rim_mm: float, condition: EdgeCondition
+) -> tuple[LowerFillet, BrokenEnd]:
+    """The broken lower edge where its lower surface is seen, and where it is not."""
+    fillet = lower_fillet(cloud, tracked)
+    return fillet or NOT_SEEN, broken_end(cloud, root_rim(tracked, rim_mm), is_free_end(tracked), condition, fillet)
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:

@@ -209,18 +209,17 @@ def whole_end(frames: int) -> BrokenEnd:
     return BrokenEnd(none, none, none, np.full(frames, 0.5), 0.0, 0.0)
 
 
-def u_along(s: Float, broken: BrokenEnd, at: Float) -> tuple[Float, Float]:
-    """What frames at s (N,) do not see of the break, and of the end by hidden columns, together at stations (k,), mm.
+def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) -> tuple[Float, ...]:
+    """What frames at s (N,), that do not see `doubt_mm` (N,) of the end, have together at stations (k,), by `weights`.
 
-    NaN in s: none.
+    values: (N,) each. NaN in s: none.
     """
     on = np.isfinite(s)
-    cell, weight = np.clip(np.searchsorted(at, s[on]), 0, at.size - 1), weights(s[on], broken.doubt_mm[on])
+    cell, weight = np.clip(np.searchsorted(at, s[on]), 0, at.size - 1), weights(s[on], doubt_mm[on])
     total = np.bincount(cell, weight, at.size)
     known = total > 0.0
-    together = [np.bincount(cell, weight * u[on], at.size)[known] for u in (broken.u_mm, broken.hidden_u_mm)]
-    by_break, by_columns = (np.interp(at, at[known], u / total[known]) for u in together)
-    return by_break, by_columns
+    sums = [np.bincount(cell, weight * of[on], at.size)[known] for of in values]
+    return tuple(np.interp(at, at[known], of / total[known]) for of in sums)
 
 
 class EndTemplates(NamedTuple):

@@ -17,6 +17,7 @@ from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import FURTHER, Shown, require_bevel, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.residuals import FaceAlong, late_of
+from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, width_mm
@@ -42,7 +43,7 @@ from workbench.edge.rim import (
     broken_end,
     is_free_end,
     root_rim,
-    u_along,
+    together_along,
     weights,
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
@@ -72,6 +73,11 @@ ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
     "angle counts from what stretches of {:g} mm show"
 )
+
+
+# Of a column: where the light lies that it returns, of a surface that grazes the rays and is brighter on one side. A
+# lower surface seen at 12 deg lay 0.15 of a column off (bench.simulators.triangulated).
+LIT_COLUMNS = 0.1
 
 
 @stage("edge.segment")
@@ -222,8 +228,8 @@ def milled_edge(
     shared = math.hypot(by_robot, laser_plane_u(cloud), cloud.sparse_poses_u[1])
     shared_u = np.hypot(shared, _late_u(cloud, measured, at))
     tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), shared_u)
-    root_form, bevel_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
-    end = _end_terms(cloud, tracked, measured, rounding, at, declared.end_u_mm)
+    root_form, bevel_form, lower_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
+    end = _end_terms(cloud, tracked, measured, rounding, at, lower_form, declared.end_u_mm)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
@@ -260,26 +266,39 @@ def milled_edge(
 
 def _forms(
     cloud: Cloud, tracked: TrackedFaces, s_low: Float, at: Float, checks: Sequence[Check], sensor: Linearity
-) -> tuple[FaceForm, FaceForm]:
-    """What lasts in the residuals of both faces; where a face holds a corner, its direction is either piece's."""
+) -> tuple[FaceForm, FaceForm, FaceForm]:
+    """What lasts in the residuals of both faces and of the lower surface.
+
+    Where a face holds a corner, its direction is either piece's.
+    """
     images = [
         face_image(cloud, tracked.labels, tracked.faces[label], label, tracked.side, s_low)
-        for label in (ROOT_FACE, BEVEL_FACE, UPPER_SURFACE)  # which tells of the sensor
+        for label in (ROOT_FACE, BEVEL_FACE, LOWER_SURFACE, UPPER_SURFACE)  # the last tells of the sensor
     ]
     either = either_piece_u(checks)
-    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, at, sensor)[:2])
-    return root, bevel
+    root, bevel, lower, _ = forms(images, at, sensor)
+    root, bevel = (replace(one, turn_u=np.hypot(one.turn_u, either)) for one in (root, bevel))
+    return root, bevel, lower
 
 
 def _end_terms(
-    cloud: Cloud, tracked: TrackedFaces, measured: Measured, broken: BrokenEnd, at: Float, declared_u_mm: float
+    cloud: Cloud,
+    tracked: TrackedFaces,
+    measured: Measured,
+    broken: BrokenEnd,
+    at: Float,
+    lower_form: FaceForm,
+    declared_u_mm: float,
 ) -> EndTerms:
     """What the course leaves open of the root face's end at arc lengths `at` (m,) of the lower edge."""
     s, end = at + measured.shift, measured.end
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
     on = np.flatnonzero(np.isfinite(shown))
     face = tracked.faces[ROOT_FACE]
-    by_break, by_columns = u_along(shown, broken, s)
+    by_break, by_columns, at_corner = together_along(
+        shown, broken.doubt_mm, s, broken.u_mm, broken.hidden_u_mm, tracked.end_is_corner
+    )
+    lower = at_corner * np.hypot(lower_form.upper_u_mm, LIT_COLUMNS * column_pitch_mm(cloud.x_mm))
     hidden = np.hypot(by_columns, under_u_mm(cloud, tracked, measured.s_low, at))
     frames = measured.ends
     own = np.interp(np.nan_to_num(measured.upper_s), end.s, measured.said.own) > 0.5
@@ -292,7 +311,7 @@ def _end_terms(
     unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
     level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
-    return EndTerms(level_u, by_break, hidden, declared_u_mm, steep)
+    return EndTerms(level_u, by_break, hidden, lower, declared_u_mm, steep)
 
 
 def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:

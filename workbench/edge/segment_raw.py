@@ -48,7 +48,7 @@ from workbench.edge.raw_measure import (
     unevenness,
 )
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
-from workbench.edge.rim import EdgeCondition, u_along
+from workbench.edge.rim import EdgeCondition, together_along
 from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.errors import InputError
 from workbench.geometry.curves import covered
@@ -214,7 +214,8 @@ def _edge(
         CLOCK: _between(measured.s_face, late_mm[0], at),
     }
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
-    by_break, by_columns = u_along(measured.lower.s, measured.lower.broken, at)
+    broken = measured.lower.broken
+    by_break, by_columns = together_along(measured.lower.s, broken.doubt_mm, at, broken.u_mm, broken.hidden_u_mm)
     hidden = by_columns, raw_under_u_mm(cloud, found, lower_s, at)
     along_m = {
         ROBOT: low_u[0],

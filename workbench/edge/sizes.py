@@ -21,6 +21,7 @@ class EndTerms(NamedTuple):
     level_u_mm: Shaped[Float, " m"]  # of the levels between which the end steps
     broken_u_mm: Shaped[Float, " m"]  # of what a rounding or a chamfer hides
     hidden_u_mm: Shaped[Float, " m"]  # of columns that never return, or a gap over what the plate lies on
+    lower_u_mm: Shaped[Float, " m"]  # of the lower surface at its corner with the root face, by its form; 0: no corner
     declared_u_mm: float
     steep: float  # slope of the root face to the rays' normal
 
@@ -55,7 +56,7 @@ def sizes(
         HIDDEN: end.hidden_u_mm,
         DIRECTIONS: turned,
         TANGENT: tangent_u * np.abs(run_root) * root,
-        FORM: np.sqrt(sum(of**2 for of in corner)),
+        FORM: np.sqrt(sum(of**2 for of in (*corner, end.lower_u_mm))),
         ROUNDING: end.broken_u_mm,
         DECLARED: np.full(at.size, end.declared_u_mm),
     }

@@ -201,7 +201,10 @@ def _digit(z: Float, step_mm: float) -> float:
 
 
 def _first_peak(off: Float, bins: int) -> float:
-    """Where values (n,) between 0 and `bins` gather beyond a valley; 0: they have none."""
+    """Where values (n,) between 0 and `bins` gather beyond a valley; 0: they have none.
+
+    Of steps, many lie one step away beside those at 0; beyond a valley in the tail of noise, few do.
+    """
     count = np.bincount(off.astype(int), minlength=bins).astype(float)
     low = np.flatnonzero(count[1:] < VALLEY * count.mean())
     if len(off) < LEAST_PAIRS or not len(low):
@@ -213,6 +216,8 @@ def _first_peak(off: Float, bins: int) -> float:
     begin = first + int(high[0])
     ends = np.flatnonzero(count[begin:] < VALLEY * count.mean())
     end = begin + int(ends[0]) if len(ends) else bins
+    if count[begin:end].sum() < VALLEY * count[:first].sum():
+        return 0.0
     return float(np.median(off[(off >= begin) & (off < end)]))
 
 

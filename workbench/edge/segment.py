@@ -23,7 +23,7 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.lower_fillet import NOT_SEEN, LowerFillet, lower_fillet
+from workbench.edge.lower_fillet import LIT_COLUMNS, NOT_SEEN, LowerFillet, lower_fillet
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
@@ -73,11 +73,6 @@ ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
     "angle counts from what stretches of {:g} mm show"
 )
-
-
-# Of a column: where the light lies that it returns, of a surface that grazes the rays and is brighter on one side. A
-# lower surface seen at 12 deg lay 0.15 of a column off (bench.simulators.triangulated).
-LIT_COLUMNS = 0.1
 
 
 @stage("edge.segment")

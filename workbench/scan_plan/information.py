@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.edge.lower_fillet import LIT_COLUMNS
 from workbench.edge.residual_image import PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
 from workbench.edge.rim import (
     DEEP_MM,
@@ -127,6 +128,7 @@ class PassInformation:
     per_mm: float
     end_mm: float  # standard deviation of a frame's root face, at its end
     step_mm: float  # between columns along the root face; 0: the end is a corner with the lower surface
+    lower_mm: float  # standard uncertainty of the lower surface at that corner; 0: it is not seen
     root: float  # of a frame's directions, rad
     bevel: float
     root_run: float  # mm along the edge by mm along the face
@@ -210,6 +212,7 @@ def information(
         per_mm=1.0 / view.frame_pitch_mm,
         end_mm=math.hypot(place, bevel.place_mm / math.sin(joint.bevel)),
         step_mm=0.0 if is_corner else pitch / math.cos(view.elevation),
+        lower_mm=LIT_COLUMNS * pitch if is_corner else 0.0,
         root=root.turn,
         bevel=bevel.turn,
         root_run=tilt * abs(math.sin(view.elevation)),
@@ -368,14 +371,15 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     )
     root_form = _mean_form([one.root_form for one in passes], by_root)
     bevel_form = _mean_form([one.bevel_form for one in passes], by_bevel)
-    steep = float((share * count * [abs(math.tan(one.view.elevation)) * (one.step_mm > 0.0) for one in passes]).sum())
-    steep /= float((share * count).sum())
+    by_end = share * count / (share * count).sum()
+    steep = float(by_end @ [abs(math.tan(one.view.elevation)) * (one.step_mm > 0.0) for one in passes])
+    lower_mm = float(by_end @ [one.lower_mm for one in passes])
     beta = joint.bevel
     lever = 0.5 * joint.bevel_width_mm
     turned = math.hypot(lever / math.sin(beta) * bevel_u, 0.5 * joint.root_mm / math.tan(beta) * root_u)
     corner = (root_form[2] / math.tan(beta), root_form[1] * steep, bevel_form[1] / math.sin(beta))
     leverage = math.sqrt(max(run_r**2 + run_b**2 - 2.0 * run_r * run_b * math.cos(beta), 0.0))
-    seen = math.hypot(end, turned, tangent * run_r * joint.root_mm, *corner)
+    seen = math.hypot(end, turned, tangent * run_r * joint.root_mm, lower_mm, *corner)
     bevel = math.hypot(root_u, bevel_u, tangent * leverage, root_form[0], bevel_form[0])
     return Predicted(math.hypot(seen, rounding), bevel / DEG, math.hypot(seen, rounding_most))
 

@@ -30,9 +30,6 @@ class LowerFillet(NamedTuple):
     rim_mm: float  # of the root face, along x, that is rounded; 0 likewise
 
 
-NOT_SEEN = LowerFillet(0.0, math.inf, 0.5 * math.pi, 0.0, 0.0)
-
-
 def lower_fillet(cloud: Cloud, tracked: TrackedFaces) -> LowerFillet | None:
     """The rounded corner of root face and lower surface; None: too few frames show both.
 

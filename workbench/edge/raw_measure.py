@@ -531,14 +531,12 @@ def _broken(cloud: Cloud, found: RawFaces, side: _Side, condition: EdgeCondition
     sense = np.full(here.size, found.sense)
     rim = FaceRim(face, -side.outward * found.side, ends.point[:, 0], ends.pitch * lean, sense, on_line=False)
     broken = broken_end(cloud, rim, here, condition)
-    all_ = [broken.beyond_mm.copy(), broken.u_mm.copy(), broken.hidden_u_mm.copy()]
+    likewise = {name: getattr(broken, name).copy() for name in ("beyond_mm", "u_mm", "hidden_u_mm")}
     for p in np.unique(cloud.pass_index[here]):
         one = int(np.argmax(here & (cloud.pass_index == p)))
-        mine = side.silhouette & (cloud.pass_index == p)
-        for of in all_:
-            of[mine] = of[one]
-    beyond, u, hidden = all_
-    return replace(broken, beyond_mm=beyond, u_mm=u, hidden_u_mm=hidden)
+        for value in likewise.values():
+            value[side.silhouette & (cloud.pass_index == p)] = value[one]
+    return replace(broken, **likewise)
 
 
 def _at_rim(s: Float) -> Bool:

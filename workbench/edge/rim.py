@@ -108,8 +108,8 @@ class BrokenEnd:
     u_mm: Shaped[Float, " N"]  # and standard uncertainty, common to the frames of a pass
     hidden_u_mm: Shaped[Float, " N"]  # the same by columns that do not show where it ends (`hidden_columns_u`)
     lit: Shaped[Float, " N"]  # share of a pixel that must be filled to return
-    size_mm: float  # radius of a rounding, height of a chamfer: the mean, where the edge is proven broken; else 0
-    rim_mm: float  # of the face before its last return on the line, along x, that is broken
+    size_mm: float  # radius of a rounding, height of a chamfer, where the edge is proven broken; else 0
+    rim_mm: float  # of the face before its last return on the line, or its corner, along x, that is broken
 
     @property
     def doubt_mm(self) -> Float:
@@ -151,9 +151,11 @@ def broken_end(
         beyond[mine], u[mine], lit[mine] = mean, math.hypot(spread, odd), 0.5 - share @ one.past
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
-    size = float(share @ templates.size_mm) if proven else 0.0
+    size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
+    if corner is not None:
+        size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, lit, size, max(rims) if proven else 0.0)
+    return BrokenEnd(beyond, u, hidden, lit, size, rim_mm)
 
 
 def _posterior(

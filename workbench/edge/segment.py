@@ -23,8 +23,8 @@ from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.lower_fillet import LIT_COLUMNS, NOT_SEEN, LowerFillet, lower_fillet
-from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
+from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
+from workbench.edge.measure import LEAST_WEIGHT, UNDETERMINED, Measured, measure_edge
 from workbench.edge.on_table import under_u_mm
 from workbench.edge.parameters import (
     USUAL_NOISE_MM,
@@ -124,16 +124,14 @@ def segment(
     columns = require_columns(cloud, root_nominal_mm, given)
     tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, upper_side=upper_side)
     shown = shown_beside(cloud, tracked, root_nominal_mm, bevel_nominal_deg)
-    fillet, rounding = _lower_edge(cloud, tracked, 0.0, edge_condition)
-    size_mm, rim_mm = (max(rounding.size_mm, fillet.radius_mm), max(rounding.rim_mm, fillet.rim_mm))
-    shown = shown._replace(rim_mm=max(shown.rim_mm, size_mm))
+    rounding = _broken_end(cloud, tracked, 0.0, edge_condition)
+    shown = shown._replace(rim_mm=max(shown.rim_mm, rounding.size_mm))
     checks = (columns, *require_bevel(cloud, tracked.labels, shown, given))
-    if size_mm > 0.0:
-        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rim_mm, upper_side)
-        fillet, rounding = _lower_edge(cloud, tracked, rim_mm, edge_condition)
+    if rounding.size_mm > 0.0:
+        tracked = find_faces(cloud, root_nominal_mm, bevel_nominal_deg, rounding.rim_mm, upper_side)
+        rounding = _broken_end(cloud, tracked, rounding.rim_mm, edge_condition)
     free = is_free_end(tracked)
-    size_mm = max(rounding.size_mm, fillet.radius_mm)
-    checks = (*checks, edge_break_check(size_mm, given), end_step_check(tracked.end_column[free], given))
+    checks = (*checks, edge_break_check(rounding.size_mm, given), end_step_check(tracked.end_column[free], given))
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     try:
         measured = measure_edge(cloud, tracked, rounding)
@@ -150,12 +148,10 @@ def segment(
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 
-def _lower_edge(
-    cloud: Cloud, tracked: TrackedFaces, rim_mm: float, condition: EdgeCondition
-) -> tuple[LowerFillet, BrokenEnd]:
-    """The broken lower edge where its lower surface is seen, and where it is not."""
-    fillet = lower_fillet(cloud, tracked)
-    return fillet or NOT_SEEN, broken_end(cloud, root_rim(tracked, rim_mm), is_free_end(tracked), condition, fillet)
+def _broken_end(cloud: Cloud, tracked: TrackedFaces, rim_mm: float, condition: EdgeCondition) -> BrokenEnd:
+    """The lower end of the root face, of whose line `rim_mm` was left out."""
+    corner = lower_fillet(cloud, tracked)
+    return broken_end(cloud, root_rim(tracked, rim_mm), is_free_end(tracked), condition, corner)
 
 
 def shown_beside(cloud: Cloud, tracked: TrackedFaces, root_nominal_mm: float, bevel_nominal_deg: float) -> Shown:
@@ -230,9 +226,8 @@ def milled_edge(
     root, bevel = sizes(measured, at, tangent_u, root_form, bevel_form, end)
     told: tuple[str, ...] = ()
     if rounding.size_mm > 0.0:
-        told = (ROUNDED.format(rounding.size_mm, rounding.beyond_mm.max()),)
-    elif (size_mm := _value(checks, "edge_break_mm")) > 0.0:
-        told = (FILLETED.format(size_mm),)
+        sentence = FILLETED if tracked.end_is_corner[tracked.seen].all() else ROUNDED
+        told = (sentence.format(rounding.size_mm, rounding.beyond_mm.max()),)
     if tracked.lies_on.any():
         told += (LIES_ON,)
     if measured.faces.even is not None:
@@ -298,7 +293,7 @@ def _end_terms(
     frames = measured.ends
     own = np.interp(np.nan_to_num(measured.upper_s), end.s, measured.said.own) > 0.5
     left = frames.low + 0.5 * frames.step - end.course.value(np.nan_to_num(measured.upper_s))
-    left[~own | (weights(shown, broken.doubt_mm) < 0.5)] = np.nan
+    left[~own | (weights(shown, broken.doubt_mm) < LEAST_WEIGHT)] = np.nan
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
     low = np.where(own, frames.low, np.nan)
     reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)

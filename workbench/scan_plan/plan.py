@@ -648,8 +648,9 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
     for what, other in changes.items():
         if other.known == known and other.profiler == profiler:
             continue
-        told = known != other.known in (sharp, smooth)  # what the rehearsal found lies in the rounding or in the waves
-        after = _excess(other, looked, chosen, {} if told else search.times)
+        # What the rehearsal found more than the search lies in the rounding or in the waves.
+        times = {} if other.known != known and other.known in (sharp, smooth) else search.times
+        after = _excess(other, looked, chosen, times)
         if after is not None and after < 0.9 * now.excess:
             yield _better(what, now.excess, after)
 

@@ -23,7 +23,7 @@ def test_bodies_stand_where_the_robot_has_them(moves: Moves, irb6700: Cell, shar
     assert len(scene.frames) == len(driven["line"]) <= 600  # none is left out
     drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]))
     corners = cKDTree(np.concatenate([corners.reshape(-1, 3) for _, corners in drawn]))
-    bodies = [one for one in scene.strokes if one.name != "way of the cutter"]
+    bodies = [one for one in scene.strokes if one.name != "way of the tool"]
     assert {"robot"} <= {one.name for one in bodies}
     for one in bodies:
         ends = np.concatenate(one.lines_mm)

@@ -16,7 +16,7 @@ from workbench.units import AnyArray, Float
 FRAMES = 600  # that are shown at most, spread evenly over the places at which the judge looked first
 CREASE = np.cos(np.radians(20.0))  # of neighbouring triangles: sharper, their edge is drawn
 ROUND_MM = 0.01  # by which corners of two triangles may differ and be one
-WAY, AROUND = "way of the cutter", (120, 140, 125)
+WAY, AROUND = "way of the tool", (120, 140, 125)
 COLOURS = {
     "robot": (201, 130, 30),
     "cutter": (209, 31, 31),

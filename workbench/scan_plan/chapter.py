@@ -103,16 +103,16 @@ def _section_picture(made: ScanPlan, view: View) -> bytes:
         axes.fill(*np.array([one[0] for one in _faces(joint)]).T, color=pieces.PALE, lw=0)
         feet = aim_mm(joint, view) + np.linspace(-0.6, 0.6, RAYS)[:, None] * reach * across
         for start in feet + front * towards:
-            end, met = _met(joint, start, towards)
-            axes.plot(*np.array([start, end]).T, color=pieces.BLUE if met else pieces.PALE, lw=0.7)
+            end, lit = _met(joint, start, towards)
+            axes.plot(*np.array([start, end]).T, color=pieces.BLUE if lit else pieces.PALE, lw=0.7)
         laser = feet[[0, -1]] + front * towards
         axes.plot(*laser.T, color=pieces.INK, lw=3.0)
         x, y = laser.mean(axis=0) + 0.1 * reach * towards
         axes.text(x, y, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
         axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
         for a, b, normal, name in _faces(joint):
-            lit = normal @ towards > math.cos(MOST_INCIDENCE)
             if name:
+                lit = _is_lit(normal, towards)
                 axes.plot(*np.array([a, b]).T, lw=2.2, color=pieces.BLUE if lit else pieces.INK, ls="-" if lit else ":")
                 x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
                 if normal[0] > 0.5:
@@ -137,16 +137,22 @@ def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]
     ]
 
 
+def _is_lit(normal: np.ndarray, towards: np.ndarray) -> bool:
+    """Whether a side is measured that the scanner looks at from there."""
+    return bool(normal @ towards > math.cos(MOST_INCIDENCE))
+
+
 def _met(joint: Joint, start: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Where a ray from the scanner meets the section first; past it, where it does not."""
-    far = []
-    for a, b, _, _ in _faces(joint):
+    """Where a ray from the scanner meets the section first, and whether that side is measured; past it, where none."""
+    far = [(2.0 * float(np.ptp(joint.section_mm @ towards)), False)]
+    for a, b, normal, _ in _faces(joint):
         matrix = np.stack([-towards, a - b], axis=1)
         if abs(np.linalg.det(matrix)) > 1e-9:
             t, u = np.linalg.solve(matrix, a - start)
             if 0.0 <= u <= 1.0:
-                far.append(t)
-    return start - (min(far) if far else 2.0 * float(np.ptp(joint.section_mm @ towards))) * towards, bool(far)
+                far.append((t, _is_lit(normal, towards)))
+    way, lit = min(far)
+    return start - way * towards, lit
 
 
 def _along_picture(made: ScanPlan) -> bytes:

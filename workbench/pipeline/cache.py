@@ -8,6 +8,7 @@ digest of its result stands for it. An entry whose content is not what was writt
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import pickle
@@ -16,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 from workbench.artefacts import Provenance
@@ -59,11 +61,11 @@ class StageCache:
             start = time.perf_counter()
             found = run()
             slow = time.perf_counter() - start > QUICK_S
-            content = _pickled(found) if slow or key is None else None
-            if key is None and content:
-                key = hashlib.sha256(content).hexdigest()
-            elif key and content:
-                keep(self.folder / f"{key}{SUFFIX}", hashlib.sha256(content).digest(), content)
+            if key is None:
+                digest = hashlib.sha256()
+                key = digest.hexdigest() if _pickled(found, digest.update) else None
+            elif slow and _pickled(found, (content := io.BytesIO()).write):
+                keep(self.folder / f"{key}{SUFFIX}", hashlib.sha256(content.getbuffer()).digest(), content.getbuffer())
         self._known[step.id] = key
         return found
 
@@ -93,9 +95,10 @@ class StageCache:
             return None
 
 
-def _pickled(made: Made) -> bytes | None:
-    """A stage's result as bytes; None: it holds what only this process knows."""
+def _pickled(made: Made, write: Callable[[Any], object]) -> bool:
+    """Write a stage's result piece by piece, arrays as they lie; False: it holds what only this process knows."""
     try:
-        return pickle.dumps(made, protocol=pickle.HIGHEST_PROTOCOL)
+        pickle.Pickler(SimpleNamespace(write=write), pickle.HIGHEST_PROTOCOL).dump(made)
     except (pickle.PicklingError, TypeError, AttributeError, RecursionError):
-        return None
+        return False
+    return True

@@ -8,14 +8,38 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter, uniform_filter1d
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation
 from workbench.scan.checks import normalised
+from workbench.scan.fuse import flange_poses
+from workbench.synthetic import Truth
 from workbench.units import Float
 
 Spoil = Callable[[Recording, np.random.Generator], Recording]
+
+
+class Lost(NamedTuple):
+    """Returns that are lost along the lower edge, up to so far above it: those of the face alone, or all."""
+
+    above_mm: float
+    only_face: bool
+
+    def of(self, r: Recording, truth: Truth) -> Recording:
+        """The recording without them."""
+        pose, near = flange_poses(r) @ np.asarray(r.flange_from_profiler), cKDTree(truth.position_mm)
+        z_mm = r.z_mm.copy()
+        for row, x, at in zip(z_mm, r.x_mm, pose, strict=True):
+            seen = np.flatnonzero(np.isfinite(row))
+            points = at[:3, 3] + x[seen, None] * at[:3, 0] + row[seen, None] * at[:3, 2]
+            station = near.query(points)[1]
+            off = points - truth.position_mm[station]
+            up, out = ((off * axes[station]).sum(axis=1) for axes in (truth.across, truth.normal))
+            gone = up < self.above_mm
+            row[seen[gone & (np.abs(out) < FACE_MM) if self.only_face else gone]] = np.nan
+        return _with(r, z_mm=z_mm)
 
 
 class Kind(NamedTuple):
@@ -31,6 +55,8 @@ class Kind(NamedTuple):
     spoil: Spoil
     words: tuple[str, ...]
     unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end", "digits", "poses"] = ""
+    lost: Lost | None = None  # what else is lost
+    as_cloud: bool = False  # inspected as a cloud without a grid
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -39,6 +65,7 @@ HAND_EYE = ("hand-eye", "profiler's axes")
 UNIT = ("read as mm", "unit")
 BLIND = ("column", "end", "root face", "view", "seen")
 FILTERED = ("filter", "blurred")
+FACE_MM = 0.3  # before or behind the root face or end face: of it
 
 
 def _with(r: Recording, **changes: object) -> Recording:
@@ -385,9 +412,6 @@ def _frozen_stream(share: float) -> Spoil:
 
 def dense_stream(r: Recording) -> Recording:
     """The same poses, told at every frame's time."""
-    from workbench.geometry.poses import quaternion_from_rotation
-    from workbench.scan.fuse import flange_poses
-
     poses = flange_poses(r)
     return _with(
         r,
@@ -417,6 +441,20 @@ def _clock(offset_s: float) -> Spoil:
     return spoil
 
 
+def _bowed(millimetres: float) -> Spoil:
+    """x is off by a parabola over the columns, by so much at both ends of what they see."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        x = r.x_mm.astype(float)
+        return x + millimetres * (x / np.nanmax(np.abs(x))) ** 2, r.z_mm
+
+    return _grid(change)
+
+
+def _same(r: Recording, _: np.random.Generator) -> Recording:
+    return r
+
+
 def _axes(order: list[int], signs: tuple[int, int, int]) -> Spoil:
     return _position(lambda p: p[:, order] * signs)
 
@@ -426,7 +464,11 @@ def _identity(q: Float) -> Float:
 
 
 KINDS: dict[str, Kind] = {
-    "nothing": Kind(lambda r, _: r, ()),
+    "nothing": Kind(_same, ()),
+    "nothing, as a cloud": Kind(_same, (), as_cloud=True),
+    "0.1 mm of the end dark": Kind(_same, BLIND, "end", Lost(0.1, only_face=True)),
+    "0.3 mm of the end dark": Kind(_same, BLIND, "end", Lost(0.3, only_face=True)),
+    "0.3 mm cut off a cloud": Kind(_same, BLIND, "end", Lost(0.3, only_face=False), as_cloud=True),
     "quaternions x y z w": Kind(_quaternion(lambda q: q[:, [1, 2, 3, 0]]), ORIENTATION, "flange"),
     "quaternions z y x w": Kind(_quaternion(lambda q: q[:, [3, 2, 1, 0]]), ORIENTATION, "flange"),
     "quaternions w z y x": Kind(_quaternion(lambda q: q[:, [0, 3, 2, 1]]), ORIENTATION, "flange"),
@@ -477,6 +519,8 @@ KINDS: dict[str, Kind] = {
     "profiles in cm": Kind(_grid(lambda r, _: (r.x_mm / 10, r.z_mm / 10)), UNIT),
     "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge"), "flange"),
     "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
+    "x scale 1.02": Kind(_grid(lambda r, _: (r.x_mm * 1.02, r.z_mm)), ("scale",), "sensor"),
+    "x bowed by 0.1 mm": Kind(_bowed(0.1), ("scale",), "sensor"),
     "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
     "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
     "all frames alike": Kind(_frames(lambda n: np.full(n, n // 2)), ("repeating", "frozen")),

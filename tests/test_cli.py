@@ -5,15 +5,15 @@ import os
 import re
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from workbench.page.store import Store
 
 Doc = dict[str, Any]
 ROOT = Path(__file__).parents[1]
@@ -309,7 +309,8 @@ def test_a_run_without_out_writes_beside_the_command_and_is_set_aside_where_it_f
     assert not (tmp_path / "results").exists()
     assert command("run", pipeline, "--store", tmp_path).status == 0
     assert (tmp_path / "results" / "p" / "run.json").is_file()
-    with Store.of(tmp_path) as store:
-        assert [(run.kind, run.state, run.status) for run in store.runs()] == [("p", "done", 0)]
+    (kept,) = tmp_path.glob(".workbench/*.sqlite")
+    with closing(sqlite3.connect(kept)) as store:
+        assert store.execute("SELECT kind, state, status FROM runs").fetchall() == [("p", "done", 0)]
     assert command("run", pipeline, "--input", "angle_deg=999").status == 2
     assert not (tmp_path / "results" / "p" / "run.json").exists()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import pose_from, rotation_from_vector
 from workbench.artefacts import PointSet
 from workbench.cloud import denoise, register
 from workbench.cloud import read as read_cloud
@@ -15,7 +16,6 @@ from workbench.compare import surface
 from workbench.edge import segment
 from workbench.errors import InputError, PipelineError
 from workbench.export import cloud as export_cloud
-from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.scan import fuse, read
 
 ROOT = Path(__file__).parents[2]

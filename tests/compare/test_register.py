@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.compare.bodies import AT, box, scanned
+from workbench.api import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.compare import register
 from workbench.compare.surface import Surface
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.units import Float
 
 MIDDLE = AT + np.array([20.0, -4.0, -3.0])

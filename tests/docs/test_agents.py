@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.importing.test_draft import write
-from workbench.scan.read import read
+from workbench.scan import read
 
 ROOT = Path(__file__).parents[2]
 SAMPLE = ROOT / "data" / "synthetic" / "milled_edge.h5"

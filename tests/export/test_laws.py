@@ -19,6 +19,7 @@ from pyarrow import parquet
 from workbench.artefacts import (
     Cloud,
     Document,
+    EdgeProfile,
     GrooveInspection,
     GrooveSection,
     Inspection,
@@ -29,11 +30,12 @@ from workbench.artefacts import (
     Quantity,
     Requirements,
     Section,
+    Uncertainty,
     Unseen,
     conformity,
     u_name,
 )
-from workbench.artefacts.edges import EdgeProfile, Uncertainty, named
+from workbench.artefacts.edges import named
 from workbench.batch.fleet import characteristics, fleet_files
 from workbench.batch.part import Record
 from workbench.compare import study

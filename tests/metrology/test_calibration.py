@@ -11,7 +11,7 @@ from bench.metrology.calibration.summary import named
 from bench.metrology.calibration.truth import bound, cell_of, circles
 from bench.metrology.summary import Share
 from bench.peers.genetic import evolve
-from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.api import pose_from, rotation_from_vector
 from workbench.plugins.calibration.model import Estimate, Noise, information
 from workbench.plugins.calibration.observations import from_arrays
 

@@ -8,7 +8,7 @@ import pytest
 from bench.drawn.plates import RAW_CONDITIONS, random_recipe
 from bench.metrology.planning.part import MOST_TURNED_DEG, measure_plan, rough_upper_side
 from bench.metrology.planning.summary import GOALS
-from workbench.synthetic.workpiece import build_truth
+from workbench.synthetic import Workpiece, milled_truth
 from workbench.units import DEG
 
 WIDE = 3.0  # times the goal
@@ -40,7 +40,7 @@ def check_plan(result):
 def test_the_upper_side_is_known_roughly():
     angles = []
     for seed in range(30):
-        truth = build_truth(random_recipe("raw_arc", seed))
+        truth = milled_truth(Workpiece(random_recipe("raw_arc", seed)))
         cosine = float(np.dot(rough_upper_side(truth), truth.across[0]))
         angles.append(np.arccos(min(cosine, 1.0)) / DEG)
     assert 6 < max(angles) <= MOST_TURNED_DEG + 1e-6

@@ -12,10 +12,9 @@ from bench.drawn.plates import RAW_CONDITIONS
 from bench.metrology.figures import cover, spread
 from bench.metrology.planning.part import PlanResult, compare_path
 from bench.metrology.planning.summary import GOALS
+from workbench.api import quaternion_from_rotation
 from workbench.artefacts import Cutter, Layer, Toolpath
-from workbench.geometry.poses import quaternion_from_rotation
-from workbench.synthetic import parse_recipe
-from workbench.synthetic.workpiece import build_truth
+from workbench.synthetic import Workpiece, milled_truth, parse_recipe
 
 BETA, ROOT = math.radians(40), 1.5
 
@@ -25,7 +24,7 @@ def truth(request):
     curve = {"shape": "straight"} if request.param == "straight" else {"shape": "arc", "sense": request.param}
     part = {"kind": "raw", "length_mm": 60, "curve": curve | {"radius_mm": 300}, "end_face_tilt_deg": 2}
     part["base_from_part"] = {"position_mm": [900, -700, 300], "rpy_deg": [100, 40, -120]}
-    return build_truth(parse_recipe({"part": part, "passes": [{"from_mm": 0, "to_mm": 60}]}, source="test"))
+    return milled_truth(Workpiece(parse_recipe({"part": part, "passes": [{"from_mm": 0, "to_mm": 60}]}, source="test")))
 
 
 def toolpath(truth, every=2, lift_mm=0.0, turn=0.0, cutting=None, mirrored=False):

@@ -14,7 +14,7 @@ import pytest
 from tests.importing.test_draft import write
 from tests.page.conftest import Client, opened
 from tests.pipeline.test_follow import writing
-from workbench.scan.read import read
+from workbench.scan import read
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the page is not tried in a browser: no playwright")
 SAMPLE = Path(__file__).parents[2] / "data" / "synthetic" / "milled_edge.h5"

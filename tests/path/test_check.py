@@ -13,11 +13,9 @@ import pytest
 
 from tests.path.conftest import Raw
 from tests.program.paths import in_work_object
+from workbench.api import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import Check, Edge, Layer, Toolpath
-from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.path import check, layers
-from workbench.path.check import unseen_checks
-from workbench.path.course import same_sign
 from workbench.units import DEG, Float
 
 CLAMPED = {
@@ -36,7 +34,9 @@ def turned(layer: Layer, axis: int, angle_deg: float) -> Float:
     """Orientations turned about one of the tool's own axes."""
     vector = np.eye(3)[axis] * angle_deg * DEG
     turn = rotation_from_quaternion(layer.quaternion_wxyz) @ rotation_from_vector(vector)
-    return same_sign(quaternion_from_rotation(turn))
+    found = quaternion_from_rotation(turn)
+    flips = np.sign((found[1:] * found[:-1]).sum(axis=1))
+    return found * np.cumprod(np.concatenate([[1.0], flips]))[:, None]
 
 
 @pytest.mark.parametrize(
@@ -244,5 +244,5 @@ def test_what_a_recording_does_not_show_is_named(name: str, raw: Callable[..., R
     blind = Check(name, None, None, True, "", "the motion does not show whether the clocks agree; nothing tells which")
     told = replace(blind, value=1.0, finding="two passes see one face 0.01 mm apart")
     toolpath = replace(scan.plan, evidence=(blind,))
-    assert unseen_checks(toolpath) == (blind.finding,)
-    assert not unseen_checks(replace(toolpath, evidence=(told,)))
+    assert blind.finding in check(toolpath, scan.edge, scan.cloud).unchecked
+    assert told.finding not in check(replace(toolpath, evidence=(told,)), scan.edge, scan.cloud).unchecked

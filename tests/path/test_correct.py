@@ -11,28 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made import files_of
 from tests.path.conftest import Raw
 from tests.program.paths import in_work_object
+from workbench.api import pose_from, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import (
     ChainU,
     EdgeProfile,
     Inspection,
+    Layer,
     PathCorrection,
     PathDeflection,
     Requirements,
     Toolpath,
 )
 from workbench.errors import InputError
-from workbench.geometry.poses import (
-    pose_from,
-    rotation_from_quaternion,
-    rotation_from_vector,
-)
 from workbench.path import check, correct, feed, layers
-from workbench.path.correct import _cut
-from workbench.path.course import poses_of
-from workbench.pipeline.results import correction_document
-from workbench.strict_json import strict_json
 from workbench.units import DEG, Float
 
 ROOT, BEVEL, ALLOWANCE = 1.5, 40.0, 0.5
@@ -63,11 +57,19 @@ def inspected(
     return Inspection((), profile, Requirements(), 1.645, "pass", "", "whole edge")
 
 
+def tool_axes(path: Toolpath, layer: Layer) -> Float:
+    """x, y and z of the tool in the base, as columns (n, 3, 3)."""
+    work = path.base_from_workobject
+    axes = rotation_from_quaternion(layer.quaternion_wxyz)
+    return axes if work is None else np.asarray(work[:3, :3] @ axes)
+
+
 def faces(path: Toolpath) -> tuple[Float, Float, Float]:
     """Root end (k, 3) of the final layer's face, its direction up (k, 3), where it cuts; and their arc lengths."""
     final = path.layers[-1]
-    poses, cut = poses_of(path, final), final.cutting
-    return (poses.origin_mm + 0.5 * final.width_mm[:, None] * poses.z)[cut], -poses.z[cut], final.arc_length_mm[cut]
+    axis, cut = tool_axes(path, final)[:, :, 2], final.cutting
+    foot = path.in_base(final.position_mm) + 0.5 * final.width_mm[:, None] * axis
+    return foot[cut], -axis[cut], final.arc_length_mm[cut]
 
 
 def test_a_path_in_a_work_object_is_corrected_alike(scan: Raw, plan: Toolpath) -> None:
@@ -89,7 +91,7 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
     finishing = plan.finishing
     assert finishing is not None
     assert (finishing.root_mm, [layer.height_mm for layer in finishing.layers]) == (ROOT, [ALLOWANCE, 0.0])
-    b = -poses_of(plan, plan.layers[-1]).x
+    b = -tool_axes(plan, plan.layers[-1])[:, :, 0]
     apart = ((plan.layers[-1].position_mm - finishing.layers[-1].position_mm) * b).sum(axis=1)
     assert apart[plan.layers[-1].cutting] == pytest.approx(ALLOWANCE, abs=1e-9)
     assert check(plan, scan.edge, scan.cloud).passed
@@ -101,8 +103,8 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
 
 @pytest.mark.parametrize("moved_mm", [0.0, 0.2])
 def test_the_lower_edge_lies_where_the_path_left_it(scan: Raw, plan: Toolpath, moved_mm: float) -> None:
-    found = _cut(inspected(scan, FIRST_ROOT, moved_mm=moved_mm), plan, plan.layers[-1])
-    assert found.moved_mm.mean(axis=0) == pytest.approx([moved_mm * math.cos(BEVEL * DEG), 0.0], abs=0.01)
+    _, found = correct(inspected(scan, FIRST_ROOT, moved_mm=moved_mm), plan, **QUIET)
+    assert found.moved_mm == pytest.approx(moved_mm * math.cos(BEVEL * DEG), abs=0.01)
 
 
 @pytest.mark.parametrize("off_mm", [0.3, -0.2])
@@ -111,7 +113,7 @@ def test_a_displaced_cut_moves_the_finishing_pass_against_it(scan: Raw, plan: To
     assert found.refused is None
     assert found.displacement_mm[found.cut] == pytest.approx(off_mm, abs=0.004)
     assert plan.finishing is not None
-    b = -poses_of(plan, plan.finishing.layers[-1]).x
+    b = -tool_axes(plan, plan.finishing.layers[-1])[:, :, 0]
     moved = path.layers[-1].position_mm - plan.finishing.layers[-1].position_mm
     assert moved == pytest.approx(-off_mm * b, abs=0.004)
     assert np.array_equal(path.layers[-1].quaternion_wxyz, plan.finishing.layers[-1].quaternion_wxyz)
@@ -296,7 +298,7 @@ def test_a_cut_farther_off_than_the_calibrations_say_is_told(scan: Raw, plan: To
 
 def kept(found: PathCorrection, folder: Path) -> Path:
     """The correction.json that the next part of the batch names."""
-    (folder / "correction.json").write_bytes(strict_json(correction_document(found)))
+    (folder / "correction.json").write_bytes(files_of(found)["correction.json"])
     return folder / "correction.json"
 
 

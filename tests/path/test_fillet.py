@@ -11,13 +11,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.made import files_of
 from tests.path.conftest import Raw
+from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, check_file, feed, layers, read
-from workbench.path.check import collisions
-from workbench.pipeline.results import result_files
 
 ROOT, RADIUS, ANGLE = 1.5, 3.0, math.radians(20.0)
 J = {"root_mm": ROOT, "bevel_deg": 20.0, "root_radius_mm": RADIUS, "cutter_diameter_mm": 2.0 * RADIUS}
@@ -87,7 +86,7 @@ def test_a_sound_path_passes_with_its_scan_and_from_its_file(planned, tmp_path) 
     gate = check(plan, scan.edge, scan.cloud)
     assert gate.passed, gate.reason
     file = tmp_path / "toolpath.json"
-    file.write_bytes(result_files([plan])["toolpath.json"])
+    file.write_bytes(files_of(plan)["toolpath.json"])
     document = json.loads(file.read_text())
     assert document["cutter"]["ball_end"]
     assert document["requirements"]["root_radius_mm"] == RADIUS
@@ -108,9 +107,10 @@ def test_a_cutter_pushed_along_its_axis_is_found(planned, down_mm) -> None:
 def test_the_cloud_tells_a_cutter_that_is_too_deep(planned) -> None:
     """Beside the check of the layers: 0.4 mm down its axis the ball's end is 0.4 cos(20 deg) = 0.38 mm in the part."""
     scan, plan = planned
-    assert not list(collisions(plan, scan.edge, scan.cloud, 0.05))
-    told = [each for each in collisions(moved(plan, 0.4), scan.edge, scan.cloud, 0.05) if "what must remain" in each]
-    final = next(each for each in told if f"layer {len(plan.layers)} " in each)
+    deep = dataclasses.replace(plan, layers=(*plan.layers[:-1], moved(plan, 0.4).layers[-1]))
+    reason = check(deep, scan.edge, scan.cloud).reason
+    final = next(each for each in reason.split("; ") if "what must remain" in each)
+    assert f"layer {len(plan.layers)} " in final
     assert re.search(r"by 0\.3[5-9] mm", final), final
 
 

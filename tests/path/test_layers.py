@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
+from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Layer, RawEdge, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, feed, layers
 from workbench.units import DEG, Float
 

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from workbench import cloud as clouds
 from workbench import edge, path, scan
+from workbench.api import inverse
 from workbench.artefacts import Cloud, PathGate, PointSet, RawEdge, Recording, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse
 from workbench.units import Float
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

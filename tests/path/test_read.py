@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made import files_of
 from workbench.artefacts import Layer, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
-from workbench.pipeline.results import result_files
 
 SHIPPED = Path(__file__).parents[2] / "data" / "synthetic" / "paths" / "raw_arc.json"
 EVERY = ("arc_length_mm", "position_mm", "quaternion_wxyz", "feed_mm_s", "cutting", "measured", "width_mm")
@@ -34,7 +34,7 @@ def test_a_path_comes_back_as_it_was_written(tmp_path: Path, document: dict[str,
     assert [layer.index for layer in path.layers] == [1, 2, 3, 4, 5]
     assert (path.root_mm, path.bevel_deg, path.depth_of_cut_mm, path.v_slow_mm_s) == (1.5, 40.0, 1.0, 1.0)
     assert len(path.travels) == 6
-    again = json.loads(result_files([path])["toolpath.json"])
+    again = json.loads(files_of(path)["toolpath.json"])
     for key in ("frame", "cutter", "requirements", "edge_length_mm"):
         assert again[key] == document[key]
     for one, other in zip(again["layers"], document["layers"], strict=True):

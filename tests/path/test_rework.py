@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,15 +11,13 @@ import numpy as np
 import pytest
 
 from tests.path.conftest import Raw
+from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Cloud, Edge, Inspection, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.inspect import sections
 from workbench.path import layers, rework
-from workbench.path.obstacles import LEAST_CUT_MM
-from workbench.path.rework import _between, unmilled
 from workbench.scan import fuse
 from workbench.synthetic import Truth, parse_recipe, simulate_recording
 from workbench.units import DEG
@@ -132,27 +131,35 @@ def test_what_cannot_be_mended_is_said(plan: Toolpath, part: dict[str, float], a
         assert float(words.split(" up to ")[1].split(" mm")[0]) == pytest.approx(lack, abs=0.06)
 
 
-@pytest.mark.parametrize(("spare_mm", "lifts"), [(-0.5, 0), (0.5, 1)])
-def test_the_cutter_rises_between_two_stretches_where_there_is_room(spare_mm: float, lifts: int) -> None:
-    """Room for a ramp up, one down, and a cut that is not too short."""
-    ramp_mm, first, second = 5.0, 20.0, 80.0
-    begin = first + 2.0 * ramp_mm + LEAST_CUT_MM + spare_mm
-    inside = [one for one in _between([(0.0, first), (begin, second)], 30.0, ramp_mm) if math.isfinite(one.from_mm)]
-    between = [one for one in inside if one.to_mm < second]
-    assert [(one.from_mm, one.to_mm) for one in between] == [(first + ramp_mm, begin - ramp_mm)] * lifts
+def spoilt(part: Milled, *stretches: tuple[float, float]) -> Inspection:
+    """The inspection with a root face of 2.6 mm on these stretches of the edge."""
+    profile, s = part.inspection.profile, part.inspection.profile.arc_length_mm
+    there = np.any([(s >= low) & (s <= high) for low, high in stretches], axis=0)
+    return replace(part.inspection, profile=replace(profile, root_mm=np.where(there, 2.6, profile.root_mm)))
 
 
-def test_what_the_cutter_left_is_unmilled_within_its_radius(plan: Toolpath, request: pytest.FixtureRequest) -> None:
-    edge = request.getfixturevalue("raw")(**LENGTH).edge
+@pytest.mark.parametrize(("gap_mm", "rises"), [(16.0, False), (20.0, True)])
+def test_the_cutter_rises_between_two_stretches_where_there_is_room(plan: Toolpath, gap_mm: float, rises: bool) -> None:
+    """Room for ramps up and down of 5 mm each and a cut that is not too short, beside 3 mm that each stretch gains."""
+    part = milled(root_mm=1.5)
+    found = rework(part.edge, spoilt(part, (20.0, 35.0), (35.0 + gap_mm, 75.0)), plan, part.cloud)
+    assert len(found.too_much_material) == 2
+    assert found.toolpath is not None, found.warnings
+    final = found.toolpath.layers[-1]
+    between = (final.arc_length_mm > 40.0) & (final.arc_length_mm < 30.0 + gap_mm)
+    height = (final.position_mm - final.position_mm[final.cutting].mean(axis=0))[between] @ part.truth.across[0]
+    assert bool(height.max() > 4.0) == rises
+
+
+def test_what_the_cutter_left_is_not_judged_within_its_radius(plan: Toolpath) -> None:
+    part = milled(root_mm=1.5)
     final = plan.layers[-1]
-    s, cutting = final.arc_length_mm, final.cutting & ((final.arc_length_mm < 30.0) | (final.arc_length_mm > 45.0))
-    part = replace(plan, layers=(*plan.layers[:-1], replace(final, cutting=cutting)))
-    left = s[(s >= 0.0) & (s <= plan.edge_length_mm) & ~cutting]
-    runs = np.split(left, np.flatnonzero(np.diff(left) > 5.0) + 1)  # the edge's ends are left too
+    left = replace(final, cutting=final.cutting & ((final.arc_length_mm < 30.0) | (final.arc_length_mm > 45.0)))
+    found = rework(part.edge, spoilt(part, (0.0, 90.0)), replace(plan, layers=(*plan.layers[:-1], left)), part.cloud)
+    told = [re.findall(r"[\d.]+(?= to| mm was not milled)", said) for said in found.warnings if "not milled" in said]
     radius = plan.cutter.diameter_mm / 2.0
-    at = edge.arc_length_mm
-    expected = np.any([(at > run[0] - radius) & (at < run[-1] + radius) for run in runs], axis=0)
-    found = unmilled(edge, part)
-    assert (found != expected).sum() <= 2 * len(runs)  # a millimetre of the edge's own arc length
-    assert found[(at > 31.0 - radius) & (at < 44.0 + radius)].all()
-    assert not unmilled(edge, replace(plan, layers=(replace(final, cutting=np.ones(s.size, bool)),))).any()
+    assert [float(one) for one in next(one for one in told if float(one[0]) > 10)] == pytest.approx(
+        [30.0 - radius, 45.0 + radius], abs=1.5
+    )
+    assert all(one.to_mm < 31.0 - radius or one.from_mm > 44.0 + radius for one in found.too_much_material)
+    assert not any("from 3" in said for said in rework(part.edge, spoilt(part, (0, 90)), plan, part.cloud).warnings)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from tests.made import files_of
 from workbench.artefacts import Check, EdgeProfile, Inspection, Part, Requirements, Section
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.pipeline.results import result_files
 from workbench.result_files import RESULT_FILES, HandEyeFile, InspectionFile, ResultFile, result_schema
 
 
@@ -54,7 +54,7 @@ def test_an_unknown_result_names_the_nearest(capsys: pytest.CaptureFixture[str])
 
 
 def test_what_is_written_is_read_back(tmp_path: Path, a_result: Inspection) -> None:
-    files = result_files([a_result])
+    files = files_of(a_result)
     path = tmp_path / "inspection.json"
     path.write_bytes(files["inspection.json"])
     found = InspectionFile.read(path)
@@ -64,7 +64,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, a_result: Inspection) -> N
 
 
 def test_a_file_of_another_shape_is_refused_with_its_place(tmp_path: Path, a_result: Inspection) -> None:
-    document = json.loads(result_files([a_result])["inspection.json"])
+    document = json.loads(files_of(a_result)["inspection.json"])
     path = tmp_path / "inspection.json"
     for change, place in (
         (lambda d: d["sections"][1].pop("verdict"), "$.sections[1]: expected 'verdict'"),

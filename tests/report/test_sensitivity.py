@@ -10,25 +10,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from tests.made import files_of
 from workbench.artefacts import Chapter, Document
 from workbench.edge import segment
 from workbench.errors import InputError
 from workbench.inspect import sections
 from workbench.pipeline import Pipeline
-from workbench.pipeline.results import result_files
-from workbench.report.sensitivity import Link, needs, sensitivity, thermal_mm
+from workbench.report import sensitivity
 from workbench.result_files import RobotFile, ToolFile, TurntableFile
 from workbench.scan import fuse, read
 from workbench.strict_json import strict_json
 
 ROOT = Path(__file__).resolve().parents[2]
-BEVEL = math.radians(30.0)  # sin = 1/2
-CHAIN = (
-    Link("hand-eye", "", 0.12, 0.04, 0.0, ""),
-    Link("robot", "", 0.05, 0.03, 1.0, ""),
-)
-
+SINE = math.sin(math.radians(40.0))
 TOOL = ToolFile(
     format="tool-calibration",
     version=1,
@@ -50,30 +47,6 @@ TABLE = TurntableFile(
 ROBOT = RobotFile(
     format="robot-calibration", version=1, frame="base", parameters=[], covariance=[], left_as_built=[], u_mm=0.06
 )
-
-
-def test_squares_add_and_the_dearest_link_comes_first() -> None:
-    root, bevel = needs(CHAIN, False, BEVEL, 0.4, 0.05)
-    assert root.u == pytest.approx((0.24, 0.10))
-    assert root.total == pytest.approx(0.26)
-    assert not root.holds
-    assert CHAIN[root.worst].name == "hand-eye"
-    assert root.share(0) == pytest.approx(0.24**2 / 0.26**2)
-    assert root.without(0) == pytest.approx(0.10)
-    assert root.allowed(0) == pytest.approx(math.sqrt(0.2**2 - 0.1**2))
-    assert root.allowed(1) is None  # the other alone is too much
-    assert bevel.total == pytest.approx(0.05)
-    assert not bevel.holds
-
-
-def test_a_measured_cut_leaves_what_is_new() -> None:
-    root, bevel = needs(CHAIN, True, BEVEL, 0.4, 0.05)
-    assert (root.total, bevel.total) == (pytest.approx(0.10), pytest.approx(0.03))
-    assert root.holds
-
-
-def test_steel_grows() -> None:
-    assert thermal_mm(3.0, 1500.0) == pytest.approx(11.5e-6 * 3 * 1500 / math.sqrt(3))
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +81,39 @@ def test_the_shipped_pipeline_names_the_link_to_improve(planned: tuple[Any, Path
     assert links["corrected", "root face"]["improve_first"] == "robot, random"
     assert "hand-eye" in results.last(Chapter).summary
     assert told(tool_mm=1.0)["characteristics"][0]["improve_first"] == "tool"
+
+
+@given(
+    tool=st.floats(0.01, 1.0), robot=st.floats(0.01, 1.0), half=st.floats(0.05, 2.0), bevel_half=st.floats(0.02, 2.0)
+)
+@settings(max_examples=20)
+def test_squares_add_and_the_dearest_link_comes_first(
+    told: Any, tool: float, robot: float, half: float, bevel_half: float
+) -> None:
+    """A cut that was measured leaves of each link what is new; a link may have what all others leave of the width."""
+    asked = {"root_tolerance_mm": (-half, 2.0 * half), "bevel_tolerance_deg": (-3.0 * bevel_half, bevel_half)}
+    document = told(tool_mm=tool, robot_accuracy_mm=robot, **asked)
+    for made in document["characteristics"]:
+        root, blind = made["name"] == "root face", made["way"] == "blind"
+        links = document["links"][: -1 if blind else None]
+        own = [link["along_b_u_mm"] / SINE if root else link["tilt_u_deg"] for link in links]
+        u = np.array([one * (1.0 if blind else link["left"]) for one, link in zip(own, links, strict=True)])
+        assert [one["u"] for one in made["links"]] == pytest.approx(u)
+        assert made["u"] == pytest.approx(np.linalg.norm(u))
+        assert made["tolerance_half_width"] == pytest.approx(half if root else bevel_half)
+        assert made["holds"] == (2.0 * made["u"] <= made["tolerance_half_width"])
+        assert made["improve_first"] == links[int(np.argmax(u))]["name"]
+        for k, one in enumerate(made["links"]):
+            assert one["share"] == pytest.approx(u[k] ** 2 / (u**2).sum())
+            left = (made["tolerance_half_width"] / 2.0) ** 2 - (np.delete(u, k) ** 2).sum()
+            assert one["allowed_u"] == (pytest.approx(math.sqrt(left), rel=1e-6) if left > 0.0 else None)
+
+
+def test_steel_grows(planned: tuple[Any, Path], told: Any) -> None:
+    path = planned[0]["path.layers"]
+    reach_mm = np.linalg.norm(path.in_base(path.layers[-1].position_mm), axis=1).mean()
+    warm = by_name(told(temperature_k=6.0))["temperature"]["along_b_u_mm"]
+    assert warm == pytest.approx(11.5e-6 * 6.0 * reach_mm / math.sqrt(3.0))
 
 
 def test_calibrations_take_the_place_of_given_numbers(tmp_path: Path, told: Any) -> None:
@@ -155,7 +161,7 @@ def test_the_hand_eye_counts_by_its_covariance_at_this_edge(tmp_path: Path) -> N
 def test_an_inspection_says_how_well_a_cut_is_measured(tmp_path: Path, told: Any) -> None:
     found = sections(segment(fuse(read(recording=ROOT / "data" / "synthetic" / "milled_edge.h5"))))
     path = tmp_path / "inspection.json"
-    path.write_bytes(result_files([found])["inspection.json"])
+    path.write_bytes(files_of(found)["inspection.json"])
     u = np.array([(one.root_u_mm, one.bevel_u_deg) for one in found.sections], float)
     link = by_name(told(inspection=path))["measurement of the cut"]
     root, bevel = np.sqrt(np.mean(u**2, axis=0))

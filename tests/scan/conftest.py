@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from workbench.geometry.poses import pose_from, rotation_from_rpy
+from workbench.api import pose_from, rotation_from_rpy
 
 FRAMES, COLUMNS, POSES = 12, 7, 4
 

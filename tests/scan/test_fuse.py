@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from workbench.api import pose_from, rotation_from_rpy
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.scan import fuse, read
 from workbench.scan.fuse import sparse_poses_u
 from workbench.units import Float

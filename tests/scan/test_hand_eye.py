@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from workbench.api import pose_from, rotation_from_rpy
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, rotation_from_rpy
 from workbench.scan import read_hand_eye
 from workbench.units import DEG
 

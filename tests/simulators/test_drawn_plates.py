@@ -7,18 +7,17 @@ import pytest
 
 from bench.drawn.plates import CONDITIONS, RAW_CONDITIONS, random_recipe
 from workbench.errors import InputError
-from workbench.synthetic import simulate_recording
-from workbench.synthetic.workpiece import build_truth
+from workbench.synthetic import Workpiece, milled_truth, simulate_recording
 
 MANY = range(40)
 
 
 def test_paper_lies_inside_the_tolerances_and_limit_near_them():
     for seed in MANY:
-        truth = build_truth(random_recipe("paper", seed))
+        truth = milled_truth(Workpiece(random_recipe("paper", seed)))
         assert np.abs(truth.root_mm - 1.5).max() < 0.5
         assert np.abs(truth.bevel_deg - 40).max() < 1.0
-        truth = build_truth(random_recipe("limit", seed))
+        truth = milled_truth(Workpiece(random_recipe("limit", seed)))
         root, bevel = np.abs(truth.root_mm.mean() - 1.5), np.abs(truth.bevel_deg.mean() - 40)
         assert abs(root - 0.5) < 0.04 or abs(bevel - 1.0) < 0.2
 

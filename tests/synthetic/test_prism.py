@@ -13,9 +13,9 @@ import pytest
 from bench.drawn.grooves import random_prism_recipe
 from bench.simulators.swept import parse_groove_recipe, parse_swept_recipe, simulate_groove, simulate_swept
 from tests.simulators.returns import in_sections
+from workbench.api import interpolate_poses
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.scan.fuse import flange_poses
 from workbench.synthetic import (
     PrismRecipe,
     parse_as,
@@ -121,7 +121,11 @@ def test_both_simulators_see_the_same_plate(kind: str) -> None:
 
 def agree(first: Recording, second: Recording) -> None:
     """The same poses, and returns in the same columns but at the very ends of faces."""
-    np.testing.assert_allclose(flange_poses(first), flange_poses(second), atol=1e-9)
+    poses = [
+        interpolate_poses(one.time_s, one.robot_time_s, one.robot_position_mm, one.robot_quaternion_wxyz)
+        for one in (first, second)
+    ]
+    np.testing.assert_allclose(*poses, atol=1e-9)
     one, two = np.isfinite(first.z_mm), np.isfinite(second.z_mm)
     assert (one != two).mean() < 1e-3
     both = one & two

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from bench.simulators.swept.recipe import GrooveRecipe, SweptRecipe
 from workbench.errors import InputError
-from workbench.synthetic import Recipe, parse_recipe, read_any_recipe, read_recipe, simulate_recording
-from workbench.synthetic.recipe import PrismRecipe
+from workbench.synthetic import PrismRecipe, Recipe, parse_recipe, read_any_recipe, read_recipe, simulate_recording
 
 PASS = {"from_mm": 0, "to_mm": 10}
 

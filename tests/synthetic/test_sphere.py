@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bench.drawn.spheres import DEGENERATE, SOUND, random_sphere_recipe
+from workbench.api import inverse, rotation_from_quaternion, vector_from_rotation
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, rotation_from_quaternion, vector_from_rotation
 from workbench.scan import read
 from workbench.synthetic import parse_sphere_recipe, read_any_recipe, simulate_sphere
 

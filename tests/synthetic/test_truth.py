@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.synthetic import parse_recipe, read_truth, simulate_recording
-from workbench.synthetic.workpiece import build_truth
+from workbench.synthetic import Workpiece, milled_truth, parse_recipe, read_truth, simulate_recording
 
 PART = {
     "length_mm": 60,
@@ -28,7 +27,7 @@ def recipe_of(part=None, **more):
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_frames_are_orthonormal_and_t_is_m_cross_n(curve):
-    truth = build_truth(recipe_of({"curve": curve}))
+    truth = milled_truth(Workpiece(recipe_of({"curve": curve})))
     assert np.abs(np.cross(truth.across, truth.normal) - truth.tangent).max() < 1e-12
     for axis in (truth.tangent, truth.normal, truth.across):
         assert np.abs(np.linalg.norm(axis, axis=1) - 1).max() < 1e-12
@@ -40,7 +39,7 @@ def test_frames_are_orthonormal_and_t_is_m_cross_n(curve):
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_values_are_found_from_any_point_of_the_section(curve):
-    truth = build_truth(recipe_of({"curve": curve}))
+    truth = milled_truth(Workpiece(recipe_of({"curve": curve})))
     points = truth.position_mm + 0.7 * truth.across - 1.1 * truth.normal
     assert truth.root_mm_at(points) == pytest.approx(truth.root_mm, abs=1e-9)
     assert truth.bevel_deg_at(points) == pytest.approx(truth.bevel_deg, abs=1e-9)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from workbench.api import quaternion_from_rotation
 from workbench.artefacts import Cutter, Layer, Toolpath, Travel
-from workbench.geometry.poses import quaternion_from_rotation
-from workbench.synthetic import parse_recipe
-from workbench.synthetic.workpiece import build_truth
+from workbench.synthetic import Workpiece, milled_truth, parse_recipe
 from workbench.units import DEG
 
 PLACE = {"position_mm": [1400, -300, 700], "rpy_deg": [35, 12, -20]}
@@ -39,7 +38,7 @@ def perfect_path(recipe, root_mm=1.5, bevel_deg=40.0, depth_of_cut_mm=1.0, heigh
     In the section plane (n, m) a layer at height h meets the end face at root + h / sin(bevel) from the lower edge; its
     face runs up along -z of the tool frame, to where the plate ends.
     """
-    truth, bevel = build_truth(recipe), bevel_deg * DEG
+    truth, bevel = milled_truth(Workpiece(recipe)), bevel_deg * DEG
     length = truth.arc_length_mm[-1]
     lead = np.arange(1, LEAD_MM + 1)
     s = np.concatenate([-lead[::-1], np.arange(0, length, 1.0), [length], length + lead])
@@ -82,7 +81,7 @@ def perfect_path(recipe, root_mm=1.5, bevel_deg=40.0, depth_of_cut_mm=1.0, heigh
 def travel_at(toolpath, lift_mm):
     """A travel back along the first layer, `lift_mm` off it along the face's outward normal (-x of the frames)."""
     layer = toolpath.layers[0]
-    from workbench.geometry.poses import rotation_from_quaternion
+    from workbench.api import rotation_from_quaternion
 
     outward = -rotation_from_quaternion(layer.quaternion_wxyz)[:, :, 0]
     keep = slice(None, None, -8)

@@ -8,8 +8,7 @@ import pytest
 from workbench import cloud, edge, path, scan, twin
 from workbench.artefacts import RawEdge, Toolpath
 from workbench.errors import InputError
-from workbench.synthetic import parse_recipe
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic import Workpiece, parse_recipe
 
 WANTED = {"root_mm": 1.5, "bevel_deg": 30.0, "upper_bevel_deg": 50.0, "lower_bevel_mm": 2.0}
 RECIPE = {

@@ -9,7 +9,7 @@ import pytest
 
 from tests.twin.conftest import perfect_path
 from workbench.errors import InputError
-from workbench.synthetic.workpiece import Workpiece, milled_truth
+from workbench.synthetic import Workpiece, milled_truth
 from workbench.twin import mill
 from workbench.twin.mill import read_deflections
 from workbench.units import DEG

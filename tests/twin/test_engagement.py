@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.twin.conftest import perfect_path, raw_recipe
-from workbench.synthetic.workpiece import Workpiece
+from workbench.synthetic import Workpiece
 from workbench.twin import mill
 from workbench.units import DEG
 

@@ -9,8 +9,7 @@ import pytest
 
 from tests.twin.test_compound import RECIPE as COMPOUND
 from workbench import cloud, edge, path, scan, twin
-from workbench.synthetic import parse_recipe
-from workbench.synthetic.workpiece import Workpiece, milled_truth
+from workbench.synthetic import Workpiece, milled_truth, parse_recipe
 
 ROOT, RADIUS, ANGLE = 1.5, 3.0, math.radians(20.0)
 RECIPE = {**COMPOUND, "seed": 11}

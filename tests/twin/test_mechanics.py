@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_vector
+from workbench.api import pose_from, quaternion_from_rotation, rotation_from_vector
 from workbench.twin.mill import Mechanics, straight_moves
 from workbench.units import DEG
 

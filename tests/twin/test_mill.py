@@ -9,15 +9,10 @@ import pytest
 
 from tests.program.paths import in_work_object
 from tests.twin.conftest import CURVES, perfect_path, raw_recipe, travel_at
+from workbench.api import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import Toolpath
 from workbench.errors import InputError, PipelineError
-from workbench.geometry.poses import (
-    pose_from,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-    rotation_from_vector,
-)
-from workbench.synthetic.workpiece import Workpiece, build_truth, milled_truth
+from workbench.synthetic import Workpiece, milled_truth
 from workbench.twin import mill
 from workbench.units import DEG
 
@@ -98,7 +93,7 @@ def mirrored(position, rotation, origin, normal):
 )
 def test_a_mistake_in_the_path_cannot_be_missed(recipe, mistake):
     """Each is far out of any tolerance at every station, or ends in a crash; here mostly both."""
-    toolpath, true = perfect_path(recipe), build_truth(recipe)
+    toolpath, true = perfect_path(recipe), milled_truth(Workpiece(recipe))
     layers = []
     for layer in toolpath.layers:
         position, rotation = mistake(layer.position_mm, rotation_from_quaternion(layer.quaternion_wxyz), true)
@@ -117,7 +112,7 @@ def test_a_mistake_in_the_path_cannot_be_missed(recipe, mistake):
 
 
 def test_deflection_and_offset_shift_the_bevel(recipe):
-    true = build_truth(recipe)
+    true = milled_truth(Workpiece(recipe))
     outward = np.cos(40 * DEG) * true.normal[0] + np.sin(40 * DEG) * true.across[0]
     shifted = 1.5 + 0.3 / np.sin(40 * DEG)
     for errors in ({"deflection_mm": (-0.3, 0.0, 0.0)}, {"offset_mm": tuple(0.3 * outward)}):
@@ -130,7 +125,7 @@ def test_deflection_and_offset_shift_the_bevel(recipe):
 
 def test_rotation_about_the_feed_turns_the_bevel_about_the_middle_of_its_face(recipe):
     """A turn by +e about t = m x n leans m towards n: the angle is smaller, and so is the root."""
-    t, e, half = build_truth(recipe).tangent[0], 0.5, (8 - 1.5) / np.cos(40 * DEG) / 2
+    t, e, half = milled_truth(Workpiece(recipe)).tangent[0], 0.5, (8 - 1.5) / np.cos(40 * DEG) / 2
     truth, _ = milled(recipe, rotation_deg=tuple(e * t))
     assert np.abs(truth.bevel_deg[INSIDE] - (40 - e)).max() < 0.01
     # the law of sines in the triangle of the face's middle and its two feet on the end face

@@ -12,9 +12,8 @@ from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse
-from workbench.synthetic import parse_recipe, simulate_recording
+from workbench.synthetic import Workpiece, milled_truth, parse_recipe, simulate_recording
 from workbench.synthetic.simulate import scan_workpiece
-from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 
 NOISE = {"scanner": {"columns": 400, "pitch_mm": 0.05, "noise": {"sd_mm": 0.0}}, "robot": {"hand_eye_error_mm": 0.4}}

@@ -6,9 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.api import Cutter, Engagement, Layer, LayerEngagement, Toolpath
+from workbench.api import (
+    Cutter,
+    Engagement,
+    Layer,
+    LayerEngagement,
+    Toolpath,
+    quaternion_from_rotation,
+    rotation_from_vector,
+)
 from workbench.errors import InputError
-from workbench.geometry.poses import quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.stiffness import force
 from workbench.plugins.stiffness.force import PUBLISHED, STEPS, CuttingCoefficients, Teeth, milling_force
 

@@ -7,15 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import (
-    inverse,
-    pose_from,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-    rotation_from_vector,
-)
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.arm import (

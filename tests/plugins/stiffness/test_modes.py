@@ -17,8 +17,7 @@ from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
 from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
 from workbench.plugins.stiffness.tap_tests import TapTests, read_responses
 from workbench.plugins.stiffness.values import CuttingProcess
-from workbench.robot import forward_kinematics, read_cell
-from workbench.robot.cell import Shape
+from workbench.robot import Shape, forward_kinematics, read_cell
 
 ROOT = Path(__file__).parents[3]
 MASSES = (400.0, 300.0, 200.0, 120.0, 30.0, 5.0)

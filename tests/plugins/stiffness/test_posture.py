@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from workbench.api import inverse, rotation_from_vector
 from workbench.artefacts import Layer, PathGate, Toolpath, Travel
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, rotation_from_vector
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.elastic import give_way
@@ -20,6 +20,7 @@ from workbench.robot import (
     SIDES,
     Cell,
     CollisionModel,
+    Shape,
     Side,
     arm_sides,
     forward_kinematics,
@@ -28,7 +29,7 @@ from workbench.robot import (
     turntable_pose,
     within_limits,
 )
-from workbench.robot.cell import ON_BASE, ON_TURNTABLE, Shape
+from workbench.robot.cell import ON_BASE, ON_TURNTABLE
 from workbench.units import Float
 
 from .conftest import ROOT, K

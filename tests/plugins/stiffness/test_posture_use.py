@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from workbench.api import inverse, pose_from, rotation_from_quaternion
 from workbench.artefacts import PathGate, Postures, ProgramMoves, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
 from workbench.plugins.stiffness.elastic import balance
@@ -19,8 +19,8 @@ from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
 from workbench.program.rapid import read_rapid
-from workbench.robot import Cell, forward_kinematics, turntable_pose
-from workbench.robot.cell import ON_BASE, Shape
+from workbench.robot import Cell, Shape, forward_kinematics, turntable_pose
+from workbench.robot.cell import ON_BASE
 from workbench.robot.cell_file import ProbePart
 from workbench.robot.process import drawn_back
 from workbench.twin.mill import read_deflections

@@ -40,7 +40,6 @@ ALMOST = 1e-12
 REACHED = 1e-12  # what may be missing of a position, in units of the arm's size
 STEPS = 3  # of Newton's: each squares what is missing
 GENERIC = np.array([[0.3, 0.7, 1.1], [-0.9, 0.4, -1.7], [1.9, -1.2, 2.6], [0.1, 2.2, 0.5]])  # no angle is special
-ROUNDING = 1e-13  # of a share
 Side = Literal["front", "back", "elbow_up", "elbow_down", "unflipped", "flipped"]
 SIDES = tuple(zip(get_args(Side)[::2], get_args(Side)[1::2], strict=True))  # what `arm_sides` calls false and true
 SINGULAR = 1e-13  # distance from an axis in m, below which an angle is free and set to 0
@@ -352,42 +351,36 @@ def _polished(chain: Chain, centre_mm: Float, wanted_mm: Float, q: Float, size: 
 
 
 @kernel
-def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArray) -> tuple[AnyArray, AnyArray]:
+def parallel_position(h: AnyArray, o: AnyArray, centre: AnyArray, wanted: AnyArray, beyond: float) -> AnyArray:
     """Angles (n, 4, 3) of joints 1 to 3 that bring the wrist's centre to `wanted` (n, 3); NaN: no such branch.
 
-    Rows are 2 * shoulder + elbow. `h`, `o` (6, 3): axes and points on them, `centre` (3,), all at zero in the base. And
-    how far each is from where shoulder and elbow end (n, 4, 2), as shares, below 0 beyond: 0 with the arm stretched,
-    and for the shoulder with the wrist's centre on axis 1, where joint 1 turns at once.
+    Rows are 2 * shoulder + elbow. `h`, `o` (6, 3): axes and points on them, `centre` (3,), all at zero in the base.
+    What is out of reach by a share of `beyond` at most is taken with the arm stretched.
     """
-    out, room = np.full((len(wanted), 4, 3), np.nan), np.empty((len(wanted), 4, 2))
+    out = np.full((len(wanted), 4, 3), np.nan)
     upper, fore = o[2] - o[1], centre - o[2]
     upper, fore = upper - (upper @ h[1]) * h[1], fore - (fore @ h[1]) * h[1]
-    reach = np.sqrt(upper @ upper) + np.sqrt(fore @ fore)
     for n in range(len(wanted)):
         w = wanted[n]
-        off = np.cross(h[0], w - o[0]) / reach
         shoulder, aside = _on_circle(h[1], h[0], w - o[0], h[1] @ (centre - o[0]), -1.0)
         for a in range(2):
-            r1 = rotation_about(h[0], shoulder[a])
-            u = r1.T @ (w - o[0]) + o[0] - o[1]
+            u = rotation_about(h[0], shoulder[a]).T @ (w - o[0]) + o[0] - o[1]
             u = u - (u @ h[1]) * h[1]
             elbow, bent = _on_circle(upper, h[2], fore, (u @ u - upper @ upper - fore @ fore) / 2, 1.0)
-            for b in range(2):
-                room[n, 2 * a + b, 0], room[n, 2 * a + b, 1] = min(aside, off @ off), bent
-            if min(aside, bent) < -ROUNDING:
+            if min(aside, bent) < -beyond:
                 continue
             for b in range(2):
                 row = out[n, 2 * a + b]
                 q2 = angle_about(h[1], upper + rotation_about(h[2], elbow[b]) @ fore, u)
                 row[0], row[1], row[2] = shoulder[a], q2, elbow[b]
-    return out, room
+    return out
 
 
 @kernel
 def _on_circle(d: AnyArray, axis: AnyArray, p: AnyArray, wanted: float, sense: float) -> tuple[AnyArray, float]:
-    """Both angles t with d . Rot(axis, sense t) p = wanted, or where it comes nearest; and what is left to their end.
+    """Both angles t with d . Rot(axis, sense t) p = wanted, or where it comes nearest; and the share left to their end.
 
-    That is a share, below 0 where there are none.
+    Below 0 where there are none.
     """
     along = (d @ axis) * (p @ axis)
     a, b = d @ p - along, sense * (d @ np.cross(axis, p))

@@ -11,7 +11,7 @@ import pytest
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, cell_triangles, read_cell
-from workbench.robot.drawing import LINE_PX, looking
+from workbench.robot.drawing import LINE_PX, clearest, looking
 from workbench.robot.picture import cell_picture, described, reach_mm, singularities, view_cell
 from workbench.units import DEG
 
@@ -132,3 +132,12 @@ def test_cell_without_turntable_takes_no_angle(cell_file: Any, tmp_path: Path) -
     path = cell_file(lambda tree: tree.update(turntable=None))
     with pytest.raises(InputError, match="the cell has no turntable"):
         view_cell(str(path), "0,0,0,0,0,0", 10.0, str(tmp_path / "x.png"))
+
+
+def test_a_close_up_looks_past_what_hides_the_lines() -> None:
+    y, z = np.array([[-1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]]), np.array([[-1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]])
+    wall = np.stack([np.full((2, 3), 50.0), 500.0 * y, 500.0 * z], axis=2)
+    line = np.array([[0.0, -100.0, 0.0], [0.0, 100.0, 0.0]])
+    towards = clearest([wall], [line])
+    assert towards[0] < 0.0  # away from the wall
+    assert abs(towards[1]) < 0.1  # across the line

@@ -9,7 +9,7 @@ import pytest
 
 from tests.scan_plan.test_plan import CELL, EDGE, HAND_EYE, SENSOR
 from workbench import robot
-from workbench.artefacts import Document, Gate
+from workbench.artefacts import Chapter, Document, Gate
 from workbench.scan_plan import ScanPlan, plan, program
 
 
@@ -34,6 +34,8 @@ def test_the_pass_is_driven_with_the_profiler_on(planned: ScanPlan) -> None:
     assert on < text.index("WaitDI diScanReady,1") < text.index("MoveL p1") < off < text.rindex("jHome")
     assert "Scanning pass 1 of" in text
     assert "EGM" in text
+    (chapter,) = [one for one in made if isinstance(one, Chapter)]
+    assert "root face" not in chapter.html
     check = json.loads(files["scan_check_1.json"])
     assert check["passed"]
     assert check["deviation_mm"] < 0.1

@@ -106,6 +106,11 @@ class Toolpath:
     about: tuple[str, ...] = ()  # what it is, in lines for a program's head, where it is no milling path
 
     @property
+    def mills(self) -> bool:
+        """Whether a cutter is led along it."""
+        return not self.about
+
+    @property
     def in_order(self) -> tuple[Travel | Layer, ...]:
         """Travels and layers in the order in which they are run."""
         return tuple(part for pair in zip_longest(self.travels, self.layers) for part in pair if part is not None)

@@ -123,7 +123,9 @@ def write(
         said = f"that the controller takes it: the cell names {known}, and this is for {chosen}"
         gate = dataclasses.replace(gate, loosened=(*gate.loosened, f"{NOT_CHECKED}{said}"))
     cell = _told(cell, chosen)
-    of_root, of_spindle = root_checks(moves, gate, cell, root_tolerance_mm), spindle_checks(moves, cell)
+    mills = moves.toolpath.mills
+    of_root = root_checks(moves, gate, cell, root_tolerance_mm) if mills else ()
+    of_spindle = spindle_checks(moves, cell) if mills else ()
     checks = (*of_root, *of_spindle)
     if wrong := [check.finding for check in checks if not check.passed]:
         return (dataclasses.replace(gate, passed=False, reason=f"program refused: {'; '.join(wrong)}"),)
@@ -139,8 +141,11 @@ def write(
         return (written.gate,)
     stops, within = stops_in_the_cut(written.judgement.program, moves)
     counted = "is" if written.judgement.stops_counted else "is not"
+    what = (
+        ("the cutter", "in the cut", "may leave a mark") if mills else ("the scanner", "of the pass", "holds frames up")
+    )
     told = (
-        f"the cutter stops at {stops} of {within} targets in the cut: each may leave a mark, and its time {counted} "
+        f"{what[0]} stops at {stops} of {within} targets {what[1]}: each {what[2]}, and its time {counted} "
         "counted ($.controller.acceleration_s)"
     )
     return (

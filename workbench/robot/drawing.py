@@ -26,6 +26,7 @@ FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smo
 DARKEST = 0.35  # of a face that is seen along itself
 CREASE = np.cos(40 * DEG)  # of neighbouring faces: sharper, their edge is drawn
 HIDDEN_MM = 5.0  # so much behind a body a line is hidden
+ELEVATIONS_DEG, PIECES, OFF_MM = np.arange(-15.0, 61.0, 15.0), 25, 1.0  # of views; of a line that is looked for
 FONT_PX, LINE_PX, MARGIN_PX = 22, 28, 6
 INK, PAPER = "#1b1f24", "#ffffff"
 ROBOT, AROUND, RED = "#e8a33d", "#b9c2c9", "#d11f1f"
@@ -112,6 +113,20 @@ def looking(
     return Camera(screen, screen.T @ middle, scale, *size_px)
 
 
+def clearest(bodies: Sequence[Float], lines_mm: Sequence[Float]) -> Float:
+    """Direction (3,) to the viewer in which bodies (t, 3, 3) hide least of lines (n, 3), by length on screen."""
+    ends = [np.stack([one[:-1], one[1:]], axis=1) for one in map(_finely, lines_mm)]
+    start, end = np.concatenate(ends).transpose(1, 0, 2)
+    azimuth, elevation = (one.ravel() for one in np.meshgrid(np.arange(-180, 180, 15) * DEG, ELEVATIONS_DEG * DEG))
+    level = np.cos(elevation)
+    towards = np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    begin = (start + end)[:, None] / 2 + OFF_MM * towards
+    rays = np.concatenate([begin, np.broadcast_to(towards, begin.shape)], axis=-1)
+    free = np.isinf(_met(bodies, np.zeros(3), rays)["t_hit"].numpy())
+    length = np.linalg.norm(np.cross((end - start)[:, None], towards), axis=-1)
+    return np.asarray(towards[(free * length).sum(axis=0).argmax()])
+
+
 class Sheet:
     """A picture of bodies, on which lines and texts are put; no text covers another or leaves the picture."""
 
@@ -196,19 +211,11 @@ def _overlap(a: Pixels, b: Pixels) -> bool:
 
 def _cast(camera: Camera, bodies: Sequence[tuple[Float, str]]) -> tuple[AnyArray, Float]:
     """Pixels (h, w, 3), and how far what they show lies towards the viewer (h, w), mm; -inf where nothing is."""
-    import open3d
-
-    space = open3d.t.geometry.RaycastingScene()
-    tensor: Any = open3d.core.Tensor  # its stub knows no arrays
-    for triangles, _ in bodies:
-        corners = (triangles.reshape(-1, 3) - camera.centre_mm).astype(np.float32)
-        numbers = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-        space.add_triangles(tensor(corners), tensor(numbers))
     row, column = np.indices((camera.height_px, camera.width_px)) + 0.5
     across = np.stack([column - camera.width_px / 2, camera.height_px / 2 - row], axis=-1) / camera.scale_px_mm
-    begin = across @ camera.screen[:2] + FAR_MM * camera.screen[2]
-    rays = np.concatenate([begin, np.broadcast_to(-camera.screen[2], begin.shape)], axis=-1).astype(np.float32)
-    found = space.cast_rays(tensor(rays))
+    begin = camera.centre_mm + across @ camera.screen[:2] + FAR_MM * camera.screen[2]
+    rays = np.concatenate([begin, np.broadcast_to(-camera.screen[2], begin.shape)], axis=-1)
+    found = _met([triangles for triangles, _ in bodies], camera.centre_mm, rays)
     body = np.minimum(found["geometry_ids"].numpy(), len(bodies))  # the last: none
     normal = found["primitive_normals"].numpy()
     light = DARKEST + (1 - DARKEST) * np.abs(normal @ camera.screen[2])
@@ -216,6 +223,24 @@ def _cast(camera: Camera, bodies: Sequence[tuple[Float, str]]) -> tuple[AnyArray
     pixels = tints[body] * np.where(body < len(bodies), light, 1.0)[..., None]
     pixels[_edges(body, normal)] = tints[-1]
     return pixels.astype(np.uint8), FAR_MM - found["t_hit"].numpy()
+
+
+def _met(bodies: Sequence[Float], centre_mm: Float, rays: Float) -> Any:
+    """What rays (..., 6) meet first of bodies (t, 3, 3), as Open3D tells it; in single precision about a centre."""
+    import open3d
+
+    space = open3d.t.geometry.RaycastingScene()
+    tensor: Any = open3d.core.Tensor  # its stub knows no arrays
+    for triangles in bodies:
+        corners = (triangles.reshape(-1, 3) - centre_mm).astype(np.float32)
+        space.add_triangles(tensor(corners), tensor(np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)))
+    return space.cast_rays(tensor((rays - np.append(centre_mm, np.zeros(3))).astype(np.float32)))
+
+
+def _finely(line_mm: Float) -> Float:
+    """Points along a line (n, 3), `PIECES` pieces of it."""
+    at = np.linspace(0.0, len(line_mm) - 1.0, PIECES + 1)
+    return np.stack([np.interp(at, np.arange(len(line_mm)), one) for one in line_mm.T], axis=1)
 
 
 def _edges(body: AnyArray, normal: Float) -> AnyArray:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import ImageOps
 
 from workbench.robot.cell import Cell
-from workbench.robot.drawing import AROUND, COLOURS, CUBE, RED, ROBOT, Sheet, is_huge, looking, png
+from workbench.robot.drawing import AROUND, COLOURS, CUBE, RED, ROBOT, Sheet, clearest, is_huge, looking, png
 from workbench.units import DEG, Float
 
 NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
@@ -18,17 +18,22 @@ SIZE_PX, LINE_PX, PALE = (690, 630), 4.0, 5
 
 
 def posture_picture(
-    cell: Cell, bodies: Sequence[tuple[str, Float]], path_mm: Float, close_up_mm: float | None = None
+    cell: Cell,
+    bodies: Sequence[tuple[str, Float]],
+    path_mm: Float,
+    close_up_mm: float | None = None,
+    rays_mm: Sequence[Float] = (),
 ) -> bytes:
-    """A PNG of bodies (name, triangles of `cell_triangles`), cut to what it shows; the path is drawn through all.
+    """A PNG of bodies (name, triangles of `cell_triangles`), cut to what it shows; lines are drawn through all.
 
-    What is huge is left out.
+    What is huge is left out. A close-up is seen from where bodies hide least of the lines.
 
     Args:
         cell: whose bodies they are; `workpiece` may also be a plate that it does not hold.
         bodies: as they stand in one posture, mm, in the base.
         path_mm: (n, 3) in the base.
         close_up_mm: width of the surroundings of the path's middle that are shown; None: everything.
+        rays_mm: further lines, each (n, 3) in the base: a laser's rays.
 
     Example:
         >>> import numpy as np
@@ -40,13 +45,15 @@ def posture_picture(
     """
     colours = _colours_of(cell, [body for body, _ in bodies])
     shown = [(one, tint) for (_, one), tint in zip(bodies, colours, strict=True) if not is_huge(one)]
-    points = np.concatenate([path_mm, *(one.reshape(-1, 3) for one, _ in shown)])
+    points, look = np.concatenate([path_mm, *(one.reshape(-1, 3) for one, _ in shown)]), LOOK
     if close_up_mm is not None:
         middle = (path_mm.min(axis=0) + path_mm.max(axis=0)) / 2
         near = [np.abs(one - middle).max(axis=2).min(axis=1) < 0.75 * close_up_mm for one, _ in shown]
         shown = [(one[which], tint) for (one, tint), which in zip(shown, near, strict=True)]
-        points = middle + close_up_mm / 2 * CUBE
-    sheet = Sheet(looking(LOOK, (0, 0, 1), points, SIZE_PX), shown)
+        points, look = middle + close_up_mm / 2 * CUBE, clearest([one for one, _ in shown], [path_mm, *rays_mm])
+    sheet = Sheet(looking(look, (0, 0, 1), points, SIZE_PX), shown)
+    for ray in rays_mm:
+        sheet.line(ray, RED, 0.25 * LINE_PX)
     sheet.line(path_mm, RED, LINE_PX)
     picture = sheet.smaller()
     return png(picture.crop(ImageOps.invert(picture).point(lambda value: 255 * (value > PALE)).getbbox()))

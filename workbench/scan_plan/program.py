@@ -12,7 +12,7 @@ from workbench import pieces
 from workbench.artefacts import Chapter, Cutter, Document, Gate, Layer, PathGate, Postures, RobotCell, Toolpath
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.errors import InputError
-from workbench.geometry.poses import quaternion_from_rotation
+from workbench.geometry.poses import quaternion_from_rotation, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.words import program_name
@@ -23,11 +23,12 @@ from workbench.robot.collision import outermost
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
-from workbench.units import DEG
+from workbench.units import DEG, Float
 
 TOLERANCE_MM = 0.1  # by which the laser's middle may leave the planned pass
-NEAR_MM = 500.0  # about the edge, in a close picture
-RENAMED = {"spindle": "scanner", "path": "lower edge: where the laser goes"}
+NEAR_MM = 400.0  # about the edge, in a close picture
+RAYS = 7  # of the laser, in a picture
+RENAMED = {"spindle": "scanner", "path": "laser, and its way along the lower edge"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
 LOGGED = {  # where a recording's poses come from, by controller; each with its time
     "abb": "EGM or a socket task, flange (tool0) in the base",
@@ -114,21 +115,20 @@ def program(
             procedure=f"Scan{number}",
             tool_name="tScan",
             work_object_name="woScan",
-            root_tolerance_mm=10.0,
         )
         for made in written:
             if isinstance(made, Document):
                 check = made.name == "program_check.json"
                 out.append(dataclasses.replace(made, name=f"scan_check_{number}.json") if check else made)
             elif isinstance(made, Chapter):
-                robot = _robot_html(place, moves.postures)
+                robot = _robot_html(plan, place, one, moves.postures)
                 out.append(dataclasses.replace(made, title=f"Program of pass {number}", html=robot + made.html))
             elif isinstance(made, PathGate):
                 gates.append(made)
     return (*out, _joined(gates))
 
 
-def _robot_html(cell: Cell, postures: Postures | None) -> str:
+def _robot_html(plan: ScanPlan, cell: Cell, one: ScanPass, postures: Postures | None) -> str:
     """The robot at the first, the middle and the last station of a pass; nothing where it is not reached."""
     if postures is None:
         return ""
@@ -136,10 +136,19 @@ def _robot_html(cell: Cell, postures: Postures | None) -> str:
     for name, k, wide in (("middle", len(postures.joints) // 2, None), ("first", 0, NEAR_MM), ("last", -1, NEAR_MM)):
         bodies = cell_triangles(cell, postures.joints[k], postures.turntable[k])
         near = "" if wide is None else ", near the edge"
-        picture = posture_picture(cell, bodies, postures.position_mm, wide)
+        picture = posture_picture(cell, bodies, postures.position_mm, wide, _rays_mm(plan, one, postures, k))
         drawn.append((picture, f"Robot and scanner at the {name} station{near}"))
     key = [(colour, RENAMED.get(name, name)) for colour, name in posture_key(cell)]
     return pieces.panels_html(drawn) + pieces.key_html(key)
+
+
+def _rays_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> list[Float]:
+    """Rays (2, 3) of the laser at a station, across its line."""
+    half = np.array([0.5 * plan.profiler.line_mm(one.view.standoff_mm), 0.0, 0.0])
+    line = np.linspace(-half, half, RAYS)
+    turn = rotation_from_quaternion(postures.quaternion_wxyz[k])
+    eye = np.array([0.0, 0.0, -one.view.standoff_mm])
+    return [np.stack([eye, end]) @ turn.T + postures.position_mm[k] for end in line]
 
 
 def _joined(gates: list[PathGate]) -> Gate:
@@ -175,10 +184,8 @@ def _equipped(cell: Cell, process: ProcessPart, mass_kg: float | None, centre_mm
         process=process,
         unchecked=unchecked if mass is not None else (*unchecked, NO_LOAD),
         controller_tools={},
-        spindle=None,  # nothing is cut
         tool_mass_kg=mass,
         tool_centre_of_gravity_mm=centre,
-        repeatability_mm=None,
     )
 
 

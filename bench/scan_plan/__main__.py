@@ -57,9 +57,11 @@ def summary(rows: list[Row]) -> Iterator[str]:
     hit = sum(bool(row["collision"]) for row in written)
     refused = sum("refused" in one for row in made for one in row["simulators"].values())
     seconds = [row["seconds"] for row in made]
+    lit = sum(row["promised"] + row["missed"]["unseen"] > 1.0 - 1e-9 for row in made)
     yield (
         f"{len(rows)} parts, {len(rows) - len(made)} without any pass; all of the edge promised in "
-        f"{sum(row['promised'] == 1.0 for row in made)}. Clamped: {len(clamped)}, of these {missed} with a stretch "
+        f"{sum(row['promised'] == 1.0 for row in made)}, all that is seen of it in {lit}. "
+        f"Clamped: {len(clamped)}, of these {missed} with a stretch "
         f"missed to which light is free from somewhere, {beside} of them with {LIGHT_MM:g} mm "
         f"beside it. Programs driven by the outsider: of {len(written)} plans, "
         f"{hit} with a collision. Recordings that the engine refuses: {refused}. Planning: median "

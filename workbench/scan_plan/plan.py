@@ -54,7 +54,7 @@ from workbench.scan_plan.information import (
 )
 from workbench.scan_plan.reach import Examiner, scan_cell
 from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, rehearsed, straight
-from workbench.scan_plan.search import COVERAGE, Candidate, Search, Times, Wanted
+from workbench.scan_plan.search import COVERAGE, Candidate, Learned, Search, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -65,7 +65,7 @@ PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest sp
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
-REHEARSALS = 2  # of other passes each time
+REHEARSALS, SUREST = 3, 1e-3  # of other passes each time; the last ones are those that fall least short of so much
 PASS_S = 15.0  # from home to a pass, and back
 SIDE_KEYS = ("columns", "measuring_range_mm", "width_mm", "noise_mm")
 NO_CELL = "reach, collisions and what stands in the way of laser and camera: no cell is named"
@@ -362,11 +362,14 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
     best: tuple[tuple[float, ...], float, _Looked, tuple[int, ...]] | None = None
     first: _Looked | None = None
     together: dict[tuple[View, ...], Predicted] = {}
+    offered: list[frozenset[tuple[View, bytes]]] = []
     for table in tables:
         looked = _looked(task, examiner, table, told)
         first = looked if first is None or len(looked.candidates) > len(first.candidates) else first
-        if not looked.candidates:
-            continue
+        offer = frozenset((one.view, one.sees.tobytes()) for one in looked.candidates)
+        if any(offer <= one for one in (frozenset(), *offered)):
+            continue  # nothing new
+        offered.append(offer)
         search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates, together)
         chosen, reach = search.best(task.passes)
         hidden = int((~search.visible).sum())
@@ -397,7 +400,9 @@ def _rehearsed_plan(
         if tried[chosen].reached[search.visible].all():
             break
         _learn(tried[chosen], search, chosen)
-        chosen = search.best(task.passes)[0]
+        last = len(tried) == REHEARSALS - 1
+        aim = Wanted(*(SUREST * one for one in task.wanted)) if last else task.wanted
+        chosen = dataclasses.replace(search, wanted=aim).best(task.passes)[0]
     chosen, made = min(tried.items(), key=lambda one: _shortfall(one[1]))
     if made.reached.all():
         return made
@@ -420,14 +425,14 @@ def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
         here = (which == number) & np.isfinite(made.bevel.u)
         if not group:
             continue
+        views = tuple(search.candidates[k].view for k in group)
         if made.refused is not None:
-            search.times[search.kind(group)] = math.inf, math.inf
+            search.learned.append(Learned(views, math.inf, math.inf))
         elif here.any():
             told = search.predicted(group)
-            search.times[search.kind(group)] = (
-                float(np.median(made.promised_root_mm[here])) / (RESERVE * COVERAGE * told.most_root_mm),
-                float(np.median(made.promised_bevel_deg[here])) / (RESERVE * COVERAGE * told.bevel_deg),
-            )
+            root = float(np.median(made.promised_root_mm[here])) / (RESERVE * COVERAGE * told.most_root_mm)
+            bevel = float(np.median(made.promised_bevel_deg[here])) / (RESERVE * COVERAGE * told.bevel_deg)
+            search.learned.append(Learned(views, root, bevel))
 
 
 def _told(task: Task, view: View, told: dict[View, PassInformation]) -> PassInformation:
@@ -649,13 +654,13 @@ def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) 
         if other.known == known and other.profiler == profiler:
             continue
         # What the rehearsal found more than the search lies in the rounding or in the waves.
-        times = {} if other.known != known and other.known in (sharp, smooth) else search.times
-        after = _excess(other, looked, chosen, times)
+        learned = [] if other.known != known and other.known in (sharp, smooth) else search.learned
+        after = _excess(other, looked, chosen, learned)
         if after is not None and after < 0.9 * now.excess:
             yield _better(what, now.excess, after)
 
 
-def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: Times) -> float | None:
+def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], learned: list[Learned]) -> float | None:
     """The largest U over what is wanted, with other knowledge; None: the views do not serve."""
     views = [looked.candidates[k].view for k in chosen]
     if any(hidden_why(task.joint, task.profiler, view) for view in views):
@@ -664,7 +669,7 @@ def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], times: Times) 
         dataclasses.replace(looked.candidates[k], tells=functools.partial(_told, task, view, {}))
         for k, view in zip(chosen, views, strict=True)
     ]
-    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, times=times)
+    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, learned=learned)
     groups, _ = search.patterns(tuple(range(len(swapped))))
     return max((search.over(group) for group in groups if group), default=None)
 

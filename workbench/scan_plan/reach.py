@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,16 +28,18 @@ from workbench.robot import (
 from workbench.robot.bounds import FREE
 from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape
 from workbench.robot.collision import body_of, outermost
+from workbench.robot.drawing import shape_triangles
 from workbench.robot.plate import scanned
 from workbench.scan_plan.information import Joint
 from workbench.scan_plan.way import EdgeLine
-from workbench.units import Float, Shaped
+from workbench.units import Bool, Float, Shaped
 
 fcl = Extra("fcl")
 
 PLATE_MM = 150.0  # of the plate behind its edge that is a body to run into
 PIECE_MM = 50.0  # of a curved edge, that a box of the plate follows
 RAY_MM = 0.5  # radius of a ray that must be free
+BESIDE_RAY_MM = 2.0  # of a ray's ends and sides, where a body's box counts as near
 GENTLE, LEAST = 0.8, 1e-6  # share of what a joint can do, that a pass may ask for; s/mm
 MOST_TURN = 0.35  # rad, of a joint between two stations
 VOXEL_MM = 4.0
@@ -63,8 +65,9 @@ class Examiner:
             for shape in cell.shapes
             if not 0 <= shape.link <= 6 and shape.body not in (BODY, "envelope")
         ]
+        corners = [shape_triangles(shape).reshape(-1, 3) for shape, _ in self.rays]
+        self.boxes = [np.stack([one.min(axis=0), one.max(axis=0)]) for one in corners]  # each in the shape's frame
         self.on_base = frozenset(shape.body for shape, _ in self.rays if shape.link == ON_BASE)
-        self.spheres = np.empty((0, 4))  # around what rays could meet: middle and radius
 
     def __repr__(self) -> str:
         """What it asks."""
@@ -81,11 +84,8 @@ class Examiner:
         why = "out of the robot's reach"
         for number, poses in enumerate(turned):
             branches = within_limits(self.cell.chain, inverse_kinematics(self.cell.chain, move @ poses @ back))
-            for first in branches[0]:
-                if np.isnan(first).any():
-                    continue
-                joints = _followed(branches, first)
-                if joints is None:
+            for joints in _followed(branches):
+                if np.isnan(joints).any():
                     continue
                 margin, fault = self._margin(joints)
                 if fault:
@@ -133,52 +133,50 @@ class Examiner:
         at_zero = turntable_pose(self.cell, 0.0)
         back = at_zero @ inverse(turntable_pose(self.cell, table))
         carriers = {ON_TURNTABLE: at_zero, ON_CRADLE: back @ standing_poses(self.cell, 0.0)[-1]}
-        poses = [carriers.get(shape.link, back) for shape, _ in self.rays]
-        for (shape, body), carrier in zip(self.rays, poses, strict=True):
-            pose = carrier @ shape.pose
+        start = np.repeat(point_mm, eye_mm.shape[1], axis=1)
+        way = np.tile(eye_mm, (1, point_mm.shape[1], 1)) - start
+        near = np.empty((*way.shape[:2], len(self.rays)), bool)
+        for one, (shape, body) in enumerate(self.rays):
+            pose = carriers.get(shape.link, back) @ shape.pose
             body.setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
-        middles = [one @ np.append(s.sphere[0], 1.0) for one, (s, _) in zip(poses, self.rays, strict=True)]
-        self.spheres = np.array([[*m[:3], s.sphere[1]] for m, (s, _) in zip(middles, self.rays, strict=True)]).reshape(
-            -1, 4
-        )
-        out = []
-        for points, eyes in zip(point_mm, eye_mm, strict=True):
-            out.append(next((name for p in points for e in eyes if (name := self._blocked(p, e))), ""))
+            near[..., one] = _passes((start - pose[:3, 3]) @ pose[:3, :3], way @ pose[:3, :3], self.boxes[one])
+        length = np.linalg.norm(way, axis=-1)
+        way /= length[..., None]
+        out = [""] * len(point_mm)
+        for k, ray in np.argwhere(near.any(axis=-1)).tolist():
+            bodies = [self.rays[one] for one in np.flatnonzero(near[k, ray])]
+            out[k] = out[k] or _blocked(start[k, ray], way[k, ray], float(length[k, ray]), bodies)
         return out
 
-    def _blocked(self, point: Float, eye: Float) -> str:
-        way = eye - point
-        length = float(np.linalg.norm(way))
-        z = way / length
-        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-        x /= np.linalg.norm(x)
-        middle = point + 0.5 * (length + 2.0) * z  # from a millimetre off the face on
-        along = np.clip((self.spheres[:, :3] - point) @ z, 0.0, length)
-        away = np.linalg.norm(point + along[:, None] * z - self.spheres[:, :3], axis=1)
-        near = np.flatnonzero(away < self.spheres[:, 3] + RAY_MM)
-        if not near.size:
-            return ""
-        ray = fcl.CollisionObject(
-            fcl.Capsule(RAY_MM, length), fcl.Transform(np.stack([x, np.cross(z, x), z], axis=1), middle)
-        )
-        for shape, body in (self.rays[k] for k in near):
-            if fcl.collide(ray, body, fcl.CollisionRequest(), fcl.CollisionResult()):
-                return shape.body
-        return ""
+
+def _passes(start: Float, way: Float, box: Shaped[Float, "2 3"]) -> Bool:
+    """Whether ways (..., 3) from their starts meet a box along the axes, least and greatest corner, or come near."""
+    step = np.where(way == 0.0, 1e-9, way)
+    near, far = ((side - start) / step for side in box + np.array([[-BESIDE_RAY_MM], [BESIDE_RAY_MM]]))
+    enter, leave = np.minimum(near, far).max(axis=-1), np.maximum(near, far).min(axis=-1)
+    return np.asarray((enter <= leave) & (leave >= 0.0) & (enter <= 1.0))
 
 
-def _followed(branches: Float, first: Float) -> Float | None:
-    """Joint angles (k, 6) from `first` on by the nearest of (k, b, 6); None: they end, or jump."""
-    out = np.empty((len(branches), 6))
-    out[0] = first
-    for k in range(1, len(branches)):
-        away = np.abs(branches[k] - out[k - 1]).max(axis=1)
-        if np.isnan(away).all():
-            return None
-        out[k] = branches[k][np.nanargmin(away)]
-        if np.nanmin(away) > MOST_TURN:
-            return None
-    return out
+def _blocked(point: Float, way: Float, length: float, bodies: Sequence[tuple[Shape, Any]]) -> str:
+    """The first of bodies that a ray of some length meets, from a millimetre off the face on; '': none."""
+    x = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
+    x /= np.linalg.norm(x)
+    turn = np.stack([x, np.cross(way, x), way], axis=1)
+    ray = fcl.CollisionObject(fcl.Capsule(RAY_MM, length), fcl.Transform(turn, point + 0.5 * (length + 2.0) * way))
+    for shape, body in bodies:
+        if fcl.collide(ray, body, fcl.CollisionRequest(), fcl.CollisionResult()):
+            return shape.body
+    return ""
+
+
+def _followed(branches: Shaped[Float, "k b 6"]) -> Shaped[Float, "b k 6"]:
+    """Joint angles from each of the first ones on by the nearest; NaN where they end, or jump."""
+    out = [branches[0]]
+    for at in branches[1:]:
+        away = np.abs(at - out[-1][:, None]).max(axis=2)
+        near = np.where(away <= MOST_TURN, away, np.inf)
+        out.append(np.where(np.isinf(near.min(axis=1))[:, None], np.nan, at[near.argmin(axis=1)]))
+    return np.stack(out, axis=1)
 
 
 def scan_cell(

@@ -20,9 +20,6 @@ from workbench.units import Bool, Int, Shaped
 COVERAGE = 2.0  # k of the expanded uncertainties
 MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
 
-Kind = tuple[bool, bool]
-Times = dict[Kind, tuple[float, float]]
-
 
 class Wanted(NamedTuple):
     """Expanded uncertainties, k = 2."""
@@ -39,6 +36,27 @@ class Candidate:
     tells: Callable[[], PassInformation]  # asked where the search comes to it
     sees: Shaped[Bool, " k"]  # stations
     seconds: float
+
+
+class Learned(NamedTuple):
+    """What a rehearsal of views together promised over what the search thinks of them."""
+
+    views: tuple[View, ...]
+    root: float
+    bevel: float
+
+    def away(self, views: tuple[View, ...]) -> tuple[bool, float]:
+        """How far other views are from these: of another kind, and by elevation.
+
+        With a lead the robot's errors along the edge count; from below a radius is in the form of the faces.
+        """
+        mine, others = (np.array([one.elevation for one in each]) for each in (self.views, views))
+        apart = np.abs(mine[:, None] - others)
+        return _kind(views) != _kind(self.views), float(apart.min(axis=0).mean() + apart.min(axis=1).mean())
+
+
+def _kind(views: tuple[View, ...]) -> tuple[bool, bool]:
+    return any(one.lead for one in views), any(one.elevation < 0.0 for one in views)
 
 
 class Reach(NamedTuple):
@@ -61,8 +79,7 @@ class Search:
     wanted: Wanted
     candidates: Sequence[Candidate]
     told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
-    # What a rehearsal promised of root face and bevel over that, of passes of the same kind together.
-    times: Times = field(default_factory=dict)
+    learned: list[Learned] = field(default_factory=list)
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
@@ -76,16 +93,11 @@ class Search:
         """The larger of promised over wanted U where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = told.most_root_mm / self.wanted.root_mm, told.bevel_deg / self.wanted.bevel_deg
-        of_root, of_bevel = self.times.get(self.kind(passes), (1.0, 1.0))
-        return RESERVE * COVERAGE * max(of_root * root, of_bevel * bevel)
-
-    def kind(self, passes: tuple[int, ...]) -> Kind:
-        """Whether one of these passes leads, and whether one sees the lower surface.
-
-        With a lead the robot's errors along the edge count; from below a radius is in the form of the faces.
-        """
-        views = [self.candidates[k].view for k in passes]
-        return any(one.lead for one in views), any(one.elevation < 0.0 for one in views)
+        views = tuple(self.candidates[k].view for k in passes)
+        (other, _), nearest = min(((one.away(views), one) for one in self.learned), default=((True, 0.0), None))
+        if nearest is not None and not other:
+            root, bevel = nearest.root * root, nearest.bevel * bevel
+        return RESERVE * COVERAGE * max(root, bevel)
 
     def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
         """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import splev, splprep
 from scipy.ndimage import gaussian_filter1d
 
-from workbench.geometry.poses import pose_from, rotation_from_vector
+from workbench.geometry.poses import pose_from
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
 
@@ -109,8 +109,7 @@ def view_poses(
     share = edge.arc_length_mm / length_mm - 0.5
     u, v = aim_mm(joint, view)
     origin = edge.position_mm + u * n + v * m + (share * drift_mm(profiler, view))[:, None] * x
-    lean = np.stack([rotation_from_vector(view.lead * one) for one in x])
-    z = np.einsum("kij,kj->ki", lean, z)
+    z = math.cos(view.lead) * z + math.sin(view.lead) * np.cross(x, z)
     x = -x if turned else x
     return pose_from(np.stack([x, np.cross(z, x), z], axis=2), origin) if len(t) else np.empty((0, 4, 4))
 

@@ -141,11 +141,9 @@ def write(
         return (written.gate,)
     stops, within = stops_in_the_cut(written.judgement.program, moves)
     counted = "is" if written.judgement.stops_counted else "is not"
-    what = (
-        ("the cutter", "in the cut", "may leave a mark") if mills else ("the scanner", "of the pass", "holds frames up")
-    )
+    tool, there, cost = TOOL_STOPS if mills else SCANNER_STOPS
     told = (
-        f"{what[0]} stops at {stops} of {within} targets {what[1]}: each {what[2]}, and its time {counted} "
+        f"{tool} stops at {stops} of {within} targets {there}: each {cost}, and its time {counted} "
         "counted ($.controller.acceleration_s)"
     )
     return (
@@ -188,6 +186,8 @@ def _rapid(job: ProgramJob, cell: Cell, procedure: str, tool_name: str, work_obj
 # The chapter of the report on a program: whether it is released, its least margins, what was not checked.
 
 DRIVE_AXES = ("abb", "kuka", "fanuc")  # a track, or two axes of a positioner
+TOOL_STOPS = "the cutter", "in the cut", "may leave a mark"
+SCANNER_STOPS = "the scanner", "of the pass", "gives one place many frames"
 TOLD = 10  # violations in the report; all are in program_check.json
 CHECKED = {
     "root_deflection_mm": "Of the root face, by giving way, mm",

@@ -26,11 +26,11 @@ FINER = 2  # a pixel is drawn as so many times so many, so that outlines are smo
 DARKEST = 0.35  # of a face that is seen along itself
 CREASE = np.cos(40 * DEG)  # of neighbouring faces: sharper, their edge is drawn
 HIDDEN_MM = 5.0  # so much behind a body a line is hidden
-ELEVATIONS_DEG, PIECES, OFF_MM = np.arange(-15.0, 61.0, 15.0), 25, 1.0  # of views; of a line that is looked for
 FONT_PX, LINE_PX, MARGIN_PX = 22, 28, 6
 INK, PAPER = "#1b1f24", "#ffffff"
 ROBOT, AROUND, RED = "#e8a33d", "#b9c2c9", "#d11f1f"
 COLOURS = {"tool": "#4f5d75", "cutter": "#2f3a4f", "turntable": "#8d99a6", "workpiece": "#b59b6a"}
+LOOKS = np.array([one for one in itertools.product(range(-2, 3), range(-2, 3), range(3)) if any(one[:2])])
 CUBE = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # corners
 Pixels = tuple[float, float, float, float]  # left, top, right, bottom
 
@@ -113,18 +113,16 @@ def looking(
     return Camera(screen, screen.T @ middle, scale, *size_px)
 
 
-def clearest(bodies: Sequence[Float], lines_mm: Sequence[Float]) -> Float:
-    """Direction (3,) to the viewer in which bodies (t, 3, 3) hide least of lines (n, 3), by length on screen."""
-    ends = [np.stack([one[:-1], one[1:]], axis=1) for one in map(_finely, lines_mm)]
-    start, end = np.concatenate(ends).transpose(1, 0, 2)
-    azimuth, elevation = (one.ravel() for one in np.meshgrid(np.arange(-180, 180, 15) * DEG, ELEVATIONS_DEG * DEG))
-    level = np.cos(elevation)
-    towards = np.column_stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-    begin = (start + end)[:, None] / 2 + OFF_MM * towards
+def clearest(bodies: Sequence[Float], lines_mm: Sequence[Float]) -> Sequence[float]:
+    """Direction to the viewer in which bodies (t, 3, 3) hide least of lines (n, 3), by length on screen."""
+    start, end = (np.concatenate([one[which] for one in lines_mm]) for which in (slice(-1), slice(1, None)))
+    towards = LOOKS / np.linalg.norm(LOOKS, axis=1)[:, None]
+    begin = (start + end)[:, None] / 2 + towards  # a millimetre off
     rays = np.concatenate([begin, np.broadcast_to(towards, begin.shape)], axis=-1)
-    free = np.isinf(_met(bodies, np.zeros(3), rays)["t_hit"].numpy())
+    free = np.isinf(_met(bodies, start[0], rays)["t_hit"].numpy())
     length = np.linalg.norm(np.cross((end - start)[:, None], towards), axis=-1)
-    return np.asarray(towards[(free * length).sum(axis=0).argmax()])
+    best: list[float] = towards[(free * length).sum(axis=0).argmax()].tolist()
+    return best
 
 
 class Sheet:
@@ -235,12 +233,6 @@ def _met(bodies: Sequence[Float], centre_mm: Float, rays: Float) -> Any:
         corners = (triangles.reshape(-1, 3) - centre_mm).astype(np.float32)
         space.add_triangles(tensor(corners), tensor(np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)))
     return space.cast_rays(tensor((rays - np.append(centre_mm, np.zeros(3))).astype(np.float32)))
-
-
-def _finely(line_mm: Float) -> Float:
-    """Points along a line (n, 3), `PIECES` pieces of it."""
-    at = np.linspace(0.0, len(line_mm) - 1.0, PIECES + 1)
-    return np.stack([np.interp(at, np.arange(len(line_mm)), one) for one in line_mm.T], axis=1)
 
 
 def _edges(body: AnyArray, normal: Float) -> AnyArray:

@@ -13,7 +13,7 @@ from workbench.units import DEG, Float
 
 NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
 ELEVATION, AZIMUTH = 22.0 * DEG, -60.0 * DEG  # from where the cell is looked at
-LOOK = (np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION))
+LOOK: Sequence[float] = (np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION))
 SIZE_PX, LINE_PX, PALE = (690, 630), 4.0, 5
 
 
@@ -45,7 +45,8 @@ def posture_picture(
     """
     colours = _colours_of(cell, [body for body, _ in bodies])
     shown = [(one, tint) for (_, one), tint in zip(bodies, colours, strict=True) if not is_huge(one)]
-    points, look = np.concatenate([path_mm, *(one.reshape(-1, 3) for one, _ in shown)]), LOOK
+    points = np.concatenate([path_mm, *(one.reshape(-1, 3) for one, _ in shown)])
+    look = LOOK
     if close_up_mm is not None:
         middle = (path_mm.min(axis=0) + path_mm.max(axis=0)) / 2
         near = [np.abs(one - middle).max(axis=2).min(axis=1) < 0.75 * close_up_mm for one, _ in shown]

@@ -54,7 +54,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
     text += pieces.figure_html(
         _along_picture(made),
         "Predicted U along the edge",
-        "U = 2 u along the lower edge. Promised: nine of ten places stay within it, with a rounding that few edges exceed.",
+        "U = 2 u along the edge. Promised: nine of ten places stay within it, with a rounding that few edges exceed.",
         ((pieces.BLUE, "predicted"), (pieces.SKY, "up to what is promised"), (pieces.PURPLE, "wanted")),
     )
     worst = int(np.nanargmax(made.root.u)) if np.isfinite(made.root.u).any() else 0

@@ -186,6 +186,7 @@ def seen_extent_mm(joint: Joint, view: View) -> tuple[float, float]:
     return float(np.ptp(across)), float(np.ptp(away))
 
 
+@functools.lru_cache(maxsize=1024)
 def information(
     joint: Joint, profiler: Profiler, known: Knowledge, view: View, length_mm: float
 ) -> PassInformation | None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -16,8 +15,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench.artefacts import (
-    DIRECTIONS,
-    END,
     Chapter,
     Document,
     Gate,
@@ -45,12 +42,9 @@ from workbench.scan_plan.information import (
     MOST_INCIDENCE,
     Joint,
     Knowledge,
-    PassInformation,
-    Predicted,
     Profiler,
     View,
     hidden_why,
-    information,
 )
 from workbench.scan_plan.reach import Examiner, scan_cell
 from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, rehearsed, straight
@@ -112,9 +106,9 @@ class ScanPlan:
     binds: tuple[str, ...]
     would_help: tuple[str, ...]
     table: float  # rad
-    scan_cell: Cell | None  # whose tool is the scanner
-    unchecked: tuple[str, ...]
-    refused: str | None = None  # why the engine would refuse the recording
+    refused: str | None  # why the engine would refuse the recording
+    scan_cell: Cell | None = None  # whose tool is the scanner
+    unchecked: tuple[str, ...] = ()
 
     @property
     def reached(self) -> Shaped[Bool, " s"]:
@@ -348,7 +342,6 @@ def _placed(
 
 def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> ScanPlan:
     """The plan: by the turntable angle, of those that are tried in turn, that serves best."""
-    told: dict[View, PassInformation] = {}
     views = [View(one, task.profiler.middle_mm, task.pitches_mm[0]) for one in task.elevations]
     if all(hidden_why(task.joint, task.profiler, view, drift_mm(task.profiler, view)) for view in views):
         middle = View(0.5 * task.joint.bevel, task.profiler.middle_mm, task.pitches_mm[0])
@@ -359,54 +352,44 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
         low, high = place.turntable.limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)
-    best: tuple[tuple[float, ...], float, _Looked, tuple[int, ...]] | None = None
-    first: _Looked | None = None
-    together: dict[tuple[View, ...], Predicted] = {}
-    offered: list[frozenset[tuple[View, bytes]]] = []
+    best: tuple[tuple[float, ...], _Looked, Search, tuple[int, ...]] | None = None
+    offered: list[frozenset[tuple[View, bytes]]] = [frozenset()]
+    refused: dict[View, str] = {}
     for table in tables:
-        looked = _looked(task, examiner, table, told)
-        first = looked if first is None or len(looked.candidates) > len(first.candidates) else first
+        looked = _looked(task, examiner, table)
+        refused = refused or looked.refused
         offer = frozenset((one.view, one.sees.tobytes()) for one in looked.candidates)
-        if any(offer <= one for one in (frozenset(), *offered)):
+        if any(offer <= one for one in offered):
             continue  # nothing new
         offered.append(offer)
-        search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates, together)
+        search = Search(*task[:3], task.edge.length_mm, task.wanted, looked.candidates)
         chosen, reach = search.best(task.passes)
         hidden = int((~search.visible).sum())
         rank = (hidden + reach.unseen, hidden + reach.short, reach.excess, reach.seconds, reach.over)
         if best is None or rank < best[0]:
-            best = (rank, table, looked, chosen)
+            best = (rank, looked, search, chosen)
         if rank[1] == 0 or not (looked.refused or looked.by_base):  # else another angle of the table may serve
             break
     if best is None:
-        assert first is not None
-        raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(first.refused)}")
-    return _rehearsed_plan(task, place, unchecked, best[1], best[2], best[3])
+        raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(refused)}")
+    return dataclasses.replace(_rehearsed_plan(task, *best[1:]), scan_cell=place, unchecked=unchecked)
 
 
-def _rehearsed_plan(
-    task: Task,
-    place: Cell | None,
-    unchecked: tuple[str, ...],
-    table: float,
-    looked: _Looked,
-    chosen: tuple[int, ...],
-) -> ScanPlan:
+def _rehearsed_plan(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) -> ScanPlan:
     """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
-    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, looked.candidates)
     tried: dict[tuple[int, ...], ScanPlan] = {}
     while chosen not in tried and len(tried) < REHEARSALS:
-        tried[chosen] = _made(task, place, unchecked, table, looked, chosen)
-        if tried[chosen].reached[search.visible].all():
+        tried[chosen] = made = _made(task, looked, chosen)
+        if made.reached[search.visible].all():
             break
-        _learn(tried[chosen], search, chosen)
+        _learn(made, search, chosen)
         last = len(tried) == REHEARSALS - 1
         aim = Wanted(*(SUREST * one for one in task.wanted)) if last else task.wanted
         chosen = dataclasses.replace(search, wanted=aim).best(task.passes)[0]
     chosen, made = min(tried.items(), key=lambda one: _shortfall(one[1]))
     if made.reached.all():
         return made
-    would_help = () if made.refused else tuple(_help(task, looked, search, chosen))
+    would_help = () if made.refused else tuple(_help(task, search, chosen))
     return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
 
 
@@ -435,18 +418,10 @@ def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
             search.learned.append(Learned(views, root, bevel))
 
 
-def _told(task: Task, view: View, told: dict[View, PassInformation]) -> PassInformation:
-    """What a view that sees the joint tells, remembered."""
-    if view not in told:
-        made = information(task.joint, task.profiler, task.known, view, task.edge.length_mm)
-        assert made is not None  # not `hidden_why`
-        told[view] = made
-    return told[view]
-
-
 class _Looked(NamedTuple):
     """The candidates at one turntable angle."""
 
+    table: float  # rad
     candidates: list[Candidate]
     turned: list[bool]
     refused: dict[View, str]  # views that see the joint, and cannot be had
@@ -459,9 +434,9 @@ class _Looked(NamedTuple):
         return any(name in self.on_base for _, names in self.shadows for name in names)
 
 
-def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View, PassInformation]) -> _Looked:
+def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
     """Which views the cell allows. Leads only where none without serves."""
-    found = _Looked([], [], {}, [], frozenset() if examiner is None else examiner.on_base)
+    found = _Looked(table, [], [], {}, [], frozenset() if examiner is None else examiner.on_base)
     at = task.edge.at(task.stations)
     for lead in LEADS_DEG:
         for elevation in task.elevations:
@@ -487,8 +462,7 @@ def _looked(task: Task, examiner: Examiner | None, table: float, told: dict[View
                 continue
             for pitch in dict.fromkeys(min(one, fastest / task.frame_rate_hz) for one in task.pitches_mm):
                 one = view._replace(frame_pitch_mm=pitch)
-                tells = functools.partial(_told, task, one, told)
-                found.candidates.append(Candidate(one, tells, sees, _seconds(task, one)))
+                found.candidates.append(Candidate(one, sees, _seconds(task, one)))
                 found.turned.append(turned)
         if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
             break
@@ -509,69 +483,39 @@ def _seconds(task: Task, view: View) -> float:
     return (task.edge.length_mm + 2.0 * OVERRUN_MM) / _speed(task, view) + PASS_S
 
 
-def _made(
-    task: Task,
-    place: Cell | None,
-    unchecked: tuple[str, ...],
-    table: float,
-    looked: _Looked,
-    chosen: tuple[int, ...],
-) -> ScanPlan:
+def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
     """The plan of chosen candidates, with what its rehearsal says."""
     passes = tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds))
-    unknown = np.full(task.stations.size, np.nan)
-    made = ScanPlan(
-        task.joint,
-        task.profiler,
-        task.known,
-        task.edge,
+    share = min(1.0, LONGEST_MM / task.edge.length_mm)
+    told = rehearsed(
+        *task[:3], _along_nominal(task, passes, share), np.stack([one.sees for one in passes]), share * task.stations
+    )
+    return ScanPlan(
+        *task[:4],
         passes,
         task.stations,
-        Quantity.of("root_mm", unknown, {END: unknown}),
-        Quantity.of("bevel_deg", unknown, {DIRECTIONS: unknown}),
-        unknown,
-        unknown,
+        told.root,
+        told.bevel,
+        COVERAGE * told.promised_root_u_mm,
+        COVERAGE * told.promised_bevel_u_deg,
         task.wanted,
         (),
         (),
-        table,
-        place,
-        unchecked,
-    )
-    share = min(1.0, LONGEST_MM / task.edge.length_mm)
-    told = rehearsed(
-        task.joint,
-        task.profiler,
-        task.known,
-        along_nominal(made, share),
-        np.stack([one.sees for one in passes]),
-        share * task.stations,
-    )
-    if isinstance(told, str):
-        return dataclasses.replace(made, refused=told)
-    return dataclasses.replace(
-        made,
-        root=told.root,
-        bevel=told.bevel,
-        promised_root_mm=COVERAGE * told.promised_root_u_mm,
-        promised_bevel_deg=COVERAGE * told.promised_bevel_u_deg,
+        looked.table,
+        told.refused,
     )
 
 
-def along_nominal(made: ScanPlan, share: float = 1.0) -> PlannedScan:
+def _along_nominal(task: Task, passes: tuple[ScanPass, ...], share: float) -> PlannedScan:
     """The passes along the nominal joint, which is straight and a share of the edge long."""
-    length = share * made.edge.length_mm
+    length = share * task.edge.length_mm
     line = straight(length)
-    led = [
-        dataclasses.replace(
-            one,
-            base_from_view=view_poses(
-                line.at(share * one.edge.arc_length_mm), made.joint, made.profiler, one.view, False, length
-            ),
-        )
-        for one in made.passes
-    ]
-    return courses(dataclasses.replace(made, passes=tuple(led)))
+    led = []
+    for one in passes:
+        at = line.at(share * one.edge.arc_length_mm)
+        poses = view_poses(at, task.joint, task.profiler, one.view, False, length)
+        led.append(dataclasses.replace(one, base_from_view=poses))
+    return _followed(task.profiler, led, True, "")
 
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
@@ -625,53 +569,35 @@ def _summary(refused: dict[View, str]) -> str:
     return "; ".join(f"elevations of {min(e):.0f} to {max(e):.0f} deg: {why}" for why, e in ranked)
 
 
-def _help(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
+def _help(task: Task, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
     """What would bring the plan to what is wanted, or a good way nearer: each thing tried by itself."""
     now = search.reach(chosen, search.visible)
-    if not now.short:
-        return
     more = task.passes + 1
-    if (found := search.best(more)[1]) < now and found.excess < 0.9 * now.excess:
+    found = search.best(more)[1]
+    if found < now and found.excess < 0.9 * now.excess:
         yield _better(f"{more} passes", now.excess, found.excess)
     profiler, known = task.profiler, task.known
-    sharp, smooth = known._replace(edge_condition="sharp"), known._replace(roughness_mm=0.0)
-    changes: dict[str, Task] = {
-        "a sensor of half the noise": task._replace(
-            profiler=dataclasses.replace(profiler, noise_mm=HALF * profiler.noise_mm)
-        ),
-        "a sensor of twice as many columns": task._replace(
-            profiler=dataclasses.replace(profiler, columns=2 * profiler.columns)
-        ),
-        "a sensor without error of linearity": task._replace(
-            profiler=dataclasses.replace(profiler, linearity=profiler.linearity._replace(rms_mm=0.0))
-        ),
-        "a robot without position noise": task._replace(known=known._replace(robot_noise_mm=0.0)),
-        "a hand-eye pose without error of rotation": task._replace(known=known._replace(hand_eye_turn=0.0)),
-        "knowing that the edge is sharp (edge_condition)": task._replace(known=sharp),
-        f"a smooth root face, not {known.roughness_mm:.2g} mm rough": task._replace(known=smooth),
+    exact = profiler.linearity._replace(rms_mm=0.0)
+    sensors = {
+        "a sensor of half the noise": dataclasses.replace(profiler, noise_mm=HALF * profiler.noise_mm),
+        "a sensor of twice as many columns": dataclasses.replace(profiler, columns=2 * profiler.columns),
+        "a sensor without error of linearity": dataclasses.replace(profiler, linearity=exact),
     }
-    for what, other in changes.items():
-        if other.known == known and other.profiler == profiler:
-            continue
-        # What the rehearsal found more than the search lies in the rounding or in the waves.
-        learned = [] if other.known != known and other.known in (sharp, smooth) else search.learned
-        after = _excess(other, looked, chosen, learned)
-        if after is not None and after < 0.9 * now.excess:
+    robots = {
+        "a robot without position noise": known._replace(robot_noise_mm=0.0),
+        "a hand-eye pose without error of rotation": known._replace(hand_eye_turn=0.0),
+    }
+    parts = {  # what the rehearsal found more than the search lies in the rounding or in the waves
+        "knowing that the edge is sharp (edge_condition)": known._replace(edge_condition="sharp"),
+        f"a smooth root face, not {known.roughness_mm:.2g} mm rough": known._replace(roughness_mm=0.0),
+    }
+    others = {what: dataclasses.replace(search, profiler=one) for what, one in sensors.items()}
+    others |= {what: dataclasses.replace(search, known=one) for what, one in robots.items()}
+    others |= {what: dataclasses.replace(search, known=one, learned=[]) for what, one in parts.items()}
+    for what, other in others.items():
+        after = other.reach(chosen, search.visible).excess
+        if (other.known, other.profiler) != (known, profiler) and after < 0.9 * now.excess:
             yield _better(what, now.excess, after)
-
-
-def _excess(task: Task, looked: _Looked, chosen: tuple[int, ...], learned: list[Learned]) -> float | None:
-    """The largest U over what is wanted, with other knowledge; None: the views do not serve."""
-    views = [looked.candidates[k].view for k in chosen]
-    if any(hidden_why(task.joint, task.profiler, view) for view in views):
-        return None
-    swapped = [
-        dataclasses.replace(looked.candidates[k], tells=functools.partial(_told, task, view, {}))
-        for k, view in zip(chosen, views, strict=True)
-    ]
-    search = Search(task.joint, task.known, task.edge.length_mm, task.wanted, swapped, learned=learned)
-    groups, _ = search.patterns(tuple(range(len(swapped))))
-    return max((search.over(group) for group in groups if group), default=None)
 
 
 def _better(what: str, before: float, after: float) -> str:
@@ -732,11 +658,15 @@ def written(made: ScanPlan, *, z_away: bool = True) -> bytes:
 
 def courses(made: ScanPlan, *, z_away: bool = True) -> PlannedScan:
     """The plan as a scanner follows it."""
-    profiler, standoff = made.profiler, made.profiler.middle_mm
+    return _followed(made.profiler, made.passes, z_away, plan_id(written(made, z_away=z_away)))
+
+
+def _followed(profiler: Profiler, passes: Iterable[ScanPass], z_away: bool, name: str) -> PlannedScan:
+    standoff = profiler.middle_mm
     known = profiler.triangulation > 0.0 and profiler.camera_side.endswith("y")
     side = -1.0 if profiler.camera_side.startswith("-") else 1.0
     return PlannedScan(
-        tuple(ScanCourse(_profiler_poses(one, z_away), one.view.frame_pitch_mm) for one in made.passes),
+        tuple(ScanCourse(_profiler_poses(one, z_away), one.view.frame_pitch_mm) for one in passes),
         profiler.columns,
         profiler.pitch_mm(standoff),
         standoff,
@@ -744,7 +674,7 @@ def courses(made: ScanPlan, *, z_away: bool = True) -> PlannedScan:
         profiler.noise_mm,
         side * standoff * math.tan(profiler.triangulation) if known else None,
         z_away,
-        plan_id(written(made, z_away=z_away)),
+        name,
     )
 
 

@@ -27,7 +27,7 @@ from workbench.units import DEG, Float
 
 TOLERANCE_MM = 0.1  # by which the laser's middle may leave the planned pass
 NEAR_MM = 400.0  # about the edge, in a close picture
-RAYS = 7  # of the laser, in a picture
+RAYS, PIECES = 7, 25  # of the laser, in a picture, and of each ray
 RENAMED = {"spindle": "scanner", "path": "laser, and its way along the lower edge"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
 LOGGED = {  # where a recording's poses come from, by controller; each with its time
@@ -143,12 +143,12 @@ def _robot_html(plan: ScanPlan, cell: Cell, one: ScanPass, postures: Postures | 
 
 
 def _rays_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> list[Float]:
-    """Rays (2, 3) of the laser at a station, across its line."""
+    """Rays (n, 3) of the laser at a station, across its line."""
     half = np.array([0.5 * plan.profiler.line_mm(one.view.standoff_mm), 0.0, 0.0])
     line = np.linspace(-half, half, RAYS)
     turn = rotation_from_quaternion(postures.quaternion_wxyz[k])
     eye = np.array([0.0, 0.0, -one.view.standoff_mm])
-    return [np.stack([eye, end]) @ turn.T + postures.position_mm[k] for end in line]
+    return [np.linspace(eye, end, PIECES) @ turn.T + postures.position_mm[k] for end in line]
 
 
 def _joined(gates: list[PathGate]) -> Gate:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench import cloud, edge, scan, twin
-from workbench.artefacts import MilledEdge, PlannedScan, Quantity, Recording
+from workbench.artefacts import DIRECTIONS, END, MilledEdge, PlannedScan, Quantity, Recording
 from workbench.errors import WorkbenchError
 from workbench.scan_plan.information import Joint, Knowledge, Profiler, decay_columns, edges_of
 from workbench.scan_plan.way import EdgeLine
@@ -29,6 +29,7 @@ LONGEST_MM = 100.0  # of a nominal edge: a longer one is rehearsed on so much, i
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
+UNKNOWN = ("root_mm", END), ("bevel_deg", DIRECTIONS)  # quantities by one source, where nothing is told of them
 SECTIONS = 9  # of an inspection: the first and the last lie half a section from the ends, where u is larger
 
 
@@ -45,6 +46,7 @@ class Rehearsed(NamedTuple):
     bevel: Quantity
     promised_root_u_mm: Shaped[Float, " s"]
     promised_bevel_u_deg: Shaped[Float, " s"]
+    refused: str | None = None  # why the engine refuses such recordings
 
 
 def rehearsed(
@@ -54,8 +56,8 @@ def rehearsed(
     way: PlannedScan,
     sees: Shaped[Bool, "p s"],
     stations: Shaped[Float, " s"],
-) -> Rehearsed | str:
-    """Root face and bevel angle at the stations as the engine tells them; or why it refuses such recordings.
+) -> Rehearsed:
+    """Root face and bevel angle at the stations as the engine tells them.
 
     way: the passes along `straight`; sees: which of them sees which station.
     """
@@ -90,7 +92,9 @@ def rehearsed(
                 sensor=profiler.file,
             )
         except WorkbenchError as refused:
-            return f"with a radius of {radius_mm:.2g} mm: {refused}"
+            unknown = np.full(stations.size, np.nan)
+            root, bevel = (Quantity.of(name, unknown, {of: unknown}) for name, of in UNKNOWN)
+            return Rehearsed(root, bevel, unknown, unknown, f"with a radius of {radius_mm:.2g} mm: {refused}")
         found.append([_along(made, one, stations) for one in (made.root, made.bevel)])
     patterns = [(sees == one[:, None]).all(axis=0) for one in np.unique(sees[:, sees.any(axis=0)], axis=1).T]
     (root, bevel), (most_root, most_bevel) = ([_typical(one, patterns) for one in each] for each in found)
@@ -98,18 +102,13 @@ def rehearsed(
 
 
 def _typical(found: Quantity, patterns: list[Bool]) -> Quantity:
-    """Its median where the same passes see it: where one draw of noise and waves is odd says nothing of the part.
-
-    The terms are medians too, drawn to the same sum.
-    """
-    terms = {name: np.full(found.u.shape, np.nan) for name in found.u_by_source}
+    """As at the station of median u where the same passes see it: where one draw is odd says nothing of the part."""
+    like = np.full(found.u.size, -1)
     for which in patterns:
-        seen = which & np.isfinite(found.u)
-        if seen.any():
-            medians = {name: float(np.median(u[seen])) for name, u in found.u_by_source.items()}
-            drawn = float(np.median(found.u[seen])) / math.sqrt(sum(one**2 for one in medians.values()))
-            for name, one in medians.items():
-                terms[name][seen] = drawn * one
+        seen = np.flatnonzero(which & np.isfinite(found.u))
+        if seen.size:
+            like[seen] = seen[np.argsort(found.u[seen])[seen.size // 2]]
+    terms = {name: np.where(like < 0, np.nan, u[like]) for name, u in found.u_by_source.items()}
     return Quantity.of(found.name, found.value, terms)
 
 

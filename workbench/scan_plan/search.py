@@ -6,14 +6,15 @@ reaches what is wanted, the one that leaves the fewest stations unseen, of these
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from workbench.scan_plan.information import Joint, Knowledge, PassInformation, Predicted, View, combined
+from workbench.scan_plan.information import Joint, Knowledge, Predicted, Profiler, View, combined, information
 from workbench.scan_plan.rehearsal import RESERVE
 from workbench.units import Bool, Int, Shaped
 
@@ -33,7 +34,6 @@ class Candidate:
     """A pass that could be driven."""
 
     view: View
-    tells: Callable[[], PassInformation]  # asked where the search comes to it
     sees: Shaped[Bool, " k"]  # stations
     seconds: float
 
@@ -71,23 +71,20 @@ class Reach(NamedTuple):
 
 @dataclass
 class Search:
-    """The candidates of one edge; what sets of them tell is remembered."""
+    """The candidates of one edge."""
 
     joint: Joint
+    profiler: Profiler
     known: Knowledge
     length_mm: float
     wanted: Wanted
     candidates: Sequence[Candidate]
-    told: dict[tuple[View, ...], Predicted] = field(default_factory=dict)  # of views together, remembered
     learned: list[Learned] = field(default_factory=list)
 
     def predicted(self, passes: tuple[int, ...]) -> Predicted:
         """What these passes tell together where all of them see the edge."""
         views = tuple(self.candidates[k].view for k in passes)
-        if views not in self.told:
-            each = [self.candidates[k].tells() for k in passes]
-            self.told[views] = combined(self.joint, self.known, each, self.length_mm)
-        return self.told[views]
+        return _told(self.joint, self.profiler, self.known, views, self.length_mm)
 
     def over(self, passes: tuple[int, ...]) -> float:
         """The larger of promised over wanted U where all of these passes see the edge."""
@@ -149,3 +146,10 @@ class Search:
         for size in range(1, most_passes + 1):  # few passes first: their time bounds the others
             grow((), 0, 0.0, size)
         return best
+
+
+@functools.lru_cache(maxsize=8192)
+def _told(joint: Joint, profiler: Profiler, known: Knowledge, views: tuple[View, ...], length_mm: float) -> Predicted:
+    """What views that see the joint tell together."""
+    each = [information(joint, profiler, known, view, length_mm) for view in views]
+    return combined(joint, known, [one for one in each if one is not None], length_mm)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import re
 from dataclasses import dataclass
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -385,5 +387,19 @@ def hostile():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Leaves the views in space undrawn: for what does not depend on their pictures."""
-    monkeypatch.setattr("workbench.report.scene.picture", lambda view: b"\x89PNG")
+    """Leaves the views in space undrawn, for what does not depend on their pictures; lists them instead."""
+    views = []
+    monkeypatch.setattr("workbench.report.scene.picture", lambda view: views.append(view) or b"\x89PNG")
+    return views
+
+
+def text_of(chapter):
+    """What a reader reads, blanks and breaks as one blank."""
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", chapter.certificate + chapter.html)))
+
+
+def with_text(figures, *words):
+    """The one figure that shows all these texts."""
+    said = [{text.text for axes in figure.axes for text in axes.texts} for figure in figures]
+    (found,) = [figure for figure, texts in zip(figures, said, strict=True) if set(words) <= texts]
+    return found

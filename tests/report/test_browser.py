@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import json
 import re
 import time
 
@@ -11,13 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.made import files_of
 from workbench.artefacts import Chapter, Scene, Strokes
-from workbench.pipeline.results import inspection_document
 from workbench.report import closed_loop, html, inspection, plan
-from workbench.report.marks import FACES, rgb
 
 playwright = pytest.importorskip("playwright.sync_api", reason="pages are not looked at in a browser: no playwright")
-BEVEL, ROOT = rgb(FACES[2]), rgb(FACES[1])
+BEVEL, ROOT = (0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)  # blue and vermilion of Okabe and Ito
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def test_a_section_tells_the_numbers_of_the_inspection_file(opened, measured, ch
     """As `inspection.json` has them; section 5 lies under the clamp."""
     shown = opened.scene(chapter)
     shown.figure.locator("button.mark", has_text=re.compile(f"^{index}$")).click()
-    stored, told = inspection_document(measured.inspection)["sections"][index - 1], shown.told()
+    stored, told = json.loads(files_of(measured.inspection)["inspection.json"])["sections"][index - 1], shown.told()
     assert told["Section"] == f"{index}"
     assert told["Arc length"] == f"{stored['arc_length_mm']:.2f} mm"
     assert told["Verdict"].endswith(stored["verdict"])

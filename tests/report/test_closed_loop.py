@@ -4,38 +4,63 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from html import unescape
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from tests.report.conftest import make_part, path_by_formula, text_of
 from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
 from workbench.errors import InputError
 from workbench.report import closed_loop, html
-from workbench.report.planned import compared
+
+PATH = path_by_formula()
 
 
-def text_of(chapter):
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", chapter.html)))
+@pytest.fixture(scope="module")
+def inspected():
+    return make_part(frames=20, columns=20, clamp=(-2.0, -1.0), sections=9).inspection
+
+
+def planned_in(chapter):
+    """Root face and bevel angle that the path was to make in each section, None where it does not cut."""
+    rows = re.findall(r"(?<= )(\d) [\d.]+ (\S+) (?:\S+ ± \S+|–) (?:[+−]?\S+|–) (\S+) ", text_of(chapter))
+    assert [row[0] for row in rows] == [*"123456789"]
+    return [(None, None) if row[1] == "–" else (float(row[1]), float(row[2])) for row in rows]
 
 
 @pytest.mark.parametrize("radius_mm", [None, 300.0])
 def test_planned_values_are_those_of_the_path_in_each_section(part, by_formula, radius_mm):
     inspection = part(radius_mm=radius_mm, frames=50, columns=50).inspection
-    rows = compared(inspection, by_formula(radius_mm=radius_mm))
-    assert [row.root_mm is None for row in rows] == [k in (4, 5) for k in range(9)]  # 89 to 123 mm are not cut
-    for row in (*rows[:4], *rows[6:]):
-        assert row.root_mm == pytest.approx(1.5, abs=1e-3)
-        assert row.bevel_deg == pytest.approx(40.0, abs=0.01)
+    found = planned_in(closed_loop(inspection, by_formula(radius_mm=radius_mm)))
+    assert found == [(None, None) if k in (4, 5) else (1.5, 40.0) for k in range(9)]  # 89 to 123 mm are not cut
 
 
 def test_a_path_that_is_off_shows_in_its_sections(part, by_formula):
     inspection, path = part(frames=50, columns=50).inspection, by_formula(bevel_deg=42.0)
-    assert compared(inspection, path)[0].bevel_deg == pytest.approx(42.0, abs=1e-6)
+    assert planned_in(closed_loop(inspection, path))[0] == (1.5, 42.0)
     off = dataclasses.replace(path.layers[-1], position_mm=path.layers[-1].position_mm + np.array([0.0, 0.0, 0.3]))
-    assert compared(inspection, dataclasses.replace(path, layers=(off,)))[0].root_mm == pytest.approx(1.8, abs=1e-6)
+    assert planned_in(closed_loop(inspection, dataclasses.replace(path, layers=(off,))))[0] == (1.8, 42.0)
     away = dataclasses.replace(off, position_mm=off.position_mm + np.array([0.0, 500.0, 0.0]))
-    assert all(row.root_mm is None for row in compared(inspection, dataclasses.replace(path, layers=(away,))))
+    nowhere = planned_in(closed_loop(inspection, dataclasses.replace(path, layers=(away,))))
+    assert nowhere == [(None, None)] * 9
+
+
+@given(root=st.floats(0.0, 9.0) | st.floats(1.499, 1.501), expanded=st.floats(0.0011, 9.0))
+@settings(max_examples=60)
+def test_values_are_written_as_well_as_they_are_known(inspected, root, expanded):
+    """U to 5 %, a value to the same place, a deviation with its sign unless it rounds to nothing."""
+    one = dataclasses.replace(inspected.sections[0], root_mm=root, root_u_mm=expanded / 2)
+    chapter = closed_loop(dataclasses.replace(inspected, sections=(one,)), PATH)
+    ((value, told, apart),) = re.findall(r" 1 11\.1 \S+ (\S+) ± (\S+) (\S+) ", text_of(chapter))
+    places = len(value.partition(".")[2])
+    assert len(told.partition(".")[2]) == places
+    assert float(told) == pytest.approx(expanded, rel=0.05)
+    assert float(value) == pytest.approx(root, abs=0.51 * 10.0**-places)
+    shown = float(apart.replace("−", "-"))
+    assert shown == pytest.approx(root - 1.5, abs=0.51 * 10.0 ** -len(apart.partition(".")[2]))
+    assert apart[0] == ("+" if shown > 0 else "−" if shown < 0 else "0")
 
 
 def test_asked_planned_and_measured_stand_in_the_chapter(part, by_formula):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from workbench.artefacts import Chapter, Part
 from workbench.errors import InputError
 from workbench.report import html
-from workbench.report.tables import one_line_a_stage
 
 PASSED = Chapter(
     "Inspection", "<h3>Sections</h3><p>nine</p>", "pass", "all 9 sections within tolerance", Part(part_id="B-17")
@@ -85,8 +85,9 @@ def test_provenance_stands_in_the_page(elements, provenance):
     assert "--input part_id=" not in elements(page_of(Chapter("Plan", "", part=Part()))).text
 
 
-def test_the_pipeline_is_shown_whole():
+def test_the_pipeline_is_shown_whole(elements, provenance):
     pipeline = {"version": 1, "inputs": {"a": None}, "stages": [{"stage": "x.y", "k": [1, 2]}, {"stage": "é"}]}
-    shown = one_line_a_stage(pipeline)
-    assert json.loads(shown) == pipeline
+    text = elements(page_of(PASSED, provenance=replace(provenance, pipeline=pipeline))).text
+    shown = text[text.index('{\n  "version"') :]
+    assert json.JSONDecoder().raw_decode(shown)[0] == pipeline
     assert '    {"stage": "é"}' in shown.splitlines()

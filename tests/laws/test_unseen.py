@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.score.outsider import sharp
+from bench.outside import raw_edge, simulate
+from bench.score.outsider import Sharp, sharp
 from bench.score.parts import generator, nominal
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import STRAIGHT_MM
 from bench.simulators.triangulated import simulate as triangulated
-from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, Recording
+from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, PointSet, Recording
 from workbench.cloud import denoise
-from workbench.edge import segment
-from workbench.inspect import sections
+from workbench.edge import segment, segment_cloud, segment_preparation
+from workbench.edge.unseen import BY_WINDOW
+from workbench.inspect import preparation, sections
 from workbench.scan import fuse, read
 from workbench.units import DEG
 
@@ -108,6 +110,33 @@ def test_an_end_that_stays_in_one_column_is_a_condition(lost: int) -> None:
     assert sections(edge, **nominal, **wide, accept_conditions=("window_end",)).verdict == "pass"
 
 
+@pytest.mark.parametrize(("seed", "behind"), [(5103, True), (5104, False)])
+def test_what_returns_right_behind_an_end_shows_it_and_a_cropped_cloud_hides_that(seed: int, behind: bool) -> None:
+    """A table behind the plate, or nothing; the cloud with all below 0.3 mm above the lower edge cut off."""
+    drawn = sharp(seed)
+    nominal = {name: drawn.declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
+    cloud = denoise(fuse(drawn.recording))
+    assert ("lost_columns" in [one.name for one in segment(cloud, **nominal).unseen]) != behind
+    points, up = cloud.placed(*np.nonzero(cloud.keep)), simulate(seed, is_raw=False, cell=Sharp()).base_from_section
+    above = (points - up[:3, 3]) @ up[:3, 1] > 0.3
+    for kept, shown in ((points, behind), (points[above], False)):
+        edge = segment_cloud(PointSet(kept), **nominal)[1]
+        assert isinstance(edge, MilledEdge)
+        found = sections(edge, **nominal, root_tolerance_mm=(-0.8, 0.8), bevel_tolerance_deg=(-10.0, 10.0))
+        assert [one.name for one in found.conditions] == ([] if shown else ["window_end"])
+
+
+def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_a_warning() -> None:
+    part = simulate(2, is_raw=True)
+    scan = part.recording
+    seen = np.flatnonzero(np.isfinite(scan.z_mm).mean(axis=0) > 0.9)
+    columns = np.arange(scan.z_mm.shape[1])
+    cut = np.where((columns >= seen[40]) & (columns <= seen[-41]), scan.z_mm, np.nan).astype(np.float32)
+    for z_mm in (scan.z_mm, cut):
+        edge = raw_edge(part._replace(recording=replace(scan, z_mm=z_mm)))
+        assert (BY_WINDOW.sentence in edge.warnings) == (z_mm is cut)
+
+
 def test_a_window_that_ends_both_turned_passes_is_a_condition() -> None:
     """Each ends in a column of its own, none in most frames of both: 0.7 mm too short at 26 u, and no condition."""
     rng = generator("reread", 2661)
@@ -124,3 +153,13 @@ def test_a_window_that_ends_both_turned_passes_is_a_condition() -> None:
     cut = np.where((columns > low + 20) & (columns < high - 20), drawn.recording.z_mm, np.nan).astype(np.float32)
     edge = segment(denoise(fuse(replace(drawn.recording, z_mm=cut))), **{name: given[name] for name in names})
     assert "window_end" in [one.name for one in edge.unseen]
+
+
+def test_a_preparation_passes_on_the_same_condition() -> None:
+    """The shipped plate is scanned straight along its edge: its root face ends in one column, with none beyond."""
+    found = segment_preparation(denoise(fuse(read(recording="data/synthetic/milled_nose.h5"))))
+    nominal = {"land_mm": 1.0, "land_tolerance_mm": [-0.5, 0.5]}
+    judged = preparation(found, nominal=nominal)
+    assert (judged.verdict, [one.name for one in judged.conditions]) == ("undecided", ["window_end"])
+    assert preparation(found, nominal=nominal, accept_conditions=("window_end",)).verdict == "pass"
+    assert preparation(found).conditions == ()

@@ -479,6 +479,7 @@ class Joint:
     part: Part = UNKNOWN_PART
     warnings: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
+    unseen: tuple[Unseen, ...] = ()  # doubts on which a pass rests
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -142,7 +142,7 @@ def segment(
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
-    doubts += [BY_WINDOW] if ends_in_one_column(cloud, tracked) else []
+    doubts += [BY_WINDOW] if ends_in_one_column(cloud, tracked.end_column[free], int(tracked.seen.sum())) else []
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
     edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)

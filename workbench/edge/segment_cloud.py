@@ -8,7 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.artefacts import END, PASSES, ROOT_FACE, Cloud, MilledEdge, PointSet, Quantity, RawEdge, Unseen
+from workbench.artefacts import (
+    BEVEL_FACE,
+    END,
+    LOWER_SURFACE,
+    PASSES,
+    ROOT_FACE,
+    Cloud,
+    MilledEdge,
+    PointSet,
+    Quantity,
+    RawEdge,
+    Unseen,
+)
 from workbench.checks import NOT_JUDGED
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
@@ -28,10 +40,12 @@ from workbench.edge.segment_cloud_grid import organised, recovered_grid
 from workbench.edge.segment_cloud_passes import passes_shown
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.edge.segment_raw import segment_raw
+from workbench.edge.unseen import BY_WINDOW
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
 from workbench.geometry.gridless import MOST_COLUMNS, Laid, Traces, cut, lay_out
+from workbench.geometry.grids import columns_beyond
 from workbench.geometry.splines import Spline
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float
@@ -44,6 +58,11 @@ OTHER_SOFTWARE = Unseen(
     "other_software",
     "What other software did to the cloud: points cut off or removed at the end of a face (crop, outlier removal), "
     "moved (smoothing, averaging, interpolation, another scale) or merged from scans registered to each other.",
+)
+BY_CUT = replace(
+    BY_WINDOW,
+    sentence="That the root face ends where its points do: none stands beyond, as where a cloud is cropped along the "
+    "edge, or its last points were removed as stray ones.",
 )
 SLICED = "the order of the points shows no scan lines: the cloud was sliced"
 NO_LINES = "its points stand on no scan lines: several passes, if they were merged, are known only where they disagree"
@@ -127,8 +146,21 @@ def segment_cloud(
         edge_condition=edge_condition,
         sensor=sensor,
     )
-    edge = replace(edge, unseen=(*edge.unseen, OTHER_SOFTWARE), warnings=(*points.warnings, *edge.warnings))
+    unseen = [one for one in edge.unseen if one.name != BY_WINDOW.name]
+    unseen = [*([BY_CUT] if _ends_with_cloud(cloud, edge) else []), *unseen, OTHER_SOFTWARE]
+    edge = replace(edge, unseen=tuple(unseen), warnings=(*points.warnings, *edge.warnings))
     return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
+
+
+def _ends_with_cloud(cloud: Cloud, edge: MilledEdge) -> bool:
+    """Does in most frames no point stand beyond the root face's free end?"""
+    root, bevel = (edge.faces[label].columns for label in (ROOT_FACE, BEVEL_FACE))
+    on = np.flatnonzero((edge.faces[ROOT_FACE].count > 0) & (edge.faces[LOWER_SURFACE].count == 0))
+    rising = root[on].sum(axis=1) > bevel[on].sum(axis=1)
+    here = edge.labels[on] == ROOT_FACE
+    last = here.shape[1] - 1 - here[:, ::-1].argmax(axis=1)
+    beyond = columns_beyond(cloud.z_mm[on], np.where(rising, last, -here.argmax(axis=1)))
+    return bool((beyond == here.shape[1]).sum() > 0.5 * (edge.faces[ROOT_FACE].count > 0).sum())
 
 
 def _check_extent(points: PointSet) -> None:

@@ -10,14 +10,16 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge, Quanti
 from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import is_free_end
+from workbench.geometry.grids import columns_beyond
 from workbench.geometry.poses import rotation_from_vector
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
 TURN_DEG = 1.0  # of a hand-eye pose by design, or measured by hand
 SCALE = 1e-3  # of x against z; data sheets of laser profilers tell a few parts in a thousand of the range
 CLOCK_S = 0.01  # a period of a fast pose stream
 LAYER_MM = 0.05  # a coat of shop primer
 CUT_AWAY_MM = 0.1
+NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen
 MOST_FRAMES = 200  # that are looked at
 
 BY_NOMINAL = Unseen(
@@ -34,9 +36,9 @@ BY_TABLE = Unseen(
 )
 BY_WINDOW = Unseen(
     "window_end",
-    "That the root face ends where its returns do: in nearly all frames that is one and the same column, with none "
-    "beyond it, as where the sensor's window ends, or columns of it are blind. A scan that moves sideways by some "
-    "columns on its way tells.",
+    "That the face ends where its returns do: in nearly all frames that is one and the same column, with none beyond "
+    "it, as where the sensor's window ends, or columns of it are blind. A scan that moves sideways by some columns on "
+    "its way tells.",
     is_doubt=True,
 )
 
@@ -58,24 +60,27 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
     found = []
     free = is_free_end(tracked)
     if free.sum() > 0.5 * tracked.seen.sum():
-        step = float(np.nanmedian(tracked.root_end[free, 2]))
         steep = float(np.median(np.abs(section.slopes[0])))
         away = "An undercut" if is_sharp else "An undercut or a chamfer"
-        found += [
-            Unseen(
-                "lost_columns",
-                "A burr in the plane of the root face, or a column that the sensor loses at its lower end, all along "
-                "the edge.",
-                step,
-                0.0,
-            ),
+        found.append(
             Unseen(
                 "shadow",
                 f"{away} of {CUT_AWAY_MM:g} mm below the root face, in the shadow that it throws.",
                 CUT_AWAY_MM * (steep if is_sharp else max(steep, 1.0)),
                 0.0,
-            ),
-        ]
+            )
+        )
+        if ends_in_nothing(cloud.z_mm[free], tracked.end_column[free]):
+            lost_mm = max(CUT_AWAY_MM, float(np.nanmedian(tracked.root_end[free, 2])))
+            found.append(
+                Unseen(
+                    "lost_columns",
+                    f"All along the lower end of the root face, {lost_mm:.2g} mm of it that return nothing (columns "
+                    "that the sensor loses, a dark stripe), or a burr in its plane.",
+                    lost_mm,
+                    0.0,
+                )
+            )
     if cloud.hand_eye_covariance is None:
         turns = [rotation_from_vector(TURN_DEG * DEG * axis) for axis in (*np.eye(3), *-np.eye(3))]
         found.append(
@@ -104,12 +109,22 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
     )
 
 
-def ends_in_one_column(cloud: Cloud, tracked: TrackedFaces) -> bool:
-    """Does the root face end where the part and the sensor's window look alike: in one column, with none beyond it?"""
-    column = tracked.end_column[is_free_end(tracked)]  # counted outwards: below 0 where these fall
+def ends_in_nothing(z_mm: AnyArray, outwards: Int) -> bool:
+    """Is it nothing but missing returns in z_mm (k, M) that says where a face ends, after columns `outwards` (k,)?
+
+    What returns from behind it right beside the end shows that nothing of the face lies there.
+    """
+    return bool((columns_beyond(z_mm, outwards) > NEXT_COLUMNS).mean() > 0.5)
+
+
+def ends_in_one_column(cloud: Cloud, outwards: Int, frames: int) -> bool:
+    """Does a face end where the part and the sensor's window look alike: in one column, with none beyond it?
+
+    outwards (k,): last columns of its free ends, in so many `frames` that show it; below 0 towards column 0.
+    """
     used = np.flatnonzero(cloud.keep.any(axis=0))
-    pinned = (column == used[-1]) | (column == -used[0])
-    return bool(pinned.sum() > PINNED * tracked.seen.sum())
+    pinned = (outwards == used[-1]) | (outwards == -used[0])
+    return bool(pinned.sum() > PINNED * frames)
 
 
 class _Section:

@@ -191,6 +191,22 @@ def columns_to_next(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
     return np.asarray(np.where(outwards > 0, up[np.abs(outwards)], down[np.abs(outwards)]))
 
 
+def columns_beyond(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
+    """How many columns beyond the last return of a face each frame's own next return lies (N,); M: there is none.
+
+    Args:
+        z_mm: grid (N, M), NaN where nothing came back.
+        outwards: (N,) column of the face's last return; negative: the face ends towards column 0.
+
+    Example:
+        >>> z = np.array([[1.0, 1.0, np.nan, 9.0], [1.0, 1.0, np.nan, np.nan]])
+        >>> columns_beyond(z, np.array([1, 1])).tolist()
+        [2, 4]
+    """
+    away = np.where(outwards > 0, 1, -1)[:, None] * np.arange(z_mm.shape[1]) - outwards[:, None]
+    return np.asarray(np.where(np.isfinite(z_mm) & (away > 0), away, z_mm.shape[1]).min(axis=1))
+
+
 def telling_returns(z_mm: AnyArray) -> Bool:
     """What returned (n, M) in up to `TELLING` frames of a grid (N, M): fewer pass a seldom lit column as blind."""
     return np.asarray(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))

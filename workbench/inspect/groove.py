@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +19,7 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import Joint, RecognisedInspection, named
 from workbench.errors import InputError, PipelineError, nearest
-from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, reason_of, worst
+from workbench.inspect.verdict import NOTHING_REQUIRED, judged, of_a_joint, provided, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Float
 
@@ -79,6 +79,7 @@ def preparation(
     nominal: dict[str, Any] | None = None,
     sections: Annotated[int, Field(ge=1, le=999)] = 9,
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
+    accept_conditions: tuple[Literal["window_end"], ...] = (),
 ) -> PreparationInspection:
     """Measure the prepared edge of a plate in equidistant sections and judge what is required, as `inspect.groove`.
 
@@ -88,6 +89,7 @@ def preparation(
             {'land_mm': 2, 'land_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged.
         sections: count of sections along the edge.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
+        accept_conditions: names of conditions that do not hold back a pass, as of `inspect.sections`.
 
     Raises:
         PipelineError: a name that no preparation has, or a nominal without its tolerance.
@@ -100,7 +102,10 @@ def preparation(
         ('nose', 9)
     """
     judged = _judged(preparation, nominal or {}, sections, guard_factor, "inspect.preparation", LEFT_OUT_OF_PLATES)
-    return PreparationInspection(**judged)
+    rests_on = preparation.unseen if nominal else ()
+    verdict, reason, left, accepted = provided(judged["verdict"], judged["reason"], rests_on, accept_conditions)
+    rests = {"verdict": verdict, "reason": reason, "conditions": left, "warnings": (*judged["warnings"], *accepted)}
+    return PreparationInspection(**{**judged, **rests})
 
 
 def _judged(

@@ -20,7 +20,7 @@ from workbench.artefacts import (
     conformity,
 )
 from workbench.artefacts.edges import BEVEL_TERMS
-from workbench.inspect.verdict import PROVIDED, conditions, judged, material, reason_of, worst
+from workbench.inspect.verdict import conditions, judged, material, provided, reason_of, worst
 from workbench.stage import stage
 from workbench.units import Bool, Float
 
@@ -97,18 +97,18 @@ def sections(
     absurd = seen & ~is_bevel(edge)
     profile = _profile(edge, seen & ~absurd)
     inspected = tuple(_section(edge, profile, i + 1, float(s), required, guard_factor) for i, s in enumerate(at))
-    verdict, reason = worst(s.verdict for s in inspected), reason_of(inspected, required=True)
     unseen = material(edge.unseen, _largest(inspected)) if edge.unseen else ()
-    provided = conditions(unseen, inspected, required, guard_factor) if verdict == "pass" else ()
-    accepted = [one for one in provided if one.name in accept_conditions]
-    provided = tuple(one for one in provided if one not in accepted)
-    if provided:
-        verdict, reason = "undecided", PROVIDED.format(" ".join(one.told for one in provided))
+    verdict, reason, left, accepted = provided(
+        worst(s.verdict for s in inspected),
+        reason_of(inspected, required=True),
+        conditions(unseen, inspected, required, guard_factor),
+        accept_conditions,
+    )
     warnings = (
         *edge.warnings,
         *_no_bevel(edge.arc_length_mm[absurd]),
         *_warnings(edge, seen & ~absurd, required, guard_factor, verdict),
-        *(f"accepted by name, {one.name}: {one.told}" for one in accepted),
+        *accepted,
     )
     return Inspection(
         inspected,
@@ -123,7 +123,7 @@ def sections(
         warnings,
         edge.checks,
         edge.source,
-        provided,
+        left,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -75,6 +75,21 @@ def material(unseen: Sequence[Unseen], largest: Mapping[str, float]) -> tuple[Un
 
     ranked = sorted(unseen, key=share, reverse=True)
     return tuple(one for one in ranked if one is ranked[0] or share(one) > 1.0)
+
+
+def provided(
+    verdict: Verdict, reason: str, rests_on: Sequence[Unseen], accepted: Collection[str]
+) -> tuple[Verdict, str, tuple[Unseen, ...], tuple[str, ...]]:
+    """Verdict and reason of a part whose pass rests on something, what of that nobody accepted, and warnings."""
+    if verdict != "pass":
+        return verdict, reason, (), ()
+    left = tuple(one for one in rests_on if one.name not in accepted)
+    told = tuple(f"accepted by name, {one.name}: {one.told}" for one in rests_on if one not in left)
+    return (
+        ("undecided", PROVIDED.format(" ".join(one.told for one in left)), left, told)
+        if left
+        else (verdict, reason, (), told)
+    )
 
 
 def conditions(

@@ -441,15 +441,6 @@ def test_the_end_of_a_part_that_lies_still_is_no_window() -> None:
     z = np.where(np.arange(r.z_mm.shape[1]) < 0.6 * r.z_mm.shape[1], r.z_mm[:1] + noise, np.nan)
     still = spoilt(r, x_mm=np.repeat(r.x_mm[:1], len(r.x_mm), 0), z_mm=z.astype("f4"))
     assert as_delivered(still) is still
-    told = {one.name: one for one in judge_recording(still)}["fixed_end_share"]
-    assert told.passed
-    assert told.value == pytest.approx(1.0, abs=0.05)
-    assert "an end of the window would not show" in told.finding
-
-
-def test_a_part_that_takes_its_ends_with_it_tells_where_they_are() -> None:
-    told = {one.name: one for one in judge_recording(good("straight"))}["fixed_end_share"]
-    assert "where the part does" in told.finding
 
 
 @pytest.mark.parametrize("columns", [5, 9])

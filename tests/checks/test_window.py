@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.checks import judge_recording
-from workbench.checks.window import end_step_check, fixed_end_share, hidden_columns
+from workbench.checks.window import end_step_check, hidden_columns
 from workbench.scan import read
 from workbench.units import Bool
 
@@ -18,34 +18,18 @@ def seen(first: list[int], last: list[int], columns: int = 100) -> Bool:
     return np.array([(at >= low) & (at <= high) for low, high in zip(first, last, strict=True)])
 
 
-@pytest.mark.parametrize(
-    ("first", "last", "share"),
-    [
-        ([10, 11, 12, 13], [80, 81, 82, 83], 0.25),
-        ([10, 10, 10, 13], [80, 81, 82, 83], 0.75),
-        ([10, 11, 12, 13], [83, 83, 80, 83], 0.75),
-        ([12, 12, 12, 10], [80, 81, 82, 83], 0.25),  # where it stays, others begin before it
-        ([0, 0, 0, 0], [80, 81, 82, 83], 0.25),  # the grid's own first column
-        ([0, 0, 0, 0], [99, 99, 99, 99], 0.0),
-        ([10, 10, 10, 10], [99, 99, 99, 99], 1.0),
-    ],
-)
-def test_an_end_counts_that_is_the_outermost_and_not_the_grids(first: list[int], last: list[int], share: float) -> None:
-    assert fixed_end_share(seen(first, last)) == pytest.approx(share)
-    assert fixed_end_share(seen(first, last)[:, ::-1]) == pytest.approx(share)
-    empty = np.zeros((3, 100), bool)
-    assert fixed_end_share(np.concatenate([seen(first, last), empty])) == pytest.approx(share)
-
-
 def test_frames_that_show_nothing_tell_of_no_end() -> None:
-    assert fixed_end_share(np.zeros((5, 100), bool)) == 0.0
+    assert hidden_columns(np.zeros((5, 100), bool)) == 0
 
 
 @pytest.mark.parametrize(("staying", "hidden"), [(4, 3), (3, 0)])
 def test_as_much_may_be_hidden_as_is_blind_elsewhere_where_an_end_stays(staying: int, hidden: int) -> None:
     frames = seen([10] * staying + list(range(11, 21 - staying)), list(range(80, 90)))
     frames[:, 40:43] = False
-    assert hidden_columns(frames) == hidden
+    empty = np.zeros((3, 100), bool)
+    for shown in (frames, frames[:, ::-1], np.concatenate([frames, empty])):
+        assert hidden_columns(shown) == hidden
+    assert hidden_columns(frames[:, 10:90]) == 0  # the grid's own ends
 
 
 def test_a_column_that_returns_now_and_then_is_not_blind() -> None:

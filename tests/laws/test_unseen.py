@@ -20,7 +20,6 @@ from bench.simulators.triangulated import simulate as triangulated
 from workbench.artefacts import ROOT_FACE, Inspection, MilledEdge, PointSet, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_cloud, segment_preparation
-from workbench.edge.unseen import BY_WINDOW
 from workbench.inspect import preparation, sections
 from workbench.scan import fuse, read
 from workbench.units import DEG
@@ -126,7 +125,7 @@ def test_what_returns_right_behind_an_end_shows_it_and_a_cropped_cloud_hides_tha
         assert [one.name for one in found.conditions] == ([] if shown else ["window_end"])
 
 
-def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_a_warning() -> None:
+def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_told() -> None:
     part = simulate(2, is_raw=True)
     scan = part.recording
     seen = np.flatnonzero(np.isfinite(scan.z_mm).mean(axis=0) > 0.9)
@@ -134,7 +133,8 @@ def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_a_warning() -> None:
     cut = np.where((columns >= seen[40]) & (columns <= seen[-41]), scan.z_mm, np.nan).astype(np.float32)
     for z_mm in (scan.z_mm, cut):
         edge = raw_edge(part._replace(recording=replace(scan, z_mm=z_mm)))
-        assert (BY_WINDOW.sentence in edge.warnings) == (z_mm is cut)
+        told = next(one for one in edge.checks if one.name == "fixed_end_share")
+        assert ("would not show" in told.finding) == (z_mm is cut)
 
 
 def test_a_window_that_ends_both_turned_passes_is_a_condition() -> None:

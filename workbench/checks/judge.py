@@ -25,11 +25,8 @@ from workbench.checks.sensor import (
     uneven_share,
 )
 from workbench.checks.window import (
-    MOVED_MM,
-    PINNED,
     as_delivered,
     dropped_columns,
-    fixed_end_share,
     hidden_columns,
     some_frames,
 )
@@ -411,7 +408,7 @@ def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator
 def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]:
     """What may hide the end of a face, told and not judged: a name, its value, whether it is told, and how."""
     seen, in_u = telling_returns(recording.z_mm), "in the uncertainty of the face's end"
-    dropped, share, hidden = dropped_columns(some_frames(recording)), fixed_end_share(seen), hidden_columns(seen)
+    dropped, hidden = dropped_columns(some_frames(recording)), hidden_columns(seen)
     blind = blind_columns(seen)
     rows = (
         (
@@ -429,15 +426,6 @@ def _told_of_sensor(recording: Recording, mean_frames: float) -> Iterator[Check]
             in_u,
             "single losses leave gaps of one column, or too few were seen",
             f"beside every lost return {dropped} more columns are lost on both sides: a face may go on by as much",
-        ),
-        (
-            "fixed_end_share",
-            share,
-            share > PINNED,
-            f"parts that move by {MOVED_MM:g} mm and more take their ends along",
-            "returns end where the part does, or at the ends of the view",
-            f"returns end in one column in {100 * share:.0f} % of the frames, and the part moves too little in the "
-            "view to tell whether it ends there or the scanner's window does: an end of the window would not show",
         ),
         (
             "hidden_columns",

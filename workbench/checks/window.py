@@ -45,20 +45,6 @@ def as_delivered(recording: Recording) -> Recording:
     )
 
 
-def fixed_end_share(seen: Bool) -> float:
-    """Greatest share of the frames whose returns end in one and the same column beside others that never return.
-
-    seen (n, M): what `returned` of a recording `as_delivered`: nothing has told whether the part or the window ends
-    there.
-    """
-    first, last = _ends(seen)
-    if not len(first):
-        return 0.0
-    low, high = int(first.min()), int(last.max())
-    begins, ends = low > 0, high < seen.shape[1] - 1
-    return float(max(begins * (first == low).mean(), ends * (last == high).mean()))
-
-
 def end_step_check(column: Int, limits: Mapping[str, Bound] | None = None) -> Check:
     """The check that the columns (n,) in which a face ends are no steps of a window that follows the part."""
     step = _steps_of(column)
@@ -84,9 +70,16 @@ def hidden_columns(seen: Bool) -> int:
     """How many columns of the part may lie beyond an end that stays in one column, beside others that never return.
 
     As many as are blind side by side elsewhere, as dirt on the window makes them; 0 where none is, or no end stays.
-    seen (n, M): see `fixed_end_share`.
+    seen (n, M): what `returned` of a recording `as_delivered`: nothing has told whether the part or the window ends
+    there.
     """
-    return widest_blind(seen) if fixed_end_share(seen) > STAYS else 0
+    first, last = _ends(seen)
+    if not len(first):
+        return 0
+    low, high = int(first.min()), int(last.max())
+    begins, ends = low > 0, high < seen.shape[1] - 1
+    stays = max(begins * (first == low).mean(), ends * (last == high).mean()) > STAYS
+    return widest_blind(seen) if stays else 0
 
 
 def hidden_columns_u(checks: Sequence[Check]) -> float:

@@ -48,7 +48,7 @@ from workbench.edge.rim import (
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
 from workbench.edge.steps import burr_stations, waves_u
-from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, BY_WINDOW, COMPOUND, ends_in_one_column, unseen_of
+from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_window, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
@@ -142,7 +142,7 @@ def segment(
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
-    doubts += [BY_WINDOW] if ends_in_one_column(cloud, tracked.end_column[free], int(tracked.seen.sum())) else []
+    doubts += by_window(cloud, tracked)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
     edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)

@@ -45,7 +45,7 @@ from workbench.edge.prepared_frames import (
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
 from workbench.edge.segment import Declared, either_piece_u, milled_edge
-from workbench.edge.unseen import BY_WINDOW, ends_in_one_column
+from workbench.edge.unseen import by_window
 from workbench.errors import InputError
 from workbench.geometry.sections import crossing, in_section, section_lines
 from workbench.stage import InputFile, stage
@@ -134,7 +134,6 @@ def segment_preparation(
         refuse_failed(checks, *_refused(cloud, frames))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
-    tracked, free = frames.tracked, is_free_end(frames.tracked)
     return Preparation(
         type=frames.kind,
         declared=preparation != "auto",
@@ -153,7 +152,7 @@ def segment_preparation(
         part=cloud.part,
         warnings=edge.warnings,
         checks=(*cloud.checks, *checks),
-        unseen=(BY_WINDOW,) if ends_in_one_column(cloud, tracked.end_column[free], int(tracked.seen.sum())) else (),
+        unseen=by_window(cloud, frames.tracked),
     )
 
 

@@ -50,7 +50,7 @@ from workbench.edge.raw_measure import (
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, together_along
 from workbench.edge.steps import LEAST_BURRED, burr_stations
-from workbench.edge.unseen import BY_WINDOW, ends_in_one_column
+from workbench.edge.unseen import fixed_end_check
 from workbench.errors import InputError
 from workbench.geometry.curves import covered
 from workbench.stage import InputFile, stage
@@ -129,12 +129,10 @@ def segment_raw(
     late = _late(cloud, measured)
     checks = *checks, edge_break_check(broken, set_limits), steps, late_check(late, set_limits)
     refuse_failed(checks, f"{cloud.source}: no raw edge", "edge.segment_raw.limits")
-    checks += tuple(_lies_on(found))
+    checks += (*_lies_on(found), fixed_end_check(cloud, ends, int(found.seen.sum())))
     declared = RawDeclared(declared_linearity(sensor), robot, end_u_mm, robot_drift_u_mm)
     edge = _edge(cloud, found, measured, late, declared)
-    seen = int(found.seen.sum())
-    pinned = [BY_WINDOW.sentence] if any(ends_in_one_column(cloud, columns, seen) for columns in ends) else []
-    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings, *pinned))
+    return replace(edge, checks=(*edge.checks, *checks), warnings=(*edge.warnings, *lies.warnings))
 
 
 def _late(cloud: Cloud, measured: RawMeasured) -> Late:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge, Quantity, Unseen
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud, MilledEdge, Quantity, Unseen
 from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import is_free_end
@@ -117,14 +118,24 @@ def ends_in_nothing(z_mm: AnyArray, outwards: Int) -> bool:
     return bool((columns_beyond(z_mm, outwards) > NEXT_COLUMNS).mean() > 0.5)
 
 
-def ends_in_one_column(cloud: Cloud, outwards: Int, frames: int) -> bool:
-    """Does a face end where the part and the sensor's window look alike: in one column, with none beyond it?
+def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
+    """Whether a face ends where the part and the sensor's window look alike: in one column, with none beyond it.
 
-    outwards (k,): last columns of its free ends, in so many `frames` that show it; below 0 towards column 0.
+    ends (k,) each: last columns of a free end, in so many `frames` that show the face; below 0 towards column 0.
     """
     used = np.flatnonzero(cloud.keep.any(axis=0))
-    pinned = (outwards == used[-1]) | (outwards == -used[0])
-    return bool(pinned.sum() > PINNED * frames)
+    share = max(float(((columns == used[-1]) | (columns == -used[0])).sum()) for columns in ends) / frames
+    told = "the face ends where the part does, or not in one column"
+    if share > PINNED:
+        told = f"the face ends in one column in {100 * share:.0f} % of the frames, with none beyond it: an end of the "
+        told += "window would not show"
+    return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
+
+
+def by_window(cloud: Cloud, tracked: TrackedFaces) -> tuple[Unseen, ...]:
+    """The doubt of a root face that ends so."""
+    share = fixed_end_check(cloud, [tracked.end_column[is_free_end(tracked)]], int(tracked.seen.sum())).value
+    return (BY_WINDOW,) if (share or 0.0) > PINNED else ()
 
 
 class _Section:

@@ -25,7 +25,7 @@ STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as lo
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
 SHRUNK = 0.2  # of the covariance between places towards none: a few frames tell it badly
 # Strengths that are alike likely before: of the walk of the range, rms over 1 lateral mm, and of single places; mm.
-WALKS = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 12)])
+WALKS = np.concatenate([[0.0], np.geomspace(1e-4, 0.1, 21)])
 SINGLES = np.concatenate([[0.0], np.geomspace(5e-5, 0.1, 9)])
 SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk for all faces
 # Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
@@ -238,9 +238,12 @@ def _log_prior(strengths: Float) -> Float:
 
 
 def _walk(image: FaceImage) -> Float:
-    """Covariance (p, p) across the face of a walk of the range of variance 1 a lateral mm, from the middle on."""
-    t = image.place_mm / image.lean
-    return np.where(t[:, None] * t > 0.0, np.minimum(np.abs(t[:, None]), np.abs(t)), 0.0) / image.lean**2
+    """Covariance (p, p) across the face of a walk of the range of variance 1 a lateral mm, of means over places.
+
+    From the first place on: no level matters.
+    """
+    t = (image.place_mm - image.place_mm[0]) / image.lean
+    return np.asarray(np.minimum.outer(t, t) - t[1] / 6.0 * np.eye(t.size)) / image.lean**2
 
 
 def _form(image: FaceImage, lasting: Sequence[Float], at: Float, sensor: Linearity) -> FaceForm:

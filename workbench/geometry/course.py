@@ -22,7 +22,7 @@ from workbench.geometry.penalised import Penalised, penalised
 from workbench.geometry.processes import Correlated, Process, Shared, correlated, shapes_told
 from workbench.geometry.splines import Spline
 from workbench.kernels import kernel
-from workbench.units import Bool, Float, Int, Shaped
+from workbench.units import AnyArray, Bool, Float, Int, Shaped
 
 BIN_MM, LEAST_BINS = 2.0, 40  # frames are averaged over this much edge, or over this part of a short one
 LEAST_PIECES = 5  # of the spline; else its knots are two bins apart
@@ -165,33 +165,32 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
     """The course, uncertain by all that successive values leave it by together, dropped or not.
 
     Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
-    lie off, there is a notch, a step, or lost returns: nothing here tells which.
+    lie off, there is a notch, a step, or lost returns: nothing here tells which. They count by their weight among all
+    values that the course has there: what a few frames of one pass show may move it by no more.
     """
-    departure = np.zeros(course.at_mm.size)
-    off = values.y - course.value(values.s).reshape(values.y.shape)
+    off, weight = values.y - course.value(values.s).reshape(values.y.shape), 1.0 / values.variance
+    together = np.zeros(weight.size)
     for mine in values.passes:
-        if mine.stop - mine.start < LEAST_VALUES:
+        count = mine.stop - mine.start
+        if count < LEAST_VALUES:
             continue
-        size, step = np.empty(mine.stop - mine.start), np.empty(mine.stop - mine.start - 1)
+        size, sure, step = np.empty(count), np.empty(count), np.empty(count - 1)
+        _lasting(as_input(off[mine] * np.sqrt(weight[mine])[:, None]), sure, step)
         _lasting(as_input(off[mine]), size, step)
         limit = max(AGREED * median(step), OUTLIER_SIGMAS * median(size) / 0.6745)
-        if (size > limit).any():
-            sure = np.empty_like(size)  # values that know next to nothing depart from nothing
-            _lasting(as_input(off[mine] / np.sqrt(values.variance[mine])[:, None]), sure, step)
-            size[sure < 1.0] = 0.0
-            station = np.interp(values.s[mine], course.at_mm, np.arange(course.at_mm.size))
-            for beside in (np.floor(station), np.ceil(station)):
-                np.maximum.at(departure, beside.astype(np.int64), np.where(size > limit, size, 0.0))
-    if not departure.any():
+        together[mine] = size * (size > limit) * (sure >= 1.0)  # values that know next to nothing depart from nothing
+    if not together.any():
         return course
-    course = _misfit_elsewhere(course, bins, _neighbours(departure, 8 * SWING + 1).max(axis=-1) > 0.0)
-    departure = _neighbours(departure, 5).max(axis=-1)  # knots are four stations apart
-    apart = float(course.at_mm[-1] - course.at_mm[0]) / (course.at_mm.size - 1)
-    return replace(
-        course,
-        variance=course.variance + departure**2,
-        slope_variance=course.slope_variance + (departure / (2.0 * apart)) ** 2,
+    count = course.at_mm.size
+    station = np.interp(values.s, course.at_mm, np.arange(count)).round().astype(np.int64)
+    pull, total = (  # over what two knots, four stations apart, take in
+        _neighbours(np.bincount(station, weight * of, count), 5).sum(axis=-1) for of in (together, 1.0)
     )
+    course = _misfit_elsewhere(course, bins, _neighbours(pull, 8 * SWING + 1).max(axis=-1) > 0.0)
+    departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
+    turn = departure / (2.0 * (course.at_mm[1] - course.at_mm[0]))
+    variance, slope_variance = course.variance + departure**2, course.slope_variance + turn**2
+    return replace(course, variance=variance, slope_variance=slope_variance)
 
 
 @kernel
@@ -231,7 +230,7 @@ def _misfit_elsewhere(course: Course, bins: Bins, beside: Bool) -> Course:
     return replace(course, variance=course.variance * lower, slope_variance=course.slope_variance * lower)
 
 
-def _neighbours(value: Float, count: int) -> Float:
+def _neighbours(value: AnyArray, count: int) -> Float:
     """Each of values (n,) with those around it (n, count), an odd number; shifted inwards at the ends."""
     first = np.clip(np.arange(len(value)) - count // 2, 0, max(len(value) - count, 0))
     return np.asarray(value[np.minimum(first[:, None] + np.arange(count), len(value) - 1)])
@@ -912,7 +911,7 @@ def _grid(bins: Bins, weight: Float, orders: tuple[int, int], unseen: tuple[floa
     density = way / float(weight.sum()) + shared  # of the noise: variance times length
     least = 0.1 * math.sqrt(density / way)
     most = 10.0 * max(math.sqrt(float(bins.y.var(axis=0).sum())), least)
-    length = min(max(float(np.ptp(bins.s)), 1e-3), STIFFEST_MM)
+    length = min(way, STIFFEST_MM)
     hidden = HIDDEN**2 * density / HIDDEN_MM  # what HIDDEN_MM of edge cannot tell
     mm = min(HIDDEN_MM, length)
     if unseen[0] ** 2 > hidden:

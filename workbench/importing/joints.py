@@ -16,7 +16,7 @@ from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.importing.mapping import Mapping, claims
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, Robot
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, RobotPart
 from workbench.importing.neutral import Imported, JointStream, PoseStream
 from workbench.importing.text import header_names, read_table
 from workbench.units import DEG, Float
@@ -154,7 +154,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     return moved(stream, part, mapping.base_dir, LENGTH_MM[part.length_unit], line)
 
 
-def moved(stream: JointStream, robot: Robot, folder: Path, unit_mm: float, place: Callable[[int], str]) -> Imported:
+def moved(stream: JointStream, robot: RobotPart, folder: Path, unit_mm: float, place: Callable[[int], str]) -> Imported:
     """Postures as they stand in a file, in rad and m; with the robot's URDF also the flange's poses.
 
     Args:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import difflib
 import json
 import re
 from fnmatch import fnmatchcase
@@ -17,7 +15,6 @@ from workbench.errors import InputError, nearest
 from workbench.geometry.poses import (
     USUAL_ANGLE_UNIT,
     components,
-    is_rigid,
     pose_from,
     quaternions,
     rotation_from_quaternion,
@@ -28,15 +25,14 @@ from workbench.importing.mapping_parts import (
     BagPart,
     JointsPart,
     LengthUnit,
-    Matrix,
     Part,
     PosesPart,
     ProfilesPart,
     ProgramPart,
+    RigidMotion,
     TrackerPart,
     check_convention,
 )
-from workbench.parameters import check_parameters
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.strict_json import read_json
 from workbench.units import DEG, Float
@@ -90,7 +86,7 @@ class LinearAxisPart(Part):
 class HandEyePart(Part):
     """Pose of the profiler on the flange: a matrix, a file, or six or seven numbers as a teach pendant shows them."""
 
-    flange_from_profiler: Matrix | None = Field(default=None, description="4x4, row-major, translation in mm")
+    flange_from_profiler: RigidMotion | None = Field(default=None, description="4x4, row-major, translation in mm")
     file: str | None = Field(default=None, description="a handeye.json, relative to the mapping file")
     position: tuple[float, float, float] | None = Field(default=None, description="X, Y, Z of the profiler's origin")
     length_unit: LengthUnit = Field(default="mm", description="of position")
@@ -104,8 +100,6 @@ class HandEyePart(Part):
     def _one(self) -> HandEyePart:
         if sum(way is not None for way in (self.flange_from_profiler, self.file, self.position)) != 1:
             raise ValueError("expected one of flange_from_profiler, file, position (with orientation and convention)")
-        if self.flange_from_profiler is not None and not is_rigid(np.array(self.flange_from_profiler)):
-            raise ValueError("expected flange_from_profiler as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
         given = (self.orientation is not None, self.convention is not None)
         if given != (self.position is not None,) * 2:
             raise ValueError("expected position, orientation and convention together")
@@ -189,10 +183,14 @@ def read_mapping(path: Path) -> Mapping:
     if gone := {"keyence_raw", "height_map"} & tree.keys():
         expected = "no such part any more: a few lines of Python make arrays of it (docs/importing.md#other-forms)"
         raise InputError(f"{path}: {min(gone)}", expected)
-    found = problems_of(Mapping, tree)
-    if found:
-        raise InputError(str(path), told(found, path.read_text("utf-8-sig")))
-    mapping = Mapping(**check_parameters(Mapping, tree, f"{path}: $"))
+    try:
+        mapping = Mapping.model_validate_json(json.dumps(tree))
+    except ValidationError as error:
+        found = _unknown(tree, Mapping, ())
+        for entry in error.errors(include_url=False):
+            if entry["type"] != "extra_forbidden":
+                found.append(Problem(_place(tree, entry["loc"], entry["type"] == "missing"), _text(entry)))
+        raise InputError(str(path), told(list(dict.fromkeys(found)), path.read_text("utf-8-sig"))) from None
     mapping._base_dir = path.parent
     return mapping
 
@@ -200,10 +198,8 @@ def read_mapping(path: Path) -> Mapping:
 # All problems of a mapping file at once, each with its line.
 
 Place = tuple[str | int, ...]
-ROUNDS = 8  # of mending: a problem may hide another one
 MOST = 8  # problems that are told
 SHOWN = 40  # characters of a value
-PASSING = {"float": 1.0, "int": 1, "list": ["x"] * 3, "tuple": ["x"] * 3, "model": {}, "too": ["x"] * 3}  # by error
 BLANK = re.compile(r"[ \t\n\r]*")
 
 
@@ -212,36 +208,6 @@ class Problem(NamedTuple):
 
     place: Place
     text: str
-
-
-def problems_of(model: type[Part], tree: dict[str, Any]) -> list[Problem]:
-    """Everything that is wrong with a tree: unknown keys, then values.
-
-    pydantic checks an object as a whole only when all of its values are right. So wrong values are replaced by some
-    that would pass, and the tree is checked again.
-    """
-    found = {one.place: one for one in _unknown(tree, model, ())}
-    tree, guessed = copy.deepcopy(tree), set[Place]()
-    for place in found:
-        _parent(tree, place).pop(place[-1], None)
-    for _ in range(ROUNDS):
-        try:
-            model.model_validate_json(json.dumps(tree))
-            break
-        except ValidationError as error:
-            entries = error.errors(include_url=False)
-        fresh = False
-        for entry in entries:
-            place, missing = _place(tree, entry["loc"], entry["type"] == "missing"), entry["type"] == "missing"
-            known = place in found or (place in guessed and entry["type"] == "value_error")
-            if not known:
-                found[place] = Problem(place, _text(entry))
-            fresh |= _mend(tree, place, entry, missing or known) or not known
-            if entry["type"] == "literal_error" and entry["input"] == "x":  # mended blindly: says nothing of the rest
-                guessed.add(place[:-1])
-        if not fresh:
-            break
-    return list(found.values())
 
 
 def told(problems: list[Problem], text: str) -> str:
@@ -332,31 +298,6 @@ def _text(entry: Any) -> str:
         return str(text)
     shown = json.dumps(entry["input"], ensure_ascii=False, default=str)
     return f"{text}, got {shown if len(shown) <= SHOWN else shown[: SHOWN - 3] + '...'}"
-
-
-def _mend(tree: Any, place: Place, entry: Any, required: bool) -> bool:
-    """Put something at the place that would pass, or take away what need not be there; whether that changed it."""
-    if not place or entry["type"] == "value_error":
-        return False
-    parent = _parent(tree, place)
-    if not required and isinstance(parent, dict):
-        parent.pop(place[-1])
-        return True
-    literals = re.findall(r"'([^']*)'", str(entry.get("ctx", {}).get("expected", "")))
-    close = difflib.get_close_matches(str(entry["input"]), literals, n=1, cutoff=0.0)
-    value: Any = close[0] if close else PASSING.get(entry["type"].split("_")[0], "x")
-    if isinstance(parent, list) and place[-1] == len(parent):
-        parent.append(value)
-        return True
-    before = parent.get(place[-1]) if isinstance(parent, dict) else parent[place[-1]]
-    parent[place[-1]] = copy.copy(value)
-    return bool(before != value)
-
-
-def _parent(tree: Any, place: Place) -> Any:
-    for key in place[:-1]:
-        tree = tree[key]
-    return tree
 
 
 def _path(place: Place) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -26,6 +26,36 @@ Matrix = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)
 Three = tuple[Column, Column, Column]
 
 
+def _rigid(pose: Matrix) -> Matrix:
+    if not is_rigid(np.array(pose)):
+        raise ValueError("expected a rigid motion: orthonormal to 1e-6, determinant +1, mm")
+    return pose
+
+
+RigidMotion = Annotated[Matrix, AfterValidator(_rigid)]
+
+
+class FramesPart(Part):
+    """Whose poses they are, and in which frame."""
+
+    flange_from_tool: RigidMotion | None = Field(default=None, description="4x4 of the poses' tool; null: the flange")
+    base_from_frame: RigidMotion | None = Field(default=None, description="4x4 of the poses' frame; null: the base")
+
+
+class RobotPart(Part):
+    """The robot whose joints are told: poses follow from its URDF."""
+
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
+
+    @model_validator(mode="after")
+    def _whole_robot(self) -> Self:
+        if len({name is None for name in (self.urdf, self.base_frame, self.flange_frame)}) > 1:
+            raise ValueError("expected urdf, base_frame and flange_frame together")
+        return self
+
+
 class TextPart(Part):
     """How a text file is written."""
 
@@ -41,6 +71,18 @@ class TextPart(Part):
     def _told_apart(self) -> TextPart:
         if self.delimiter == self.decimal:
             raise ValueError("expected a delimiter that is not the decimal mark")
+        return self
+
+
+class TimedPart(TextPart):
+    """A table that may tell times."""
+
+    time: Column | None = Field(default=None, description="on the robot's clock, or the tracker's")
+
+    @model_validator(mode="after")
+    def _timed(self) -> Self:
+        if (self.time is None) != (self.time_unit is None):
+            raise ValueError("expected time_unit with time and only there")
         return self
 
 
@@ -88,7 +130,7 @@ class ProfilesPart(TextPart):
         return self
 
 
-class PosesPart(TextPart):
+class PosesPart(TimedPart, FramesPart):
     """A table of flange poses: one row a pose."""
 
     position: Three = Field(description="columns of x, y, z of the flange in the base")
@@ -97,25 +139,12 @@ class PosesPart(TextPart):
     )
     convention: str = Field(description="what the orientation's columns are")
     angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of Euler angles and rotation vectors")
-    time: Column | None = Field(default=None, description="on the robot's clock")
     scan_pass: Column | None = Field(default=None, description="number of the scanning pass")
-    flange_from_tool: Matrix | None = Field(default=None, description="4x4: the poses are a tool's, not the flange's")
-    base_from_frame: Matrix | None = Field(default=None, description="4x4: the poses are in a frame, not in the base")
 
     @model_validator(mode="after")
     def _complete(self) -> PosesPart:
         check_convention(self.convention, len(self.orientation), self.angle_unit, "orientation columns")
-        check_frames(self.flange_from_tool, self.base_from_frame)
-        if (self.time is None) != (self.time_unit is None):
-            raise ValueError("expected time_unit with time and only there")
         return self
-
-
-def check_frames(flange_from_tool: list[list[float]] | None, base_from_frame: list[list[float]] | None) -> None:
-    """Refuse (ValueError) a matrix that is no rigid motion."""
-    for name, pose in (("flange_from_tool", flange_from_tool), ("base_from_frame", base_from_frame)):
-        if pose is not None and not is_rigid(np.array(pose)):
-            raise ValueError(f"expected {name} as a rigid motion: orthonormal to 1e-6, determinant +1, mm")
 
 
 def check_convention(convention: str, count: int, angle_unit: str | None, what: str) -> None:
@@ -131,21 +160,7 @@ def check_convention(convention: str, count: int, angle_unit: str | None, what: 
         raise ValueError(f"expected angle_unit for {convention}")
 
 
-class Robot(Protocol):
-    """A part that names the robot whose joints it tells."""
-
-    urdf: str | None
-    base_frame: str | None
-    flange_frame: str | None
-
-
-def check_robot(part: Robot) -> None:
-    """Refuse (ValueError) a robot that is told in part only."""
-    if len({name is None for name in (part.urdf, part.base_frame, part.flange_frame)}) > 1:
-        raise ValueError("expected urdf, base_frame and flange_frame together")
-
-
-class ArraysPart(Part):
+class ArraysPart(RobotPart):
     """Arrays of a .npz file by name, where their own names do not tell what they are."""
 
     files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
@@ -162,33 +177,22 @@ class ArraysPart(Part):
     pose_time: str | None = Field(default=None, description="(K,) of the poses")
     joints: str | None = Field(default=None, description="(K, n) instead of poses, in the URDF's order")
     angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of the joints")
-    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
-    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
-    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
     missing: list[float] = Field(default=[], description="values of z that mean no return, besides NaN")
 
     @model_validator(mode="after")
-    def _whole_robot(self) -> ArraysPart:
-        check_robot(self)
+    def _in_a_unit(self) -> ArraysPart:
         if self.joints is not None and self.angle_unit is None:
             raise ValueError("expected angle_unit with joints")
         return self
 
 
-class ProgramPart(Part):
+class ProgramPart(FramesPart):
     """A robot's program of which the taught positions are the poses: what its tool and its frame are."""
 
     files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
-    flange_from_tool: Matrix | None = Field(default=None, description="4x4 of the program's tool; null: the flange")
-    base_from_frame: Matrix | None = Field(default=None, description="4x4 of its frame; null: the base")
-
-    @model_validator(mode="after")
-    def _rigid(self) -> ProgramPart:
-        check_frames(self.flange_from_tool, self.base_from_frame)
-        return self
 
 
-class JointsPart(TextPart):
+class JointsPart(TimedPart, RobotPart):
     """A table of joint positions: the flange's poses follow from the robot's URDF, where a recording needs them."""
 
     length_unit: LengthUnit = Field(default="mm", description="of linear joints")
@@ -196,21 +200,10 @@ class JointsPart(TextPart):
         description="of the joints between base and flange, in the URDF's order"
     )
     angle_unit: Literal["deg", "rad"] = Field(description="of the joints")
-    time: Column | None = Field(default=None, description="on the robot's clock")
     number: Column | None = Field(default=None, description="number of the posture")
-    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
-    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
-    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
-
-    @model_validator(mode="after")
-    def _timed(self) -> JointsPart:
-        if (self.time is None) != (self.time_unit is None):
-            raise ValueError("expected time_unit with time and only there")
-        check_robot(self)
-        return self
 
 
-class TrackerPart(TextPart):
+class TrackerPart(TimedPart):
     """Readings of a laser tracker, to be joined with the robot's joints or poses; no part of a recording."""
 
     length_unit: LengthUnit = Field(default="mm", description="of the places")
@@ -218,7 +211,6 @@ class TrackerPart(TextPart):
         default=None, description="columns of x, y, z of each target, where a row is a posture of the robot"
     )
     number: Column | None = Field(default=None, description="number of the posture; default: the row")
-    time: Column | None = Field(default=None, description="on the tracker's clock")
     pair: Literal["number", "time", "order"] | None = Field(
         default=None, description="how readings and postures go together; null: the first of these that both tell"
     )
@@ -228,8 +220,6 @@ class TrackerPart(TextPart):
     def _of_a_table(self) -> TrackerPart:
         if self.targets is None and (self.number is not None or self.time is not None):
             raise ValueError("expected number and time with targets only: other forms tell them")
-        if (self.time is None) != (self.time_unit is None):
-            raise ValueError("expected time_unit with time and only there")
         return self
 
 
@@ -237,16 +227,7 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 NoReturn = Literal["nan", "zero", "inf"]
 
 
-def _rigid(pose: Matrix) -> Matrix:
-    if not is_rigid(np.array(pose)):
-        raise ValueError("expected a rigid motion: orthonormal to 1e-6, determinant +1, mm")
-    return pose
-
-
-RigidMotion = Annotated[Matrix, AfterValidator(_rigid)]
-
-
-class BagPart(Part):
+class BagPart(FramesPart):
     """Object `bag` of a mapping file (MCAP, rosbag2, rosbag1); optional where the bag leaves no doubt."""
 
     profiles: list[str] | None = Field(
@@ -275,6 +256,4 @@ class BagPart(Part):
     profiler_frame: str | None = Field(
         default=None, description="the profiles' frame, fixed to the flange in /tf: the hand-eye pose"
     )
-    flange_from_tool: RigidMotion | None = Field(default=None, description="4x4: the poses are a tool's")
-    base_from_frame: RigidMotion | None = Field(default=None, description="4x4: the poses are in a frame, not the base")
     urdf: str | None = Field(default=None, description="the robot's URDF for JointState, relative to the mapping file")

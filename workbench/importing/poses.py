@@ -18,7 +18,7 @@ from workbench.geometry.poses import (
     rotation_from_quaternion,
 )
 from workbench.importing.mapping import Mapping, claims
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, BagPart, PosesPart, ProgramPart
+from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, FramesPart, PosesPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.suspicions import check_angles
 from workbench.importing.text import Table, first_bytes, header_names, read_table
@@ -85,9 +85,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     return Imported(poses=stream, notes=(_note(part, table),))
 
 
-def of_flange_in_base(
-    position_mm: Float, quaternion_wxyz: Float, part: PosesPart | BagPart | ProgramPart
-) -> tuple[Float, Float]:
+def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: FramesPart) -> tuple[Float, Float]:
     """Flange poses in the base, where the mapping tells of a tool or of another frame."""
     if part.flange_from_tool is None and part.base_from_frame is None:
         return position_mm, quaternion_wxyz

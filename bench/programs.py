@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider, Target
-from workbench.program.rapid import read_rapid
+from workbench.program.rapid import MODES, MODULE, read_rapid
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.collision import left_out
@@ -81,11 +81,12 @@ def random_program(cell: Cell, rng: np.random.Generator) -> tuple[Float, Float |
 
 def rapid_text(cell: Cell, first: Float, table: Float | float, targets: list[Target]) -> str:
     """The program as a file."""
-    tool = _pose(cell.flange_from_cutter)
-    lines = ["MODULE Random", f"  PERS tooldata tMill:=[TRUE,{tool},[15,[0,0,150],[1,0,0,0],0,0,0]];"]
-    lines.append("  CONST speeddata feed:=[20,50,5000,1000];")
-    moves = ["    MoveAbsJ jStart\\NoEOffs,feed,fine,tMill;"]
-    lines.append(f"  CONST jointtarget jStart:={_joints(first, table)};")
+    lines = [
+        "MODULE Random",
+        f"  PERS tooldata tMill:=[TRUE,{_pose(cell.flange_from_cutter)},[15,[0,0,150],[1,0,0,0],0,0,0]];",
+    ]
+    lines += ["  CONST speeddata feed:=[20,50,5000,1000];", f"  CONST jointtarget jStart:={_joints(first, table)};"]
+    moves = ["    MoveAbsJ jStart\\NoEOffs,feed,fine,tMill\\WObj:=wobj0;"]
     for i, target in enumerate(targets):
         zone = f"zone{i}" if target.zone else "fine"
         if target.zone:
@@ -93,15 +94,15 @@ def rapid_text(cell: Cell, first: Float, table: Float | float, targets: list[Tar
             lines.append(f"  CONST zonedata zone{i}:=[FALSE,{z},{z},{z},1,{z},1];")
         if target.joints is not None:
             lines.append(f"  CONST jointtarget j{i}:={_joints(target.joints, target.table)};")
-            moves.append(f"    MoveAbsJ j{i}\\NoEOffs,feed,{zone},tMill;")
+            moves.append(f"    MoveAbsJ j{i}\\NoEOffs,feed,{zone},tMill\\WObj:=wobj0;")
             continue
         lines.append(f"  CONST robtarget t{i}:={_target(target.pose, target.table)};")
         over = ""
         if target.via is not None:
             lines.append(f"  CONST robtarget m{i}:={_target(target.via, target.table)};")
             over = f"m{i},"
-        moves.append(f"    {'MoveC' if over else 'MoveL'} {over}t{i},feed,{zone},tMill;")
-    return "\n".join([*lines, "  PROC Run()", "    ConfL\\Off;", *moves, "  ENDPROC", "ENDMODULE", ""])
+        moves.append(f"    {'MoveC' if over else 'MoveL'} {over}t{i},feed,{zone},tMill\\WObj:=wobj0;")
+    return "\n".join([*lines, "  PROC Run()", *MODES, *moves, MODULE.say("end"), ""])
 
 
 def _pose(pose: Float) -> str:

@@ -56,14 +56,12 @@ class Language:
             as a key, the end as one that may follow; (): nothing else may.
         kinds: name of a field -> pattern, where it is no number and no name.
         comment: begins a remark, up to the end of the line; '': there are none.
-        free: blanks, line breaks and remarks may stand anywhere between words, as upper or lower case.
     """
 
     forms: Mapping[str, str]
     order: Mapping[str, tuple[str, ...]]
     kinds: Mapping[str, str] = field(default_factory=dict)
     comment: str = ""
-    free: bool = False
 
     def say(self, form: str, **values: Any) -> str:
         """A form with its fields."""
@@ -90,43 +88,32 @@ class Language:
         """The pattern of each form, and its fields."""
         made = {}
         for form in self.forms:
-            pieces = self._pieces(form, self.free)
+            pieces = self._pieces(form)
             parts = (f"({piece.pattern.pattern})" if piece.field else piece.pattern.pattern for piece in pieces)
-            whole = self._gap.join(parts) + ("" if self.free else LINE_END)
-            made[form] = re.compile(whole, self._flags), [piece for piece in pieces if piece.field]
+            made[form] = re.compile("".join(parts) + LINE_END), [piece for piece in pieces if piece.field]
         return made
-
-    @property
-    def _flags(self) -> int:
-        return re.IGNORECASE if self.free else 0
-
-    @property
-    def _gap(self) -> str:
-        """Between two words of a statement."""
-        return rf"(?:\s|{re.escape(self.comment)}[^\n]*)*+" if self.free else ""
 
     @functools.cached_property
     def _between(self) -> re.Pattern[str]:
         """Between two statements."""
         remark = rf"(?:{re.escape(self.comment)}[^\n]*)?" if self.comment else ""
-        return re.compile(self._gap if self.free else rf"(?:[ \t]*{remark}(?:\r?\n|\Z))*[ \t]*")
+        return re.compile(rf"(?:[ \t]*{remark}(?:\r?\n|\Z))*[ \t]*")
 
-    def _pieces(self, form: str, free: bool) -> list[_Piece]:
-        """What a form consists of; `free`: word by word."""
+    def _pieces(self, form: str, by_word: bool = False) -> list[_Piece]:
+        """What a form consists of, line by line or word by word."""
         pieces: list[_Piece] = []
         for words, name, spec, _ in string.Formatter().parse(self.forms[form].lstrip(" ")):
-            parts = TOKEN.findall(words) if free else re.split(r"(\n)[ \t]*", words)
-            pieces += [self._words(one, free) for one in parts if one]
+            parts = TOKEN.findall(words) if by_word else re.split(r"(\n)[ \t]*", words)
+            pieces += [self._words(one, by_word) for one in parts if one]
             if name is not None:
                 pieces.append(self._field(name, spec or ""))
         return pieces
 
-    def _words(self, words: str, free: bool) -> _Piece:
+    def _words(self, words: str, by_word: bool) -> _Piece:
         if words == "\n":
             return _Piece(re.compile(r"[ \t]*\r?\n[ \t]*"), "the end of the line")
-        bound = r"\b" if free and words[-1].isalnum() else ""
-        shown = repr(words.lower() if self.free else words)
-        return _Piece(re.compile(re.escape(words) + bound, self._flags), shown)
+        bound = r"\b" if by_word and words[-1].isalnum() else ""
+        return _Piece(re.compile(re.escape(words) + bound), repr(words))
 
     def _field(self, name: str, spec: str) -> _Piece:
         plain, many, _ = name.partition("[")
@@ -135,7 +122,7 @@ class Language:
         digits = f"[0-9]{{{int(spec[:-1])}}}" if spec.startswith("0") else "[0-9]+"
         usual = NAME if number is None else digits if number is int else NUMBER
         words = plain.replace("_", " ").strip() if plain in self.kinds else "a number" if number else "a name"
-        pattern = re.compile(self.kinds.get(plain, usual), self._flags)
+        pattern = re.compile(self.kinds.get(plain, usual))
         return _Piece(pattern, words, plain, bool(many), number)
 
     def read(self, text: str, name: str, remarks: list[str] | None = None) -> Iterator[Said]:
@@ -181,24 +168,16 @@ class Language:
         farthest = max((place for place, _ in reached), default=at)
         wanted = dict.fromkeys(words for place, words in reached if place == farthest)
         expected = " or ".join(wanted) or "the end of the file"
-        refuse(name, text.count("\n", 0, farthest) + 1, expected, self._found(text, farthest))
+        refuse(name, text.count("\n", 0, farthest) + 1, expected, text[farthest:].partition("\n")[0].strip())
 
     def _reach(self, text: str, at: int, form: str) -> tuple[int, str]:
         """As far as a form is there, and what it wants next."""
-        gap = re.compile(self._gap)
-        for piece in (*self._pieces(form, self.free), *(() if self.free else (_END,))):
-            skipped = gap.match(text, at)
-            begin = skipped.end() if skipped else at
-            found = piece.pattern.match(text, begin)
+        for piece in (*self._pieces(form), _END):
+            found = piece.pattern.match(text, at)
             if found is None:
-                return begin, piece.words
+                return at, piece.words
             at = found.end()
         return at, ""
-
-    def _found(self, text: str, at: int) -> str:
-        """What stands there: the next word, or the rest of the line."""
-        token = TOKEN.match(text, at)
-        return token[0] if self.free and token else text[at:].partition("\n")[0].strip()
 
 
 _END = _Piece(re.compile(LINE_END), "the end of the line")
@@ -216,10 +195,9 @@ def _values(fields: list[_Piece], groups: tuple[str, ...]) -> dict[str, Any]:
     return made
 
 
-def reading(form: str, gap: str = "", **kinds: str) -> str:
-    """The pattern of a form, without groups: to be a field's kind. `gap`: what may stand between its words."""
-    pieces = Language({"": form}, {}, kinds)._pieces("", bool(gap))
-    return gap.join(f"(?:{piece.pattern.pattern})" for piece in pieces)
+def reading(form: str) -> str:
+    """The pattern of a form, without groups: to be a field's kind."""
+    return "".join(f"(?:{piece.pattern.pattern})" for piece in Language({"": form}, {})._pieces(""))
 
 
 def row(names: Iterable[str], field: str, spec: str, between: str = ",") -> str:

@@ -1,7 +1,4 @@
-"""RAPID as moves: what the judge gets is what the file says.
-
-`read_rapid` takes what controllers take, and refuses everything else in one line.
-"""
+"""RAPID as moves: what the judge gets is what the file says, and what is not written so is refused in one line."""
 
 from __future__ import annotations
 
@@ -22,106 +19,73 @@ from workbench.robot import Cell
 
 from .conftest import passed
 
-UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+UNUSED = "9E+09,9E+09,9E+09,9E+09"
 MODULE = f"""! by hand
-module Hand ! a comment; MODULE
-  LOCAL CONST robtarget A_1 := [ [1.5, -2, .5], [1,0,0,0], [0,-1,1,0], {UNUSED} ];
-  VAR robtarget b:=[[10,5,0],[0.7071068,0,0.7071068,0],[0,0,0,0],[30,9E+09,9e9,9E09,9.0E9,9E9]];
-  CONST jointtarget home:=[[0,10,-20,0,5,0],{UNUSED}];
+MODULE Hand
+  ! a comment; MODULE
   PERS tooldata t:=[TRUE,[[0,0,100],[1,0,0,0]],[2,[0,0,50],[1,0,0,0],0,0,0]];
   TASK PERS wobjdata w:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
-  CONST speeddata slow:=[2.5,50,5000,1000];
   CONST zonedata near:=[FALSE,2,2,2,0.2,2,0.2];
-  LOCAL PROC main()
-    ConfL\\Off; CONFJ \\On; CirPathMode\\CirPointOri;
-    MoveAbsJ home\\NoEOffs,v100,fine,tool0;
-    movej a_1, v100, z10, T\\WObj:=W;
-    MoveC [[5,6,0],[1,0,0,0],[0,0,0,0],{UNUSED}],B,slow,near,t\\wobj:=w;
-    MoveL A_1,slow,fine,t;
-  ENDPROC
-  PROC nothing()
+  CONST speeddata slow:=[2.5,50,5000,1000];
+  CONST robtarget a:=[[1.5,-2,.5],[1,0,0,0],[0,-1,1,0],[9E+09,9E+09,{UNUSED}]];
+  CONST robtarget b:=[[10,5,0],[0.7071068,0,0.7071068,0],[0,0,0,0],[30,9E+09,{UNUSED}]];
+  CONST robtarget over:=[[5,6,0],[1,0,0,0],[0,0,0,0],[9E+09,9E+09,{UNUSED}]];
+  CONST jointtarget home:=[[0,10,-20,0,5,0],[9E+09,9E+09,{UNUSED}]];
+  PROC Run()
+    ConfJ\\Off;
+    ConfL\\On;
+    CirPathMode\\ObjectFrame;
+    VelSet 50,100;
+    MoveAbsJ home\\NoEOffs,slow,fine,t\\WObj:=w;
+    MoveL a,slow,near,t\\WObj:=wobj0;
+    MoveC over,b,slow,fine,spindle\\WObj:=plate;
+    CirPathMode\\PathFrame;
+    ConfJ\\On;
   ENDPROC
 ENDMODULE
 """
 
 
 REFUSED = [
-    ("module Hand", "module 1", "line 2: expected name, found '1'"),
-    ("module Hand", "module v100", "line 2: expected a name that is not taken, found 'v100'"),
-    ("module Hand", "module " + "H" * 33, "line 2: expected name, found 'HHH"),
-    ("ENDMODULE\n", "", "expected 'proc' or 'endmodule', found the end of the file"),
-    ("ENDMODULE\n", "ENDMODULE x", "found 'x'"),
-    ("VAR robtarget b", "VAR robtarget a_1", "line 4: expected a name that is not taken, found 'a_1'"),
-    ("VAR robtarget b", "VAR robtarget MoveL", "line 4: expected a name that is not taken"),
-    ("VAR robtarget b", "VAR robtarget b{2}", "line 4: expected ':=', found '{'"),
-    ("VAR robtarget b", "robtarget b", "line 4: expected scope or pers or 'proc' or 'endmodule', found 'robtarget'"),
-    (
-        "VAR robtarget b",
-        "TASK CONST robtarget b",
-        "line 4: expected scope or pers or 'proc' or ",
-    ),
-    ("VAR robtarget b", "VAR num b", "line 4: expected 'robtarget' or "),
-    ("[10,5,0]", "[10,5]", "line 4: expected ',', found ']'"),
-    ("[10,5,0]", "[10,5,0,0]", "line 4: expected ']', found ','"),
-    ("[10,5,0]", "[10,5,TRUE]", "line 4: expected a number, found 'TRUE'"),
-    ("[10,5,0]", "[10,5,nan]", "line 4: expected a number, found 'nan'"),
-    ("[10,5,0]", "[10,5,1E39]", "line 4: expected numbers that single precision holds"),
-    ("[10,5,0]", "[10,5,1E999]", "line 4: expected numbers that single precision holds"),
-    ("[10,5,0]", "[10,5,2-1]", "line 4: expected ']', found '-1'"),
-    ("[10,5,0]", "[10,5,٣]", "line 4: expected a number"),
+    ("MODULE Hand", "MODULE 1", "line 2: expected a name, found '1'"),
+    ("MODULE Hand", "MODULE v100", "line 2: expected a name that is not taken, found 'v100'"),
+    ("ENDMODULE\n", "", "found the end of the file"),
+    ("ENDMODULE\n", "ENDMODULE x", "expected the end of the line, found 'x'"),
+    ("robtarget b:", "robtarget A:", "line 9: expected a name that is not taken, found 'A'"),
+    ("robtarget b:", "robtarget MoveL:", "line 9: expected a name that is not taken"),
+    ("CONST robtarget b", "VAR robtarget b", "line 9: expected "),
+    ("[10,5,0]", "[10,5]", "line 9: expected ',', found "),
+    ("[10,5,0]", "[10,5,nan]", "line 9: expected a number, found 'nan"),
+    ("[10,5,0]", "[10,5,1E39]", "line 9: expected numbers that single precision holds"),
+    ("[10,5,0]", "[10,5,٣]", "line 9: expected a number"),
     ("0.7071068,0,0.7071068,0", "0.7071068,0,0.7171068,0", "quaternion of unit length, not 1.007"),
-    ("0.7071068,0,0.7071068,0", "0,0,0,0", "line 4: expected a quaternion of unit length, not 0"),
-    ("9.0E9,9E9]];", "9.0E9]];", "line 4: expected ',', found ']'"),
-    ("9.0E9,9E9]];", "9.0E9,9E9]]", "line 5: expected ';', found 'CONST'"),
-    (
-        "PERS tooldata",
-        "CONST tooldata",
-        "'speeddata' or 'zonedata', found 'tooldata'",
-    ),
-    ("[TRUE,[[0,0,100]", "[1,[[0,0,100]", "line 6: expected true or false, found '1'"),
-    ('TRUE,"",', 'TRUE,"\n",', "line 7: expected string"),
-    ('TRUE,"",', 'TRUE,"' + "x" * 81 + '",', "line 7: expected string"),
-    ('TRUE,"",', 'TRUE,"a\\0A",', "line 7: expected string"),
-    ("[2.5,50", "[0,50", "line 8: expected speeds above 0"),
-    ("[FALSE,2,", "[FALSE,-2,", "line 9: expected zones of 0 or more"),
-    ("PROC main()", "PROC main(num n)", "line 10: expected ')', found 'num'"),
-    ("PROC nothing()", "PROC MAIN()", "line 17: expected a name that is not taken, found 'MAIN'"),
-    ("ConfL\\Off", "ConfL\\Of", "line 11: expected on or off, found 'Of'"),
-    (
-        "ConfL\\Off",
-        "EXIT",
-        "line 11: expected a name that the controller knows and this module has not taken, found 'EXIT'",
-    ),
-    ("MoveAbsJ home", "MoveAbsJ b", "line 12: expected a jointtarget, not a robtarget, found 'b'"),
-    ("movej a_1", "movej home", "line 13: expected a robtarget, not a jointtarget, found 'home'"),
-    ("movej a_1", "movej c", "line 13: expected the name of a robtarget that is declared, found 'c'"),
-    ("z10, T", "v10, T", "line 13: expected a zonedata, not a speeddata"),
-    ("z10, T", "z11, T", "line 13: expected the name of a zonedata that is declared"),
-    ("z10, T", "z10, W", "line 13: expected a tooldata, not a wobjdata"),
-    ("T\\WObj:=W", "T\\WObj=W", "line 13: expected ';', found "),
-    ("T\\WObj:=W", "T\\Conc", "line 13: expected ';', found "),
-    ("],B,slow", "],slow", "line 14: expected ',', found "),
-    ("[[5,6,0]", "[[1.55,-2,.5]", "line 14: expected a circle"),
-    ("[[5,6,0]", "[[5.75,1.5,.25]", "line 14: expected a circle"),
-    ("movej a_1, v100, z10, T\\WObj:=W;", "", "line 14: expected a circle"),
-    (
-        "  ENDPROC\n  PROC",
-        "  PROC",
-        "line 16: expected ':' or ';', found 'nothing'",
-    ),
-    ("MoveL A_1,slow,fine,t;", "MoveL A_1,slow,fine,t", "line 16: expected ';', found 'ENDPROC'"),
-    ("[30,9E+09,9e9", "[30,9E+09,5", "line 4: expected no external axes but eax_a, and eax_b behind it"),
-    ("tooldata t:=[TRUE", "tooldata t:=[FALSE", "this one is stationary, found 't'"),
-    ("wobjdata w:=[FALSE", "wobjdata w:=[TRUE", "the robot holds this one, found 'w'"),
-    ("PROC nothing()", "PROC nothing() MoveAbsJ home,v100,fine,tool0;", "one procedure that moves, and statements in"),
+    ("0.7071068,0,0.7071068,0", "0,0,0,0", "line 9: expected a quaternion of unit length, not 0"),
+    ("[30,9E+09,9E+09", "[30,9E+09,5", "line 9: expected no external axes but eax_a, and eax_b behind it"),
+    ("tooldata t:=[TRUE", "tooldata t:=[FALSE", "line 4: expected ':=[TRUE,[['"),
+    ("PROC Run()", "PROC Run(num n)", "line 12: expected '()', found '(num n)'"),
+    ("ConfL\\On", "ConfL\\Off", "line 14: expected "),
+    ("VelSet 50,100;", "VelSet 0,100;", "line 16: expected a number above 0"),
+    ("VelSet 50,100;", "EXIT;", "line 16: expected a name and a use of the cell file's process section"),
+    ("VelSet 50,100;", "a;", "line 16: expected a name that the controller knows and this module has not taken"),
+    ("VelSet 50,100;", "MoveL a,slow,fine,t\\WObj:=w;", "line 16: expected a move to joint angles first"),
+    ("MoveAbsJ home", "MoveAbsJ b", "line 17: expected a jointtarget, not a robtarget, found 'b'"),
+    ("MoveL a", "MoveL home", "line 18: expected a robtarget, not a jointtarget, found 'home'"),
+    ("MoveL a", "MoveL c", "line 18: expected the name of a robtarget that is declared, found 'c'"),
+    ("slow,near", "slow,slow", "line 18: expected a zonedata, not a speeddata"),
+    ("near,t", "near,w", "line 18: expected a tooldata, not a wobjdata"),
+    ("slow:=[2.5", "slow:=[0", "line 18: expected a speed above 0"),
+    ("near:=[FALSE,2", "near:=[FALSE,-2", "line 18: expected a speed above 0 and a zone of 0 or more"),
+    ("over,b,slow", "b,slow", "line 19: expected ',', found "),
+    ("[[5,6,0]", "[[1.55,-2,.5]", "line 19: expected a circle"),
+    ("[[5,6,0]", "[[5.75,1.5,.25]", "line 19: expected a circle"),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), REFUSED)
 def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
-    assert MODULE.count(old) == 1
+    assert MODULE.count(old) >= 1
     with pytest.raises(InputError) as caught:
-        read_rapid(MODULE.replace(old, new), "hand.mod")
+        read_rapid(MODULE.replace(old, new, 1), "hand.mod")
     assert str(caught.value).startswith("hand.mod: line ")
     assert message in str(caught.value)
 
@@ -190,30 +154,20 @@ def test_reading_twice_as_many_targets_is_twice_the_work(text: str) -> None:
     assert many - some == pytest.approx(2 * (some - few), rel=0.01)
 
 
-def test_tool0_is_the_controllers_own() -> None:
-    """ABB, Technical reference manual RAPID: a tool that nobody has defined, of a gram."""
-    own = read_rapid(MODULE).tools["tool0"]
-    assert (own.flange_from_tool == np.eye(4)).all()
-    assert (own.mass_kg, tuple(own.centre_of_gravity_mm)) == (0.001, (0, 0, 0.001))
-
-
-def test_all_that_it_knows_becomes_moves() -> None:
+def test_all_that_it_says_becomes_moves() -> None:
     program = read_rapid(MODULE, "Hand.mod")
-    home, joint, arc, line = program.moves
-    assert [move.kind for move in program.moves] == ["J", "J", "C", "L"]
-    assert [move.line for move in program.moves] == [12, 13, 14, 15]
+    home, line, arc = program.moves
+    assert [(move.kind, move.line) for move in program.moves] == [("J", 17), ("L", 18), ("C", 19)]
     assert home.joints is not None
     assert np.allclose(np.degrees(home.joints), (0, 10, -20, 0, 5, 0))
-    assert (home.turntable, home.tool, home.work_object) == (None, "tool0", "wobj0")
-    assert joint.pose is not None
-    assert np.allclose(joint.pose, [[1, 0, 0, 1.5], [0, 1, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
-    assert (joint.configuration, joint.zone_mm, joint.feed_mm_s) == ((0, -1, 1, 0), 10, 100)
+    assert (home.turntable, home.tool, home.work_object) == (None, "t", "w")
+    assert line.pose is not None
+    assert np.allclose(line.pose, [[1, 0, 0, 1.5], [0, 1, 0, -2], [0, 0, 1, 0.5], [0, 0, 0, 1]])
+    assert (line.configuration, line.zone_mm, line.feed_mm_s) == ((0, -1, 1, 0), 2, 1.25)
     assert arc.turntable == pytest.approx(np.radians(30))
     assert arc.via is not None
     assert np.allclose(arc.via[:3, 3], (5, 6, 0))
-    assert (arc.tool, arc.work_object) == ("t", "w")
-    assert (arc.feed_mm_s, arc.zone_mm) == (2.5, 2)
+    assert (program.tools["spindle"].flange_from_tool, program.work_objects["plate"]) == (None, None)
     assert np.allclose(program.work_objects["w"][:3, 3], (1, 2, 3))
     assert np.allclose(program.tools["t"].flange_from_tool[:3, 3], (0, 0, 100))
     assert program.tools["t"].mass_kg == 2
-    assert (line.zone_mm, line.work_object) == (0, "wobj0")

@@ -170,7 +170,7 @@ def test_a_program_without_it_may_not_run(layers: Moves, cell: Cell, old: str, n
     ("old", "new", "finding"),
     [
         ("SetDO doCoolant,1", "SetDO doClamp,1", "a use of the cell file's process section, found 'doClamp'"),
-        ("SetDO doCoolant,1", "SetDO doCoolant,2", "expected '0' or '1'"),
+        ("SetDO doCoolant,1", "SetDO doCoolant,2", "expected ',1;' or ',0;', found ',2;'"),
         ("CheckTool;", "p1;", "expected a name that the controller knows and this module has not taken"),
         ("CheckTool;", "Other;", "process section, found 'Other'"),
         ("layer2:", "layer1:", "a name that is not taken"),

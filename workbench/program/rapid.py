@@ -8,20 +8,19 @@ eax_b behind its tilt. Every target says its axis configuration, and the control
 in another posture is stopped. Circular moves turn the tool in the frame of the work object
 (`CirPathMode\\ObjectFrame`), as `path.simplify` assumes. A WaitDI that waits longer than its MaxTime stops the program.
 
-Read back is one module, of which one procedure moves. Refused as by a controller on loading, or earlier: names that are
-declared twice, of the wrong type or RAPID's own; quaternions not of unit length; circles that no controller can make;
-external axes beyond eax_b; stationary tools, and work objects that the robot holds. A tool, work object or joint
-target that the module does not declare is one that the controller has, and so are signals, units and procedures.
+Read back is the module as it is written. Refused as by a controller on loading, or earlier: names that are declared
+twice, of the wrong type or RAPID's own; quaternions not of unit length; circles that no controller can make; external
+axes beyond eax_b. A tool, work object or joint target that the module does not declare is one that the controller has,
+and so are signals, units and procedures.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,10 +28,10 @@ from workbench.artefacts import EventKind, Moves, ProgramMoves, ProgramTool
 from workbench.dialect import ProgramJob, rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
-from workbench.language import NUMBER, Language, reading, row
-from workbench.program.reading import Reading, numbers_in, one_or_all
-from workbench.program.skeleton import CellDialect, check_words
-from workbench.program.words import PREDEFINED, SPEEDS, TAKEN, ZONES, free_name
+from workbench.language import NUMBER, Language, row
+from workbench.program.reading import Reading, one_or_all
+from workbench.program.skeleton import SWITCHED, CellDialect, check_words
+from workbench.program.words import PREDEFINED, TAKEN, free_name
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
@@ -43,10 +42,9 @@ UNUSED = "9E+09"  # an external axis that is not there
 ABSENT = 9e8  # an external axis beyond this is not there (9E+09 in single precision)
 LEAST_DISTANCE_MM, LEAST_ANGLE_DEG = 0.1, 1.0  # of MoveC: start to via and target; between these, seen from the start
 NORM_TOLERANCE = 1e-3  # of quaternions (docs/conventions.md)
-UNITY = {"at": [0.0] * 3, "turn": [1.0, 0.0, 0.0, 0.0]}
 
 
-def _elements(field: str, count: int, spec: str = "g") -> str:
+def _elements(field: str, count: int, spec: str) -> str:
     return f"[{row([''] * count, field, spec)}]"
 
 
@@ -55,41 +53,22 @@ TARGET = (
 )
 JOINTS = f"[{_elements('joints', 6, '.4f')},{_elements('axes', 6, '')}]"
 POSE = f"[{_elements('at', 3, '.4f')},{_elements('turn', 4, '.8f')}]"
-LOAD = f"[{{mass:g}},{_elements('centre', 3, '.4f')},{_elements('moments', 4)},{row([''] * 3, 'inertia', 'g')}]"
-END = "{speed},{zone},{tool}{object};"
-GAP = r"(?:\s|![^\n]*)*+"  # blanks and remarks
-WORD = "[A-Za-z][A-Za-z0-9_]{0,31}(?![A-Za-z0-9_])"  # the longest name has 32 characters
-LISTS = [reading(form, GAP, cf="-?[0-9]+", axes=NUMBER) for form in (TARGET, JOINTS)]
-BODY: tuple[str, ...] = (
-    "straight",
-    "circular",
-    "axes",
-    "joint",
-    "confl",
-    "confj",
-    "path",
-    "switch_off",
-    "switch_on",
-    "wait_speed",
-)
-BODY += ("wait_time", "activate_axis", "feed_limits", "stop", "restart", "hook", "endproc")
-DATA = ("robtarget", "jointtarget", "speeddata", "zonedata", "tooldata", "wobjdata")
+LOAD = f"[{{mass:g}},{_elements('centre', 3, '.4f')},[1,0,0,0],0,0,0]"
+END = "{speed},{zone},{tool}\\WObj:={object};"
+DATA = ("tooldata", "wobjdata", "zonedata", "speeddata", "robtarget", "jointtarget")
+BODY = ("straight", "circular", "axes", "activate_axis", "feed_limits", *SWITCHED)
 MODULE = Language(
     forms={
         "module": "MODULE {name}",
-        "tooldata": f"  {{pers}} tooldata {{name}}:=[{{true_or_false}},{POSE},{LOAD}];",
-        "wobjdata": "  {pers} wobjdata {name}:=[{true_or_false},{true_or_false_},{string},"
-        + f"{POSE},[{_elements('object_at', 3)},{_elements('object_turn', 4)}]];",
-        "speeddata": "  {scope} speeddata {name}:=[{feed:.7g}," + row([""] * 3, "others", "g") + "];",
-        "zonedata": "  {scope} zonedata {name}:=[{true_or_false}," + row([""] * 6, "zones", "g") + "];",
-        "robtarget": f"  {{scope}} robtarget {{name}}:={TARGET};",
-        "jointtarget": f"  {{scope}} jointtarget {{name}}:={JOINTS};",
-        "procedure": "  {local}PROC {name}()",
-        "confl": "    ConfL\\{on_or_off};",
-        "confj": "    ConfJ\\{on_or_off};",
-        "path": "    CirPathMode\\{frame};",
-        "axes": f"    MoveAbsJ {{target}}{{offsets}},{END}",
-        "joint": f"    MoveJ {{target}},{END}",
+        "tooldata": f"  PERS tooldata {{name}}:=[TRUE,{POSE},{LOAD}];",
+        "wobjdata": f'  TASK PERS wobjdata {{name}}:=[FALSE,TRUE,"",{POSE},[[0,0,0],[1,0,0,0]]];',
+        "zonedata": "  CONST zonedata {name}:=[FALSE," + row([""] * 6, "zones", "g") + "];",
+        "speeddata": f"  CONST speeddata {{name}}:=[{{feed:.7g}},{TURN_DEG_S},5000,1000];",
+        "robtarget": f"  CONST robtarget {{name}}:={TARGET};",
+        "jointtarget": f"  CONST jointtarget {{name}}:={JOINTS};",
+        "procedure": "  PROC {name}()",
+        "modes": "    ConfJ\\Off;\n    ConfL\\On;\n    CirPathMode\\ObjectFrame;",
+        "axes": f"    MoveAbsJ {{target}}\\NoEOffs,{END}",
         "straight": f"    MoveL {{target}},{END}",
         "circular": f"    MoveC {{via}},{{target}},{END}",
         "switch_off": "    SetDO {signal},0;",
@@ -101,39 +80,20 @@ MODULE = Language(
         "stop": "    Stop;",
         "restart": "    {value}:",
         "hook": "    {value};",
-        "endproc": "  ENDPROC",
-        "endmodule": "ENDMODULE",
+        "end": "    CirPathMode\\PathFrame;\n    ConfJ\\On;\n  ENDPROC\nENDMODULE",
     },
     order={
         "": ("module",),
-        "module": (*DATA, "procedure", "endmodule"),
-        "procedure": BODY,
-        "endproc": ("procedure", "endmodule"),
-        "endmodule": (),
+        "module": (*DATA, "procedure"),
+        "procedure": ("modes", "hook"),
+        "modes": BODY,
+        "restart": ("modes",),
+        "end": (),
     },
-    kinds={
-        **dict.fromkeys(("name", "value", "signal", "speed", "zone", "tool"), WORD),
-        **dict.fromkeys(("target", "via"), "|".join((WORD, *LISTS))),
-        "pers": rf"(?:(?:LOCAL|TASK)\b{GAP})?PERS\b",
-        "scope": rf"(?:LOCAL\b{GAP})?(?:CONST|PERS|VAR)\b|TASK\b{GAP}(?:PERS|VAR)\b",
-        "local": r"(?:LOCAL\b)?",
-        **dict.fromkeys(("true_or_false", "true_or_false_"), r"(?:TRUE|FALSE)\b"),
-        "string": r'"[^"\\\n]{0,80}"',
-        "cf": "-?[0-9]+",
-        **dict.fromkeys(("axes", "seconds"), NUMBER),
-        "on_or_off": r"(?:On|Off)\b",
-        "frame": r"(?:PathFrame|ObjectFrame|CirPointOri)\b",
-        "offsets": rf"(?:\\{GAP}NoEOffs\b)?",
-        "object": rf"(?:\\{GAP}WObj\b{GAP}:={GAP}{WORD})?",
-    },
+    kinds={"cf": "-?[0-9]+", "axes": NUMBER, "seconds": NUMBER},
     comment="!",
-    free=True,
 )
-MODES = [
-    MODULE.say("confj", on_or_off="Off"),
-    MODULE.say("confl", on_or_off="On"),
-    MODULE.say("path", frame="ObjectFrame"),
-]
+MODES = MODULE.say("modes").split("\n")
 
 
 @dataclass
@@ -189,7 +149,7 @@ class Rapid(CellDialect):
         which = self.feeds[1].tolist()
         zones = ["zonePath" if blends else "fine" for blends in self.blends]
         tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
-        tail = {"tool": tool, "object": f"\\WObj:={place}", "offsets": "\\NoEOffs"}
+        tail = {"tool": tool, "object": place}
         return [{"speed": f"feed{w + 1}", "zone": zone, **tail} for w, zone in zip(which, zones, strict=True)]
 
     def head(self) -> Iterator[str]:
@@ -200,26 +160,20 @@ class Rapid(CellDialect):
         yield from (f"  ! {remark}" for remark in job.remarks)
         if job.tool_name is None:
             frame = _spelt(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
-            rest = {"true_or_false": "TRUE", "moments": UNITY["turn"], "inertia": UNITY["at"]}
-            yield MODULE.say("tooldata", pers="PERS", name=self.tool_name, **frame, **tool, **rest)
+            yield MODULE.say("tooldata", name=self.tool_name, **frame, **tool)
         if job.work_object_name is None:
-            more: dict[str, Any] = {f"object_{key}": value for key, value in UNITY.items()}
-            more |= {"true_or_false": "FALSE", "true_or_false_": "TRUE", "string": '""'}
-            frame = _spelt(*job.work_object)
-            yield MODULE.say("wobjdata", pers="TASK PERS", name=self.work_object_name, **frame, **more)
+            yield MODULE.say("wobjdata", name=self.work_object_name, **_spelt(*job.work_object))
         if z:
-            yield MODULE.say(
-                "zonedata", scope="CONST", name="zonePath", true_or_false="FALSE", zones=[z, z, z, z / 10, z, z / 10]
-            )
+            yield MODULE.say("zonedata", name="zonePath", zones=[z, z, z, z / 10, z, z / 10])
         for i, feed in enumerate(self.feeds[0].tolist(), 1):
-            yield MODULE.say("speeddata", scope="CONST", name=f"feed{i}", feed=feed, others=[TURN_DEG_S, 5000, 1000])
+            yield MODULE.say("speeddata", name=f"feed{i}", feed=feed)
         assert moves.joints_deg is not None
         said, all_ = configurations(self.cell, moves.joints_deg * DEG), np.arange(len(moves.layer))
         yield from _targets("p", all_, moves.position_mm, moves.quaternion_wxyz, job.turntable_deg, said)
         arcs, said = np.flatnonzero(moves.circular), configurations(self.cell, _joints_on_arcs(moves))
         yield from _targets("via", arcs, moves.via_position_mm, moves.via_quaternion_wxyz, _halfway(job), said)
         yield from self._around()
-        yield MODULE.say("procedure", local="", name=self.procedure)
+        yield MODULE.say("procedure", name=self.procedure)
         yield from (*self.events("first"), *MODES)
 
     def _around(self) -> Iterator[str]:
@@ -268,8 +222,7 @@ class Rapid(CellDialect):
         """With a process back, and home; settings as the controller starts with them."""
         unlimited = MODULE.say("feed_limits", percent=100, most=5000)
         limited = [unlimited] if self.skeleton and self.skeleton.process.feed else []
-        modes = [MODULE.say("path", frame="PathFrame"), MODULE.say("confj", on_or_off="On"), "  ENDPROC", "ENDMODULE"]
-        return [*super().foot(), *limited, *modes]
+        return [*super().foot(), *limited, *MODULE.say("end").split("\n")]
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
@@ -298,9 +251,7 @@ def configurations(cell: Cell, joints: Float) -> Int:
 
 def joint_target(name: str, joints_deg: Float, turntable_deg: Float | None) -> str:
     """A declaration."""
-    return MODULE.say(
-        "jointtarget", scope="CONST", name=name, joints=_tidy(joints_deg, 4), axes=_external(turntable_deg)
-    )
+    return MODULE.say("jointtarget", name=name, joints=_tidy(joints_deg, 4), axes=_external(turntable_deg))
 
 
 def _external(turntable_deg: Float | None) -> list[str]:
@@ -330,7 +281,7 @@ def _targets(
     for i, at, turn in said:
         axes = _external(None if turntable is None else turntable[i])
         cf = configuration[i].tolist()
-        yield MODULE.say("robtarget", scope="CONST", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
+        yield MODULE.say("robtarget", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
 
 
 def _tidy(values: Float, digits: int) -> Any:
@@ -342,14 +293,6 @@ def _spelt(position_mm: Float, quaternion_wxyz: Float) -> dict[str, Any]:
     return {"at": _tidy(position_mm, 4), "turn": _tidy(quaternion_wxyz, 8)}
 
 
-class _Target(NamedTuple):
-    """Of a robtarget."""
-
-    pose: Float
-    configuration: tuple[int, ...]
-    turntable: Float | float | None
-
-
 class _Module(Reading):
     """The module, statement by statement."""
 
@@ -357,36 +300,27 @@ class _Module(Reading):
 
     def __init__(self, process: ProcessPart | None) -> None:
         super().__init__(process)
-        self.taken = {*TAKEN, *PREDEFINED}  # names in lower case
-        self.tools = {"tool0": ProgramTool(np.eye(4), 0.001, np.array([0.0, 0.0, 0.001]))}
+        self.tools: dict[str, ProgramTool] = {}
         self.objects: dict[str, Float | None] = {"wobj0": np.eye(4)}
-        self.data: dict[str, tuple[str, Any]] = {"tool0": ("tooldata", "tool0"), "wobj0": ("wobjdata", "wobj0")}
-        self.data |= {name: ("speeddata", feed) for name, feed in SPEEDS.items()}
-        self.data |= {name: ("zonedata", zone) for name, zone in ZONES.items()}
+        self.data: dict[str, tuple[str, Any]] = {"fine": ("zonedata", 0.0)}
         self.share, self.most = 1.0, np.inf  # of the programmed feeds; mm/s
-        self.before = (0, 0)  # events and moves of the procedures that have ended
 
-    # Names.
+    # Names and data.
 
-    def module(self, name: str) -> None:
-        if name.lower() in self.taken:
+    def _declare(self, name: str, value: Any = None) -> None:
+        if name.lower() in TAKEN | PREDEFINED | {*map(str.lower, self.data)}:
             self.refuse("a name that is not taken", name)
-        self.taken.add(name.lower())
+        self.data[name] = (self.said.form, value)
 
-    def _declare(self, name: str, value: Any) -> None:
-        self.module(name)
-        self.data[name.lower()] = (self.said.form, value)
+    module = procedure = _declare
 
     def _named(self, kind: str, name: str) -> Any:
         """What a name stands for; None: the controller has it."""
-        found, value = self.data.get(name.lower(), ("", None))
-        if not found and (kind not in ("tooldata", "wobjdata", "jointtarget") or name.lower() in self.taken):
-            self.refuse(f"the name of a {kind} that is declared", name)
-        if found and found != kind:
-            self.refuse(f"a {kind}, not a {found}", name)
+        known = kind in ("tooldata", "wobjdata", "jointtarget")
+        found, value = self.data.get(name, (kind if known else "", None))
+        if found != kind:
+            self.refuse(f"a {kind}, not a {found}" if found else f"the name of a {kind} that is declared", name)
         return value
-
-    # Data.
 
     def _pose(self, at: list[float], turn: list[float]) -> Float:
         norm = math.hypot(*turn)
@@ -394,36 +328,24 @@ class _Module(Reading):
             self.refuse(f"a quaternion of unit length, not {norm:.6g}")
         return pose_from(rotation_from_quaternion(np.array(turn) / norm), np.array(at))
 
-    def tooldata(self, name: str, true_or_false: str, at: list[float], turn: list[float], **load: Any) -> None:
-        pose, _ = self._pose(at, turn), self._pose(at, load["moments"])
-        if true_or_false.upper() != "TRUE":
-            self.refuse("a tool that the robot holds: this one is stationary", name)
-        self._declare(name, name)
-        self.tools[name] = ProgramTool(pose, load["mass"], np.array(load["centre"]))
+    def tooldata(self, name: str, at: list[float], turn: list[float], mass: float, centre: list[float]) -> None:
+        self._declare(name)
+        self.tools[name] = ProgramTool(self._pose(at, turn), mass, np.array(centre))
 
-    def wobjdata(self, name: str, true_or_false: str, at: list[float], turn: list[float], **frame: Any) -> None:
-        pose = self._pose(at, turn) @ self._pose(frame["object_at"], frame["object_turn"])
-        if true_or_false.upper() == "TRUE":
-            self.refuse("a work object that stands: the robot holds this one", name)
-        self._declare(name, name)
-        self.objects[name] = pose
+    def wobjdata(self, name: str, at: list[float], turn: list[float]) -> None:
+        self._declare(name)
+        self.objects[name] = self._pose(at, turn)
 
-    def speeddata(self, name: str, feed: float, others: list[float], **_: str) -> None:
-        if min(feed, *others) <= 0:
-            self.refuse("speeds above 0")
+    def speeddata(self, name: str, feed: float) -> None:
         self._declare(name, feed)
 
-    def zonedata(self, name: str, true_or_false: str, zones: list[float], **_: str) -> None:
-        if min(zones) < 0:
-            self.refuse("zones of 0 or more")
-        self._declare(name, 0.0 if true_or_false.upper() == "TRUE" else zones[0])
+    def zonedata(self, name: str, zones: list[float]) -> None:
+        self._declare(name, zones[0])
 
-    def robtarget(
-        self, name: str, at: list[float], turn: list[float], cf: list[str], axes: list[str], **_: str
-    ) -> None:
-        self._declare(name, _Target(self._pose(at, turn), tuple(map(int, cf)), self._turntable(axes)))
+    def robtarget(self, name: str, at: list[float], turn: list[float], cf: list[str], axes: list[str]) -> None:
+        self._declare(name, (self._pose(at, turn), tuple(map(int, cf)), self._turntable(axes)))
 
-    def jointtarget(self, name: str, joints: list[float], axes: list[str], **_: str) -> None:
+    def jointtarget(self, name: str, joints: list[float], axes: list[str]) -> None:
         self._declare(name, (np.array(joints) * DEG, self._turntable(axes)))
 
     def _turntable(self, axes: list[str]) -> Float | float | None:
@@ -436,72 +358,36 @@ class _Module(Reading):
 
     # Statements.
 
-    confl = confj = path = Reading.header
-
-    def procedure(self, name: str, **_: str) -> None:
-        self.module(name)
-
-    def endproc(self) -> None:
-        """One procedure moves, and in no other anything happens."""
-        now = (len(self.events), len(self.moves))
-        if (now[1] > self.before[1] > 0) or (now[0] > self.before[0] and now[1] == self.before[1]):
-            self.refuse("one procedure that moves, and statements in no other")
-        self.before = now
-
-    def endmodule(self) -> None:
-        if not self.moves:
-            self.refuse("one procedure that moves, before the end")
+    modes = Reading.header
 
     def _end(self, speed: str, zone: str, tool: str, object: str) -> dict[str, Any]:
-        """Feed and zone; tool and work object as they were declared, or first spelt."""
-        place = object.rpartition("=")[2]
-        place = re.sub(GAP, "", place) or "wobj0"
-        for kind, name, held in (("tooldata", tool, self.tools), ("wobjdata", place, self.objects)):
-            if self._named(kind, name) is None and name.lower() not in map(str.lower, held):
-                held[name] = ProgramTool(None) if kind == "tooldata" else None  # type: ignore[assignment]
-        self.tool = next(one for one in self.tools if one.lower() == tool.lower())
-        self.work_object = next(one for one in self.objects if one.lower() == place.lower())
+        """Feed and zone; tool and work object hold."""
+        self._named("tooldata", tool)
+        self._named("wobjdata", object)
+        self.tools.setdefault(tool, ProgramTool(None))
+        self.objects.setdefault(object, None)
+        self.tool, self.work_object = tool, object
         feed = min(self.share * self._named("speeddata", speed), self.most)
         return {"feed_mm_s": feed, "zone_mm": self._named("zonedata", zone)}
 
-    def _place(self, kind: str, target: str) -> Any:
-        """What a move leads to, by name or written out."""
-        if target[0] != "[":
-            return self._named(kind, target)
-        numbers = numbers_in(re.sub("![^\n]*", "", target))
-        if len(numbers) != (TARGET if kind == "robtarget" else JOINTS).count("{"):
-            self.refuse(f"a {kind}", target)
-        axes = [str(one) for one in numbers[-6:]]
-        if kind == "jointtarget":
-            return np.array(numbers[:6]) * DEG, self._turntable(axes)
-        pose, cf = self._pose(numbers[:3], numbers[3:7]), tuple(int(one) for one in numbers[7:11])
-        return _Target(pose, cf, self._turntable(axes))
-
-    def axes(self, target: str, offsets: str, **end: str) -> None:
-        found = self._place("jointtarget", target)
+    def axes(self, target: str, **end: str) -> None:
+        found = self._named("jointtarget", target)
         joints, turntable = found or (None, None)
-        place = "" if found else target
-        self.move("J", joints=joints, turntable=turntable, place=place, **self._end(**end))
+        self.move("J", joints=joints, turntable=turntable, place="" if found else target, **self._end(**end))
 
-    def joint(self, target: str, **end: str) -> None:
-        self._to("J", target, None, end)
-
-    def straight(self, target: str, **end: str) -> None:
-        self._to("L", target, None, end)
-
-    def circular(self, via: str, target: str, **end: str) -> None:
-        over, there = self._place("robtarget", via).pose, self._place("robtarget", target).pose
+    def straight(self, target: str, via: str = "", **end: str) -> None:
+        pose, configuration, turntable = self._named("robtarget", target)
+        over = self._named("robtarget", via)[0] if via else None
         start = self.moves[-1].pose if self.moves else None
-        if start is None or not _is_circle(start, over, there):
+        if over is not None and (start is None or not _is_circle(start, over, pose)):
             self.refuse("a circle that can be made through the target before, via and target")
-        self._to("C", target, over, end)
+        self.in_space(pose, over, **self._end(**end), configuration=configuration, turntable=turntable)
 
-    def _to(self, kind: str, target: str, via: Float | None, end: dict[str, str]) -> None:
-        self.move(kind, via=via, **self._place("robtarget", target)._asdict(), **self._end(**end))
+    circular = straight
 
     def use(self, use: str, name: str) -> None:
         """Nothing that the module has taken."""
-        if name.lower() in self.taken:
+        if name in self.data:
             self.refuse("a name that the controller knows and this module has not taken", name)
         super().use(use, name)
 
@@ -522,7 +408,7 @@ class _Module(Reading):
         self.event("feed_limits", f"{percent:g},{most:g}")
 
     def restart(self, value: str, **_: str) -> None:
-        self.module(value)
+        self._declare(value)
         self.event("restart", value)
 
     def _above_0(self, number: float) -> None:

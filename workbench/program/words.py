@@ -12,11 +12,12 @@ with xor"""
 _INSTRUCTIONS = "movel movec movej moveabsj confl confj cirpathmode setdo waitdi waittime actunit velset stop"
 _TYPES = "num bool string pos orient pose robtarget jointtarget tooldata wobjdata loaddata speeddata zonedata"
 TAKEN = frozenset(f"{_WORDS} {_INSTRUCTIONS} {_TYPES}".split())
-# Data that every controller has; speeds in mm/s, zones in mm.
-_SPEEDS = "5 10 20 30 40 50 60 80 100 150 200 300 400 500 600 800 1000 1500 2000 2500 3000 4000 5000 6000 7000"
-SPEEDS = {f"v{v}": float(v) for v in _SPEEDS.split()}
-ZONES = {"fine": 0.0, "z0": 0.3} | {f"z{z}": float(z) for z in (1, 5, 10, 15, 20, 30, 40, 50, 60, 80, 100, 150, 200)}
-PREDEFINED = frozenset([*SPEEDS, *ZONES, "vmax", "tool0", "wobj0", "load0"])
+# Data that every controller has: speeds in mm/s, zones in mm.
+_SPEEDS = "5 10 20 30 40 50 60 80 100 150 200 300 400 500 600 800 1000 1500 2000 2500 3000 4000 5000 6000 7000 max"
+_ZONES = "0 1 5 10 15 20 30 40 50 60 80 100 150 200"
+PREDEFINED = frozenset(
+    [*(f"v{v}" for v in _SPEEDS.split()), *(f"z{z}" for z in _ZONES.split()), "fine", "tool0", "wobj0", "load0"]
+)
 GENERATED = re.compile(r"(?:p|via|feed|layer|retract)\d+|zonepath", re.IGNORECASE)  # by `program.rapid`
 _KRL = """and bas bool brake case char circ circ_rel confirm const continue decl def defdat deffct default do else end
 enddat endfct endfor endif endloop endswitch endwhile enum exit ext extfct false for frame global goto halt if

@@ -42,11 +42,11 @@ def forearm_nearly_stretched(chain: Chain, q: Float, rng: np.random.Generator) -
     q[:, 2] = -np.arctan2(1592.5, 200) + rng.choice([-1, 1], len(q)) * 10.0 ** rng.uniform(-4, -2, len(q))
 
 
-def assert_same_branches(chain: Chain, q: Float) -> None:
+def assert_same_branches(chain: Chain, q: Float, misses: float = 1e-12) -> None:
     """Ours and EAIK's at the poses of postures `q` (n, 6)."""
     poses = forward_kinematics(chain, q)
     ours, theirs = inverse_kinematics(chain, poses), peer(chain, poses)
-    assert np.nanmax(missing(chain, ours, poses)) < 1e-12
+    assert np.nanmax(missing(chain, ours, poses)) < misses
     distance = apart(ours[:, :, None], theirs[:, None])
     distance[np.isnan(distance)] = np.inf
     assert (distance.min(axis=1)[np.isfinite(theirs[..., 0])] < SAME).all()
@@ -89,7 +89,7 @@ def test_other_robots_have_the_branches_of_eaik(arms: Any, name: str, where: Any
 def test_an_offset_wrist_has_the_branches_of_eaik(arms: Any) -> None:
     """UR10e: ours are roots of a polynomial, EAIK's a closed form."""
     chain = arms("ur10e")
-    assert_same_branches(chain, np.random.default_rng(44).uniform(-np.pi, np.pi, (500, 6)))
+    assert_same_branches(chain, np.random.default_rng(44).uniform(-np.pi, np.pi, (500, 6)), REACHES)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ passes may still be wrong by what no number shows; what the file leaves open is 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -29,23 +29,32 @@ Uncertainty = Annotated[float, Field(ge=0, le=10)]
 
 LEAST_MM = 5.0  # no tool, turntable or frame of a cell lies nearer to its origin; what is in metres does, to 5 m
 THINNEST_MM, LONGEST_MM = 1.0, 10.0  # no body is thinner and shorter; in metres, any is that 1 m and 10 m hold
-LEAST_MARGIN_MM = 0.1  # a clearance below it is one in metres, to 100 mm
-LEAST_U_MM = 1e-3  # nothing in a cell is calibrated better; in metres, any u below 1 mm is
-LEAST_KG = 0.1  # lighter is in tonnes, to 100 kg
 UNLIKE = 20.0  # times or parts of torque times speed that a stated power is; in W it is 1000 times
 LEAST_ROOM_MM = 100.0  # no robot moves in less; in metres, any envelope below 100 m is
 BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cutter modelled as part of it
 FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
-LEAST_DEG = 0.1  # a margin below it is one in radians, to 5 deg
 FOLDED_DEG = 3.2  # a home with all joints within it, but for 0, stretches the arm and its wrist; in radians any does
 AHEAD_MM = 20.0  # from the cutter's tip, along its axis: no body of the tool is there; others beside it may be
 BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
 OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
 STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
-SLOWEST_DEG_S2, SLOWEST_MM_S = 10.0, 0.2  # industrial axes reach 50 deg/s2 and more; in m/s any feed up to 200 mm/s
 LEAST_TRACK_MM = 50.0  # of a track; in metres any up to 50 m
-SLOWEST_TABLE_DEG_S2 = 4.0  # of a turntable, however heavy; in rad/s2 any up to 230 deg/s2
 METRES = "is it in metres?"
+LEAST = {  # of numbers that the file states: nothing has less, but what is in another unit
+    "tool.mass_kg": (0.1, "kg", "is it in tonnes?"),  # to 100 kg
+    "margin_mm": (0.1, "mm", METRES),  # to 100 mm
+    **dict.fromkeys(("margins.limit_deg", "margins.wrist_deg"), (0.1, "deg", "is it in radians?")),  # to 5 deg
+    **dict.fromkeys(  # nothing in a cell is calibrated better, nor repeats; in metres, any below 1 mm is
+        (*(f"uncertainty.{of}_u_mm" for of in ("tool", "base", "turntable")), "robot.repeatability_mm"),
+        (1e-3, "mm", METRES),
+    ),
+    "robot.acceleration_deg_s2": (10.0, "deg/s^2", "is it in rad/s^2?"),  # industrial axes reach 50 and more
+    **dict.fromkeys(  # however heavy; in rad/s2 any up to 230 deg/s2
+        ("turntable.acceleration_deg_s2", "turntable.tilt.acceleration_deg_s2"), (4.0, "deg/s^2", "is it in rad/s^2?")
+    ),
+    **dict.fromkeys(("track.speed_mm_s", "process.feed.most_mm_s"), (0.2, "mm/s", "is it in m/s?")),  # to 200 mm/s
+}
+MAY_BE_NONE = {place for place in LEAST if place.startswith(("margin", "uncertainty"))}  # 0 states none
 
 
 class _Part(BaseModel):
@@ -489,27 +498,30 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
     if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
     yield from _bodies(part)
-    yield from _margins(part)
+    yield from _least(part)
     yield from _robot(part)
     if part.process is not None:
-        feed = part.process.feed.most_mm_s if part.process.feed else None
-        yield from _least("process.feed.most_mm_s", feed, SLOWEST_MM_S, "mm/s", "is it in m/s?")
         home = part.process.home.joints_deg
         if 0 < max(map(abs, home)) < FOLDED_DEG:
             found = ", ".join(f"{value:g}" for value in home)
             yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
 
 
-def _least(place: str, value: float | None, least: float, unit: str, guess: str = METRES) -> Iterator[tuple[str, str]]:
-    """A stated value below the least that is one."""
-    if value is not None and value < least:
-        yield place, f"expected at least {least:g} {unit}, found {value:g}: {guess}"
+def _least(part: CellPart) -> Iterator[tuple[str, str]]:
+    """Numbers below the least that are one."""
+    for place, (least, unit, guess) in LEAST.items():
+        value = _at(part, place)
+        if value is not None and 0 < value < least:
+            none = "0 or " if place in MAY_BE_NONE else ""
+            yield place, f"expected {none}at least {least:g} {unit}, found {value:g}: {guess}"
 
 
-def _none_or_least(place: str, value: float, least: float, unit: str, guess: str = METRES) -> Iterator[tuple[str, str]]:
-    """Likewise where 0 means none."""
-    if 0 < value < least:
-        yield place, f"expected 0 or at least {least:g} {unit}, found {value:g}: {guess}"
+def _at(part: BaseModel, place: str) -> float | None:
+    """A number of the file, the least of several; None: it states none there."""
+    value: Any = part
+    for key in place.split("."):
+        value = getattr(value, key, None)
+    return None if value is None else float(np.min(value))
 
 
 def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart]]:
@@ -532,8 +544,6 @@ def _axis(place: str, axis: AxisPart) -> Iterator[tuple[str, str]]:
     parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
     if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
         yield f"{place}.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
-    unit = "deg/s^2", "is it in rad/s^2?"
-    yield from _least(f"{place}.acceleration_deg_s2", axis.acceleration_deg_s2, SLOWEST_TABLE_DEG_S2, *unit)
 
 
 def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
@@ -551,14 +561,12 @@ def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[st
 
 def _track(track: TrackPart) -> Iterator[tuple[str, str]]:
     assert track.limits_mm is not None  # the joint tells them
-    assert track.speed_mm_s is not None
     low, high = track.limits_mm
     if high - low < LEAST_TRACK_MM:
         yield (
             "track.limits_mm",
             f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {low:g}, {high:g}: {METRES}",
         )
-    yield from _least("track.speed_mm_s", track.speed_mm_s, SLOWEST_MM_S, "mm/s", "is it in m/s?")
 
 
 def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
@@ -576,26 +584,14 @@ def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
             yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
 
 
-def _margins(part: CellPart) -> Iterator[tuple[str, str]]:
-    yield from _none_or_least("margin_mm", part.margin_mm, LEAST_MARGIN_MM, "mm")
-    for name in ("limit_deg", "wrist_deg"):
-        yield from _none_or_least(f"margins.{name}", getattr(part.margins, name), LEAST_DEG, "deg", "is it in radians?")
-    for name in ("tool_u_mm", "base_u_mm", "turntable_u_mm"):
-        u = getattr(part.uncertainty or UncertaintyPart(), name)
-        yield from _none_or_least(f"uncertainty.{name}", u, LEAST_U_MM, "mm")
-
-
 def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
-    springs, fastest = part.robot.joint_stiffness_nm_per_rad, part.robot.acceleration_deg_s2
+    springs = part.robot.joint_stiffness_nm_per_rad
     if springs is not None and max(springs) > STIFFEST:
         unit = "is it in Nmm/rad, or multiplied by 57.3?"
         yield (
             "robot.joint_stiffness_nm_per_rad",
             f"expected at most {STIFFEST:g} Nm/rad, found {max(springs):g}: {unit}",
         )
-    least = fastest and min(fastest)
-    yield from _least("robot.acceleration_deg_s2", least, SLOWEST_DEG_S2, "deg/s^2", "is it in rad/s^2?")
-    yield from _least("robot.repeatability_mm", part.robot.repeatability_mm, LEAST_U_MM, "mm")
 
 
 def bare_mm(part: CellPart) -> float:
@@ -640,11 +636,6 @@ def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
             "tool.flange_from_cutter",
             f"expected z along the cutter's axis, found no body of the tool {AHEAD_MM:g} mm back from the tip: is z "
             "another axis, or the quaternion not scalar first?",
-        )
-    if tool.mass_kg is not None and tool.mass_kg < LEAST_KG:
-        yield (
-            "tool.mass_kg",
-            f"expected a spindle of at least {LEAST_KG:g} kg, found {tool.mass_kg:g}: is it in tonnes?",
         )
     if tool.centre_of_gravity_mm is not None and np.linalg.norm(tool.centre_of_gravity_mm) < LEAST_MM:
         found = ", ".join(f"{value:g}" for value in tool.centre_of_gravity_mm)

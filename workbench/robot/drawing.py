@@ -46,6 +46,12 @@ def cell_triangles(cell: Cell, joints: Float, turntable: Float | float, sides: i
     return found
 
 
+def colour_of(cell: Cell, body: str) -> str:
+    """A body's colour by its name; what the cell does not hold is like what stands around."""
+    robot = body in {shape.body for shape in cell.shapes if 0 <= shape.link <= 6}
+    return COLOURS.get(body, ROBOT if robot else AROUND)
+
+
 def shape_triangles(shape: Shape, sides: int = SIDES) -> Float:
     """Triangles (t, 3, 3) of a shape in its own frame: those of its mesh, or of a box, or turned about z."""
     if shape.vertices_mm is not None:

@@ -14,9 +14,12 @@ eigenvalues of a companion matrix. Newton's steps on all six joints take away wh
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.poses import rotation_from_vector
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
 from workbench.robot.wrist import (
@@ -25,10 +28,12 @@ from workbench.robot.wrist import (
     angle_about,
     arm_size_mm,
     general_position,
+    newton,
     offset_wrist,
     parallel_position,
     rotation_about,
     spherical_wrist,
+    turn_about,
     wrapped,
 )
 from workbench.units import AnyArray, Float, Int
@@ -156,7 +161,7 @@ def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
         some = poses[begin : begin + 500]
         moved = some @ np.linalg.inv(chain.base_from_flange_at_zero)  # of link 6, from zero
         which, starts = _starts(chain, wrist, moved)
-        q, missing = _polished(chain, some[which], starts)
+        q, missing = newton(functools.partial(_missing, chain, some[which]), starts, STEPS)
         for n in range(len(some)):
             one = _different(_wrapped(q[(which == n) & (missing < REACHED)]))[:MOST]
             found[begin + n, : len(one)] = one
@@ -170,20 +175,24 @@ def _starts(chain: Chain, wrist: OffsetWrist, moved: Float) -> tuple[Int, Float]
     direction, at = _before_joint_6(chain, wrist, moved[pose], last)
     first = parallel_position(h, chain.points_mm / 1e3, wrist.on_4_mm / 1e3, at / 1e3, NEAR).reshape(-1, 3)
     pose, last, direction = np.repeat(pose, 4), np.repeat(last, 4), np.repeat(direction, 4, axis=0)
-    back = _rotation(h[0], first[:, 0]) @ _rotation(h[1], first[:, 1]) @ _rotation(h[2], first[:, 2])
+    back = (
+        rotation_from_vector(first[:, 0, None] * h[0])
+        @ rotation_from_vector(first[:, 1, None] * h[1])
+        @ rotation_from_vector(first[:, 2, None] * h[2])
+    )
     off = np.einsum("mij,j,mi->m", back, h[3], direction) - h[3] @ h[4]
     near = np.flatnonzero(np.abs(off) < NEAR)  # not where nothing is reached
     pose, last, direction, first, back = pose[near], last[near], direction[near], first[near], back[near]
-    fourth = _angle(h[3], h[4], np.einsum("mji,mj->mi", back, direction))
-    back = back @ _rotation(h[3], fourth)
+    fourth = turn_about(h[3], h[4], np.einsum("mji,mj->mi", back, direction))
+    back = back @ rotation_from_vector(fourth[:, None] * h[3])
     axis_6 = np.einsum("mij,j->mi", moved[pose, :3, :3], h[5])
-    return pose, np.column_stack([first, fourth, _angle(h[4], h[5], np.einsum("mji,mj->mi", back, axis_6)), last])
+    return pose, np.column_stack([first, fourth, turn_about(h[4], h[5], np.einsum("mji,mj->mi", back, axis_6)), last])
 
 
 def _before_joint_6(chain: Chain, wrist: OffsetWrist, moved: Float, angle: Float) -> tuple[Float, Float]:
     """Direction of axis 5 and where axis 4 meets it, mm (m, 3), with link 6 moved from zero (m, 4, 4) and its angle."""
     turn = moved[:, :3, :3]
-    direction = (turn @ _rotation(chain.axes[5], -angle)) @ chain.axes[4]
+    direction = (turn @ rotation_from_vector(-angle[:, None] * chain.axes[5])) @ chain.axes[4]
     return direction, turn @ wrist.on_6_mm + moved[:, :3, 3] - wrist.offset_mm * direction
 
 
@@ -241,20 +250,13 @@ def _resultants(chain: Chain, wrist: OffsetWrist, direction: Float, at: Float) -
     return resultant(rest), resultant(-rest)
 
 
-def _polished(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
-    """Newton's steps on all six joints; the best of them and what it misses, m and 1."""
-    best, missing = q, np.full(len(q), np.inf)
-    for _ in range(STEPS):
-        here = forward_kinematics(chain, q)
-        miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, _small_turn(here, poses)], axis=1)
-        now = np.linalg.norm(miss, axis=1)
-        better = now < missing
-        best, missing = np.where(better[:, None], q, best), np.where(better, now, missing)
-        slope = jacobian(chain, q)
-        slope[:, :3] /= 1e3
-        square = np.swapaxes(slope, 1, 2) @ slope + 1e-14 * np.eye(6)
-        q = q + np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ miss[..., None])[..., 0]
-    return best, missing
+def _missing(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
+    """What postures (m, 6) miss of poses (m, 4, 4), m and 1 (m, 6), and its slopes (m, 6, 6)."""
+    here = forward_kinematics(chain, q)
+    miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, _small_turn(here, poses)], axis=1)
+    slope = jacobian(chain, q)
+    slope[:, :3] /= 1e3
+    return miss, slope
 
 
 def _small_turn(here: Float, there: Float) -> Float:
@@ -273,16 +275,3 @@ def _different(q: Float) -> Float:
 
 def _wrapped(angle: Float) -> Float:
     return np.pi - (np.pi - angle) % (2 * np.pi)
-
-
-def _rotation(axis: Float, angle: Float) -> Float:
-    """Rotations (m, 3, 3) about an axis (Rodrigues)."""
-    x = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    c, s = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
-    return np.asarray(np.eye(3) + s * x + (1 - c) * (x @ x))
-
-
-def _angle(axis: Float, start: Float, end: Float) -> Float:
-    """Angles (m,) about an axis that turn `start` (3,) to `end` (m, 3), as seen along it."""
-    across = np.cross(start, end) @ axis
-    return np.asarray(np.arctan2(across, end @ start - (end @ axis) * (start @ axis)))

@@ -12,7 +12,7 @@ from workbench.errors import InputError, PipelineError
 from workbench.geometry.splat import Camera
 from workbench.robot.cell import ON_BASE, Cell
 from workbench.robot.collision import Clearance, CollisionModel, external_at, turntable_pose
-from workbench.robot.drawing import COLOURS, CUBE, RED, Sheet, cell_triangles, is_huge, looking, png
+from workbench.robot.drawing import CUBE, RED, Sheet, cell_triangles, colour_of, is_huge, looking, png
 from workbench.robot.kinematics import Chain, forward_kinematics, joint_axes, motions
 from workbench.robot.read import read_cell
 from workbench.robot.wrist import arm_size_mm, spherical_wrist
@@ -22,8 +22,6 @@ from workbench.units import DEG, Float
 STEP = np.radians(2.0)  # of the joints that the reach is looked for with
 OFF_LIMIT = 1e-9  # rad
 SINGULAR = 0.01  # least of the singular values, that of a good posture being about 0.5
-LINKS = ("#e8a33d", "#d9922b")  # one link and the next
-FIXTURES = ("#a9bcae", "#b7aec4", "#c4b5a5", "#a5b8c4")
 AXES, GRID = ("#d55e00", "#009e73", "#0072b2"), "#a4adb8"  # x, y, z
 VIEWS: tuple[tuple[str, tuple[float, float, float], tuple[float, float, float]], ...] = (
     ("overview", (0.75, -1.0, 0.55), (0, 0, 1)),
@@ -161,8 +159,8 @@ def cell_picture(cell: Cell, joints: Float, turntable: Float | float) -> bytes:
     made = [(name, one) for name, one in cell_triangles(cell, joints, turntable) if not is_huge(one)]
     if not made:
         raise InputError(cell.source, "expected bodies to draw: neither the URDF nor the cell file gives any")
-    colours, frames = body_colours(cell, hit), cell_frames(cell, joints, turntable)
-    bodies = [(triangles, colours[name]) for name, triangles in made]
+    frames = cell_frames(cell, joints, turntable)
+    bodies = [(triangles, RED if name in hit else colour_of(cell, name)) for name, triangles in made]
     corners = np.concatenate(
         [*(one.reshape(-1, 3) for one, _ in bodies), *(one[None, :3, 3] for one in frames.values())]
     )
@@ -235,15 +233,6 @@ def _add_gaps(sheet: Sheet, gaps_mm: list[Float]) -> None:
         if sheet.shows(ends):
             sheet.line(ends, RED, 3.0)
             sheet.note(ends.mean(axis=0), BESIDE_PX, f"{np.linalg.norm(ends[1] - ends[0]):.1f} mm", RED)
-
-
-def body_colours(cell: Cell, hit: set[str]) -> dict[str, str]:
-    """The colour of each body by its name."""
-    names = dict.fromkeys(shape.body for shape in cell.shapes)
-    links = {shape.body: LINKS[shape.link % 2] for shape in cell.shapes if 0 <= shape.link <= 6}
-    others = [name for name in names if name not in links and name not in COLOURS]
-    own = {**links, **COLOURS, **{name: FIXTURES[i % len(FIXTURES)] for i, name in enumerate(others)}}
-    return {name: RED if name in hit else own[name] for name in names}
 
 
 def cell_frames(cell: Cell, joints: Float, turntable: Float | float) -> dict[str, Float]:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import ImageOps
 
 from workbench.robot.cell import Cell
-from workbench.robot.drawing import AROUND, COLOURS, CUBE, RED, ROBOT, Sheet, clearest, is_huge, looking, png
+from workbench.robot.drawing import AROUND, COLOURS, CUBE, RED, ROBOT, Sheet, clearest, colour_of, is_huge, looking, png
 from workbench.units import DEG, Float
 
 NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
@@ -43,8 +43,7 @@ def posture_picture(
         >>> posture_picture(made, bodies, np.array([[1500.0, 0.0, 800.0], [1600.0, 0.0, 800.0]]))[1:4]
         b'PNG'
     """
-    colours = _colours_of(cell, [body for body, _ in bodies])
-    shown = [(one, tint) for (_, one), tint in zip(bodies, colours, strict=True) if not is_huge(one)]
+    shown = [(one, colour_of(cell, body)) for body, one in bodies if not is_huge(one)]
     points = np.concatenate([path_mm, *(one.reshape(-1, 3) for one, _ in shown)])
     look = LOOK
     if close_up_mm is not None:
@@ -69,17 +68,7 @@ def posture_key(cell: Cell) -> list[tuple[str, str]]:
         ['robot', 'spindle']
     """
     bodies = {shape.body for shape in cell.shapes}
-    others = bodies - _robot(cell) - set(COLOURS) - {"envelope", "floor"}
+    others = {body for body in bodies if colour_of(cell, body) == AROUND} - {"envelope", "floor"}
     found = [(ROBOT, "robot"), *((COLOURS[body], name) for body, name in NAMES.items() if body in bodies)]
     found += [] if "workpiece" in bodies else [(COLOURS["workpiece"], "plate, from the path")]
     return [*found, *([(AROUND, ", ".join(sorted(others)))] if others else []), (RED, "path")]
-
-
-def _colours_of(cell: Cell, bodies: Sequence[str]) -> list[str]:
-    """The colour of each body."""
-    robot = _robot(cell)
-    return [COLOURS.get(body, ROBOT if body in robot else AROUND) for body in bodies]
-
-
-def _robot(cell: Cell) -> set[str]:
-    return {shape.body for shape in cell.shapes if 0 <= shape.link <= 6 and shape.body not in COLOURS}

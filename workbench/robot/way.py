@@ -23,7 +23,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
-from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, slerp
+from workbench.geometry.poses import (
+    inverse,
+    pose_from,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    slerp,
+)
 from workbench.kernels import kernel
 from workbench.robot.cell import Cell
 from workbench.robot.collision import base_from_targets
@@ -103,11 +110,7 @@ class Way:
 
 def _turned(arm: Float, turn: Float, share: Float) -> Float:
     """Vectors (n, 3) turned by a share of rotation vectors (n, 3)."""
-    angle = np.linalg.norm(turn, axis=1)
-    axis = turn / angle[:, None]
-    c, s = np.cos(angle * share)[:, None], np.sin(angle * share)[:, None]
-    along = np.einsum("ni,ni->n", axis, arm)[:, None]
-    return np.asarray(arm * c + np.cross(axis, arm) * s + axis * along * (1 - c))
+    return np.asarray((rotation_from_vector(share[:, None] * turn) @ arm[..., None])[..., 0])
 
 
 def _nowhere() -> Float:

@@ -21,7 +21,7 @@ shoulder from the wrist centre's distance along axis 2, elbow by the law of cosi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -291,9 +291,16 @@ def general_position(chain: Chain, centre_mm: Float, wanted_mm: Float) -> Float:
     (a, at_a), (b, at_b) = back.seen(h[1]), on.seen(h[1])
     alpha, beta = two_angles(a, back.radius, b, on.radius, at_b - at_a)
     alpha = np.where((back.radius < REACHED)[:, None] & np.isfinite(alpha), back.start[:, None], alpha)
-    q2 = _turn(h[1], on.at(beta), back.at(alpha))
+    q2 = turn_about(h[1], on.at(beta), back.at(alpha))
     q = np.stack([back.start[:, None] - alpha, q2, beta - on.start[:, None]], axis=-1)
-    return _polished(chain, centre_mm, wanted_mm, q, size)
+
+    def missing(here: Float) -> tuple[Float, Float]:
+        at, slope = _centre(chain, centre_mm, here, size)
+        return wanted_mm[:, None] / size - at, slope
+
+    best, least = newton(missing, np.nan_to_num(q), STEPS + 1)
+    there = np.isfinite(q).all(axis=-1) & (least < REACHED)
+    return np.where(there[..., None], best, np.nan)
 
 
 def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
@@ -304,7 +311,7 @@ def arm_size_mm(chain: Chain, centre_mm: Float) -> float:
 
 def moves_everywhere(chain: Chain, centre_mm: Float) -> bool:
     """Whether joints 1 to 3 can move the wrist's centre in all directions, in some posture."""
-    _, _, slope = _centre(chain, centre_mm, GENERIC, arm_size_mm(chain, centre_mm))
+    _, slope = _centre(chain, centre_mm, GENERIC, arm_size_mm(chain, centre_mm))
     return bool(np.abs(np.linalg.det(slope)).max() > 1e-9)
 
 
@@ -318,36 +325,40 @@ def _circle(points: Float, foot: Float, axis: Float) -> Circle:
     return Circle(foot, foot + (arm @ axis)[:, None] * axis, np.hypot(x, y), e, f, np.arctan2(y, x))
 
 
-def _turn(axis: Float, start: Float, end: Float) -> Float:
+def turn_about(axis: Float, start: Float, end: Float) -> Float:
     """Angles about `axis` that turn `start` to `end`, (..., 3)."""
     across = np.cross(start, end) @ axis
     return np.asarray(np.arctan2(across, (start * end).sum(axis=-1) - (start @ axis) * (end @ axis)))
 
 
-def _centre(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Float, Float, Float]:
-    """Six joint angles (..., 6), the wrist's centre (..., 3) there and its slopes (..., 3, 3), in units of `size`."""
+def _centre(chain: Chain, centre_mm: Float, q: Float, size: float) -> tuple[Float, Float]:
+    """The wrist's centre (..., 3) at angles (..., 3) and its slopes (..., 3, 3), in units of `size`."""
     six = np.concatenate([q, np.zeros_like(q)], axis=-1)
     moved = motions(chain, six)[..., 3, :, :]
     at = moved[..., :3, :3] @ centre_mm + moved[..., :3, 3]
     axes, points = joint_axes(chain, six)
     slope = np.cross(axes[..., :3, :], at[..., None, :] - points[..., :3, :])
-    return six, at / size, np.swapaxes(slope, -1, -2) / size
+    return at / size, np.swapaxes(slope, -1, -2) / size
 
 
-def _polished(chain: Chain, centre_mm: Float, wanted_mm: Float, q: Float, size: float) -> Float:
-    """Newton's steps from `q` (n, k, 3), damped where the arm is singular; what does not arrive is no branch."""
-    best, missing = np.nan_to_num(q), np.full(q.shape[:-1], np.inf)
-    here = best
-    for _ in range(STEPS + 1):
-        _, at, slope = _centre(chain, centre_mm, here, size)
-        miss = wanted_mm[:, None] / size - at
+def newton(missing: Callable[[Float], tuple[Float, Float]], start: Float, steps: int) -> tuple[Float, Float]:
+    """The best of Newton's steps from joint angles (..., j), damped where the arm is singular; and what it misses.
+
+    Args:
+        missing: what angles miss (..., k), and its slopes (..., k, j).
+        start: where the first begins.
+        steps: how many.
+    """
+    best, least, here = start, np.full(start.shape[:-1], np.inf), start
+    for _ in range(steps):
+        miss, slope = missing(here)
         now = np.linalg.norm(miss, axis=-1)
-        best = np.where((now < missing)[..., None], here, best)
-        missing = np.minimum(now, missing)
-        square = np.swapaxes(slope, -1, -2) @ slope + 1e-14 * np.eye(3)
-        here = here + np.linalg.solve(square, np.swapaxes(slope, -1, -2) @ miss[..., None])[..., 0]
-    there = np.isfinite(q).all(axis=-1) & (missing < REACHED)
-    return np.where(there[..., None], best, np.nan)
+        best = np.where((now < least)[..., None], here, best)
+        least = np.minimum(now, least)
+        back = np.swapaxes(slope, -1, -2)
+        square = back @ slope + 1e-14 * np.eye(here.shape[-1])
+        here = here + np.linalg.solve(square, back @ miss[..., None])[..., 0]
+    return best, least
 
 
 @kernel

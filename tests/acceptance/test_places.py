@@ -124,7 +124,9 @@ def test_nothing_but_the_place_of_the_results_may_be_written() -> None:
     command = ["unshare", "-m", "sh", "-c", READ_ONLY]
     known = {**os.environ, "ROOT": str(ROOT), "PYTHON": sys.executable}
     try:
-        tried = READ_ONLY.split("cd ")[0] + '"$PYTHON" -c pass'  # it is not there where this folder lies below /tmp
+        tried = (
+            READ_ONLY.split("cd ")[0] + '"$PYTHON" "$ROOT/scripts/ratchet.py"'
+        )  # it is not there where this folder lies below /tmp
         probe = subprocess.run(["unshare", "-m", "sh", "-c", tried], capture_output=True, env=known)
     except OSError:
         pytest.skip("no unshare here")

@@ -5,7 +5,7 @@ import pytest
 from scripts.site.commands import ROOT, blocks, follow, lay_out
 
 PAGES = sorted((ROOT / "docs/howto").glob("*.md"))
-HEAVY = {"calibrate", "plugin", "read_the_report"}  # an inspection with its pictures
+HEAVY = {"calibrate", "calibrate_tool", "plugin", "post_processor", "read_the_report"}  # whole pipelines
 EXAMPLES = (ROOT / "docs/examples/welding", ROOT / "workbench/program")
 QUOTED = {"python": "*.py", "toml": "pyproject.toml", "json": "*.json"}
 

@@ -3,11 +3,13 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 import workbench
+from scripts.ratchet import within
 
 PACKAGE = Path(workbench.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -84,31 +86,36 @@ def dotted(node: ast.AST) -> str:
     return ""
 
 
-def imported(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+@cache
+def nodes(text: str) -> list[ast.AST]:
+    return list(within(ast.parse(text)))
+
+
+def imported(text: str) -> Iterator[str]:
+    for node in nodes(text):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         if isinstance(node, ast.ImportFrom) and not node.level and node.module:
             yield node.module
 
 
-def done(tree: ast.AST) -> set[str]:
+def done(text: str) -> set[str]:
     """What a source imports or calls, by dotted names."""
-    return {*imported(tree), *(dotted(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call))}
+    return {*imported(text), *(dotted(node.func) for node in nodes(text) if isinstance(node, ast.Call))}
 
 
 def faults(text: str, name: str) -> list[str]:
     """What a source file does that it must not."""
-    tree, found = ast.parse(text), []
-    for module in imported(tree):
+    found = []
+    for module in imported(text):
         top = module.partition(".")[0]
         if top in FORBIDDEN_MODULES:
             found.append(f"imports {module}")
-    used = done(tree)
+    used = done(text)
     for what, allowed in MAY.items():
         if name not in allowed and any(one == what or one.startswith(f"{what}.") for one in used):
             found.append(f"uses {what}")
-    for node in ast.walk(tree):
+    for node in nodes(text):
         if not isinstance(node, ast.Call):
             continue
         call, words = dotted(node.func), {word.arg: word.value for word in node.keywords}
@@ -154,7 +161,7 @@ def test_this_test_finds_what_it_looks_for(text: str) -> None:
 
 def test_every_name_in_the_list_is_in_the_package_and_needed() -> None:
     """An exception that nobody uses any more would be an open door."""
-    used = {place(path): done(ast.parse(path.read_text(encoding="utf-8"))) for path in SOURCES}
+    used = {place(path): done(path.read_text(encoding="utf-8")) for path in SOURCES}
     for what, allowed in MAY.items():
         for name in allowed:
             assert any(one == what or one.startswith(f"{what}.") for one in used.get(name, ())), (what, name)

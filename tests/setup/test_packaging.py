@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from scripts.ratchet import within
 from workbench import __version__
 from workbench.extras import DISTRIBUTION, EXTRA_OF
 
@@ -51,11 +52,11 @@ def imported_packages():
     """First names of all absolute imports in workbench/, without the standard library and what types alone need."""
     found = set()
     for path in (ROOT / "workbench").rglob("*.py"):
-        tree = ast.parse(path.read_text())
-        ifs = [one for one in ast.walk(tree) if isinstance(one, ast.If)]
+        every = list(within(ast.parse(path.read_text())))
+        ifs = [one for one in every if isinstance(one, ast.If)]
         guarded = [one for one in ifs if getattr(one.test, "id", "") == "TYPE_CHECKING"]
-        for_types = {id(node) for one in guarded for branch in one.body for node in ast.walk(branch)}
-        for node in ast.walk(tree):
+        for_types = {id(node) for one in guarded for branch in one.body for node in within(branch)}
+        for node in every:
             if id(node) in for_types:
                 continue
             if isinstance(node, ast.Import):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -26,11 +26,11 @@ from workbench.program.urscript import UrScript
 from workbench.program.words import free_name, program_name
 from workbench.robot.cell import Cell
 from workbench.robot.collision import sliding
+from workbench.robot.makers import Make
 from workbench.robot.process import NO_PROCESS, not_seen
 from workbench.stage import stage
 from workbench.units import DEG, Bool, Float
 
-Controller = Literal["abb", "kuka", "fanuc", "ur", "yaskawa", "trajectory"]
 Name = Annotated[str, AfterValidator(free_name)]
 OTHERS: dict[str, Callable[[ProgramJob, Cell], Dialect]] = {
     "kuka": Krl,
@@ -47,7 +47,7 @@ def write(
     gate: PathGate,
     cell: RobotCell | None = None,
     *,
-    controller: Controller | None = None,
+    controller: Make | None = None,
     name: Annotated[str, AfterValidator(program_name)] = "BevelPath",
     procedure: Name = "MillBevel",
     tool_name: Name = "tMill",

@@ -14,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
+from workbench.robot.makers import Make
 from workbench.robot.wrist import Side, refuse_contradiction
 from workbench.units import Float
 
@@ -329,7 +330,7 @@ class LoadingPart(_Part):
 class ControllerPart(_Part):
     """The robot's controller."""
 
-    dialect: Literal["abb", "kuka", "fanuc", "ur", "yaskawa", "trajectory"] = Field(
+    dialect: Make = Field(
         description="whose language it reads: RAPID, KRL, FANUC's TP, URScript, INFORM, or joint angles over time"
     )
     level_joint_3: bool | None = Field(

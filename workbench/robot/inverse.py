@@ -19,7 +19,7 @@ import functools
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_vector
+from workbench.geometry.poses import rotation_from_vector, vector_from_rotation
 from workbench.kernels import kernel
 from workbench.robot.kinematics import Chain, forward_kinematics, jacobian
 from workbench.robot.wrist import (
@@ -253,16 +253,11 @@ def _resultants(chain: Chain, wrist: OffsetWrist, direction: Float, at: Float) -
 def _missing(chain: Chain, poses: Float, q: Float) -> tuple[Float, Float]:
     """What postures (m, 6) miss of poses (m, 4, 4), m and 1 (m, 6), and its slopes (m, 6, 6)."""
     here = forward_kinematics(chain, q)
-    miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, _small_turn(here, poses)], axis=1)
+    turn = vector_from_rotation(poses[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
+    miss = np.concatenate([(poses[:, :3, 3] - here[:, :3, 3]) / 1e3, turn], axis=1)
     slope = jacobian(chain, q)
     slope[:, :3] /= 1e3
     return miss, slope
-
-
-def _small_turn(here: Float, there: Float) -> Float:
-    """Rotation vectors (m, 3) from poses to near ones, to first order, in the base."""
-    r = there[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2)
-    return np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1) / 2
 
 
 def _different(q: Float) -> Float:

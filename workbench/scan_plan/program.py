@@ -16,10 +16,10 @@ from workbench.geometry.poses import quaternion_from_rotation, rotation_from_qua
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.words import program_name
-from workbench.program.write import Controller
 from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_key, posture_picture, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
+from workbench.robot.makers import Make
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
@@ -48,7 +48,7 @@ def program(
     plan: ScanPlan,
     cell: RobotCell | None = None,
     *,
-    controller: Controller | None = None,
+    controller: Make | None = None,
     name: Annotated[str, AfterValidator(program_name)] = "ScanEdge",
     trigger_signal: Signal = "doScan",
     ready_signal: Signal | None = "diScanReady",

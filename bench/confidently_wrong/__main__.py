@@ -73,7 +73,7 @@ class NoClock:
 def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
     """The class of an inspection."""
     try:
-        inspection = passing(recording, truth, kind.as_cloud)
+        inspection = passing(recording, truth, kind)
     except WorkbenchError as error:
         return _refused(str(error), kind)
     except Exception:
@@ -87,21 +87,21 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
         places.append(truth.arc_length_mm_at(np.array([s.origin_mm for s in told])))
     wrong = min((_wrong(told, truth, at) for at in places), default=0)
     if wrong > 2:
-        return CONDITION if inspection.conditions else _wrong_class(kind, inspection.checks)
+        return CONDITION if inspection.verdict != "pass" else _wrong_class(kind, inspection.checks)
     vague = [s for s in told if s.root_u_mm > HONEST_MM or s.bevel_u_deg > HONEST_DEG]
     return "honest" if len(told) - len(vague) < count / 2 else "right"
 
 
-def passing(recording: Recording, truth: Truth, as_cloud: bool) -> Inspection:
+def passing(recording: Recording, truth: Truth, kind: Kind) -> Inspection:
     """The inspection by a user whose drawing says the true sizes, to 0.5 mm and 5 deg, and allows much."""
     root, bevel = float(truth.root_mm.mean()), float(truth.bevel_deg.mean())
     near = {"root_nominal_mm": max(0.5, round(root * 2) / 2), "bevel_nominal_deg": round(bevel / 5) * 5.0}
     cloud = denoise(fuse(recording))
-    if as_cloud:
+    if kind.as_cloud:
         points = cloud.placed(*np.nonzero(cloud.keep))
         edge: Any = segment_cloud(PointSet(points, recording.source), **near)[1]
     else:
-        edge = segment(cloud, **near)
+        edge = segment(cloud, **near, thickness_mm=float(truth.thickness_mm.mean()) if kind.thickness else None)
     limits = {"root_tolerance_mm": (-WIDE_MM, WIDE_MM), "bevel_tolerance_deg": (-WIDE_DEG, WIDE_DEG)}
     return sections(edge, root_nominal_mm=root, bevel_nominal_deg=bevel, **limits)
 

@@ -57,6 +57,7 @@ class Kind(NamedTuple):
     unseen: Literal["", "sensor", "flange", "travel", "window", "order", "clock", "end", "digits", "poses"] = ""
     lost: Lost | None = None  # what else is lost
     as_cloud: bool = False  # inspected as a cloud without a grid
+    thickness: bool = False  # the plate's is declared
 
 
 ORIENTATION = ("orientation", "quaternion", "Euler", "hand-eye")
@@ -468,6 +469,8 @@ KINDS: dict[str, Kind] = {
     "nothing, as a cloud": Kind(_same, (), as_cloud=True),
     "0.1 mm of the end dark": Kind(_same, BLIND, "end", Lost(0.1, only_face=True)),
     "0.3 mm of the end dark": Kind(_same, BLIND, "end", Lost(0.3, only_face=True)),
+    "nothing, thickness declared": Kind(_same, (), thickness=True),
+    "0.3 mm of the end dark, thickness declared": Kind(_same, BLIND, "end", Lost(0.3, only_face=True), thickness=True),
     "0.3 mm cut off a cloud": Kind(_same, BLIND, "end", Lost(0.3, only_face=False), as_cloud=True),
     "quaternions x y z w": Kind(_quaternion(lambda q: q[:, [1, 2, 3, 0]]), ORIENTATION, "flange"),
     "quaternions z y x w": Kind(_quaternion(lambda q: q[:, [3, 2, 1, 0]]), ORIENTATION, "flange"),

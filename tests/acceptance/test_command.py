@@ -132,6 +132,7 @@ def test_every_input_of_the_contract_is_there(command: Run) -> None:
         "recording": 0,
         "hand_eye": None,
         "upper_side": None,
+        "thickness_mm": None,
         "root_nominal_mm": 1.5,
         "root_tolerance_mm": [-0.5, 0.5],
         "bevel_nominal_deg": 40,

@@ -125,6 +125,26 @@ def test_what_returns_right_behind_an_end_shows_it_and_a_cropped_cloud_hides_tha
         assert [one.name for one in found.conditions] == ([] if shown else ["window_end"])
 
 
+@pytest.mark.parametrize(("dark_mm", "off_mm"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)])
+def test_a_thickness_says_whether_the_root_face_goes_on(dark_mm: float, off_mm: float) -> None:
+    """A stripe along the lower end that returns nothing, and a thickness that is another plate's."""
+    part = simulate(5104, is_raw=False, cell=Sharp())
+    cloud = denoise(fuse(part.recording))
+    frame, column = np.nonzero(cloud.keep)
+    up = (cloud.placed(frame, column) - part.base_from_section[:3, 3]) @ part.base_from_section[:3, 1]
+    z_mm = part.recording.z_mm.copy()
+    z_mm[frame[up < dark_mm], column[up < dark_mm]] = np.nan
+    given = nominal(part.section.root_mm, part.section.bevel / DEG)
+    given = {name: given[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
+    thickness_mm = part.section.thickness_mm + off_mm
+    edge = segment(denoise(fuse(replace(part.recording, z_mm=z_mm))), **given, thickness_mm=thickness_mm)
+    told = [one for one in edge.unseen if one.name in ("thickness", "lost_columns", "shadow", "window_end")]
+    if dark_mm == off_mm:
+        assert told == []
+    else:
+        assert [(one.name, one.is_doubt, round(one.root_mm or 0.0, 1)) for one in told] == [("thickness", True, 0.3)]
+
+
 def test_a_window_that_ends_the_end_face_of_a_raw_edge_is_told() -> None:
     part = simulate(2, is_raw=True)
     scan = part.recording

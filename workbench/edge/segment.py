@@ -48,7 +48,7 @@ from workbench.edge.rim import (
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
 from workbench.edge.steps import burr_stations, waves_u
-from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_window, unseen_of
+from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
@@ -86,6 +86,7 @@ def segment(
     end_u_mm: EndU = 0.0,
     upper_side: tuple[float, float, float] | None = None,
     edge_condition: EdgeCondition = "unknown",
+    thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
     sensor: InputFile | None = None,
     sensor_dcc: InputFile | None = None,
     thermometer_dcc: InputFile | None = None,
@@ -103,6 +104,8 @@ def segment(
             where root face and bevel face are about as wide, and neither surface is in view.
         edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
             view does not show of a rounding or a chamfer is in value and u by this prior.
+        thickness_mm: the plate's, as measured beside the edge to 0.02 mm. With the upper surface in view it says
+            whether the root face goes on below its last returns; null: nothing does.
         sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
         sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u; warnings name what
             else it holds.
@@ -144,7 +147,8 @@ def segment(
     doubts += [BY_TABLE] if shown.lies_on else []
     doubts += by_window(cloud, tracked)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
-    edge = replace(edge, unseen=(*doubts, *unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")))
+    doubts += unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")
+    edge = replace(edge, unseen=by_thickness(cloud, tracked, edge, doubts, thickness_mm))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 

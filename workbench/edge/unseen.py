@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Check, Cloud, MilledEdge, Quantity, Unseen
+from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge, Quantity, Unseen
 from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import is_free_end
@@ -21,7 +21,8 @@ CLOCK_S = 0.01  # a period of a fast pose stream
 LAYER_MM = 0.05  # a coat of shop primer
 CUT_AWAY_MM = 0.1
 NEXT_COLUMNS = 2  # within these of its last return, something behind the face leaves no stripe of it unseen
-MOST_FRAMES = 200  # that are looked at
+MOST_FRAMES, LEAST_FRAMES = 200, 20  # that are looked at; that tell a thickness
+DISAGREES = 3.0  # standard uncertainties
 
 BY_NOMINAL = Unseen(
     "told_by_nominal",
@@ -43,6 +44,8 @@ BY_WINDOW = Unseen(
     is_doubt=True,
 )
 
+THICKNESS_U_MM = 0.02  # of a plate's thickness by a micrometer, here and there along the edge
+BY_THICKNESS = {BY_WINDOW.name, "lost_columns", "shadow"}  # what the plate's thickness settles
 COMPOUND = Unseen(
     "compound",
     "That the face beside the root face is the bevel that is meant: beyond it a further face follows, which "
@@ -108,6 +111,32 @@ def unseen_of(cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, *, is_sharp
             0.0,
         ),
     )
+
+
+def by_thickness(
+    cloud: Cloud, tracked: TrackedFaces, edge: MilledEdge, unseen: Sequence[Unseen], thickness_mm: float | None
+) -> tuple[Unseen, ...]:
+    """What is left of it where the plate's thickness is known: nothing of the end, or the doubt that this contradicts.
+
+    The upper surface, in view, stands by the thickness above the lower edge wherever that was measured to be.
+    """
+    upper = tracked.faces[UPPER_SURFACE]
+    rows = np.flatnonzero(tracked.seen & np.isfinite(edge.frame_arc_length_mm) & (upper.count > 2))
+    if thickness_mm is None or rows.size < LEAST_FRAMES:
+        return tuple(unseen)
+    rows = rows[:: max(1, rows.size // MOST_FRAMES)]
+    station = np.abs(edge.frame_arc_length_mm[rows, None] - edge.arc_length_mm[None]).argmin(axis=1)
+    pose = cloud.base_from_profiler[rows, :3]
+    out = np.cross(edge.tangent[station], pose[:, :, 0] + (upper.sxz / upper.sxx)[rows, None] * pose[:, :, 2])
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    place = pose[:, :, 3] + upper.x_mean[rows, None] * pose[:, :, 0] + upper.z_mean[rows, None] * pose[:, :, 2]
+    found = float(np.nanmedian(np.abs(((place - edge.position_mm[station]) * out).sum(axis=1))))
+    left = tuple(one for one in unseen if one.name not in BY_THICKNESS)
+    if not abs(found - thickness_mm) > DISAGREES * math.hypot(float(np.nanmedian(edge.root.u)), THICKNESS_U_MM):
+        return left
+    told = f"That the root face ends where its returns do: the plate is {thickness_mm:g} mm thick, and that end lies "
+    told += f"{found:.3f} mm below its upper surface."
+    return (Unseen("thickness", told, abs(found - thickness_mm), 0.0, is_doubt=True), *left)
 
 
 def ends_in_nothing(z_mm: AnyArray, outwards: Int) -> bool:

@@ -30,6 +30,7 @@ Condition = Literal[
     "told_by_nominal",
     "lies_on",
     "window_end",
+    "thickness",
     "compound",
     "lost_columns",
     "shadow",

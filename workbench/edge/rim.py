@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import scipy.special
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
@@ -47,16 +48,14 @@ PRIORS: dict[EdgeCondition, EdgePrior] = {
     "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
 }
 SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
-# Greatest angle of incidence at which a return is kept: below 60 deg where the camera looks away from the lobe.
+# Greatest angles of incidence at which a return is kept, alike likely: low where the camera looks away from the lobe.
 INCIDENCES = np.radians(np.arange(44.0, 89.0, 6.0))
-INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
-QUARTER, FLAT = 0.15, 0.05  # of a depth: a rounding need be no quarter circle, a chamfer not flat
-# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on: columns by
+QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
+# A pixel sees a point or so many columns of the line, and returns from such a fill on, all alike likely: columns by
 # which its middle then lies beyond the end, and half of what it sees. A sensor that needed much more than half of a
 # pixel's light would lose columns all over a face, by speckle.
 FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
 PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
-PIXEL_PRIOR = np.append(1.0, np.full(FOOTPRINTS.size * FILLS.size, 1.0 / FILLS.size)) / (1.0 + FOOTPRINTS.size)
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
@@ -181,7 +180,7 @@ def _corner_log(templates: EndTemplates, corner: LowerFillet) -> Float:
     with np.errstate(divide="ignore"):
         depth = size * np.where(round_, 1.0 - math.cos(corner.half_turn), ahead / (ahead + np.sin(turn)))
     sharp_u = corner.depth_u_mm + DEPTH_U_MM
-    u = np.hypot(sharp_u**2 / (sharp_u + depth), np.where(round_, QUARTER, FLAT) * depth)  # returns lie on the arc, too
+    u = np.hypot(sharp_u**2 / (sharp_u + depth), QUARTER * depth)  # returns lie on the arc, too
     return np.asarray(-0.5 * ((corner.depth_mm - depth) / u) ** 2 - np.log(u))
 
 
@@ -200,9 +199,17 @@ def weights(s: Float, u_mm: Float) -> Float:
 
 
 def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
-    """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates."""
-    mean = float(share @ seen.beyond)
-    return mean, math.sqrt(float(share @ ((seen.beyond - mean) ** 2 + seen.beyond_u**2)))
+    """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates.
+
+    A sharp end, and roundings from small to large: no normal distribution. Told are the middle of the shortest coverage
+    interval (JCGM 101:2008, 5.3.4), and half of it over that of the normal distribution.
+    """
+    place = (seen.beyond[:, None] + np.outer(seen.beyond_u, DEVIATES)).ravel()
+    order = np.argsort(place)
+    total = np.cumsum(np.repeat(share, DEVIATES.size)[order]) / DEVIATES.size
+    ends = np.interp(COVERED, total, place[order])
+    low, high = ends[:, np.diff(ends, axis=0).argmin()]
+    return 0.5 * float(low + high), float(high - low) / NORMAL
 
 
 def whole_end(frames: int) -> BrokenEnd:
@@ -252,6 +259,9 @@ class EndTemplates(NamedTuple):
         return EndTemplates(*(np.concatenate(column) for column in zip(*out, strict=True)))
 
 
+# Limits of intervals that hold 95 %, and how wide a normal one is; deviates, each the middle of one part in 40 of it.
+COVERED, NORMAL = np.linspace([0.0, 0.95], [0.05, 1.0], 51).T, 3.92
+DEVIATES = scipy.special.ndtri(np.arange(0.0125, 1.0, 0.025))
 RARE_MM, ALIKE_MM, CELL_MM = 0.15, 0.003, 4.0  # breaks beyond this are the rarer, the larger
 
 
@@ -364,14 +374,12 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
     under, onward = incidence > 0.5 * math.pi + view.inclination, onwards[further] * view.step_mm
     hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
-    fall_u = np.where(turn > 0.0, FLAT, QUARTER)[:, None] * fall
+    fall_u = QUARTER * fall
     fall -= raised
-    log = np.empty(size.size)
+    log, score = np.empty((2, size.size))
     order = np.lexsort((phase, incidence, pixel, size))
-    score = np.empty(size.size)
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u[order], score)
     log[order] = score
-    log += np.log(PIXEL_PRIOR)[pixel] + np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
     beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm

@@ -119,15 +119,19 @@ def looking(
     return Camera(screen, screen.T @ middle, scale, *size_px)
 
 
-def clearest(bodies: Sequence[Float], lines_mm: Sequence[Float]) -> Sequence[float]:
-    """Direction to the viewer in which bodies (t, 3, 3) hide least of lines (n, 3), by length on screen."""
-    start, end = (np.concatenate([one[which] for one in lines_mm]) for which in (slice(-1), slice(1, None)))
+def clearest(bodies: Sequence[Float], path_mm: Float, fan_mm: Float) -> Sequence[float]:
+    """Direction to the viewer in which bodies (t, 3, 3) hide least of a path (n, 3) and a fan of rays (r, p, 3).
+
+    Times the path's length on screen, and the fan's area.
+    """
     towards = LOOKS / np.linalg.norm(LOOKS, axis=1)[:, None]
-    begin = (start + end)[:, None] / 2 + towards  # a millimetre off
+    begin = np.concatenate([path_mm, *fan_mm])[:, None] + towards  # a millimetre off
     rays = np.concatenate([begin, np.broadcast_to(towards, begin.shape)], axis=-1)
-    free = np.isinf(_met(bodies, start[0], rays)["t_hit"].numpy())
-    length = np.linalg.norm(np.cross((end - start)[:, None], towards), axis=-1)
-    best: list[float] = towards[(free * length).sum(axis=0).argmax()].tolist()
+    free = np.isinf(_met(bodies, path_mm[0], rays)["t_hit"].numpy())
+    seen = free.mean(axis=0) * np.linalg.norm(np.cross(path_mm[-1] - path_mm[0], towards), axis=1)
+    if len(fan_mm):
+        seen *= np.abs(towards @ np.cross(*(fan_mm[[0, -1], -1] - fan_mm[0, 0])))
+    best: list[float] = towards[seen.argmax()].tolist()
     return best
 
 

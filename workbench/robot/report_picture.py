@@ -14,6 +14,7 @@ from workbench.units import DEG, Float
 NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
 ELEVATION, AZIMUTH = 22.0 * DEG, -60.0 * DEG  # from where the cell is looked at
 LOOK: Sequence[float] = (np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION))
+NO_FAN = np.empty((0, 2, 3))
 SIZE_PX, LINE_PX, PALE = (690, 630), 4.0, 5
 
 
@@ -22,18 +23,18 @@ def posture_picture(
     bodies: Sequence[tuple[str, Float]],
     path_mm: Float,
     close_up_mm: float | None = None,
-    rays_mm: Sequence[Float] = (),
+    fan_mm: Float = NO_FAN,
 ) -> bytes:
     """A PNG of bodies (name, triangles of `cell_triangles`), cut to what it shows; lines are drawn through all.
 
-    What is huge is left out. A close-up is seen from where bodies hide least of the lines.
+    What is huge is left out. A close-up is seen from where bodies hide least of these lines.
 
     Args:
         cell: whose bodies they are; `workpiece` may also be a plate that it does not hold.
         bodies: as they stand in one posture, mm, in the base.
         path_mm: (n, 3) in the base.
         close_up_mm: width of the surroundings of the path's middle that are shown; None: everything.
-        rays_mm: further lines, each (n, 3) in the base: a laser's rays.
+        fan_mm: (r, p, 3) rays of a laser, in the base.
 
     Example:
         >>> import numpy as np
@@ -50,9 +51,9 @@ def posture_picture(
         middle = (path_mm.min(axis=0) + path_mm.max(axis=0)) / 2
         near = [np.abs(one - middle).max(axis=2).min(axis=1) < 0.75 * close_up_mm for one, _ in shown]
         shown = [(one[which], tint) for (one, tint), which in zip(shown, near, strict=True)]
-        points, look = middle + close_up_mm / 2 * CUBE, clearest([one for one, _ in shown], [path_mm, *rays_mm])
+        points, look = middle + close_up_mm / 2 * CUBE, clearest([one for one, _ in shown], path_mm, fan_mm)
     sheet = Sheet(looking(look, (0, 0, 1), points, SIZE_PX), shown)
-    for ray in rays_mm:
+    for ray in fan_mm:
         sheet.line(ray, RED, 0.25 * LINE_PX)
     sheet.line(path_mm, RED, LINE_PX)
     picture = sheet.smaller()

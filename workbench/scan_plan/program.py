@@ -27,7 +27,7 @@ from workbench.units import DEG, Float
 
 TOLERANCE_MM = 0.1  # by which the laser's middle may leave the planned pass
 NEAR_MM = 400.0  # about the edge, in a close picture
-RAYS, PIECES = 7, 25  # of the laser, in a picture, and of each ray
+RAYS = 7  # of the laser in a picture, and points on each
 RENAMED = {"spindle": "scanner", "path": "laser, and its way along the lower edge"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
 LOGGED = {  # where a recording's poses come from, by controller; each with its time
@@ -136,19 +136,18 @@ def _robot_html(plan: ScanPlan, cell: Cell, one: ScanPass, postures: Postures | 
     for name, k, wide in (("middle", len(postures.joints) // 2, None), ("first", 0, NEAR_MM), ("last", -1, NEAR_MM)):
         bodies = cell_triangles(cell, postures.joints[k], postures.turntable[k])
         near = "" if wide is None else ", near the edge"
-        picture = posture_picture(cell, bodies, postures.position_mm, wide, _rays_mm(plan, one, postures, k))
+        picture = posture_picture(cell, bodies, postures.position_mm, wide, _fan_mm(plan, one, postures, k))
         drawn.append((picture, f"Robot and scanner at the {name} station{near}"))
     key = [(colour, RENAMED.get(name, name)) for colour, name in posture_key(cell)]
     return pieces.panels_html(drawn) + pieces.key_html(key)
 
 
-def _rays_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> list[Float]:
-    """Rays (n, 3) of the laser at a station, across its line."""
-    half = np.array([0.5 * plan.profiler.line_mm(one.view.standoff_mm), 0.0, 0.0])
-    line = np.linspace(-half, half, RAYS)
-    turn = rotation_from_quaternion(postures.quaternion_wxyz[k])
-    eye = np.array([0.0, 0.0, -one.view.standoff_mm])
-    return [np.linspace(eye, end, PIECES) @ turn.T + postures.position_mm[k] for end in line]
+def _fan_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> Float:
+    """Rays (r, n, 3) of the laser at a station, across its line."""
+    half = 0.5 * plan.profiler.line_mm(one.view.standoff_mm)
+    ends = np.linspace([-half, 0.0, 0.0], [half, 0.0, 0.0], RAYS)
+    rays = np.linspace([0.0, 0.0, -one.view.standoff_mm], ends, RAYS, axis=1)
+    return np.asarray(rays @ rotation_from_quaternion(postures.quaternion_wxyz[k]).T + postures.position_mm[k])
 
 
 def _joined(gates: list[PathGate]) -> Gate:

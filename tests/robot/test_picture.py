@@ -138,6 +138,6 @@ def test_a_close_up_looks_past_what_hides_the_lines() -> None:
     y, z = np.array([[-1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]]), np.array([[-1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]])
     wall = np.stack([np.full((2, 3), 50.0), 500.0 * y, 500.0 * z], axis=2)
     line = np.array([[40.0, -100.0, 0.0], [40.0, 100.0, 0.0]])
-    towards = clearest([wall], line, np.empty((0, 2, 3)))
+    towards = clearest([wall], line, [])
     assert towards[0] <= 0.0  # away from the wall
     assert abs(towards[1]) < 0.1  # across the line

@@ -23,7 +23,7 @@ def candidates(rng: np.random.Generator) -> list[Candidate]:
         for pitch in (0.2, 0.8):
             view = View(elevation * DEG, 150.0, pitch)
             sees, seconds = rng.random(6) < 0.75, 15.0 + 100.0 / pitch * rng.uniform(0.8, 1.2)
-            out.append(Candidate(view, sees, seconds))
+            out.append(Candidate(view, False, sees, seconds))
     return out
 
 

@@ -119,8 +119,8 @@ def looking(
     return Camera(screen, screen.T @ middle, scale, *size_px)
 
 
-def clearest(bodies: Sequence[Float], path_mm: Float, fan_mm: Float) -> Sequence[float]:
-    """Direction to the viewer in which bodies (t, 3, 3) hide least of a path (n, 3) and a fan of rays (r, p, 3).
+def clearest(bodies: Sequence[Float], path_mm: Float, fan_mm: Sequence[Float]) -> Sequence[float]:
+    """Direction to the viewer in which bodies (t, 3, 3) hide least of a path (n, 3) and a fan of rays (n, 3).
 
     Times the path's length on screen, and the fan's area.
     """
@@ -129,8 +129,8 @@ def clearest(bodies: Sequence[Float], path_mm: Float, fan_mm: Float) -> Sequence
     rays = np.concatenate([begin, np.broadcast_to(towards, begin.shape)], axis=-1)
     free = np.isinf(_met(bodies, path_mm[0], rays)["t_hit"].numpy())
     seen = free.mean(axis=0) * np.linalg.norm(np.cross(path_mm[-1] - path_mm[0], towards), axis=1)
-    if len(fan_mm):
-        seen *= np.abs(towards @ np.cross(*(fan_mm[[0, -1], -1] - fan_mm[0, 0])))
+    if fan_mm:
+        seen *= np.abs(towards @ np.cross(*(ray[-1] - ray[0] for ray in (fan_mm[0], fan_mm[-1]))))
     best: list[float] = towards[seen.argmax()].tolist()
     return best
 

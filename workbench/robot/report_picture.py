@@ -14,7 +14,6 @@ from workbench.units import DEG, Float
 NAMES = {"tool": "spindle", "cutter": "cutter", "turntable": "turntable", "workpiece": "plate and fixture"}
 ELEVATION, AZIMUTH = 22.0 * DEG, -60.0 * DEG  # from where the cell is looked at
 LOOK: Sequence[float] = (np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION))
-NO_FAN = np.empty((0, 2, 3))
 SIZE_PX, LINE_PX, PALE = (690, 630), 4.0, 5
 
 
@@ -23,7 +22,7 @@ def posture_picture(
     bodies: Sequence[tuple[str, Float]],
     path_mm: Float,
     close_up_mm: float | None = None,
-    fan_mm: Float = NO_FAN,
+    fan_mm: Sequence[Float] = (),
 ) -> bytes:
     """A PNG of bodies (name, triangles of `cell_triangles`), cut to what it shows; lines are drawn through all.
 
@@ -34,7 +33,7 @@ def posture_picture(
         bodies: as they stand in one posture, mm, in the base.
         path_mm: (n, 3) in the base.
         close_up_mm: width of the surroundings of the path's middle that are shown; None: everything.
-        fan_mm: (r, p, 3) rays of a laser, in the base.
+        fan_mm: rays (n, 3) of a laser, in the base.
 
     Example:
         >>> import numpy as np

@@ -6,10 +6,10 @@ import dataclasses
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -423,7 +423,6 @@ class _Looked(NamedTuple):
 
     table: float  # rad
     candidates: list[Candidate]
-    turned: list[bool]
     refused: dict[View, str]  # views that see the joint, and cannot be had
     shadows: list[tuple[View, list[str]]]  # what stands in the way at each station
     on_base: frozenset[str]  # bodies that do not turn with the table
@@ -436,7 +435,7 @@ class _Looked(NamedTuple):
 
 def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
     """Which views the cell allows. Leads only where none without serves."""
-    found = _Looked(table, [], [], {}, [], frozenset() if examiner is None else examiner.on_base)
+    found = _Looked(table, [], {}, [], frozenset() if examiner is None else examiner.on_base)
     at = task.edge.at(task.stations)
     for lead in LEADS_DEG:
         for elevation in task.elevations:
@@ -462,8 +461,8 @@ def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
                 continue
             for pitch in dict.fromkeys(min(one, fastest / task.frame_rate_hz) for one in task.pitches_mm):
                 one = view._replace(frame_pitch_mm=pitch)
-                found.candidates.append(Candidate(one, sees, _seconds(task, one)))
-                found.turned.append(turned)
+                seconds = (task.edge.length_mm + 2.0 * OVERRUN_MM) / (pitch * task.frame_rate_hz) + PASS_S
+                found.candidates.append(Candidate(one, turned, sees, seconds))
         if found.candidates and np.any([one.sees for one in found.candidates], axis=0).all():
             break
     return found
@@ -473,14 +472,6 @@ def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
     """Corners of the section at each station, in the base."""
     n, m = joint.section_mm.T
     return np.asarray(at.position_mm[:, None] + n[:, None] * at.normal[:, None] + m[:, None] * at.across[:, None])
-
-
-def _speed(task: Task, view: View) -> float:
-    return view.frame_pitch_mm * task.frame_rate_hz
-
-
-def _seconds(task: Task, view: View) -> float:
-    return (task.edge.length_mm + 2.0 * OVERRUN_MM) / _speed(task, view) + PASS_S
 
 
 def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
@@ -520,12 +511,12 @@ def _along_nominal(task: Task, passes: tuple[ScanPass, ...], share: float) -> Pl
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
     candidate = looked.candidates[k]
-    view, sees = candidate.view, candidate.sees
+    view, sees, speed = candidate.view, candidate.sees, candidate.view.frame_pitch_mm * task.frame_rate_hz
     seen = task.stations[sees]
     ends = max(seen[0] - STATION_MM, 0.0) - OVERRUN_MM, min(seen[-1] + STATION_MM, task.edge.length_mm) + OVERRUN_MM
     at = task.edge.at(np.linspace(*ends, max(3, round(ends[1] - ends[0]) + 1)))
-    poses = view_poses(at, task.joint, task.profiler, view, looked.turned[k], task.edge.length_mm)
-    return ScanPass(view, at, poses, sees, _speed(task, view), drift_mm(task.profiler, view), candidate.seconds)
+    poses = view_poses(at, task.joint, task.profiler, view, candidate.turned, task.edge.length_mm)
+    return ScanPass(view, at, poses, sees, speed, drift_mm(task.profiler, view), candidate.seconds)
 
 
 def _binds(task: Task, looked: _Looked, made: ScanPlan) -> Iterator[str]:
@@ -576,25 +567,23 @@ def _help(task: Task, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
     found = search.best(more)[1]
     if found < now and found.excess < 0.9 * now.excess:
         yield _better(f"{more} passes", now.excess, found.excess)
-    profiler, known = task.profiler, task.known
+    profiler, known, anew = task.profiler, task.known, {"learned": list[Learned]()}
     exact = profiler.linearity._replace(rms_mm=0.0)
-    sensors = {
-        "a sensor of half the noise": dataclasses.replace(profiler, noise_mm=HALF * profiler.noise_mm),
-        "a sensor of twice as many columns": dataclasses.replace(profiler, columns=2 * profiler.columns),
-        "a sensor without error of linearity": dataclasses.replace(profiler, linearity=exact),
+    # What the rehearsal found more than the search lies in the rounding or in the waves: with others it is open again.
+    changes: dict[str, dict[str, Any]] = {
+        "a sensor of half the noise": {"profiler": dataclasses.replace(profiler, noise_mm=HALF * profiler.noise_mm)},
+        "a sensor of twice as many columns": {"profiler": dataclasses.replace(profiler, columns=2 * profiler.columns)},
+        "a sensor without error of linearity": {"profiler": dataclasses.replace(profiler, linearity=exact)},
+        "a robot without position noise": {"known": known._replace(robot_noise_mm=0.0)},
+        "a hand-eye pose without error of rotation": {"known": known._replace(hand_eye_turn=0.0)},
+        "knowing that the edge is sharp (edge_condition)": {"known": known._replace(edge_condition="sharp"), **anew},
+        f"a smooth root face, not {known.roughness_mm:.2g} mm rough": {
+            "known": known._replace(roughness_mm=0.0),
+            **anew,
+        },
     }
-    robots = {
-        "a robot without position noise": known._replace(robot_noise_mm=0.0),
-        "a hand-eye pose without error of rotation": known._replace(hand_eye_turn=0.0),
-    }
-    parts = {  # what the rehearsal found more than the search lies in the rounding or in the waves
-        "knowing that the edge is sharp (edge_condition)": known._replace(edge_condition="sharp"),
-        f"a smooth root face, not {known.roughness_mm:.2g} mm rough": known._replace(roughness_mm=0.0),
-    }
-    others = {what: dataclasses.replace(search, profiler=one) for what, one in sensors.items()}
-    others |= {what: dataclasses.replace(search, known=one) for what, one in robots.items()}
-    others |= {what: dataclasses.replace(search, known=one, learned=[]) for what, one in parts.items()}
-    for what, other in others.items():
+    for what, change in changes.items():
+        other = dataclasses.replace(search, **change)
         after = other.reach(chosen, search.visible).excess
         if (other.known, other.profiler) != (known, profiler) and after < 0.9 * now.excess:
             yield _better(what, now.excess, after)
@@ -661,7 +650,7 @@ def courses(made: ScanPlan, *, z_away: bool = True) -> PlannedScan:
     return _followed(made.profiler, made.passes, z_away, plan_id(written(made, z_away=z_away)))
 
 
-def _followed(profiler: Profiler, passes: Iterable[ScanPass], z_away: bool, name: str) -> PlannedScan:
+def _followed(profiler: Profiler, passes: Sequence[ScanPass], z_away: bool, name: str) -> PlannedScan:
     standoff = profiler.middle_mm
     known = profiler.triangulation > 0.0 and profiler.camera_side.endswith("y")
     side = -1.0 if profiler.camera_side.startswith("-") else 1.0

@@ -142,12 +142,12 @@ def _robot_html(plan: ScanPlan, cell: Cell, one: ScanPass, postures: Postures | 
     return pieces.panels_html(drawn) + pieces.key_html(key)
 
 
-def _fan_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> Float:
-    """Rays (r, n, 3) of the laser at a station, across its line."""
+def _fan_mm(plan: ScanPlan, one: ScanPass, postures: Postures, k: int) -> list[Float]:
+    """Rays (n, 3) of the laser at a station, across its line."""
     half = 0.5 * plan.profiler.line_mm(one.view.standoff_mm)
     ends = np.linspace([-half, 0.0, 0.0], [half, 0.0, 0.0], RAYS)
     rays = np.linspace([0.0, 0.0, -one.view.standoff_mm], ends, RAYS, axis=1)
-    return np.asarray(rays @ rotation_from_quaternion(postures.quaternion_wxyz[k]).T + postures.position_mm[k])
+    return list(rays @ rotation_from_quaternion(postures.quaternion_wxyz[k]).T + postures.position_mm[k])
 
 
 def _joined(gates: list[PathGate]) -> Gate:

@@ -34,6 +34,7 @@ class Candidate:
     """A pass that could be driven."""
 
     view: View
+    turned: bool  # by half a turn about the rays
     sees: Shaped[Bool, " k"]  # stations
     seconds: float
 

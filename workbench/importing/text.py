@@ -504,11 +504,8 @@ def _refuse(body: bytes, part: TextPart, used: list[int], count: int, where: str
         for i in used:
             text = row[i].strip()
             if text not in NO_VALUE and not _reads(text, part.decimal):
-                shown = repr(text if len(text) <= 30 else text[:27] + "...")
-                raise InputError(
-                    f"{where}: line {number}, cell {i + 1}",
-                    f"expected a number with decimal mark '{part.decimal}', found {shown}",
-                )
+                what = f"expected a number with decimal mark '{part.decimal}', found {_shown(text)}"
+                raise InputError(f"{where}: line {number}, cell {i + 1}", what)
     raise InputError(where, f"expected a table of numbers: {str(error)[:120]}")
 
 

@@ -16,14 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import Strokes
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.importing import tracker
 from workbench.importing.command import grid_told
 from workbench.importing.joints import NO_ROBOT
 from workbench.importing.neutral import Imported, JointStream, TrackerReadings
 from workbench.importing.text import Form
-from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of
+from workbench.look.recorded import BASE_AXES_MM, SCANNERS, WAY, axes_of, lines_of
 from workbench.look.seen import Seen, box, even_grid, measured, shades_of, stacked, told_profile
 from workbench.units import DEG, Bool, Float
 
@@ -342,7 +341,6 @@ def poses_alone(found: Imported, source: str) -> Seen:
     ]
     some = np.unique(np.linspace(0, len(pose) - 1, SCANNERS).astype(int))
     size = max(50.0, float(np.ptp(poses.position_mm, axis=0).max()))
-    line = (poses.position_mm,) if len(pose) > 1 else ()
     return Seen(
         source,
         "robot poses",
@@ -351,9 +349,7 @@ def poses_alone(found: Imported, source: str) -> Seen:
         np.zeros((0, 3)),
         (),
         strokes=(
-            Strokes(
-                "robot's way (flange)", line, tuple(np.tile(np.array(WAY, np.uint8), (len(one), 1)) for one in line)
-            ),
+            lines_of("robot's way (flange)", [poses.position_mm], WAY),
             axes_of("flange poses (x red, y green, z blue)", pose[some], size / 12.0),
             axes_of("base axes (x red, y green, z blue)", np.eye(4)[None], BASE_AXES_MM),
         ),

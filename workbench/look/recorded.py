@@ -255,14 +255,15 @@ def strokes(recording: Recording, base_from_profiler: Float, points_mm: Float) -
     far = not len(points_mm) or float(np.linalg.norm(points_mm.mean(axis=0))) > 3.0 * max(size, BASE_AXES_MM)
     some = np.unique(np.linspace(0, len(base_from_profiler) - 1, SCANNERS).astype(int))
     return (
-        _lines("robot's way (flange)", ways, WAY),
-        _lines("profiler's way", scanner, SCANNER_WAY),
+        lines_of("robot's way (flange)", ways, WAY),
+        lines_of("profiler's way", scanner, SCANNER_WAY),
         axes_of("scanner poses (x red, y green, z blue)", base_from_profiler[some], max(5.0, size / 12.0)),
         axes_of("base axes (x red, y green, z blue)", np.eye(4)[None], BASE_AXES_MM, shown=not far),
     )
 
 
-def _lines(name: str, lines_mm: list[Float], colour: tuple[int, int, int]) -> Strokes:
+def lines_of(name: str, lines_mm: list[Float], colour: tuple[int, int, int]) -> Strokes:
+    """Lines (n, 3) in one colour, thinned; those of one point are none."""
     kept = tuple(_thinned(line) for line in lines_mm if len(line) > 1)
     return Strokes(name, kept, tuple(np.tile(np.array(colour, np.uint8), (len(line), 1)) for line in kept))
 
@@ -308,7 +309,7 @@ def unchecked(file: Path, error: InputError) -> Seen:
         tuple([*lines, *(told_profile(profile) if profile else [])]),
         shown.points_mm,
         shown.shades,
-        strokes=(_lines("robot's way (flange)", [way], WAY),) if len(way) > 1 and np.isfinite(way).all() else (),
+        strokes=(lines_of("robot's way (flange)", [way], WAY),) if len(way) > 1 and np.isfinite(way).all() else (),
         checks=(finding,),
         suggestions=units,
         profile=profile,

@@ -97,6 +97,24 @@ def test_a_section_is_drawn_in_its_own_axes(part, drawn, quick):
     np.testing.assert_allclose(found[1], (found[0] - [0.3, 0.0]) @ rotation, atol=1e-3)
 
 
+def test_points_are_laid_out_at_their_foot_wherever_the_search_for_it_starts(part, drawn, quick):
+    """A laser plane that is oblique crosses the lower edge elsewhere than its points lie."""
+    p = part(radius_mm=300.0, frames=100, columns=100)
+    found = []
+    for off_mm in (0.0, 2.7):
+        drawn.clear()
+        edge = dataclasses.replace(p.edge, frame_arc_length_mm=p.edge.frame_arc_length_mm + off_mm)
+        found.append(
+            [
+                line.xy
+                for axes in panels(dataclasses.replace(p, edge=edge), drawn, p.inspection)
+                for line in axes.lines[:3]
+            ]
+        )
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, atol=2e-4)
+
+
 def test_what_was_set_aside_is_counted(part, drawn, quick):
     p = small(part, frames=50, columns=50)
     text = text_of(chapter_of(p))
@@ -241,7 +259,7 @@ def test_edges_in_the_plane_show_how_far_the_end_face_is_from_flat(planned, quic
 def test_views_hold_the_whole_path_and_the_frames_of_its_key_points(planned, quick, drawn):
     """Here t = x, n = -y, m = z: x into the material, y along the feed, z down the bevel and outward."""
     p = planned(clamp=(-2.0, -1.0), frames=400)
-    plan(p.cloud, p.edge, p.toolpath)
+    assert "The edge from 50 to 150 mm of arc length" in text_of(plan(p.cloud, p.edge, p.toolpath))
     named = [(view, {strokes.name: strokes.lines_mm for strokes in view.scene.strokes}) for view in quick]
     whole = next(lines["path"] for _, lines in named if "path" in lines)
     expected = [one.position_mm for pair in zip(p.toolpath.travels, p.toolpath.layers, strict=False) for one in pair]

@@ -179,6 +179,7 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
         "edge_break_mm",
         "end_step_columns",
         "late_turn_deg",
+        "fixed_end_share",
     ]
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):

@@ -146,7 +146,7 @@ def broken_end(
     for p, view, one in zip(numbers, views, seen, strict=True):
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
-        odd = _odd_columns(view.known, share @ one.fall, share @ one.fall_u) * view.step_mm
+        odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
         beyond[mine], u[mine], lit[mine] = mean, math.hypot(spread, odd), 0.5 - share @ one.past
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
@@ -351,7 +351,6 @@ class SeenEnd(NamedTuple):
     beyond_u: Shaped[Float, " t"]  # and standard deviation, by what the sensor still returns
     past: Shaped[Float, " t"]  # columns by which the middle of the last pixel lies beyond the end: mean
     fall: Shaped[Float, "t g"]  # depth under the line by groups of columns, mm
-    fall_u: Shaped[Float, "t g"]
 
 
 def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
@@ -374,11 +373,10 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
     under, onward = incidence > 0.5 * math.pi + view.inclination, onwards[further] * view.step_mm
     hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
-    fall_u = QUARTER * fall
-    fall -= raised
     log, score = np.empty((2, size.size))
     order = np.lexsort((phase, incidence, pixel, size))
-    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u[order], score)
+    fall, fall_u = fall - raised, QUARTER * fall[order]
+    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
     log[order] = score
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
@@ -393,8 +391,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     mean = (weight * beyond).sum(axis=1)
     spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
     past = (weight * PIXELS[pixel, 0].reshape(shape)).sum(axis=1)
-    falls = [np.einsum("ti,tig->tg", weight, of.reshape(*weight.shape, -1)) for of in (fall, fall_u)]
-    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, past, *falls)
+    fall = np.einsum("ti,tig->tg", weight, fall.reshape(*weight.shape, -1))
+    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, past, fall)
 
 
 def rendered_end(
@@ -465,13 +463,13 @@ def _depths(known: Float, phase: Int, pixel: Int, place: Float, pixels: Float, l
                 break  # further in lies the face
 
 
-def _odd_columns(known: Depths, fall: Float, fall_u: Float) -> int:
+def _odd_columns(known: Depths, fall: Float) -> int:
     """How many of the last columns may be no part of the face: 0, if the templates explain all.
 
     What a sensor's filter makes of an end may lie above the line, where no break lies.
     """
     left = known.mean - fall
-    covariance = known.noise + known.free + np.diag(fall_u**2 + ODD_MM**2)
+    covariance = known.noise + known.free + np.diag((QUARTER * fall) ** 2 + ODD_MM**2)
     lower = np.linalg.cholesky(covariance[::-1, ::-1])  # each group by what the face before it tells
     if np.abs(np.linalg.solve(lower, left[::-1])).max() < MISFIT:
         return 0
@@ -561,18 +559,13 @@ def _last_returns(x: Float32, z: Float32, keep: Bool, known: Float, edges: Float
                 depth[i, group] = total[group] / count[group]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Depths:
+class Depths(NamedTuple):
     """What the last returns of a face lie under its line, by groups of columns from the last one on."""
 
     mean: Shaped[Float, " g"]  # mm
     noise: Shaped[Float, "g g"]  # covariance by noise and what patterns of the sensor may feign
     # covariance of what says nothing of a rounding: the line's own place and turn, and a bow
     free: Shaped[Float, "g g"]
-
-    def moved(self, mean: Shaped[Float, " g"]) -> Depths:
-        """The same of another end."""
-        return Depths(mean, self.noise, self.free)
 
 
 def _known_depths(depth: Float, edges_mm: Float) -> Depths:

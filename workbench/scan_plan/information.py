@@ -348,8 +348,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
             np.zeros(1),
         )
         _, depth, raised = rendered_end(blank, *at)
-        view_of = blank._replace(known=blank.known.moved(depth[0] - raised[0]))
-        out.append(seen_end(view_of, templates))
+        out.append(seen_end(blank._replace(known=blank.known._replace(mean=depth[0] - raised[0])), templates))
     return tuple(out)
 
 

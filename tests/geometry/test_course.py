@@ -335,6 +335,15 @@ def test_values_that_leave_the_course_together_are_followed_or_uncertain(
     assert (np.abs(course.value(s))[far] < 3.0 * course.u(s)[far]).mean() > 0.99
 
 
+def test_a_notch_counts_alike_on_edges_of_any_length() -> None:
+    def u(length: float) -> float:
+        s = np.arange(0.0, length, 0.2)
+        y = np.random.default_rng(78).normal(0.0, 0.004, s.size) + 0.8 * (np.abs(s - 60.0) < 1.5)
+        return float(fit_course(s, y, np.full(s.size, 0.004**2)).u(np.array([60.0]))[0])
+
+    assert u(3000.0) == pytest.approx(u(120.0), rel=0.15)
+
+
 def test_values_that_weigh_little_make_little_uncertain() -> None:
     """Three cells in a row at the limit of where they were looked for, with a u that says so, depart from nothing.
 

@@ -181,11 +181,10 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
         together[mine] = size * (size > limit) * (sure >= 1.0)  # values that know next to nothing depart from nothing
     if not together.any():
         return course
-    count = course.at_mm.size
-    station = np.interp(values.s, course.at_mm, np.arange(count)).round().astype(np.int64)
-    pull, total = (  # over what two knots, four stations apart, take in
-        _neighbours(np.bincount(station, weight * of, count), 5).sum(axis=-1) for of in (together, 1.0)
-    )
+    order, knots = np.argsort(values.s), course.spline.t
+    half = 0.625 * (knots[4] - knots[3])  # of what two knots take in
+    ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
+    pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
     course = _misfit_elsewhere(course, bins, _neighbours(pull, 8 * SWING + 1).max(axis=-1) > 0.0)
     departure = _neighbours(pull / np.where(pull > 0.0, total, 1.0), 5).max(axis=-1)
     turn = departure / (2.0 * (course.at_mm[1] - course.at_mm[0]))

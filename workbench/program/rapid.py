@@ -302,22 +302,24 @@ class _Module(Reading):
         super().__init__(process)
         self.tools: dict[str, ProgramTool] = {}
         self.objects: dict[str, Float | None] = {"wobj0": np.eye(4)}
-        self.data: dict[str, tuple[str, Any]] = {"fine": ("zonedata", 0.0)}
+        self.data: dict[str, tuple[str, str, Any]] = {"fine": ("fine", "zonedata", 0.0)}  # by names in lower case
         self.share, self.most = 1.0, np.inf  # of the programmed feeds; mm/s
 
     # Names and data.
 
     def _declare(self, name: str, value: Any = None) -> None:
-        if name.lower() in TAKEN | PREDEFINED | {*map(str.lower, self.data)}:
+        if name.lower() in TAKEN | PREDEFINED | self.data.keys():
             self.refuse("a name that is not taken", name)
-        self.data[name] = (self.said.form, value)
+        self.data[name.lower()] = (name, self.said.form, value)
 
     module = procedure = _declare
 
     def _named(self, kind: str, name: str) -> Any:
         """What a name stands for; None: the controller has it."""
         known = kind in ("tooldata", "wobjdata", "jointtarget")
-        found, value = self.data.get(name, (kind if known else "", None))
+        spelt, found, value = self.data.get(name.lower(), (name, kind if known else "", None))
+        if spelt != name:
+            self.refuse(f"'{spelt}', as it is declared", name)
         if found != kind:
             self.refuse(f"a {kind}, not a {found}" if found else f"the name of a {kind} that is declared", name)
         return value
@@ -337,9 +339,12 @@ class _Module(Reading):
         self.objects[name] = self._pose(at, turn)
 
     def speeddata(self, name: str, feed: float) -> None:
+        self._above_0(feed)
         self._declare(name, feed)
 
     def zonedata(self, name: str, zones: list[float]) -> None:
+        if min(zones) < 0:
+            self.refuse("zones of 0 or more")
         self._declare(name, zones[0])
 
     def robtarget(self, name: str, at: list[float], turn: list[float], cf: list[str], axes: list[str]) -> None:
@@ -387,7 +392,7 @@ class _Module(Reading):
 
     def use(self, use: str, name: str) -> None:
         """Nothing that the module has taken."""
-        if name in self.data:
+        if name.lower() in self.data:
             self.refuse("a name that the controller knows and this module has not taken", name)
         super().use(use, name)
 

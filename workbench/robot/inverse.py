@@ -44,11 +44,7 @@ MOST = 16  # solutions of any six revolute joints (Primrose 1986)
 DEGREE, SAMPLES = 8, 32  # of the polynomial in joint 6, and places around the circle where it is computed
 BEGIN = 0.0123  # rad, of these places: no special angle
 ROUNDING = 1e-14  # parts of the largest coefficient
-REAL, NEAR, BEYOND = (
-    0.02,
-    0.05,
-    0.05,
-)  # off the unit circle, of axis 4 off its angle, and out of reach: tried all the same
+REAL, NEAR = 0.02, 0.05  # off the unit circle; of axis 4 off its angle, and out of reach: tried all the same
 STEPS = 16  # of Newton's; where two solutions are near each other each halves what is missing
 SAME = 1e-6  # rad: nearer than this, two solutions are one
 REACHED = 1e-9  # m and 1: what may be missing of a pose, or be between what is the same
@@ -150,8 +146,8 @@ def _between(u: AnyArray, v: AnyArray) -> float:
 def offset_inverse(chain: Chain, wrist: OffsetWrist, poses: Float) -> Float:
     """Joint angles (n, MOST, 6) in (-pi, pi] at poses (n, 4, 4), NaN: fewer; in no particular order.
 
-    Where solutions are singular (double) to some 1e-5 rad they may be missing, and with the arm folded, so that axes 4
-    and 5 meet on axis 2, to 1e-2 rad.
+    Where solutions are singular (double) to some 1e-5 rad they may be missing, as where axes 4 and 5 meet on axis 1,
+    and with the arm folded, so that they meet on axis 2, to 1e-2 rad.
     """
     found = np.full((len(poses), MOST, 6), np.nan)
     left, _, right = np.linalg.svd(poses[:, :3, :3])  # what is rounded is no rotation, and nothing would reach it

@@ -9,7 +9,7 @@ once for all of them:
 - Noise is each observation's own, or that of poses which several share (`Shared`): a recorded pose errs once for all
   that is seen from it, an observation between two takes a share of both (Woodbury's identity on a block-tridiagonal
   matrix: the cost grows with the observations, not with their cube).
-- Blunders are left out one by one by the studentised residual, the distance from the fit of all others (W. Baarda, A
+- Blunders are left out by the studentised residual, the distance from the fit of all others (W. Baarda, A
   testing procedure for use in geodetic networks, 1968; R. Cook, S. Weisberg, Residuals and Influence in Regression,
   1982).
 - The covariance is the inverse information, larger by chi-square over its degrees of freedom where that exceeds 1
@@ -37,6 +37,7 @@ ALONE = 1e-6  # share of its noise that the residual keeps, along what an observ
 GROSS = 5.0  # studentised residual of a blunder, as the length of three standard normal numbers
 THREE_QUARTERS = 2.03  # quantile of the length of three standard normal numbers
 MOST_GROSS = 0.25  # share of the observations; with more, nobody knows which are right
+TURNS = 12  # of fitting and choosing
 LEAST_FREEDOM = 4  # to tell a blunder from noise
 
 
@@ -128,6 +129,11 @@ class Rows:
         shared = tuple(one.only(keep) for one in self.shared if keep[one.rows].any())
         return replace(self, **parts, shared=shared)
 
+    def freedom(self, used: Bool) -> int:
+        """Degrees of freedom of a fit to the observations `used` (n,)."""
+        known = int(np.count_nonzero(np.diagonal(self.prior)))
+        return round(float(self.values[used].sum())) + known - len(self.prior)
+
     def product(self, columns: Float) -> Float:
         """C^T S^-1 C (c, c) of columns C (n, d, c) and the covariance S of all observations."""
         alone = np.ones(len(columns), bool)
@@ -199,8 +205,7 @@ class Fit(Generic[S]):
     @property
     def freedom(self) -> int:
         """Degrees of freedom."""
-        known = int(np.count_nonzero(np.diagonal(self.rows.prior)))
-        return round(float(self.rows.values[self.used].sum())) + known - len(self.information)
+        return self.rows.freedom(self.used)
 
     @property
     def misfit(self) -> float:
@@ -226,6 +231,11 @@ class Fit(Generic[S]):
     def distance(self) -> Float:
         """Of each observation (n,) from the fit of the others, in standard deviations as three normal numbers have."""
         return distance(self.rows, self.used, self.inverse)
+
+    @property
+    def usual(self) -> float:
+        """How far off three quarters of all observations lie over what noise makes it, one left out as far off."""
+        return usual(self.distance, self.used)
 
     def carried(self, change: Float) -> Float:
         """Change of the unknowns (P, q) by errors, not fitted, that change the observations by (n, d, q)."""
@@ -319,41 +329,72 @@ class Labels:
     ask: str = ""  # what may be wrong where they contradict each other
 
 
+def usual(distance: Float, used: Bool) -> float:
+    """As `Fit.usual`, of distances (n,)."""
+    return float(np.quantile(np.where(used, distance, np.inf), 1.0 - MOST_GROSS, method="lower") / THREE_QUARTERS)
+
+
+def far_off(distance: Float, used: Bool) -> Bool:
+    """Which observations (n,) all others contradict: far off beside three quarters of *all*.
+
+    One left out counts as far off there. More noise than stated is no blunder, and neither is what the model does not
+    hold (gears, gravity).
+    """
+    return np.asarray(distance > GROSS * max(1.0, usual(distance, used)))
+
+
+def nearest(instrument: Instrument[S], at: S) -> Bool:
+    """Three quarters of the observations (n,), those nearest to an estimate; all, where that would check nothing."""
+    rows = instrument.rows(at)
+    everything = np.ones(len(rows.residual), bool)
+    kept = _nearest(distance(rows, everything, np.zeros_like(rows.prior)))
+    return kept if rows.freedom(kept) >= LEAST_FREEDOM else everything
+
+
+def _nearest(distance: Float) -> Bool:
+    kept = np.zeros(len(distance), bool)
+    kept[np.argsort(distance, kind="stable")[: len(distance) - int(MOST_GROSS * len(distance))]] = True
+    return kept
+
+
+def sound(instrument: Instrument[S], start: S) -> Fit[S]:
+    """The fit without what all others contradict; of all observations where too many would go, or nothing checks it.
+
+    Three quarters that agree best with each other come first: fitted and chosen in turn (P. Rousseeuw, K. Van Driessen,
+    A fast algorithm for the minimum covariance determinant estimator, Technometrics 41, 1999). What is not far off
+    them comes back.
+    """
+    used = nearest(instrument, start)
+    found = fit(instrument, start, used)
+    for last in (False, True):
+        for _ in range(TURNS):
+            kept = ~far_off(found.distance, used) if last else _nearest(found.distance)
+            if (kept == used).all() or found.rows.freedom(kept) < LEAST_FREEDOM:
+                break
+            used, found = kept, fit(instrument, found.at, kept)
+    return found if (~used).mean() <= MOST_GROSS else fit(instrument, start)
+
+
 def without_blunders(
-    instrument: Instrument[S], start: S, labels: Labels, *, spare: int = LEAST_FREEDOM, lengths: int = 3
+    instrument: Instrument[S], start: S, labels: Labels, *, lengths: int = 3
 ) -> tuple[Fit[S], dict[int, str]]:
-    """The fit without blunders: what all others contradict most is left out, one by one.
+    """The fit without blunders (`sound`), and by number of the observation why it is left out.
 
-    More noise than stated is no blunder, and neither is what the model does not hold (gears, gravity): an observation
-    must be far off beside three quarters of *all*, those left out before counted as far off.
-
-    Args:
-        instrument: predicts the observations.
-        start: of every fit.
-        labels: for what is said.
-        spare: degrees of freedom that must be there to judge.
-        lengths: how many of an observation's values, the first, are mm.
-
-    Returns: the fit, and by number of the observation why it is left out.
+    `lengths`: how many of an observation's values, the first, are mm.
 
     Raises:
         InputError: more blunders than can be told apart.
     """
-    found, left_out = fit(instrument, start), dict[int, str]()
-    count = len(found.used)
-    while True:
-        distance = np.where(found.used, found.distance, np.inf)
-        worst = int(np.argmax(np.where(found.used, distance, -1.0)))
-        usual = max(1.0, float(np.quantile(distance, 1.0 - MOST_GROSS, method="lower")) / THREE_QUARTERS)
-        if found.freedom < spare or distance[worst] <= GROSS * usual:
-            return found, left_out
-        if (~found.used).sum() + 1 > MOST_GROSS * count:
-            raise contradictory(found.misfit, labels)
-        used = found.used.copy()
-        used[worst] = False
-        found = fit(instrument, start, used)
-        away, number = float(np.linalg.norm(found.rows.residual[worst, :lengths])), labels.numbers[worst]
-        left_out[number] = f"{labels.name} {number} is left out: it lies {away:.2f} mm from where all other rows put it"
+    found = sound(instrument, start)
+    far = far_off(found.distance, found.used) & found.used
+    if far.any() and found.freedom - found.rows.values[far].min() >= LEAST_FREEDOM:
+        raise contradictory(found.misfit, labels)
+    away = np.linalg.norm(found.rows.residual[:, :lengths], axis=1)
+    return found, {
+        labels.numbers[k]: f"{labels.name} {labels.numbers[k]} is left out: it lies {away[k]:.2f} mm from where all "
+        "other rows put it"
+        for k in np.flatnonzero(~found.used)
+    }
 
 
 def contradictory(misfit: float, labels: Labels) -> InputError:

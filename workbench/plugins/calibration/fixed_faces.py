@@ -7,27 +7,17 @@ and z may count too much, within what is stated.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
-from workbench.plugins.calibration.bundle import distinct
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
 from workbench.plugins.calibration.observations import Placed, placed
 from workbench.plugins.calibration.profile_lines import Marks, Target
-from workbench.plugins.calibration.suspicions import suspected
 
 START_ROUNDS = 4  # of the directions of lines, in turn with the translation
-ROUGH_STEPS = 10
-TRIED = 8  # rotations that explain the points best, of the sixty of an icosahedron and the design's
-REFINED = 4  # answers of these
-BLURRED = 10.0  # the robot's noise in the search
 SCALES = 2
-LOOKED_AT = 40  # observations, when a mistake in the poses is sought
-THINNED = 200  # observations that a search looks at
 
 
 @dataclass(frozen=True)
@@ -86,13 +76,29 @@ class Part:
         """What the scales leave where it is."""
         return np.asarray(self.marks.point_mm.mean(axis=(0, 1)))
 
-    def thinned(self, most: int) -> Part:
-        """The same of at most so many observations, spread over all: for searching."""
+    @staticmethod
+    def pose(at: At) -> Estimate:
+        """With the clock's offset."""
+        return at.pose
+
+    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Part:
+        """Of observations spread over all; other poses hold the clock."""
         some = np.unique(np.linspace(0, len(self.time_s) - 1, min(most, len(self.time_s))).astype(int))
         marks = self.marks._replace(
             **{name: getattr(self.marks, name)[some] for name in ("frame", "point_mm", "covariance", "rms_mm")}
         )
-        return replace(self, marks=marks, time_s=self.time_s[some], number=self.number[some])
+        held = None if poses is None else placed(self.recording, self.time_s[some], self.number[some])
+        if held is not None and poses is not None:
+            held = held._replace(base_from_flange=poses[some])
+        return replace(
+            self,
+            marks=marks,
+            time_s=self.time_s[some],
+            number=self.number[some],
+            noise=self.noise.times(blurred),
+            with_offset=self.with_offset and poses is None,
+            held=held,
+        )
 
     def on_flange(self, at: At) -> tuple[Float, Float]:
         """R p (k, Q, 3) of the marks, and the same less what the scales leave: x and z (k, Q, 2) from the middle."""
@@ -162,15 +168,10 @@ class Part:
         scale = at.scale + less * step[behind : behind + SCALES]
         return At(pose, np.einsum("fij,faj->fai", turn, at.frame), at.place_mm + shift, scale)
 
-    def starts(self, design: Float | None, offset_s: float) -> list[At]:
-        """Answers from rotations all about, the translation and the faces by linear least squares; the best first."""
-        every = Rotation.create_group("I").as_matrix()
-        if design is not None:
-            every = np.concatenate([design[None, :3, :3], every])
+    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, At]]:
+        """Translation and faces by linear least squares."""
         seen = self.placed(offset_s)
-        found = [self.start(R, seen, offset_s) for R in every]
-        best = sorted(found, key=lambda one: one[0])[:TRIED]
-        return [at for _, at in ([found[0], *best] if design is not None else best)]
+        return sorted((self.start(R, seen, offset_s) for R in rotations), key=lambda one: one[0])
 
     def start(self, R: Float, seen: Placed, offset_s: float) -> tuple[float, At]:
         """The answer from one rotation, and the sum of its squared distances before it."""
@@ -230,32 +231,6 @@ def part_of(
     first = np.array([g[0] for g in groups], int)
     points, covariance, rms = (np.array(one) for one in zip(*means, strict=True))
     joined = marks._replace(frame=marks.frame[first], point_mm=points, covariance=covariance, rms_mm=rms)
-    part = Part(recording, joined, target, time[first], number[first], noise, scale_u, search_s > 0)
+    held = None if search_s else placed(recording, time[first], number[first])
+    part = Part(recording, joined, target, time[first], number[first], noise, scale_u, search_s > 0, held)
     return part, marks.frame[first]
-
-
-def answers(part: Part, design: Float | None, offsets: Float) -> list[estimator.Fit[At]]:
-    """Maximum likelihood from many starts, of some of the observations, the likeliest first; the same answer once."""
-    few, rough = part.thinned(THINNED), []
-    blurred = replace(part.noise, pose_mm=BLURRED * part.noise.pose_mm, pose_deg=BLURRED * part.noise.pose_deg)
-    for offset in offsets:
-        held = replace(few, noise=blurred, with_offset=False, held=few.placed(float(offset)))
-        rough += [estimator.fit(held, at, steps=ROUGH_STEPS) for at in held.starts(design, float(offset))]
-    fits = (estimator.fit(few, one.at) for one in sorted(rough, key=lambda found: found.chi2)[:REFINED])
-    return sorted(distinct(fits, lambda one: one.at.pose, 1.0, 0.01), key=lambda found: found.chi2)
-
-
-def mistake(part: Part, design: Float | None) -> str:
-    """Known mistakes in the poses without which the profiles would agree, in words; empty: none."""
-    few = part.thinned(LOOKED_AT)
-    noise = replace(part.noise, pose_mm=BLURRED * part.noise.pose_mm, pose_deg=BLURRED * part.noise.pose_deg)
-    seen = few.placed(0.0)
-
-    def misfit(poses: Float) -> float:
-        read = replace(few, noise=noise, with_offset=False, held=seen._replace(base_from_flange=poses))
-        near = read.starts(None, 0.0)[0] if design is None else read.start(design[:3, :3], read.placed(0.0), 0.0)[1]
-        with suppress(np.linalg.LinAlgError):  # it runs away
-            return estimator.fit(read, near, steps=ROUGH_STEPS).misfit
-        return np.inf
-
-    return suspected(seen.base_from_flange, misfit, 1.0)

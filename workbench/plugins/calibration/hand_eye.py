@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench.api import (
+    Bool,
     Document,
     Float,
     HandEye,
@@ -18,38 +19,32 @@ from workbench.api import (
     Recording,
     Seed,
     certified_length,
+    estimator,
     frozen,
     pose_from,
     stage,
 )
-from workbench.plugins.calibration import bundle, methods
-from workbench.plugins.calibration.bundle import Fit
+from workbench.plugins.calibration import methods
 from workbench.plugins.calibration.model import (
+    SIZE,
     Estimate,
     Linear,
     Noise,
+    Sphere,
     View,
     linearise,
+    signed_centres,
+    to_base,
     view_of_points,
     volume_u,
 )
 from workbench.plugins.calibration.observations import Observations, Passes, by_pass
-from workbench.plugins.calibration.shared_errors import correlated
-from workbench.plugins.calibration.solve import (
-    Answer,
-    Demand,
-    asked,
-    check_fit,
-    check_scans,
-    directions,
-    solve,
-    solve_with_offset,
-)
+from workbench.plugins.calibration.shared_errors import Settled, correlated
+from workbench.plugins.calibration.solve import Answer, Demand, asked, check_determined, directions, solve
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
     NEAR,
-    ScaledCircles,
     Scales,
     Sensor,
     hand_eye_file,
@@ -130,34 +125,31 @@ def hand_eye(
     noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
     where = f"{recording.source}: /robot"
     sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
-    answer, passes, view = sized.answer, sized.passes, sized.view
-    result, systematic_mm = answer.fit, None
+    answer, view, systematic_mm = sized.answer, sized.view, None
+    found = answer.found
     if robot_error == "correlated" and answer.seen.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
     if robot_error == "correlated":
-        result, systematic_mm = correlated(answer.fit, answer.seen, noise)
+        found, systematic_mm = correlated(found, answer.seen, noise)
     if method != "bundle":
-        result = _by_method(method, answer, recording.flange_from_profiler, seed, where)
+        found = _by_method(method, answer, recording.flange_from_profiler, seed, where)
     by_scale = sized.scales.by_scale @ sized.scales.covariance @ sized.scales.by_scale.T
-    size = len(result.covariance)
-    result = dataclasses.replace(result, covariance=result.covariance + by_scale[:size, :size])
-    demand, raised = Demand(view, max_u_mm, where), asked(noise, answer.noise)
-    check_fit(result, answer.seen, answer.noise, demand, with_offset=answer.with_offset, raised=raised)
-    if answer.with_offset:
-        check_scans(result, passes, answer.noise, demand, raised)
-    pose_covariance, rotation = result.covariance[:6, :6], result.estimate.rotation
+    size = len(found.covariance)
+    found = dataclasses.replace(found, covariance=found.covariance + by_scale[:size, :size])
+    sized = dataclasses.replace(sized, answer=dataclasses.replace(answer, found=found))
+    check_determined(sized.answer, Demand(view, max_u_mm, where), asked(noise, found.noise))
     verdict = serves(
-        pose_covariance,
-        rotation,
+        found.covariance[:6, :6],
+        found.estimate.rotation,
         view,
         bevel_deg,
         (root_tolerance_mm, bevel_tolerance_deg),
         ("the hand-eye pose", "add postures, first those of calibration_plan.csv"),
     )
-    found = _calibration(method, result, sized, profiles, recording, noise, systematic_mm, verdict)
-    far = turned(result.estimate.rotation, recording.flange_from_profiler)
-    found = dataclasses.replace(found, warnings=(*found.warnings, *far, *unused))
-    return found.hand_eye, found, hand_eye_document(found)
+    calibration = _calibration(method, sized, profiles, recording, noise, systematic_mm, verdict)
+    far = turned(found.estimate.rotation, recording.flange_from_profiler)
+    calibration = dataclasses.replace(calibration, warnings=(*calibration.warnings, *far, *unused))
+    return calibration.hand_eye, calibration, hand_eye_document(calibration)
 
 
 def _certified(profiles: SphereProfiles, certificate: Path) -> tuple[SphereProfiles, float, tuple[str, ...]]:
@@ -188,14 +180,21 @@ def _with_scales(
     free, sensor = (False, False), Sensor(np.zeros(2), np.array(_view(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
         passes, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
-        answer = _solve(passes, recording, noise, where, limit_mm, view)
-        fit, seen = answer.fit, answer.seen
-        circles = ScaledCircles(passes, profiles, recording, sensor)
-        scales = scales_of(fit, seen, circles, answer.noise, free, stated_u, answer.with_offset)
+        answer = solve(
+            passes,
+            noise,
+            recording.flange_from_profiler,
+            with_offset=recording.clock == "own" and len(passes.scans) > 0,
+            where=where,
+            limit_mm=limit_mm,
+            view=view,
+            judged=False,
+        )
+        scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         worst = scales.contradicted
         if worst is not None:
             free = (free[0] or worst == 0, free[1] or worst == 1)
-            scales = scales_of(fit, seen, circles, answer.noise, free, stated_u, answer.with_offset)
+            scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * _u(scales)[list(free)]).all():
             break
         sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
@@ -213,19 +212,11 @@ def _u(scales: Scales) -> Float:
     return np.sqrt(np.diag(scales.covariance))
 
 
-def _solve(passes: Passes, recording: Recording, noise: Noise, where: str, limit_mm: float, view: View) -> Answer:
-    """The answer, with the clock's offset where the profiles have a clock of their own and scans tell it."""
-    design = recording.flange_from_profiler
-    if recording.clock == "own" and len(passes.scans):
-        return solve_with_offset(passes, noise, design, where=where, limit_mm=limit_mm, view=view)
-    return solve(passes.place(), noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
-
-
-def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Fit:
+def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Settled:
     """Another method's pose, on the postures and signs that the bundle found, with the errors that it propagates."""
-    fit, seen = answer.fit, answer.seen.subset(answer.fit.used)
-    linear = linearise(fit.estimate, seen, answer.noise)
-    P = bundle.signed_centres(fit.estimate, linear, seen)
+    fit, seen = answer.found, answer.seen.subset(answer.found.used)
+    linear = linearise(fit.estimate, seen, fit.noise)
+    P = signed_centres(fit.estimate, linear, seen)
     centres = methods.Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
     begin = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
     if method == "analytic":
@@ -240,7 +231,7 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
         pose = methods.genetic(design, centres, seed)
         spread = methods.propagated(lambda c: methods.two_step(begin, c), centres, _centre_covariance(linear))
     estimate = dataclasses.replace(fit.estimate, rotation=pose[:3, :3], translation_mm=pose[:3, 3])
-    center = bundle.to_base(P, estimate, seen).mean(axis=0)
+    center = to_base(P, estimate, seen).mean(axis=0)
     covariance = fit.covariance.copy()
     covariance[:6], covariance[:, :6] = 0.0, 0.0
     covariance[:6, :6] = spread
@@ -259,7 +250,6 @@ def _centre_covariance(linear: Linear) -> Float:
 
 def _calibration(
     method: Method,
-    result: Fit,
     sized: Sized,
     profiles: SphereProfiles,
     recording: Recording,
@@ -267,17 +257,17 @@ def _calibration(
     systematic_mm: float | None,
     verdict: tuple[bool, str],
 ) -> Calibration:
-    answer, passes, view = sized.answer, sized.passes, sized.view
-    estimate, seen, noise = result.estimate, answer.seen, answer.noise
+    answer, passes, view, result = sized.answer, sized.passes, sized.view, sized.answer.found
+    estimate, seen, noise, with_offset = result.estimate, answer.seen, result.noise, answer.sphere.with_offset
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
     pose = pose_from(estimate.rotation, estimate.translation_mm)
-    centre, before = bundle.signed_centres(estimate, linear, seen), estimate
+    centre, before = signed_centres(estimate, linear, seen), estimate
     if (design := recording.flange_from_profiler) is not None:
         before = dataclasses.replace(estimate, rotation=design[:3, :3], translation_mm=design[:3, 3])
     used = [frame for frames, good in zip(seen.frames, result.used, strict=True) for frame in frames if good]
-    off = bundle.left_out(result, seen, noise)
-    offset_u = float(np.sqrt(result.covariance[10, 10])) if answer.with_offset else None
+    off = estimator.distance(Sphere(seen, noise).rows(estimate), result.used, result.covariance[:SIZE, :SIZE])
+    offset_u = float(np.sqrt(result.covariance[SIZE, SIZE])) if with_offset else None
     volume = volume_u(covariance, estimate.rotation, view)
     return Calibration(
         part=recording.part,
@@ -299,23 +289,23 @@ def _calibration(
         directions=directions(covariance, estimate, view),
         noise=noise,
         view=view,
-        time_offset_s=estimate.offset_s if answer.with_offset else None,
+        time_offset_s=estimate.offset_s if with_offset else None,
         time_offset_u_s=offset_u,
         frames=seen.frames,
         centre_mm=centre,
-        center_base_before_mm=bundle.to_base(centre * (np.nan if design is None else 1.0), before, seen),
-        center_base_mm=bundle.to_base(centre, estimate, seen),
+        center_base_before_mm=to_base(centre * (np.nan if design is None else 1.0), before, seen),
+        center_base_mm=to_base(centre, estimate, seen),
         residual=linear.residual,
-        distance=np.sqrt(off),
+        distance=off,
         used=result.used,
-        residual_rms_mm=_point_rms(profiles, sized.sensor.true(recording), estimate, linear, seen, result),
+        residual_rms_mm=_point_rms(profiles, sized.sensor.true(recording), estimate, linear, seen, result.used),
         misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
-        frames_rejected=rejections(profiles, passes, result, seen, linear, off),
+        frames_rejected=rejections(profiles, passes, result.used, seen, linear, off),
         good_enough=verdict[0],
         verdict=verdict[1],
-        warnings=warnings(result, answer, sized.scales, profiles, stated, systematic_mm, method),
+        warnings=warnings(answer, sized.scales, profiles, stated, systematic_mm, method),
     )
 
 
@@ -325,11 +315,11 @@ def _point_rms(
     estimate: Estimate,
     linear: Linear,
     seen: Observations,
-    result: Fit,
+    used: Bool,
 ) -> float:
     """RMS distance of the measured points from the sphere, over the postures that count."""
     squares = []
-    for frames, centre, good in zip(seen.frames, linear.centre, result.used, strict=True):
+    for frames, centre, good in zip(seen.frames, linear.centre, used, strict=True):
         for frame in frames if good else ():
             here = profiles.on_arc[frame]
             x, z = points[0][frame, here], points[1][frame, here]

@@ -10,11 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench.api import (
-    DEG,
-    Bool,
     Chapter,
     Document,
-    Float,
     HandEye,
     InputError,
     Int,
@@ -27,13 +24,13 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.circles import HARMLESS
-from workbench.plugins.calibration.fixed_faces import At, Part, answers, mistake, part_of
+from workbench.plugins.calibration.fixed_faces import At, Part, part_of
 from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
 from workbench.plugins.calibration.observations import distinct_postures
 from workbench.plugins.calibration.profile_lines import MOST_LINES, Marks, Target, marks_of
+from workbench.plugins.calibration.search import answers, only_answer, refuse_unexplained
 from workbench.plugins.calibration.solve import (
     MIN_POSTURES,
-    RIVAL,
     Demand,
     cause_of,
     check_offset,
@@ -41,13 +38,12 @@ from workbench.plugins.calibration.solve import (
     refuse_undetermined,
 )
 from workbench.plugins.calibration.suspicions import turned
-from workbench.plugins.calibration.tables import contradicts, fit_words, noisy, sentence
+from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
 from workbench.plugins.calibration.verdicts import hand_eye_file, pose_facts, serves
 
 SEEN = {"edge": "edge", "plane": "plane", "points": "point"}
-FIT_ROUNDS = 6  # of leaving out what all others contradict
-SECOND_WORST = 0.5  # of the worst distance: what lies nearer may have been pulled off by it
+NO_SUCH = "is the part fixed and flat, and are the poses the flange's, in order?"
 OFFSETS = 3  # from which the clock's offset is sought
 
 
@@ -113,14 +109,10 @@ def hand_eye_faces(
     part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
     where = f"{recording.source}: /robot"
     offsets = np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
-    try:
-        fits = answers(part, recording.flange_from_profiler, offsets)
-        best, left_out = _without_gross(part, estimator.fit(part, fits[0].at))
-    except np.linalg.LinAlgError:  # the errors of poses that are infinitely far away have no inverse
-        raise _unexplained(part, recording, "every one runs away") from None
-    if contradicts(best):
-        raise _unexplained(part, recording, f"a misfit of {best.misfit:.0f} where 1 is usual")
-    _check_alone(fits, recording.flange_from_profiler, where)
+    design = recording.flange_from_profiler
+    fits = answers(part, design, offsets)
+    refuse_unexplained(part, fits, part.placed(0.0).base_from_flange, design, where, NO_SUCH)
+    best, alone = only_answer(fits, part, design, where, "turn the flange about two axes, and give the design's pose")
     x_mm, z_mm = marks.point_mm.reshape(-1, 2).T
     view = view_of_points(x_mm, z_mm, np.array([[*part.middle_mm, 0.0]]))
     demand, covariance = Demand(view, max_u_mm, where), best.covariance
@@ -146,9 +138,12 @@ def hand_eye_faces(
     )
     warned = turned(best.at.pose.rotation, recording.flange_from_profiler)
     warned += noisy(best, "the lines", "a part that moved or is not flat, a systematic robot error, or a wrong noise")
+    left_out = np.flatnonzero(~best.used).tolist()
     if left_out:
         named = ", ".join(str(frames[k]) for k in left_out[:12])
         warned += (f"{len(left_out)} of {len(frames)} profiles left out: all others contradict them (frames {named})",)
+    if not alone:
+        warned += ("a second answer fits nearly as well: turn the flange about another axis",)
     return _results(recording, part, best, view, verdict, warned, (frames, left_out))
 
 
@@ -170,42 +165,6 @@ def _joined(
             f"hand-eye pose and where the part lies remain undetermined; turn the flange about two axes{cause}",
         )
     return part, frames
-
-
-def _unexplained(part: Part, recording: Recording, found: str) -> InputError:
-    """The refusal of profiles and poses that contradict each other, with the mistake without which they would agree."""
-    known = mistake(part, recording.flange_from_profiler)
-    ask = f"suspicion: {known}" if known else "is the part fixed and flat, and are the poses the flange's, in order?"
-    return InputError(f"{recording.source}: /robot", f"no hand-eye pose explains the profiles: {found}; {ask}")
-
-
-def _without_gross(part: Part, first: estimator.Fit[At]) -> tuple[estimator.Fit[At], list[int]]:
-    """The fit without what all others contradict, the farthest first; and which these are."""
-    best = first
-    for _ in range(FIT_ROUNDS):
-        usual = max(1.0, float(np.quantile(best.distance, 1.0 - estimator.MOST_GROSS)) / estimator.THREE_QUARTERS)
-        distance = best.distance
-        far: Bool = distance > max(estimator.GROSS * usual, SECOND_WORST * float(distance[best.used].max()))
-        used = (best.used | (distance <= estimator.GROSS * usual)) & ~far
-        if (used == best.used).all() or used.mean() < 1.0 - estimator.MOST_GROSS:
-            break
-        best = estimator.fit(part, best.at, used)
-    return best, np.flatnonzero(~best.used).tolist()
-
-
-def _check_alone(fits: list[estimator.Fit[At]], design: Float | None, where: str) -> None:
-    """Refuse two answers that explain the profiles alike, unless the design's pose is near one of them only."""
-    scale = max(1.0, fits[0].misfit)
-    rivals = [one.at.pose for one in fits if one.chi2 < fits[0].chi2 + RIVAL * scale]
-    if len(rivals) > 1 and design is not None:
-        off = [np.arccos(np.clip((np.trace(one.rotation.T @ design[:3, :3]) - 1) / 2, -1, 1)) for one in rivals]
-        near = sorted(off)
-        if near[0] == off[0] and near[1] > 2 * near[0] + 10 * DEG:
-            return
-    if len(rivals) > 1:
-        shift = np.linalg.norm(rivals[0].translation_mm - rivals[1].translation_mm)
-        said = f"two hand-eye poses, {shift:.1f} mm apart, explain the profiles equally: turn the flange about two axes"
-        raise InputError(where, f"{said}, and give the design's pose (/hand_eye)")
 
 
 def _results(
@@ -230,6 +189,8 @@ def _results(
         "sensor_scale": eye.sensor_scale,
         "sensor_middle_mm": eye.sensor_middle_mm,
         "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
+        "sphere_center_mm": None,  # of no sphere
+        "sphere_diameter_mm": None,
         "time_offset_s": None if clock is None else clock[0],
         "time_offset_u_s": offset_u,
         "residual_rms_mm": residual,

@@ -8,6 +8,7 @@ uncertain c_y, of variance V, lowers the expected w by V.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,9 @@ LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a 
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
 MOST_TURN = 0.5  # rad, of a step
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
+STARTS, ROUNDS = 8, 5  # rotations from which places are refined; rounds of their weights
+BLIND, BLIND_STEPS = 1.0, 8  # variance of w where it must tell nothing, over that of any w
+CLEAR = 0.2  # shift along y, in radii, to another start
 POSE = 6  # of these, the first, are the hand-eye pose's
 
 
@@ -31,6 +35,10 @@ class Noise:
     radius_mm: float = 5.0
     radius_u_mm: float = 0.05
     common: float = 0.0  # share of the poses' variance that all frames of a scan have in common
+
+    def times(self, factor: float) -> Noise:
+        """The robot's larger by a factor."""
+        return replace(self, pose_mm=factor * self.pose_mm, pose_deg=factor * self.pose_deg)
 
     @property
     def spread(self) -> Float:
@@ -110,6 +118,18 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     return Linear(centre, seen.circle - predicted, jacobian, covariance, to_circle @ by_pose, bent)
 
 
+def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Float:
+    """Sphere centres (k, 3) in the profiler frame: measured x_c, z_c and |h|, which side by the answer."""
+    h = np.sqrt(np.maximum(estimate.radius_mm**2 - seen.circle[:, 2], 0.0))
+    return np.stack([seen.circle[:, 0], np.copysign(h, linear.centre[:, 1]), seen.circle[:, 1]], axis=1)
+
+
+def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
+    """Points (k, 3) of the profiler frame in the base."""
+    flange = centre @ estimate.rotation.T + estimate.translation_mm
+    return np.asarray((seen.base_from_flange[:, :3, :3] @ flange[..., None])[..., 0] + seen.base_from_flange[:, :3, 3])
+
+
 def shared_of(linear: Linear, scan: Group, noise: Noise) -> estimator.Shared:
     """What the frames of a scan share: errors that each recorded pose has of its own, and those of all of them."""
     spread = linear.by_pose[scan.rows] * noise.spread
@@ -154,7 +174,7 @@ class Sphere:
 
     def rows(self, at: Estimate) -> estimator.Rows:
         """With a clock's offset the frames go to the poses of other times."""
-        here = self.seen.place(at.offset_s) if isinstance(self.seen, Passes) else self.seen
+        here = self.seen.place(at.offset_s)
         rows = rows_of(linearise(at, here, self.noise, self.with_offset), here, self.noise, at.radius_mm)
         if self.known is not None:
             before, rows.prior[:6, :6] = self.known
@@ -165,6 +185,73 @@ class Sphere:
     def moved(self, at: Estimate, step: Float) -> Estimate:
         """Turns by half a rad at most: beyond, the model is no plane."""
         return at.moved(step * min(1.0, MOST_TURN / max(float(np.linalg.norm(step[3:6])), 1e-12)))
+
+    @staticmethod
+    def pose(at: Estimate) -> Estimate:
+        """The estimate itself."""
+        return at
+
+    def noisy(self, noise: Noise) -> Sphere:
+        """With other noise."""
+        return Sphere(self.seen, noise, self.with_offset, self.known)
+
+    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Sphere:
+        """Of observations spread over all."""
+        seen = self.seen if poses is None else replace(self.seen.place(), base_from_flange=poses)
+        some = np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, most).astype(int))
+        return Sphere(seen.subset(some), self.noise.times(blurred), self.with_offset and poses is None)
+
+    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, Estimate]]:
+        """Places by x and z alone, then the side of the laser plane, which w tells: of all that one frame allows."""
+        seen, radius_mm = self.seen.place(offset_s), self.noise.radius_mm
+        blind = seen.covariance.copy()
+        blind[:, 2, 2] += BLIND * radius_mm**4
+        by_place = Sphere(replace(seen, covariance=blind), self.noise)
+        center, t, off = _places(rotations, seen)
+        begun = []
+        for k in np.argsort(off, kind="stable")[:STARTS]:
+            at = Estimate(rotations[k], t[k], center[k], radius_mm, offset_s)
+            at = estimator.fit(by_place, at, estimator.nearest(by_place, at), BLIND_STEPS).at
+            begun += [(self._off(one, seen), one) for one in _sides(at, seen)]
+        return sorted(begun, key=lambda one: one[0])
+
+    def _off(self, at: Estimate, seen: Observations) -> float:
+        """How far off three quarters of the observations lie."""
+        rows = rows_of(linearise(at, seen, self.noise), seen, self.noise, at.radius_mm)
+        used = np.ones(len(seen), bool)
+        return estimator.usual(estimator.distance(rows, used, np.zeros_like(rows.prior)), used)
+
+
+def _places(rotations: Float, seen: Observations) -> tuple[Float, Float, Float]:
+    """For each rotation (m, 3, 3) centre and translation (m, 3) by x and z alone, and how far off these are (m,).
+
+    Linear least squares, in turns with less weight for what is far off: a gross posture does not draw them.
+    """
+    A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
+    middle = b.mean(axis=0)
+    axes = np.swapaxes((A @ rotations[:, None])[..., [0, 2]], -1, -2)  # (m, k, 2, 3)
+    matrix = np.concatenate([axes, np.broadcast_to(-np.eye(2), (*axes.shape[:2], 2, 2))], axis=-1)
+    side = seen.circle[:, :2] + np.einsum("mkai,ki->mka", axes, b - middle)
+    weight = np.ones(axes.shape[:2])
+    for _ in range(ROUNDS):
+        square = np.einsum("mk,mkai,mkaj->mij", weight, matrix, matrix)
+        x = (np.linalg.pinv(square, 1e-9, True) @ np.einsum("mk,mkai,mka->mi", weight, matrix, side)[..., None])[..., 0]
+        off = np.linalg.norm(side - np.einsum("mkai,mi->mka", matrix, x), axis=2)
+        weight = 1.0 / np.maximum(1.0, off / np.maximum(np.median(off, axis=1), 1e-9)[:, None]) ** 2
+    t = np.einsum("mia,ma->mi", rotations[:, :, [0, 2]], x[:, 3:])
+    return x[:, :3] + middle, t, np.median(off, axis=1)
+
+
+def _sides(at: Estimate, seen: Observations) -> Iterator[Estimate]:
+    """The profiler shifted along its y so that w fits best, and the best of those on the other side of that place."""
+    y, h2 = linearise(at, seen, Noise(0.0, 0.0)).centre[:, 1], at.radius_mm**2 - seen.circle[:, 2]
+    h = np.sqrt(np.maximum(h2, 0.0))
+    shifts = np.concatenate([h - y, -h - y])
+    off = np.median(np.abs((y + shifts[:, None]) ** 2 - h2), axis=1)
+    first = shifts[np.argmin(off)]
+    away = np.abs(shifts - first) > CLEAR * at.radius_mm
+    for shift in (first, shifts[np.argmin(np.where(away, off, np.inf))]):
+        yield replace(at, translation_mm=at.translation_mm - shift * at.rotation[:, 1])
 
 
 class Ball:

@@ -6,7 +6,7 @@ recorded ones, and so are their errors: frames between the same two recorded pos
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +61,10 @@ class Observations:
     def __len__(self) -> int:
         return len(self.circle)
 
+    def place(self, offset_s: float = 0.0) -> Observations:
+        """These: they are placed."""
+        return self
+
     def subset(self, keep: Bool) -> Observations:
         """The observations marked in `keep` (k,)."""
         number = np.cumsum(keep) - 1
@@ -108,6 +112,14 @@ class Passes:
     number: Shaped[Int, " k"]  # pass
     frames: tuple[tuple[int, ...], ...]
     rejected: tuple[Rejected, ...]  # repeats that contradict the others
+
+    def __len__(self) -> int:
+        return len(self.circle)
+
+    def subset(self, keep: Bool) -> Passes:
+        """Those marked in `keep` (k,)."""
+        parts = {name: getattr(self, name)[keep] for name in ("circle", "covariance", "time_s", "number")}
+        return replace(self, **parts, frames=tuple(f for f, kept in zip(self.frames, keep, strict=True) if kept))
 
     @property
     def scans(self) -> Int:

@@ -24,6 +24,7 @@ from workbench.api import (
     Recording,
     Seed,
     Shaped,
+    estimator,
     frozen,
     pose_from,
     quaternion_from_rotation,
@@ -31,9 +32,8 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.circles import STEEP
-from workbench.plugins.calibration.model import POSE, Estimate, Noise, information, linearise, volume_weight
+from workbench.plugins.calibration.model import POSE, Estimate, Noise, Sphere, information, linearise, volume_weight
 from workbench.plugins.calibration.observations import by_pass, from_arrays
 from workbench.plugins.calibration.shared_errors import settled
 from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
@@ -277,7 +277,8 @@ def _known(
     """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
     profiles = rescaled(profiles, recording, sensor_of(calibration.hand_eye))
     seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
-    noise = settled(bundle.fit(estimate, seen, noise), seen, noise).noise
+    sphere = Sphere(seen, noise)
+    noise = settled(estimator.fit(sphere, estimate), sphere).noise
     return information(estimate, seen, noise)[:10, :10], noise
 
 

@@ -158,7 +158,7 @@ def robot(
     angles = read_joints(joints, seen, recording, chain)
     shown = profiles.frame
     view = view_of_points(recording.x_mm[shown].astype(float), recording.z_mm[shown].astype(float), seen.circle)
-    start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).fit.estimate
+    start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).found.estimate
     arm = arm_errors(chain, Priors(offset_prior_deg * DEG, length_prior_mm))
 
     passes = tuple(int(recording.pass_index[frames[0]]) for frames in seen.frames)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.api import Float, HandEye, HandEyeFile, InputError, InputFile, Recording, Shaped, estimator
-from workbench.plugins.calibration import bundle
-from workbench.plugins.calibration.model import Ball, Estimate, Noise, Sphere, linearise
+from workbench.plugins.calibration.model import Ball, Estimate, Noise, Sphere, linearise, to_base
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
@@ -70,7 +69,7 @@ def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estima
     best: tuple[float, Estimate] | None = None
     for sign in (1.0, -1.0):
         centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
-        for point in bundle.to_base(centre, estimate, seen):
+        for point in to_base(centre, estimate, seen):
             one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
             off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
             if best is None or off < best[0]:

@@ -27,11 +27,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.api import Float, Shaped, estimator, inverse, vector_from_rotation
-from workbench.plugins.calibration.bundle import Fit, matched, misfits, without_gross
-from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, linearise
-from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.api import Bool, Float, Shaped, estimator, inverse, vector_from_rotation
+from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, Sphere, linearise
+from workbench.plugins.calibration.observations import Observations
 
+NO_CHANCE = 1e-3  # probability below which a misfit is no chance
+MATCHED = 10  # rounds of noise that comes as large as the residuals
 RIGHT_WITHIN = 1.5  # factor: one standard deviation of a repeatability as stated
 WHOLE = np.concatenate([[0.0], np.geomspace(0.1, 10.0, 36)])  # the grid of a whole scan's error, over the stated one
 OWN = np.geomspace(0.01, 10.0, 7)  # of a pose's own error, the coarsest
@@ -52,39 +53,44 @@ RAD_PER_MM = 1e-3  # flange positions a metre apart are as far as orientations a
 
 @dataclass(frozen=True)
 class Settled:
-    """A fit with both errors as the data tell them."""
+    """An estimate with the errors of its poses as the data tell them."""
 
-    fit: Fit  # the mixture's mean and covariance
+    estimate: Estimate
+    covariance: Shaped[Float, "P P"]  # of scans the mixture's
+    used: Shaped[Bool, " k"]
     noise: Noise  # the most probable
     misfit: bool  # the poses err more than stated, beyond chance
 
 
-def settled(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool = False) -> Settled:
-    """The fit with the errors of its poses as large as the residuals say; of scans, with those that they share.
+def settled(found: estimator.Fit[Estimate], sphere: Sphere) -> Settled:
+    """A fit with the errors of its poses as large as the residuals say; of scans, with those that they share.
 
     Args:
-        result: a fit with errors that are new in each recorded pose.
-        seen: what it was fitted to.
-        noise: as stated.
-        with_offset: whether the clock's offset is among the unknowns.
+        found: with the noise as stated, errors new in each recorded pose.
+        sphere: what it was fitted to.
     """
-    if isinstance(seen, Observations) and not seen.scans:
-        beyond = misfits(result)
-        return Settled(*(matched(result, seen, noise) if beyond else (result, noise)), beyond)
-    estimate = _moved(result, seen, noise, with_offset)
-    likely = _Likelihood(estimate, seen, result, noise, with_offset)
+    if not sphere.seen.place(found.at.offset_s).scans:
+        beyond = bool(found.freedom > 0 and scipy.special.chdtrc(found.freedom, found.chi2) < NO_CHANCE)
+        noise = sphere.noise
+        for _ in range(MATCHED if beyond else 0):  # profiles keep their due weight
+            noise = noise.times(float(np.clip(np.sqrt(found.misfit), 0.3, 10.0)))
+            found = estimator.sound(sphere.noisy(noise), found.at)
+            if abs(found.misfit - 1.0) < 0.02:
+                break
+        return Settled(found.at, found.inverse, found.used, noise, beyond)
+    estimate = _moved(found, sphere)
+    likely = _Likelihood(estimate, sphere, found.used)
     owns = likely.owns()
-    found = [likely.along(WHOLE, own) for own in owns]
-    log = np.concatenate([one.log for one in found])
-    believed = log + np.concatenate([_prior_of_scans(WHOLE, one.own) for one in found])
-    steps, covariances = (np.concatenate([getattr(one, name) for one in found]) for name in ("step", "covariance"))
+    each = [likely.along(WHOLE, own) for own in owns]
+    log = np.concatenate([one.log for one in each])
+    believed = log + np.concatenate([_prior_of_scans(WHOLE, one.own) for one in each])
+    steps, covariances = (np.concatenate([getattr(one, name) for one in each]) for name in ("step", "covariance"))
     weights, mean, covariance = _mixture(believed, steps, covariances)
     covariance *= max(1.0, _reach(weights, steps - mean, covariances, covariance))
     best = int(np.argmax(believed))
-    whole, own = WHOLE[best % len(WHOLE)], found[best // len(WHOLE)].own
-    fit = replace(result, estimate=estimate.moved(mean), covariance=covariance)
+    whole, own = WHOLE[best % len(WHOLE)], each[best // len(WHOLE)].own
     misfit = bool(np.hypot(whole, own) > 1.0 and log[best] > likely.as_stated(owns) + CERTAIN)
-    return Settled(fit, likely.noise(whole, own), misfit)
+    return Settled(estimate.moved(mean), covariance, found.used, likely.noise(whole, own), misfit)
 
 
 def _mixture(log: Float, steps: Float, covariances: Float) -> tuple[Float, Float, Float]:
@@ -111,11 +117,11 @@ def _reach(weights: Float, off: Float, covariances: Float, together: Float) -> f
     return float(np.quantile(distance, LEVEL) / (2.0 * scipy.special.gammaincinv(0.5 * POSE, LEVEL)))
 
 
-def _moved(result: Fit, seen: Observations | Passes, noise: Noise, with_offset: bool) -> Estimate:
+def _moved(found: estimator.Fit[Estimate], sphere: Sphere) -> Estimate:
     """The estimate with an error of the whole scan as stated: where to linearise."""
-    estimate = result.estimate
-    for _ in range(2):
-        likely = _Likelihood(estimate, seen, result, noise, with_offset)
+    estimate = found.at
+    for _ in range(ROUNDS):
+        likely = _Likelihood(estimate, sphere, found.used)
         estimate = estimate.moved(likely.along(np.array([1.0]), 0.5).step[0])
     return estimate
 
@@ -137,12 +143,10 @@ class _Likelihood:
     hardly anything to ask for many. The product of both errors in the square of c_y is left out.
     """
 
-    def __init__(
-        self, estimate: Estimate, seen: Observations | Passes, result: Fit, stated: Noise, with_offset: bool
-    ) -> None:
-        here = seen.place(estimate.offset_s) if isinstance(seen, Passes) else seen
-        self._here, self._stated = here.subset(result.used), stated
-        self._linear = linearise(estimate, self._here, replace(stated, common=1.0), with_offset)
+    def __init__(self, estimate: Estimate, sphere: Sphere, used: Bool) -> None:
+        stated = sphere.noise
+        self._here, self._stated = sphere.seen.place(estimate.offset_s).subset(used), stated
+        self._linear = linearise(estimate, self._here, replace(stated, common=1.0), sphere.with_offset)
         self._off_mm = stated.radius_mm - estimate.radius_mm
         self._spread = self._linear.by_pose * stated.spread
         self._square = np.zeros((len(self._here), 3, 1))  # of a stated error of c_y, in w
@@ -225,16 +229,18 @@ def _prior_of_scans(whole: Float, own: float) -> Float:
     return np.asarray(-0.5 * total**2 + np.where(whole == 0.0, np.log(len(WHOLE) - 1), 0.0))
 
 
-def correlated(result: Fit, seen: Observations, noise: Noise) -> tuple[Fit, float]:
-    """The fit with systematic robot errors allowed for, and their amplitude in mm (RMS over the grid)."""
-    lenient = replace(noise, pose_mm=LENIENT * noise.pose_mm, pose_deg=LENIENT * noise.pose_deg)
-    result = without_gross(result.estimate, seen, lenient)
-    here, estimate = seen.subset(result.used), result.estimate
-    seen_mm = HIDDEN * matched(result, seen, noise)[1].pose_mm
+def correlated(found: Settled, seen: Observations, noise: Noise) -> tuple[Settled, float]:
+    """With systematic robot errors allowed for, and their amplitude in mm (RMS over the grid).
+
+    noise: as stated; what the residuals ask of it is in `found`.
+    """
+    lenient = estimator.sound(Sphere(seen, noise.times(LENIENT)), found.estimate)
+    here, estimate = seen.subset(lenient.used), lenient.at
+    seen_mm = HIDDEN * settled(estimator.fit(Sphere(here, noise), estimate), Sphere(here, noise)).noise.pose_mm
     for _ in range(ROUNDS):
         step, covariance, amplitude_mm = _over_grid(estimate, here, noise, seen_mm)
         estimate = estimate.moved(step)
-    return replace(result, estimate=estimate, covariance=covariance), amplitude_mm
+    return replace(found, estimate=estimate, covariance=covariance, used=lenient.used), amplitude_mm
 
 
 def _over_grid(estimate: Estimate, here: Observations, noise: Noise, seen_mm: float) -> tuple[Float, Float, float]:

@@ -21,9 +21,7 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.calibration import bundle
-from workbench.plugins.calibration.bundle import Fit
-from workbench.plugins.calibration.model import SIZE, Estimate, Noise, Sphere, linearise
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import estimate_of
 from workbench.plugins.calibration.scanned import start_center
@@ -57,28 +55,29 @@ def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, s
             f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
             f"expected {MIN_POSTURES} others at least",
         )
-    whole = settled(bundle.fit(estimate, seen, noise), seen, noise)
-    start, noise = whole.fit.estimate, whole.noise
+    sphere = Sphere(seen, noise)
+    whole = settled(estimator.fit(sphere, estimate), sphere)
+    start, noise = whole.estimate, whole.noise
     residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
     chi2 = 0.0
     for part in range(parts):
         rows = np.concatenate(passes[part::parts])
         out = np.isin(np.arange(len(seen)), rows)
-        fitted = bundle.fit(start, seen, noise, used=~out)
+        fitted = estimator.fit(Sphere(seen, noise), start, ~out)
         residual[out], covariance[out], y[out], one = _predicted(fitted, seen.subset(out), noise)
         chi2 += one
     how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
     return how, HeldOut(residual, covariance, y, chi2, 3 * len(seen))
 
 
-def _predicted(fitted: Fit, out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
+def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
     """Residuals of held-out postures, their covariances, y, and chi-square with all correlations."""
-    rows, spread = Sphere(out, noise).rows(fitted.estimate), fitted.covariance[:SIZE, :SIZE]
+    rows, spread = Sphere(out, noise).rows(fitted.at), fitted.inverse
     joined = rows.product(np.concatenate([rows.jacobian, rows.residual[..., None]], axis=2))
     matrix, side = joined[:-1, :-1], joined[:-1, -1]
     chi2 = joined[-1, -1] - side @ np.linalg.solve(np.linalg.inv(spread) + matrix, side)  # Woodbury's identity
     covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
-    return rows.residual, covariance, linearise(fitted.estimate, out, noise).centre[:, 1], float(chi2)
+    return rows.residual, covariance, linearise(fitted.at, out, noise).centre[:, 1], float(chi2)
 
 
 def second_recording(

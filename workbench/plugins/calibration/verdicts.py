@@ -5,15 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Document, Float, HandEye, HandEyeFile, Part, Recording, Shaped, rpy_from_rotation
-from workbench.plugins.calibration.bundle import Fit
+from workbench.api import (
+    DEG,
+    Bool,
+    Document,
+    Float,
+    HandEye,
+    HandEyeFile,
+    Part,
+    Recording,
+    Shaped,
+    estimator,
+    rpy_from_rotation,
+)
 from workbench.plugins.calibration.circles import fit_arc
-from workbench.plugins.calibration.model import Linear, Noise, Sphere, View, place_u
+from workbench.plugins.calibration.model import Linear, Noise, View, place_u
 from workbench.plugins.calibration.observations import Observations, Passes
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
@@ -26,7 +37,6 @@ from workbench.plugins.calibration.values import Method, Rejected, SphereProfile
 
 AXES = ("x", "z")
 SURE = 2e-3  # probability, two-sided, below which a stated scale is contradicted: freeing one costs little
-SPARE = 4  # degrees of freedom below which the question is not asked
 STEP = 1e-3  # relative, for differences
 FREE = 0.1  # standard deviation of a scale that the data contradict
 NEAR = 0.05  # of its u, by which a scale may still move
@@ -102,55 +112,34 @@ def _fit(x: Float, z: Float, start: Float, profiles: SphereProfiles) -> tuple[Fl
     return fit_arc(x, z.astype(float), start, float(profiles.sense), profiles.noise_mm)
 
 
-class ScaledCircles(NamedTuple):
-    """Circles of a recording, joined by pass, the error of the profiler's scales taken out."""
-
-    passes: Passes
-    profiles: SphereProfiles  # as recorded
-    recording: Recording
-    sensor: Sensor  # taken out
-
-
 def scales_of(
-    result: Fit,
-    seen: Observations,
-    circles: ScaledCircles,
-    noise: Noise,
-    free: tuple[bool, bool],
-    stated_u: float,
-    with_offset: bool,
+    answer: Answer, profiles: SphereProfiles, recording: Recording, sensor: Sensor, free: tuple[bool, bool], u: float
 ) -> Scales:
-    """Both errors as the residuals about a fit tell them, which was made with the circles' sensor taken out."""
-    count = result.covariance.shape[0]
-    rows = Sphere(seen, noise, with_offset).rows(result.estimate)
-    jacobian = np.concatenate([rows.jacobian, -_by_scale(circles)], axis=-1)
-    prior, away = np.pad(rows.prior, (0, 2)), np.pad(rows.away, (0, 2))
-    now = replace(rows, jacobian=jacobian, prior=prior, away=away).only(result.used).normal()
-    matrix, side = now.information[:count, :count], now.side[:count]
-    by_scale = -np.linalg.solve(matrix, now.information[:count, count:])
-    power = now.information[count:, count:] + now.information[count:, :count] @ by_scale  # of the scales, rest free
-    pull = now.side[count:] + by_scale.T @ side
-    left = now.chi2 - side @ np.linalg.solve(matrix, side)
-    prior = np.where(free, FREE, stated_u) ** -2.0
-    covariance = np.linalg.inv(power + np.diag(prior))
-    error = circles.sensor.error
-    found = error + covariance @ (pull - prior * error)
-    alone = pull**2 / np.diag(power)
-    freedom = max(result.freedom - 1, 1)
-    student = np.sqrt(alone * freedom / np.maximum(left - alone, 1e-12))
-    chance = 2.0 * scipy.special.stdtr(freedom, -student) if result.freedom >= SPARE else np.ones(2)
-    return Scales(np.asarray(found, float), np.asarray(covariance, float), np.asarray(by_scale, float), free, chance)
+    """Both errors as the residuals of an answer tell them, from whose circles those of `sensor` are taken out.
 
-
-def _by_scale(circles: ScaledCircles) -> Float:
-    """Derivatives (k, 3, 2) of the circles of all passes by both errors, repeats of a posture averaged as they are."""
-    passes, profiles, recording, sensor = circles
+    `profiles`: as recorded; `u`: what is stated of both.
+    """
+    found = estimator.fit(answer.sphere.noisy(answer.found.noise), answer.found.estimate, answer.found.used, 0)
     here = rescaled(profiles, recording, sensor)
-    more = [rescaled(profiles, recording, sensor.more(axis)) for axis in range(2)]
+    change = _by_scale(answer.seen.frames, here, [rescaled(profiles, recording, sensor.more(k)) for k in range(2)])
+    more, spread = found.tested(-change)
+    power, prior = np.linalg.inv(spread), np.where(free, FREE, u) ** -2.0
+    covariance = np.linalg.inv(power + np.diag(prior))
+    error = sensor.error + covariance @ (power @ more - prior * sensor.error)
+    chance = np.ones(2)
+    if found.freedom > estimator.LEAST_FREEDOM:
+        alone = [found.tested(-change[..., k : k + 1]) for k in range(2)]
+        student = np.array([abs(value[0]) / math.sqrt(square[0, 0]) for value, square in alone])
+        chance = 2.0 * scipy.special.stdtr(found.freedom - 1, -student)
+    return Scales(error, covariance, found.carried(change), free, chance)
+
+
+def _by_scale(frames: tuple[tuple[int, ...], ...], here: SphereProfiles, more: list[SphereProfiles]) -> Float:
+    """Derivatives (k, 3, 2) of circles by both errors taken out, repeats of a posture averaged as they are."""
     change = np.stack([(one.circle - here.circle) / STEP for one in more], axis=-1)
     information = np.linalg.inv(here.covariance)
-    row = {int(frame): k for k, frame in enumerate(profiles.frame)}
-    members = [[row[frame] for frame in frames] for frames in passes.frames]
+    row = {int(frame): k for k, frame in enumerate(here.frame)}
+    members = [[row[frame] for frame in each] for each in frames]
     return np.stack(
         [np.linalg.solve(information[m].sum(axis=0), (information[m] @ change[m]).sum(axis=0)) for m in members]
     )
@@ -215,16 +204,16 @@ NOISY = 2.0  # over the stated noise of the profile's points
 
 
 def rejections(
-    profiles: SphereProfiles, passes: Passes, result: Fit, seen: Observations, linear: Linear, off: Float
+    profiles: SphereProfiles, passes: Passes, used: Bool, seen: Observations, linear: Linear, off: Float
 ) -> tuple[Rejected, ...]:
     """Frames that do not count: without an arc, repeats that contradict, gross postures."""
     gross = [
         Rejected(
             frame,
             f"gross pose: the sphere is off by {r[0]:+.2f} mm in x and {r[1]:+.2f} mm in z, "
-            f"{np.sqrt(distance):.0f} standard deviations in all",
+            f"{distance:.0f} standard deviations in all",
         )
-        for frames, good, r, distance in zip(seen.frames, result.used, linear.residual, off, strict=True)
+        for frames, good, r, distance in zip(seen.frames, used, linear.residual, off, strict=True)
         if not good
         for frame in frames
     ]
@@ -232,7 +221,6 @@ def rejections(
 
 
 def warnings(
-    result: Fit,
     answer: Answer,
     scales: Scales,
     profiles: SphereProfiles,
@@ -241,18 +229,13 @@ def warnings(
     method: Method,
 ) -> tuple[str, ...]:
     """Warnings in plain words; empty when all is well."""
-    said = []
-    count = int(result.used.sum())
-    gross = int((~result.used).sum())
+    said, found = [], answer.found
+    gross = [frames for frames, good in zip(answer.seen.frames, found.used, strict=True) if not good]
+    count = len(found.used) - len(gross)
     if gross:
-        which = [
-            str(frame)
-            for frames, good in zip(answer.seen.frames, result.used, strict=True)
-            if not good
-            for frame in frames
-        ]
-        said.append(f"{gross} of {count + gross} postures rejected as gross (frames {', '.join(which[:12])})")
-    if answer.misfit:
+        which = ", ".join([str(frame) for frames in gross for frame in frames][:12])
+        said.append(f"{len(gross)} of {len(found.used)} postures rejected as gross (frames {which})")
+    if found.misfit:
         said.append(_misfit(answer, stated, systematic_mm))
     for axis, free, error, variance in zip(AXES, scales.free, scales.error, np.diag(scales.covariance), strict=True):
         if free:
@@ -263,12 +246,12 @@ def warnings(
             )
     if count < FEW:
         said.append(
-            f"only {count} postures: {answer.fit.freedom} more measured values than unknowns, so a wrong pose "
+            f"only {count} postures: {answer.stated.freedom} more measured values than unknowns, so a wrong pose "
             "or profile may pass unnoticed; take nine or more"
         )
     if answer.radius_free:
-        found, stated_mm = 2 * answer.fit.estimate.radius_mm, profiles.sphere_diameter_mm
-        said.append(f"the sphere's diameter is {found:.3f} mm by the data, stated {stated_mm:.3f} mm: set free")
+        diameter_mm, stated_mm = 2 * found.estimate.radius_mm, profiles.sphere_diameter_mm
+        said.append(f"the sphere's diameter is {diameter_mm:.3f} mm by the data, stated {stated_mm:.3f} mm: set free")
     if not answer.alone:
         said.append(
             "a second answer, with the sphere on the other side of the laser plane, fits nearly as well: add "
@@ -288,7 +271,7 @@ def _misfit(answer: Answer, stated: Noise, systematic_mm: float | None) -> str:
     fit = answer.stated
     text = (
         f"misfit that repeatability cannot explain: chi-square {fit.chi2:.0f} on {fit.freedom} degrees of "
-        f"freedom; the residuals ask for pose errors of {answer.noise.pose_mm:.2f} mm an axis, stated are "
+        f"freedom; the residuals ask for pose errors of {answer.found.noise.pose_mm:.2f} mm an axis, stated are "
         f"{stated.pose_mm:g} mm: a systematic robot error, a sphere that moved, or a wrong noise"
     )
     if systematic_mm is not None:

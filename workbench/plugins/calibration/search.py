@@ -1,0 +1,154 @@
+"""Hand-eye poses from anywhere: where to begin, which answers there are, and what is wrong where there is none.
+
+For a rotation of the profiler all else follows by linear least squares, whatever is seen: rotations all about and the
+design's are tried, the likeliest are fitted (`estimator`), and the same answer counts once. An answer that explains the
+profiles as well as the best one is a rival; the design's pose may exclude it. Where none explains them, the known
+mistakes in a recording's poses are tried in turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from typing import Protocol, TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.api import DEG, Float, InputError, estimator, rotation_from_vector, vector_from_rotation
+from workbench.plugins.calibration.model import Estimate
+from workbench.plugins.calibration.suspicions import suspected
+
+S = TypeVar("S")
+
+NEAR = 20 * DEG  # by which the design's pose may be off: it is turned so far each way
+TRIED, REFINED = 12, 8  # starts, and answers of these, the likeliest
+ROUGH_STEPS = 12
+HOPELESS = (4.0, 100.0)  # times the best's chi-square, and more: none of these will be the best, nor its rival
+BLURRED = 3.0  # the robot's noise in the search
+THINNED = 200  # observations that a search looks at
+LOOKED_AT = 60  # likewise, where a mistake in the poses is sought
+SAME = np.repeat([0.5, 0.02], 3)  # mm and rad, within which two answers are one
+UNUSUAL = 10.0  # three quarters of what is seen lie further off than so many times the noise: it is no noise
+RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
+APART = 5.0  # standard deviations between answers that are two
+REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
+
+
+class Target(estimator.Instrument[S], Protocol[S]):
+    """What stands still in the base and is seen by the profiler; among its unknowns is the hand-eye pose."""
+
+    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Target[S]:
+        """Of so many observations at most, the robot's noise larger; from other poses (k, 4, 4) of all, if given."""
+
+    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, S]]:
+        """What fits best beside rotations (m, 3, 3), or near the likeliest of them, and how far off it is."""
+
+    @staticmethod
+    def pose(at: S) -> Estimate:
+        """The hand-eye pose of an estimate."""
+
+
+def answers(target: Target[S], design: Float | None, offsets_s: Sequence[float]) -> list[estimator.Fit[S]]:
+    """The likeliest answers, each once and without what contradicts it, the best first; none where all run away.
+
+    About the design's pose; from rotations all about, where there is none, or none near it explains what is seen.
+    """
+    if design is not None:
+        turns = np.concatenate([np.zeros((1, 3)), NEAR * np.eye(3), -NEAR * np.eye(3)])
+        near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s)
+        if near and near[0].usual <= UNUSUAL:
+            return near
+    return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s)
+
+
+def _answers(target: Target[S], rotations: Float, offsets_s: Sequence[float]) -> list[estimator.Fit[S]]:
+    few = target.searched(THINNED, BLURRED)
+    begun = [one for offset_s in offsets_s for one in few.starts(rotations, offset_s)]
+    likely = _distinct((at for _, at in sorted(begun, key=lambda one: one[0])), target)
+    tried = (one for at in islice(likely, TRIED) if (one := _tried(few, at)) is not None)
+    rough = sorted(tried, key=lambda one: one.chi2)
+    best = _distinct((one.at for one in rough if one.chi2 <= HOPELESS[0] * rough[0].chi2 + HOPELESS[1]), target)
+    return sorted((estimator.sound(target, at) for at in islice(best, REFINED)), key=cost)
+
+
+def _tried(target: Target[S], at: S) -> estimator.Fit[S] | None:
+    try:
+        return estimator.fit(target, at, estimator.nearest(target, at), ROUGH_STEPS)
+    except np.linalg.LinAlgError:  # the errors of poses that are infinitely far away have no inverse
+        return None
+
+
+def _distinct(every: Iterable[S], target: Target[S]) -> Iterator[S]:
+    """Estimates that are none of those before."""
+    kept: list[Estimate] = []
+    for at in every:
+        pose = target.pose(at)
+        if all(np.abs(between(pose, other) / SAME).max() > 1.0 for other in kept):
+            kept.append(pose)
+            yield at
+
+
+def between(one: Estimate, other: Estimate) -> Float:
+    """From a hand-eye pose to another: translation (mm), rotation vector (rad), as a covariance of one counts."""
+    turn = vector_from_rotation(other.rotation @ one.rotation.T)
+    return np.concatenate([other.translation_mm - one.translation_mm, turn])
+
+
+def cost(one: estimator.Fit[S]) -> float:
+    """Chi-square; an observation left out costs what would just have kept it."""
+    return one.chi2 + estimator.GROSS**2 * int((~one.used).sum())
+
+
+def only_answer(
+    fits: list[estimator.Fit[S]], target: Target[S], design: Float | None, where: str, ask: str
+) -> tuple[estimator.Fit[S], bool]:
+    """The best answer, and whether it is the only one: one that the design's pose excludes is told, others refused."""
+    best = fits[0]
+    pose, spread = target.pose(best.at), best.covariance[:6, :6]
+    off = [between(pose, target.pose(one.at)) for one in fits]
+    others = [
+        one
+        for one, d in zip(fits, off, strict=True)
+        if d @ np.linalg.solve(spread, d) > APART**2 and np.abs(d / SAME).max() > 1.0
+    ]
+    rivals = [one for one in others if cost(one) < cost(best) + RIVAL]
+    if not rivals:  # a misfit blurs what can be told apart
+        return best, all(cost(one) > cost(best) + RIVAL * max(1.0, best.misfit) for one in others)
+    near = [one for one in [best, *rivals] if design is None or _within_reach(target.pose(one.at), design)]
+    if len(near) == 1:
+        return near[0], False
+    first, second = (near or [best, *rivals])[:2]
+    apart = between(target.pose(first.at), target.pose(second.at))
+    raise InputError(
+        where,
+        f"two hand-eye poses, {np.linalg.norm(apart[3:]) / DEG:.1f} deg and {np.linalg.norm(apart[:3]):.1f} mm apart, "
+        f"explain the profiles equally (chi-square {first.chi2:.1f} and {second.chi2:.1f}): {ask}",
+    )
+
+
+def _within_reach(pose: Estimate, design: Float) -> bool:
+    off = between(Estimate(design[:3, :3], design[:3, 3], np.zeros(3), 0.0), pose)
+    return bool(np.linalg.norm(off[:3]) < REACH_MM and np.linalg.norm(off[3:]) < REACH_RAD)
+
+
+def refuse_unexplained(
+    target: Target[S], fits: list[estimator.Fit[S]], flange: Float, design: Float | None, where: str, ask: str
+) -> None:
+    """Refuse profiles that no pose explains, with the mistake in the flange's poses (k, 4, 4) without which one would.
+
+    The misfit is that of three quarters of what is seen: it has to reach beyond what every answer explains.
+    """
+    if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or fits[0].usual <= UNUSUAL):
+        return
+
+    def misfit(poses: Float) -> float:
+        read = target.searched(LOOKED_AT, 1.0, poses)
+        turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
+        fits = [one for _, at in read.starts(turns, 0.0)[:2] if (one := _tried(read, at)) is not None]
+        return min((one.usual for one in fits), default=np.inf)
+
+    found = f"the best leaves {fits[0].usual:.0f} times the noise" if fits else "every one runs away"
+    mistake = suspected(flange, misfit, UNUSUAL)
+    said = f"suspicion: {mistake}" if mistake else ask
+    raise InputError(where, f"no hand-eye pose explains the profiles: {found}; {said}")

@@ -1,7 +1,7 @@
 """Hand-eye calibration beside the paper's genetic algorithm. `python -m bench.speed.calibration` prints JSON.
 
 It runs in a process of its own, on one core. Both sides get the same circles; the genetic algorithms get the signs of h
-as well, which `solve` has to find; `with_signs` is ours where they are given.
+as well, which `solve` has to find.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
 from bench.speed.timing import REPEATS, print_on_one_core
-from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.geometry.poses import pose_from, rotation_from_rpy, rpy_from_rotation
 from workbench.plugins import calibration
-from workbench.plugins.calibration import bundle
 from workbench.plugins.calibration.methods import BOX_MM, BOX_RAD, GENERATIONS, POPULATION, Centres, _Pairs
-from workbench.plugins.calibration.model import Estimate, Noise, linearise
-from workbench.plugins.calibration.observations import Observations, from_arrays
+from workbench.plugins.calibration.model import Noise, linearise, signed_centres
+from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
 from workbench.scan import read
 from workbench.synthetic import write_simulation
@@ -35,7 +34,6 @@ from workbench.units import Float
 
 SETS = 10  # of nine postures, drawn anew
 FIRST_SEED = 500_000
-STEPS, SETTLED = 12, 1e-3  # of Gauss-Newton on the centres, mm and rad
 
 
 def one_by_one(design: Float, seen: Centres, seed: int) -> Float:
@@ -61,21 +59,6 @@ def one_by_one(design: Float, seen: Centres, seed: int) -> Float:
     return pose_from(R, evolve(lambda g: float(pairs.translation_cost(R, g[None])[0]), design[:3, 3], BOX_MM))
 
 
-def with_signs(design: Float, centres: Centres, seen: Observations, noise: Noise) -> Estimate:
-    """Ours from the design's pose with known signs: least squares on the centres, then maximum likelihood."""
-    R, t = design[:3, :3].copy(), design[:3, 3].copy()
-    middle = centres.t.mean(axis=0)
-    off = centres.t - middle
-    C = ((centres.r @ (centres.P @ R.T + t)[..., None])[..., 0] + off).mean(axis=0)
-    for _ in range(STEPS):
-        left, by = bundle._equations(centres.P[None], centres.r, off, R[None], t[None], C[None])
-        step = np.linalg.lstsq(by[0], left[0], rcond=None)[0]
-        t, R, C = t + step[:3], rotation_from_vector(step[3:6]) @ R, C + step[6:]
-        if np.abs(step).max() < SETTLED:
-            break
-    return bundle.fit(Estimate(R, t, C + middle, noise.radius_mm), seen, noise).estimate
-
-
 def measure() -> dict[str, Any]:
     """Medians of processor time in s, RMS errors over the field of view in mm, of all methods over the same sets."""
     times: dict[str, list[float]] = {}
@@ -95,12 +78,10 @@ def measure() -> dict[str, Any]:
         seen = from_arrays(circle, covariance, recorded(recipe))
         if k == 0:
             solve(seen, noise, design)  # kernels are loaded
-        estimate = timed("ours", REPEATS, solve, seen, noise, design).fit.estimate
-        P = bundle.signed_centres(estimate, linearise(estimate, seen, noise), seen)
+        estimate = timed("ours", REPEATS, solve, seen, noise, design).found.estimate
+        P = signed_centres(estimate, linearise(estimate, seen, noise), seen)
         centres = Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
-        signed = timed("with_signs", REPEATS, with_signs, design, centres, seen, noise)
         answers = {
-            "with_signs": pose_from(signed.rotation, signed.translation_mm),
             "ours": pose_from(estimate.rotation, estimate.translation_mm),
             "GA": timed("GA", 1, genetic_hand_eye, design, centres, np.random.default_rng(k)),
             "DE": timed("DE", 1, one_by_one, design, centres, k),

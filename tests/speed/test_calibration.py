@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from bench.drawn.spheres import random_sphere_recipe
 from bench.metrology.calibration.part import recorded
 from bench.metrology.calibration.truth import cell_of, circles
 from bench.peers.genetic import genetic_hand_eye
-from bench.speed.calibration import file_to_answer, with_signs
-from workbench.plugins.calibration import bundle
+from bench.speed.calibration import file_to_answer
+from workbench.geometry.poses import pose_from
 from workbench.plugins.calibration.methods import Centres
-from workbench.plugins.calibration.model import Noise, linearise
+from workbench.plugins.calibration.model import Noise, linearise, signed_centres
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
 from workbench.synthetic.sphere import design_hand_eye
@@ -23,11 +22,10 @@ def test_both_sides_find_the_pose():
     cell, design, noise = cell_of(recipe), design_hand_eye(recipe), Noise()
     circle, covariance = circles(cell, np.random.default_rng(0))
     seen = from_arrays(circle, covariance, recorded(recipe))
-    estimate = solve(seen, noise, design).fit.estimate
-    P = bundle.signed_centres(estimate, linearise(estimate, seen, noise), seen)
+    estimate = solve(seen, noise, design).found.estimate
+    P = signed_centres(estimate, linearise(estimate, seen, noise), seen)
     centres = Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
-    signed = with_signs(design, centres, seen, noise)
-    assert signed.translation_mm == pytest.approx(estimate.translation_mm, abs=1e-4)
+    assert cell.vol_mm(pose_from(estimate.rotation, estimate.translation_mm)) < 0.5
     assert cell.vol_mm(genetic_hand_eye(design, centres, np.random.default_rng(0))) < 1.0
 
 

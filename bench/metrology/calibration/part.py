@@ -13,9 +13,9 @@ from bench.metrology.part import Clock
 from bench.peers.genetic import genetic_hand_eye
 from workbench.errors import WorkbenchError
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector
-from workbench.plugins.calibration import bundle, hand_eye, methods
 from workbench.plugins.calibration import circles as find_circles
-from workbench.plugins.calibration.model import Estimate, Noise, information, linearise
+from workbench.plugins.calibration import hand_eye, methods
+from workbench.plugins.calibration.model import Estimate, Noise, information, linearise, signed_centres
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.plan import (
     Limits,
@@ -121,7 +121,7 @@ def _from_circles(result: CalibrationResult, recipe: SphereRecipe) -> None:
     result.bound_mm = sound.vol_u_mm(bound(sound, covariance[kept], RADIUS_U_MM))
     _compare(result, cell, answer, seen, kept)
     if result.condition in ("sphere_systematic", "sphere_smooth"):
-        other, _ = correlated(answer.fit, answer.seen, noise)
+        other, _ = correlated(answer.found, answer.seen, noise)
         pose = pose_from(other.estimate.rotation, other.estimate.translation_mm)
         result.correlated_nees = _nees(cell, pose, other.covariance[:6, :6])
         result.correlated_vol_mm = cell.vol_mm(pose)
@@ -131,17 +131,17 @@ def _from_circles(result: CalibrationResult, recipe: SphereRecipe) -> None:
 
 def _compare(result: CalibrationResult, cell: Cell, answer: Answer, seen: Observations, kept: Any) -> None:
     """Error, uncertainty, signs and what was said."""
-    estimate, covariance = answer.fit.estimate, answer.fit.covariance[:6, :6]
+    estimate, covariance = answer.found.estimate, answer.found.covariance[:6, :6]
     pose = pose_from(estimate.rotation, estimate.translation_mm)
     _errors(result, cell, pose, covariance)
-    y = linearise(estimate, seen, answer.noise).centre[:, 1]
+    y = linearise(estimate, seen, answer.found.noise).centre[:, 1]
     clear = kept & (np.abs(cell.centre[:, 1]) > CLEAR_MM)
     result.signs_wrong = int((np.sign(y) != np.sign(cell.centre[:, 1]))[clear].sum())
     if not kept.all():
-        result.gross_found = not answer.fit.used[~kept].any()
-    result.sound_rejected = int((~answer.fit.used[kept]).sum())
-    result.flagged = answer.misfit
-    result.warned = result.flagged or not answer.alone or not answer.fit.used.all()
+        result.gross_found = not answer.found.used[~kept].any()
+    result.sound_rejected = int((~answer.found.used[kept]).sum())
+    result.flagged = answer.found.misfit
+    result.warned = result.flagged or not answer.alone or not answer.found.used.all()
 
 
 def _errors(result: CalibrationResult, cell: Cell, pose: Float, covariance: Float) -> None:
@@ -213,9 +213,9 @@ ROUGH_MM, ROUGH_DEG = 0.2, 0.1  # what the hand-eye pose is off, each axis, when
 
 def compare_methods(result: CalibrationResult, cell: Cell, answer: Answer, design: Float) -> None:
     """Every method on the centres, signs and postures that the bundle has found."""
-    fit = answer.fit
+    fit = answer.found
     seen = answer.seen.subset(fit.used)
-    P = bundle.signed_centres(fit.estimate, linearise(fit.estimate, seen, answer.noise), seen)
+    P = signed_centres(fit.estimate, linearise(fit.estimate, seen, fit.noise), seen)
     centres = methods.Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
     start = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
     ways = {
@@ -257,7 +257,7 @@ def measure_plan(result: CalibrationResult, recipe: SphereRecipe) -> None:
     said[:, :3, 3] += rng.normal(0, cell.pose_mm, (len(said), 3))
     said[:, :3, :3] @= rotation_from_vector(rng.normal(0, cell.pose_deg * DEG, (len(said), 3)))
     try:
-        fit = solve(from_arrays(circle, covariance, said), noise, pose_from(rough.rotation, rough.translation_mm)).fit
+        fit = solve(from_arrays(circle, covariance, said), noise, pose_from(rough.rotation, rough.translation_mm)).found
     except WorkbenchError as error:
         result.refused = str(error)
         return

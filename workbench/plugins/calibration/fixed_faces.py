@@ -81,7 +81,7 @@ class Part:
         """With the clock's offset."""
         return at.pose
 
-    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Part:
+    def searched(self, most: int, poses: Float | None = None) -> Part:
         """Of observations spread over all; other poses hold the clock."""
         some = np.unique(np.linspace(0, len(self.time_s) - 1, min(most, len(self.time_s))).astype(int))
         marks = self.marks._replace(
@@ -95,7 +95,6 @@ class Part:
             marks=marks,
             time_s=self.time_s[some],
             number=self.number[some],
-            noise=self.noise.times(blurred),
             with_offset=self.with_offset and poses is None,
             held=held,
         )

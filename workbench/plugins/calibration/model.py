@@ -195,11 +195,11 @@ class Sphere:
         """With other noise."""
         return Sphere(self.seen, noise, self.with_offset, self.known)
 
-    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Sphere:
+    def searched(self, most: int, poses: Float | None = None) -> Sphere:
         """Of observations spread over all."""
         seen = self.seen if poses is None else replace(self.seen.place(), base_from_flange=poses)
         some = np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, most).astype(int))
-        return Sphere(seen.subset(some), self.noise.times(blurred), self.with_offset and poses is None)
+        return Sphere(seen.subset(some), self.noise, self.with_offset and poses is None)
 
     def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, Estimate]]:
         """Places by x and z alone, then the side of the laser plane, which w tells: of all that one frame allows."""

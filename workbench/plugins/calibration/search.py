@@ -8,7 +8,7 @@ mistakes in a recording's poses are tried in turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Protocol, TypeVar
 
@@ -25,7 +25,6 @@ NEAR = 20 * DEG  # by which the design's pose may be off: it is turned so far ea
 TRIED, REFINED = 12, 8  # starts, and answers of these, the likeliest
 ROUGH_STEPS = 12
 HOPELESS = (4.0, 100.0)  # times the best's chi-square, and more: none of these will be the best, nor its rival
-BLURRED = 3.0  # the robot's noise in the search
 THINNED = 200  # observations that a search looks at
 LOOKED_AT = 60  # likewise, where a mistake in the poses is sought
 SAME = np.repeat([0.5, 0.02], 3)  # mm and rad, within which two answers are one
@@ -38,8 +37,8 @@ REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer
 class Target(estimator.Instrument[S], Protocol[S]):
     """What stands still in the base and is seen by the profiler; among its unknowns is the hand-eye pose."""
 
-    def searched(self, most: int, blurred: float, poses: Float | None = None) -> Target[S]:
-        """Of so many observations at most, the robot's noise larger; from other poses (k, 4, 4) of all, if given."""
+    def searched(self, most: int, poses: Float | None = None) -> Target[S]:
+        """Of so many observations at most; from other poses (k, 4, 4) of all, if given."""
 
     def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, S]]:
         """What fits best beside rotations (m, 3, 3), or near the likeliest of them, and how far off it is."""
@@ -49,7 +48,7 @@ class Target(estimator.Instrument[S], Protocol[S]):
         """The hand-eye pose of an estimate."""
 
 
-def answers(target: Target[S], design: Float | None, offsets_s: Sequence[float]) -> list[estimator.Fit[S]]:
+def answers(target: Target[S], design: Float | None, offsets_s: Float) -> list[estimator.Fit[S]]:
     """The likeliest answers, each once and without what contradicts it, the best first; none where all run away.
 
     About the design's pose; from rotations all about, where there is none, or none near it explains what is seen.
@@ -62,8 +61,8 @@ def answers(target: Target[S], design: Float | None, offsets_s: Sequence[float])
     return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s)
 
 
-def _answers(target: Target[S], rotations: Float, offsets_s: Sequence[float]) -> list[estimator.Fit[S]]:
-    few = target.searched(THINNED, BLURRED)
+def _answers(target: Target[S], rotations: Float, offsets_s: Float) -> list[estimator.Fit[S]]:
+    few = target.searched(THINNED)
     begun = [one for offset_s in offsets_s for one in few.starts(rotations, offset_s)]
     likely = _distinct((at for _, at in sorted(begun, key=lambda one: one[0])), target)
     tried = (one for at in islice(likely, TRIED) if (one := _tried(few, at)) is not None)
@@ -104,14 +103,7 @@ def only_answer(
     fits: list[estimator.Fit[S]], target: Target[S], design: Float | None, where: str, ask: str
 ) -> tuple[estimator.Fit[S], bool]:
     """The best answer, and whether it is the only one: one that the design's pose excludes is told, others refused."""
-    best = fits[0]
-    pose, spread = target.pose(best.at), best.covariance[:6, :6]
-    off = [between(pose, target.pose(one.at)) for one in fits]
-    others = [
-        one
-        for one, d in zip(fits, off, strict=True)
-        if d @ np.linalg.solve(spread, d) > APART**2 and np.abs(d / SAME).max() > 1.0
-    ]
+    best, others = fits[0], [one for one in fits[1:] if _two(fits[0], one, target)]
     rivals = [one for one in others if cost(one) < cost(best) + RIVAL]
     if not rivals:  # a misfit blurs what can be told apart
         return best, all(cost(one) > cost(best) + RIVAL * max(1.0, best.misfit) for one in others)
@@ -125,6 +117,12 @@ def only_answer(
         f"two hand-eye poses, {np.linalg.norm(apart[3:]) / DEG:.1f} deg and {np.linalg.norm(apart[:3]):.1f} mm apart, "
         f"explain the profiles equally (chi-square {first.chi2:.1f} and {second.chi2:.1f}): {ask}",
     )
+
+
+def _two(best: estimator.Fit[S], other: estimator.Fit[S], target: Target[S]) -> bool:
+    """Whether they are two answers, beyond what the better one leaves open."""
+    off = between(target.pose(best.at), target.pose(other.at))
+    return bool(off @ np.linalg.solve(best.covariance[:6, :6], off) > APART**2 and np.abs(off / SAME).max() > 1.0)
 
 
 def _within_reach(pose: Estimate, design: Float) -> bool:
@@ -143,7 +141,7 @@ def refuse_unexplained(
         return
 
     def misfit(poses: Float) -> float:
-        read = target.searched(LOOKED_AT, 1.0, poses)
+        read = target.searched(LOOKED_AT, poses)
         turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
         fits = [one for _, at in read.starts(turns, 0.0)[:2] if (one := _tried(read, at)) is not None]
         return min((one.usual for one in fits), default=np.inf)

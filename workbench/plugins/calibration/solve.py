@@ -31,7 +31,7 @@ from workbench.plugins.calibration.observations import Observations, Passes, dis
 from workbench.plugins.calibration.search import answers, only_answer, refuse_unexplained
 from workbench.plugins.calibration.shared_errors import Settled, settled
 
-CONTRADICTED = 9.0  # gain in chi-square with the radius free: 3 standard deviations
+CONTRADICTED = 9.0  # chi-square of the data against the stated radius: 3 standard deviations
 FREE_RADIUS = 0.05  # uncertainty of a sphere's radius that the data contradict, over the radius
 NOTED = 1.5  # over the stated noise: then it is the noise, not the postures, that a refusal speaks of
 OFFSET_GRID_MM, MAX_OFFSETS = 3.0, 60  # how finely clock offsets are searched
@@ -98,8 +98,8 @@ def solve(
     check_postures(passes.place(), where)
     demand = Demand(view or view_of(passes.circle), limit_mm, where)
     sphere = Sphere(passes, noise, with_offset)
-    fits = answers(sphere, design, _offsets(passes) if isinstance(passes, Passes) else (0.0,))
-    flange = passes.place(fits[0].at.offset_s).base_from_flange
+    fits = answers(sphere, design, _offsets(passes) if isinstance(passes, Passes) else np.zeros(1))
+    flange = passes.place(fits[0].at.offset_s if fits else 0.0).base_from_flange
     refuse_unexplained(sphere, fits, flange, design, where, NO_SUCH)
     begun = Settled(fits[0].at, fits[0].inverse, fits[0].used, noise, False)
     check_determined(Answer(begun, sphere, fits[0], True), demand)  # before rivals: where nothing is, there are many
@@ -132,17 +132,13 @@ def _speed(seen: Observations) -> float:
 def _with_free_radius(answer: Answer) -> Answer:
     """The answer with the sphere's radius free where the data contradict the stated one, else as it is."""
     sphere, found = answer.sphere, answer.found
-    u_mm = FREE_RADIUS * sphere.noise.radius_mm
-    if u_mm <= sphere.noise.radius_u_mm or len(sphere.seen) < 6:
-        return answer
-    held, free = (
-        estimator.sound(sphere.noisy(noise), found.estimate)
-        for noise in (found.noise, dataclasses.replace(found.noise, radius_u_mm=u_mm))
-    )
-    if free.chi2 >= held.chi2 - CONTRADICTED or (held.used & ~free.used).any():
+    noise, size = found.noise, SIZE - 1
+    off2, told2 = (found.estimate.radius_mm - noise.radius_mm) ** 2, noise.radius_u_mm**2 - found.covariance[size, size]
+    u_mm = FREE_RADIUS * noise.radius_mm
+    if u_mm <= noise.radius_u_mm or len(sphere.seen) < 6 or off2 <= CONTRADICTED * told2:
         return answer
     sphere = sphere.noisy(dataclasses.replace(sphere.noise, radius_u_mm=u_mm))
-    stated = estimator.sound(sphere, free.at)
+    stated = estimator.sound(sphere, found.estimate)
     return Answer(settled(stated, sphere), sphere, stated, answer.alone, True)
 
 

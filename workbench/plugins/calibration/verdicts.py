@@ -126,11 +126,12 @@ def scales_of(
     power, prior = np.linalg.inv(spread), np.where(free, FREE, u) ** -2.0
     covariance = np.linalg.inv(power + np.diag(prior))
     error = sensor.error + covariance @ (power @ more - prior * sensor.error)
-    chance = np.ones(2)
-    if found.freedom > estimator.LEAST_FREEDOM:
-        alone = [found.tested(-change[..., k : k + 1]) for k in range(2)]
-        student = np.array([abs(value[0]) / math.sqrt(square[0, 0]) for value, square in alone])
-        chance = 2.0 * scipy.special.stdtr(found.freedom - 1, -student)
+    alone = [found.tested(-change[..., k : k + 1]) for k in range(2)]
+    gain, freedom = np.array([one[0] ** 2 / square[0, 0] for one, square in alone]), max(found.freedom - 1, 1)
+    less = np.clip((found.chi2 - gain) / freedom, 1e-9, 1.0)  # residuals that a scale explains count as they are then
+    chance = 2.0 * scipy.special.stdtr(freedom, -np.sqrt(gain / less))
+    if found.freedom < estimator.LEAST_FREEDOM:
+        chance[:] = 1.0
     return Scales(error, covariance, found.carried(change), free, chance)
 
 

@@ -38,7 +38,7 @@ GROSS = 5.0  # studentised residual of a blunder, as the length of three standar
 THREE_QUARTERS = 2.03  # quantile of the length of three standard normal numbers
 MOST_GROSS = 0.25  # share of the observations; with more, nobody knows which are right
 TURNS = 12  # of fitting and choosing
-DOUBTFUL, DRAWS = 2.0, 20  # times the noise, from which three quarters may not be the right ones; halves drawn then
+DOUBTFUL = 2.0  # times the noise, from which three quarters may not be the right ones
 LEAST_FREEDOM = 4  # to tell a blunder from noise
 
 
@@ -358,20 +358,20 @@ def _nearest(distance: Float) -> Bool:
     return kept
 
 
-def sound(instrument: Instrument[S], start: S) -> Fit[S]:
+def sound(instrument: Instrument[S], start: S, halves: int = 20) -> Fit[S]:
     """The fit without what all others contradict; of all observations where too many would go, or nothing checks it.
 
     Three quarters that agree best with each other come first: fitted and chosen in turn, and where they do not agree,
-    from halves drawn at random too (P. Rousseeuw, K. Van Driessen, Computing LTS regression for large data sets, Data
+    from halves drawn at random (P. Rousseeuw, K. Van Driessen, Computing LTS regression for large data sets, Data
     Mining and Knowledge Discovery 12, 2006). What is not far off them comes back.
     """
-    used = nearest(instrument, start)
-    found, rng = _chosen(instrument, start, used), np.random.default_rng(0)
-    if found.usual > DOUBTFUL:
-        count = len(used)
-        halves = (np.isin(np.arange(count), rng.choice(count, (count + 1) // 2, replace=False)) for _ in range(DRAWS))
-        drawn = [_chosen(instrument, start, one) for one in halves if found.rows.freedom(one) >= LEAST_FREEDOM]
-        found = min((found, *drawn), key=lambda one: one.usual)
+    found = _chosen(instrument, start, nearest(instrument, start))
+    if halves and found.usual > DOUBTFUL:
+        rng, count = np.random.default_rng(0), len(found.used)
+        drawn = (np.isin(np.arange(count), rng.choice(count, (count + 1) // 2, replace=False)) for _ in range(halves))
+        begun = [fit(instrument, found.at, one, 3) for one in drawn if found.rows.freedom(one) >= LEAST_FREEDOM]
+        likely = min(begun, key=lambda one: one.usual, default=found)
+        found = min(found, _chosen(instrument, likely.at, _nearest(likely.distance)), key=lambda one: one.usual)
     for _ in range(TURNS):
         kept = ~far_off(found.distance, found.used)
         if (kept == found.used).all() or found.rows.freedom(kept) < LEAST_FREEDOM:

@@ -8,7 +8,10 @@ mistakes in a recording's poses are tried in turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from functools import partial
 from itertools import islice
 from typing import Protocol, TypeVar
 
@@ -28,7 +31,7 @@ HOPELESS = (4.0, 100.0)  # times the best's chi-square, and more: none of these 
 THINNED = 200  # observations that a search looks at
 LOOKED_AT = 60  # likewise, where a mistake in the poses is sought
 SAME = np.repeat([0.5, 0.02], 3)  # mm and rad, within which two answers are one
-UNUSUAL = 10.0  # three quarters of what is seen lie further off than so many times the noise: it is no noise
+UNUSUAL = 10.0  # times the noise, that three quarters of what is seen lie off: it is no noise
 RIVAL = 16.0  # an answer whose chi-square is larger by less cannot be excluded: odds of e^8
 APART = 5.0  # standard deviations between answers that are two
 REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer (it may be off by 50 mm and 20 deg)
@@ -56,7 +59,7 @@ def answers(target: Target[S], design: Float | None, offsets_s: Float) -> list[e
     if design is not None:
         turns = np.concatenate([np.zeros((1, 3)), NEAR * np.eye(3), -NEAR * np.eye(3)])
         near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s)
-        if near and near[0].usual <= UNUSUAL:
+        if near and off(near[0]) <= UNUSUAL:
             return near
     return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s)
 
@@ -65,17 +68,24 @@ def _answers(target: Target[S], rotations: Float, offsets_s: Float) -> list[esti
     few = target.searched(THINNED)
     begun = [one for offset_s in offsets_s for one in few.starts(rotations, offset_s)]
     likely = _distinct((at for _, at in sorted(begun, key=lambda one: one[0])), target)
-    tried = (one for at in islice(likely, TRIED) if (one := _tried(few, at)) is not None)
-    rough = sorted(tried, key=lambda one: one.chi2)
+    rough = sorted(_solved(partial(_rough, few), islice(likely, TRIED)), key=lambda one: one.chi2)
     best = _distinct((one.at for one in rough if one.chi2 <= HOPELESS[0] * rough[0].chi2 + HOPELESS[1]), target)
-    return sorted((estimator.sound(target, at) for at in islice(best, REFINED)), key=cost)
+    fits = sorted(_solved(partial(estimator.sound, target, halves=0), islice(best, REFINED)), key=cost)
+    again = _solved(partial(estimator.sound, target), (one.at for one in fits[:1]))
+    return sorted([*again, *fits[1:]], key=cost)
 
 
-def _tried(target: Target[S], at: S) -> estimator.Fit[S] | None:
-    try:
-        return estimator.fit(target, at, estimator.nearest(target, at), ROUGH_STEPS)
-    except np.linalg.LinAlgError:  # the errors of poses that are infinitely far away have no inverse
-        return None
+def _rough(target: Target[S], at: S) -> estimator.Fit[S]:
+    return estimator.fit(target, at, estimator.nearest(target, at), ROUGH_STEPS)
+
+
+def _solved(fit: Callable[[S], estimator.Fit[S]], starts: Iterable[S]) -> list[estimator.Fit[S]]:
+    """The fits from all starts but those that run away: errors of poses infinitely far away have no inverse."""
+    found = []
+    for at in starts:
+        with suppress(np.linalg.LinAlgError):
+            found.append(fit(at))
+    return found
 
 
 def _distinct(every: Iterable[S], target: Target[S]) -> Iterator[S]:
@@ -97,6 +107,11 @@ def between(one: Estimate, other: Estimate) -> Float:
 def cost(one: estimator.Fit[S]) -> float:
     """Chi-square; an observation left out costs what would just have kept it."""
     return one.chi2 + estimator.GROSS**2 * int((~one.used).sum())
+
+
+def off(one: estimator.Fit[S]) -> float:
+    """How far off three quarters of what is seen lie, over the noise; and no less than what a fit rests on does."""
+    return max(one.usual, math.sqrt(one.misfit))
 
 
 def only_answer(
@@ -121,13 +136,13 @@ def only_answer(
 
 def _two(best: estimator.Fit[S], other: estimator.Fit[S], target: Target[S]) -> bool:
     """Whether they are two answers, beyond what the better one leaves open."""
-    off = between(target.pose(best.at), target.pose(other.at))
-    return bool(off @ np.linalg.solve(best.covariance[:6, :6], off) > APART**2 and np.abs(off / SAME).max() > 1.0)
+    d = between(target.pose(best.at), target.pose(other.at))
+    return bool(d @ np.linalg.solve(best.covariance[:6, :6], d) > APART**2 and np.abs(d / SAME).max() > 1.0)
 
 
 def _within_reach(pose: Estimate, design: Float) -> bool:
-    off = between(Estimate(design[:3, :3], design[:3, 3], np.zeros(3), 0.0), pose)
-    return bool(np.linalg.norm(off[:3]) < REACH_MM and np.linalg.norm(off[3:]) < REACH_RAD)
+    d = between(Estimate(design[:3, :3], design[:3, 3], np.zeros(3), 0.0), pose)
+    return bool(np.linalg.norm(d[:3]) < REACH_MM and np.linalg.norm(d[3:]) < REACH_RAD)
 
 
 def refuse_unexplained(
@@ -137,16 +152,16 @@ def refuse_unexplained(
 
     The misfit is that of three quarters of what is seen: it has to reach beyond what every answer explains.
     """
-    if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or fits[0].usual <= UNUSUAL):
+    if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or off(fits[0]) <= UNUSUAL):
         return
 
     def misfit(poses: Float) -> float:
         read = target.searched(LOOKED_AT, poses)
         turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
-        fits = [one for _, at in read.starts(turns, 0.0)[:2] if (one := _tried(read, at)) is not None]
-        return min((one.usual for one in fits), default=np.inf)
+        fits = _solved(partial(_rough, read), (at for _, at in read.starts(turns, 0.0)[:2]))
+        return min((off(one) for one in fits), default=np.inf)
 
-    found = f"the best leaves {fits[0].usual:.0f} times the noise" if fits else "every one runs away"
+    found = f"the best leaves {off(fits[0]):.0f} times the noise" if fits else "every one runs away"
     mistake = suspected(flange, misfit, UNUSUAL)
     said = f"suspicion: {mistake}" if mistake else ask
     raise InputError(where, f"no hand-eye pose explains the profiles: {found}; {said}")

@@ -392,25 +392,39 @@ def _chosen(instrument: Instrument[S], start: S, used: Bool) -> Fit[S]:
 
 
 def without_blunders(
-    instrument: Instrument[S], start: S, labels: Labels, *, lengths: int = 3
+    instrument: Instrument[S], start: S, labels: Labels, *, spare: int = LEAST_FREEDOM, lengths: int = 3
 ) -> tuple[Fit[S], dict[int, str]]:
-    """The fit without blunders (`sound`), and by number of the observation why it is left out.
+    """The fit without blunders: what all others contradict most is left out, one by one.
 
-    `lengths`: how many of an observation's values, the first, are mm.
+    More noise than stated is no blunder, and neither is what the model does not hold (gears, gravity): an observation
+    must be far off beside three quarters of *all*, those left out before counted as far off.
+
+    Args:
+        instrument: predicts the observations.
+        start: of every fit.
+        labels: for what is said.
+        spare: degrees of freedom that must be there to judge.
+        lengths: how many of an observation's values, the first, are mm.
+
+    Returns: the fit, and by number of the observation why it is left out.
 
     Raises:
         InputError: more blunders than can be told apart.
     """
-    found = sound(instrument, start)
-    far = far_off(found.distance, found.used) & found.used
-    if far.any() and found.freedom - found.rows.values[far].min() >= LEAST_FREEDOM:
-        raise contradictory(found.misfit, labels)
-    away = np.linalg.norm(found.rows.residual[:, :lengths], axis=1)
-    return found, {
-        labels.numbers[k]: f"{labels.name} {labels.numbers[k]} is left out: it lies {away[k]:.2f} mm from where all "
-        "other rows put it"
-        for k in np.flatnonzero(~found.used)
-    }
+    found, left_out = fit(instrument, start), dict[int, str]()
+    count = len(found.used)
+    while True:
+        distance = np.where(found.used, found.distance, np.inf)
+        worst = int(np.argmax(np.where(found.used, distance, -1.0)))
+        if found.freedom < spare or not far_off(distance, found.used)[worst]:
+            return found, left_out
+        if (~found.used).sum() + 1 > MOST_GROSS * count:
+            raise contradictory(found.misfit, labels)
+        used = found.used.copy()
+        used[worst] = False
+        found = fit(instrument, start, used)
+        away, number = float(np.linalg.norm(found.rows.residual[worst, :lengths])), labels.numbers[worst]
+        left_out[number] = f"{labels.name} {number} is left out: it lies {away:.2f} mm from where all other rows put it"
 
 
 def contradictory(misfit: float, labels: Labels) -> InputError:

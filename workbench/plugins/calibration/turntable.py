@@ -189,7 +189,7 @@ def turntable(
     labels = estimator.Labels(str(marks), every.lines, ask=ASKED)
     table = _Turning(every, angle_noise_deg * DEG)
     _check_count(every, table.alike, str(marks))
-    found, left_out = estimator.without_blunders(table, table.begun(), labels)
+    found, left_out = estimator.without_blunders(table, table.begun(), labels, spare=estimator.LEAST_FREEDOM + 3)
     check_misfit(found, labels)
     if not np.isin(np.arange(every.markers), every.marker[found.used]).all():
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")

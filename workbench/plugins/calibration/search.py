@@ -152,7 +152,8 @@ def refuse_unexplained(
 
     The misfit is that of three quarters of what is seen: it has to reach beyond what every answer explains.
     """
-    if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or off(fits[0]) <= UNUSUAL):
+    left = off(fits[0]) if fits else np.inf
+    if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or left <= UNUSUAL / 2.0):
         return
 
     def misfit(poses: Float) -> float:
@@ -161,7 +162,9 @@ def refuse_unexplained(
         fits = _solved(partial(_rough, read), (at for _, at in read.starts(turns, 0.0)[:2]))
         return min((off(one) for one in fits), default=np.inf)
 
-    found = f"the best leaves {off(fits[0]):.0f} times the noise" if fits else "every one runs away"
-    mistake = suspected(flange, misfit, UNUSUAL)
+    found = f"the best leaves {left:.0f} times the noise" if fits else "every one runs away"
+    mistake = suspected(flange, misfit, min(UNUSUAL, left / 4.0))
+    if not mistake and left <= UNUSUAL:
+        return
     said = f"suspicion: {mistake}" if mistake else ask
     raise InputError(where, f"no hand-eye pose explains the profiles: {found}; {said}")

@@ -106,6 +106,8 @@ def test_an_end_that_stays_in_one_column_is_a_condition(lost: int) -> None:
     wide = {"root_tolerance_mm": (-1.0, 1.0), "bevel_tolerance_deg": (-10.0, 10.0)}
     found = sections(edge, **nominal, **wide)
     assert (found.verdict, [one.name for one in found.conditions]) == ("undecided", ["window_end"])
+    (told,) = (one.finding for one in found.checks if one.name == "fixed_end_share")  # a corrected path rests on it
+    assert "would not show" in told
     assert sections(edge, **nominal, **wide, accept_conditions=("window_end",)).verdict == "pass"
 
 

@@ -48,7 +48,7 @@ from workbench.edge.rim import (
 )
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
 from workbench.edge.steps import burr_stations, waves_u
-from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, unseen_of
+from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, root_end_check, unseen_of
 from workbench.errors import InputError
 from workbench.geometry.curves import covered, turn_by_robot
 from workbench.geometry.silhouette import reached_mm
@@ -145,10 +145,12 @@ def segment(
         raise InputError(cloud.source, UNDETERMINED) from None
     doubts = [] if shown.upper_seen or shown.lower_seen else [BY_NOMINAL]
     doubts += [BY_TABLE] if shown.lies_on else []
-    doubts += by_window(cloud, tracked)
+    ends = root_end_check(cloud, tracked)
+    doubts += by_window(ends)
     doubts += [COMPOUND] if _value(checks, FURTHER) else []
     doubts += unseen_of(cloud, tracked, edge, is_sharp=edge_condition == "sharp")
-    edge = replace(edge, unseen=by_thickness(cloud, tracked, edge, doubts, thickness_mm))
+    unseen = by_thickness(cloud, tracked, edge, doubts, thickness_mm)
+    edge = replace(edge, unseen=unseen, checks=(*edge.checks, ends))
     return certified(edge, sensor_dcc, thermometer_dcc, temperature_c)
 
 

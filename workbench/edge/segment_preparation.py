@@ -45,7 +45,7 @@ from workbench.edge.prepared_frames import (
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
 from workbench.edge.segment import Declared, either_piece_u, milled_edge
-from workbench.edge.unseen import by_window
+from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError
 from workbench.geometry.sections import crossing, in_section, section_lines
 from workbench.stage import InputFile, stage
@@ -134,6 +134,7 @@ def segment_preparation(
         refuse_failed(checks, *_refused(cloud, frames))
     except np.linalg.LinAlgError:
         raise InputError(cloud.source, UNDETERMINED) from None
+    ends = root_end_check(cloud, frames.tracked)
     return Preparation(
         type=frames.kind,
         declared=preparation != "auto",
@@ -151,8 +152,8 @@ def segment_preparation(
         pass_index=cloud.pass_index,
         part=cloud.part,
         warnings=edge.warnings,
-        checks=(*cloud.checks, *checks),
-        unseen=by_window(cloud, frames.tracked),
+        checks=(*cloud.checks, *checks, ends),
+        unseen=by_window(ends),
     )
 
 

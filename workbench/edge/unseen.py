@@ -161,10 +161,14 @@ def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
     return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
 
 
-def by_window(cloud: Cloud, tracked: TrackedFaces) -> tuple[Unseen, ...]:
+def root_end_check(cloud: Cloud, tracked: TrackedFaces) -> Check:
+    """Likewise of a root face."""
+    return fixed_end_check(cloud, [tracked.end_column[is_free_end(tracked)]], int(tracked.seen.sum()))
+
+
+def by_window(check: Check) -> tuple[Unseen, ...]:
     """The doubt of a root face that ends so."""
-    share = fixed_end_check(cloud, [tracked.end_column[is_free_end(tracked)]], int(tracked.seen.sum())).value
-    return (BY_WINDOW,) if (share or 0.0) > PINNED else ()
+    return (BY_WINDOW,) if (check.value or 0.0) > PINNED else ()
 
 
 class _Section:

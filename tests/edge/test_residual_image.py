@@ -12,8 +12,9 @@ import pytest
 from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_rim import measured
 from workbench.artefacts import FORM
+from workbench.edge.residual_image import FaceImage, Linearity, forms
 from workbench.errors import WorkbenchError
-from workbench.units import DEG
+from workbench.units import DEG, Int
 
 WALKING = (45, 51, 58, 60, 67, 71, 77, 79)  # those of seeds 40 to 79 whose sensor walks
 QUIET = (40, 41, 49, 55, 57)  # some whose noise is 0.005 mm or less
@@ -61,3 +62,17 @@ def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path) -> None:
     file.write_text(json.dumps({"linearity_mm": -1}))
     with pytest.raises(WorkbenchError, match=r"sensor\.json: \$\.linearity_mm"):
         measured(walking(41, 0.0), sensor=file)
+
+
+def test_a_place_that_is_missing_changes_little() -> None:
+    """Places of a face that no frame shows, also beside its end."""
+    rng, place_mm = np.random.default_rng(3), np.linspace(-6.0, 6.0, 25)
+    walk = 0.003 * np.cumsum(rng.standard_normal(25)) * np.sqrt(0.5)
+    noise = 1e-7 * np.eye(25)
+
+    def turn_u(there: Int) -> float:
+        image = FaceImage(np.zeros(1), walk[None, there], noise[None, there][:, :, there], place_mm[there], 1.05)
+        return float(forms([image], np.zeros(1), Linearity())[0].turn_u[0])
+
+    for missing in range(1, 24):
+        assert turn_u(np.delete(np.arange(25), missing)) == pytest.approx(turn_u(np.arange(25)), rel=0.2)

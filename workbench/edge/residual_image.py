@@ -240,10 +240,12 @@ def _log_prior(strengths: Float) -> Float:
 def _walk(image: FaceImage) -> Float:
     """Covariance (p, p) across the face of a walk of the range of variance 1 a lateral mm, of means over places.
 
-    From the first place on: no level matters.
+    From where the first of these begins: no level matters. Some may be missing.
     """
-    t = (image.place_mm - image.place_mm[0]) / image.lean
-    return np.asarray(np.minimum.outer(t, t) - t[1] / 6.0 * np.eye(t.size)) / image.lean**2
+    t = image.place_mm / image.lean
+    wide = np.diff(t).min()
+    t = t - t[0] + wide / 2.0
+    return np.asarray(np.minimum.outer(t, t) - wide / 6.0 * np.eye(t.size)) / image.lean**2
 
 
 def _form(image: FaceImage, lasting: Sequence[Float], at: Float, sensor: Linearity) -> FaceForm:

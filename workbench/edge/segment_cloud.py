@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import scipy
+from pydantic import Field
 
 from workbench.artefacts import (
     BEVEL_FACE,
@@ -40,7 +42,7 @@ from workbench.edge.segment_cloud_grid import organised, recovered_grid
 from workbench.edge.segment_cloud_passes import passes_shown
 from workbench.edge.segment_cloud_sheets import check_one_sheet
 from workbench.edge.segment_raw import segment_raw
-from workbench.edge.unseen import BY_WINDOW
+from workbench.edge.unseen import BY_THICKNESS, BY_WINDOW
 from workbench.errors import InputError
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, with_frame
@@ -86,6 +88,7 @@ def segment_cloud(
     edge_condition: EdgeCondition = "unknown",
     sensor: InputFile | None = None,
     upper_side: tuple[float, float, float] | None = None,
+    thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
     use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
     """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
@@ -99,6 +102,7 @@ def segment_cloud(
         sensor: as in `edge.segment`.
         upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in
             scan order. null: a milled edge.
+        thickness_mm: of a milled edge's plate, as in `edge.segment`: says whether a cloud was cropped along the edge.
         use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
 
     Raises:
@@ -145,9 +149,11 @@ def segment_cloud(
         robot_noise_length_mm=robot_noise_length_mm,
         edge_condition=edge_condition,
         sensor=sensor,
+        thickness_mm=thickness_mm,
     )
-    unseen = [one for one in edge.unseen if one.name != BY_WINDOW.name]
-    unseen = [*([BY_CUT] if _ends_with_cloud(cloud, edge) else []), *unseen, OTHER_SOFTWARE]
+    is_open = thickness_mm is None or any(one.name in BY_THICKNESS for one in edge.unseen)
+    cut = [BY_CUT] if is_open and _ends_with_cloud(cloud, edge) else []
+    unseen = [*cut, *(one for one in edge.unseen if one.name != BY_WINDOW.name), OTHER_SOFTWARE]
     edge = replace(edge, unseen=tuple(unseen), warnings=(*points.warnings, *edge.warnings))
     return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
 

@@ -118,13 +118,16 @@ def test_what_returns_right_behind_an_end_shows_it_and_a_cropped_cloud_hides_tha
     nominal = {name: drawn.declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
     cloud = denoise(fuse(drawn.recording))
     assert ("lost_columns" in [one.name for one in segment(cloud, **nominal).unseen]) != behind
-    points, up = cloud.placed(*np.nonzero(cloud.keep)), simulate(seed, is_raw=False, cell=Sharp()).base_from_section
+    points, part = cloud.placed(*np.nonzero(cloud.keep)), simulate(seed, is_raw=False, cell=Sharp())
+    up = part.base_from_section
     above = (points - up[:3, 3]) @ up[:3, 1] > 0.3
     for kept, shown in ((points, behind), (points[above], False)):
         edge = segment_cloud(PointSet(kept), **nominal)[1]
         assert isinstance(edge, MilledEdge)
         found = sections(edge, **nominal, root_tolerance_mm=(-0.8, 0.8), bevel_tolerance_deg=(-10.0, 10.0))
         assert [one.name for one in found.conditions] == ([] if shown else ["window_end"])
+        known = segment_cloud(PointSet(kept), **nominal, thickness_mm=part.section.thickness_mm)[1]
+        assert [one.name for one in known.unseen if one.is_doubt] == ([] if kept is points else ["thickness"])
 
 
 @pytest.mark.parametrize(("dark_mm", "off_mm"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)])

@@ -151,15 +151,16 @@ def segment_cloud(
         sensor=sensor,
         thickness_mm=thickness_mm,
     )
-    is_open = thickness_mm is None or any(one.name in BY_THICKNESS for one in edge.unseen)
-    cut = [BY_CUT] if is_open and _ends_with_cloud(cloud, edge) else []
+    cut = [BY_CUT] if _ends_with_cloud(cloud, edge, thickness_mm) else []
     unseen = [*cut, *(one for one in edge.unseen if one.name != BY_WINDOW.name), OTHER_SOFTWARE]
     edge = replace(edge, unseen=tuple(unseen), warnings=(*points.warnings, *edge.warnings))
     return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
 
 
-def _ends_with_cloud(cloud: Cloud, edge: MilledEdge) -> bool:
-    """Does in most frames no point stand beyond the root face's free end?"""
+def _ends_with_cloud(cloud: Cloud, edge: MilledEdge, thickness_mm: float | None) -> bool:
+    """Does in most frames no point stand beyond the root face's free end, and no thickness say that this is one?"""
+    if thickness_mm is not None and all(one.name not in BY_THICKNESS for one in edge.unseen):
+        return False
     root, bevel = (edge.faces[label].columns for label in (ROOT_FACE, BEVEL_FACE))
     on = np.flatnonzero((edge.faces[ROOT_FACE].count > 0) & (edge.faces[LOWER_SURFACE].count == 0))
     rising = root[on].sum(axis=1) > bevel[on].sum(axis=1)

@@ -368,10 +368,10 @@ def sound(instrument: Instrument[S], start: S, halves: int = 20) -> Fit[S]:
     found = _chosen(instrument, start, nearest(instrument, start))
     if halves and found.usual > DOUBTFUL:
         rng, count = np.random.default_rng(0), len(found.used)
-        drawn = (np.isin(np.arange(count), rng.choice(count, (count + 1) // 2, replace=False)) for _ in range(halves))
+        drawn = (rng.permutation(count) <= count // 2 for _ in range(halves))
         begun = [fit(instrument, found.at, one, 3) for one in drawn if found.rows.freedom(one) >= LEAST_FREEDOM]
-        likely = min(begun, key=lambda one: one.usual, default=found)
-        found = min(found, _chosen(instrument, likely.at, _nearest(likely.distance)), key=lambda one: one.usual)
+        chosen = (_chosen(instrument, one.at, one.used) for one in sorted(begun, key=lambda one: one.usual)[:1])
+        found = min((found, *chosen), key=lambda one: one.usual)
     for _ in range(TURNS):
         kept = ~far_off(found.distance, found.used)
         if (kept == found.used).all() or found.rows.freedom(kept) < LEAST_FREEDOM:

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial import KDTree
 
 from workbench import cad
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, HandEye, Toolpath
@@ -52,13 +53,14 @@ def read_edge(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
     if suffix in RECORDINGS:
         return _recorded(path, upper_side, joint, hand_eye)
     if suffix in DRAWINGS:
-        return through(_dxf_points(path), upper_side, path)
+        return EdgeLine.through(_dxf_points(path), upper_side, path)
     if read_json(path).get("format") == "bevel-toolpath":
         from workbench.path import read
 
         return _planned(read(toolpath=path), path)
     file = EdgeLineFile.read(path)
-    return through(np.array(file.points_mm), upper_side if file.upper_side is None else np.array(file.upper_side), path)
+    upper = upper_side if file.upper_side is None else np.array(file.upper_side)
+    return EdgeLine.through(np.array(file.points_mm), upper, path)
 
 
 def modelled(path: Path | None, number: int | None, base_from_cad: list[list[float]] | None) -> NominalEdge | None:
@@ -79,18 +81,6 @@ def modelled(path: Path | None, number: int | None, base_from_cad: list[list[flo
     return replace(edge, points_mm=edge.points_mm @ turn + pose[:3, 3], upper_side=edge.upper_side @ turn)
 
 
-def through(points: Float, upper_side: Float, source: str | Path) -> EdgeLine:
-    """The edge through points (p, 3).
-
-    Raises:
-        InputError: it is none.
-    """
-    try:
-        return EdgeLine.through(points, upper_side, str(source))
-    except ValueError as error:
-        raise InputError(str(source), str(error)) from None
-
-
 def _planned(path: Toolpath, file: Path) -> EdgeLine:
     """The lower edge under a toolpath's last layer: its frames stand at mid-width of the bevel face."""
     layer = path.layers[-1]
@@ -102,7 +92,7 @@ def _planned(path: Toolpath, file: Path) -> EdgeLine:
     if on.sum() < 2:
         raise InputError(str(file), "expected a last layer that cuts at two points and more")
     pose = np.eye(4) if path.base_from_workobject is None else path.base_from_workobject
-    return through(path.in_base(lower[on]), across[on] @ pose[:3, :3].T, file)
+    return EdgeLine.through(path.in_base(lower[on]), across[on] @ pose[:3, :3].T, file)
 
 
 def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | None) -> EdgeLine:
@@ -121,7 +111,7 @@ def _recorded(path: Path, upper_side: Float, joint: Joint, hand_eye: HandEye | N
         except InputError:
             raise raw from None
     seen = np.isfinite(found.position_mm).all(axis=1)
-    line = through(found.position_mm[seen], found.across[seen], path)
+    line = EdgeLine.through(found.position_mm[seen], found.across[seen], path)
     return replace(line, beside_mm=_beside(points, line, joint), roughness_mm=roughness_mm(points, found))
 
 
@@ -149,12 +139,7 @@ def _beside(cloud: Cloud, line: EdgeLine, joint: Joint) -> Float:
     origin = line.position_mm[0]
     points = fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, origin)[cloud.keep] + origin
     points = points[:: max(1, len(points) // SAMPLED)]
-    nearest = np.concatenate(
-        [
-            np.argmin(((part[:, None] - line.position_mm) ** 2).sum(axis=2), axis=1)
-            for part in np.array_split(points, max(1, len(points) // 2000))
-        ]
-    )
+    nearest = KDTree(line.position_mm).query(points)[1]
     off = points - line.position_mm[nearest]
     n, m = (off * line.normal[nearest]).sum(axis=1), (off * line.across[nearest]).sum(axis=1)
     outside = (n > BESIDE_MM) | (m > joint.thickness_mm + BESIDE_MM) | (m < -BESIDE_MM)

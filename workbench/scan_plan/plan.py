@@ -37,7 +37,7 @@ from workbench.result_files import ScanPlanFile, SensorFile
 from workbench.result_files.scan_plan import plan_id
 from workbench.robot import Cell
 from workbench.scan import read_hand_eye
-from workbench.scan_plan.edges import modelled, read_edge, through
+from workbench.scan_plan.edges import modelled, read_edge
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,
     Joint,
@@ -47,8 +47,8 @@ from workbench.scan_plan.information import (
     hidden_why,
 )
 from workbench.scan_plan.reach import Examiner, scan_cell
-from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, rehearsed, straight
-from workbench.scan_plan.search import COVERAGE, Candidate, Learned, Search, Wanted
+from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, Rehearsed, pooled, rehearsed, straight
+from workbench.scan_plan.search import COVERAGE, Candidate, Learned, Reach, Search, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
 from workbench.units import DEG, Bool, Float, Shaped
@@ -113,7 +113,8 @@ class ScanPlan:
     @property
     def reached(self) -> Shaped[Bool, " s"]:
         """Stations at which what is wanted is promised."""
-        return (self.promised_root_mm <= self.wanted.root_mm) & (self.promised_bevel_deg <= self.wanted.bevel_deg)
+        kept = (self.promised_root_mm <= self.wanted.root_mm) & (self.promised_bevel_deg <= self.wanted.bevel_deg)
+        return kept & (self.refused is None)
 
     @property
     def turntable_deg(self) -> float | None:
@@ -210,7 +211,7 @@ def plan(
     if model is None:
         line = _roughly(taught, edge, np.array(upper_side), joint, eye)
     else:
-        line = through(model.points_mm, model.upper_side, str(edge))
+        line = EdgeLine.through(model.points_mm, model.upper_side, str(edge))
     turn = 0.0 if eye is None or eye.covariance is None else math.sqrt(float(np.trace(eye.covariance[3:, 3:])) / 3.0)
     rough = line.roughness_mm if roughness_mm is None else roughness_mm
     known = Knowledge(robot_noise_mm, turn, edge_condition, roughness_mm=min(rough or 0.0, MOST_ROUGH_MM))
@@ -251,7 +252,7 @@ def _roughly(
         return read_edge(edge, upper_side, joint, eye)
     if taught is None:
         raise InputError("scan.plan", "expected where the edge is: edge=FILE, a recording, a toolpath or points")
-    return through(taught.points_mm, taught.upper_side, taught.source)
+    return EdgeLine.through(taught.points_mm, taught.upper_side, taught.source)
 
 
 class Task(NamedTuple):
@@ -352,53 +353,64 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
         low, high = place.turntable.limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)
-    best: tuple[tuple[float, ...], _Looked, Search, tuple[int, ...]] | None = None
-    offered: list[frozenset[tuple[View, bytes]]] = [frozenset()]
+    learned: list[Learned] = []
+    tried: dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]] = {}
+    offered: dict[frozenset[tuple[View, bytes]], tuple[Reach, _Looked]] = {}
     refused: dict[View, str] = {}
     for table in tables:
         looked = _looked(task, examiner, table)
         refused = refused or looked.refused
         offer = frozenset((one.view, one.sees.tobytes()) for one in looked.candidates)
-        if any(offer <= one for one in offered):
+        if any(offer <= one for one in (frozenset(), *offered)):
             continue  # nothing new
-        offered.append(offer)
-        search = Search(*task[:3], task.edge.length_mm, task.wanted, looked.candidates)
-        chosen, reach = search.best(task.passes)
-        hidden = int((~search.visible).sum())
-        rank = (hidden + reach.unseen, hidden + reach.short, reach.excess, reach.seconds, reach.over)
-        if best is None or rank < best[0]:
-            best = (rank, looked, search, chosen)
-        if rank[1] == 0 or not (looked.refused or looked.by_base):  # else another angle of the table may serve
+        offered[offer] = _rehearse(task, looked, learned, tried), looked
+        promised = any(made.reached.all() for made, *_ in tried.values())
+        if promised or not (looked.refused or looked.by_base):  # else another angle may serve
             break
-    if best is None:
+    if not offered:
         raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(refused)}")
-    return dataclasses.replace(_rehearsed_plan(task, *best[1:]), scan_cell=place, unchecked=unchecked)
-
-
-def _rehearsed_plan(task: Task, looked: _Looked, search: Search, chosen: tuple[int, ...]) -> ScanPlan:
-    """The plan of chosen candidates; of others, where a rehearsal says that these do not reach what is wanted."""
-    tried: dict[tuple[int, ...], ScanPlan] = {}
-    while chosen not in tried and len(tried) < REHEARSALS:
-        tried[chosen] = made = _made(task, looked, chosen)
-        if made.reached[search.visible].all():
-            break
-        _learn(made, search, chosen)
-        last = len(tried) == REHEARSALS - 1
-        aim = Wanted(*(SUREST * one for one in task.wanted)) if last else task.wanted
-        chosen = dataclasses.replace(search, wanted=aim).best(task.passes)[0]
-    chosen, made = min(tried.items(), key=lambda one: _shortfall(one[1]))
+    if not promised:
+        _rehearse(task, min(offered.values(), key=lambda one: one[0])[1], learned, tried, last=True)
+    (_, chosen), (made, search, looked) = min(tried.items(), key=lambda one: _shortfall(one[1][0]))
+    made = dataclasses.replace(_drawn_again(task, made), scan_cell=place, unchecked=unchecked)
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, search, chosen))
     return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
 
 
+def _rehearse(
+    task: Task,
+    looked: _Looked,
+    learned: list[Learned],
+    tried: dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]],
+    *,
+    last: bool = False,
+) -> Reach:
+    """Try what the search thinks enough at a turntable angle, at the `last` one whatever it thinks; how near it comes.
+
+    What a rehearsal teaches holds at all angles.
+    """
+    search = Search(*task[:3], task.edge.length_mm, task.wanted, looked.candidates, learned)
+    hidden = int((~search.visible).sum())
+    for left in reversed(range(REHEARSALS)):
+        aim = task.wanted if left or not last else Wanted(*(SUREST * one for one in task.wanted))
+        chosen, reach = dataclasses.replace(search, wanted=aim).best(task.passes)
+        rank = Reach(hidden + reach.unseen, hidden + reach.short, *reach[2:])
+        if (looked.table, chosen) in tried or (rank.short and not last):
+            break
+        made = _made(task, looked, chosen)
+        tried[looked.table, chosen] = made, search, looked
+        if made.reached[search.visible].all():
+            break
+        _learn(made, search, chosen)
+    return rank
+
+
 def _shortfall(made: ScanPlan) -> tuple[int, float]:
     """Stations that miss what is wanted, and the largest promised U over it; infinite: the engine refuses."""
-    if made.refused is not None:
-        return made.arc_length_mm.size, math.inf
     over = np.fmax(made.promised_root_mm / made.wanted.root_mm, made.promised_bevel_deg / made.wanted.bevel_deg)
-    return int((~made.reached).sum()), float(np.nanmax(over, initial=0.0))
+    return int((~made.reached).sum()), float(np.nanmax(over, initial=math.inf if made.refused else 0.0))
 
 
 def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:
@@ -477,10 +489,7 @@ def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
 def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
     """The plan of chosen candidates, with what its rehearsal says."""
     passes = tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds))
-    share = min(1.0, LONGEST_MM / task.edge.length_mm)
-    told = rehearsed(
-        *task[:3], _along_nominal(task, passes, share), np.stack([one.sees for one in passes]), share * task.stations
-    )
+    told = _rehearsal(task, passes)
     return ScanPlan(
         *task[:4],
         passes,
@@ -495,6 +504,22 @@ def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
         looked.table,
         told.refused,
     )
+
+
+def _rehearsal(task: Task, passes: tuple[ScanPass, ...], *, again: bool = False) -> Rehearsed:
+    share = min(1.0, LONGEST_MM / task.edge.length_mm)
+    way, sees = _along_nominal(task, passes, share), np.stack([one.sees for one in passes])
+    return rehearsed(*task[:3], way, sees, share * task.stations, again=again)
+
+
+def _drawn_again(task: Task, made: ScanPlan) -> ScanPlan:
+    """The plan as two draws of noise predict it: one alone may be odd everywhere."""
+    if made.refused is not None:
+        return made
+    other = _rehearsal(task, made.passes, again=True)
+    if other.refused is not None:
+        return dataclasses.replace(made, refused=other.refused)
+    return dataclasses.replace(made, root=pooled(made.root, other.root), bevel=pooled(made.bevel, other.bevel))
 
 
 def _along_nominal(task: Task, passes: tuple[ScanPass, ...], share: float) -> PlannedScan:

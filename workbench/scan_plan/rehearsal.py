@@ -56,13 +56,17 @@ def rehearsed(
     way: PlannedScan,
     sees: Shaped[Bool, "p s"],
     stations: Shaped[Float, " s"],
+    *,
+    again: bool = False,
 ) -> Rehearsed:
     """Root face and bevel angle at the stations as the engine tells them.
 
-    way: the passes along `straight`; sees: which of them sees which station.
+    way: the passes along `straight`; sees: which of them sees which station; again: with other noise, and the first
+    radius only.
     """
     length = float(stations[-1])
     recipe = Recipe(
+        seed=int(again),
         part=Part(
             length_mm=length,
             thickness_mm=Course(start=joint.thickness_mm, end=joint.thickness_mm),
@@ -81,7 +85,7 @@ def rehearsed(
     turn = np.diag([0.0, 0.0, 0.0, *3 * [known.hand_eye_turn**2]])
     recording = twin.scan(Workpiece(recipe), way)
     found = []
-    for radius_mm in edges_of(known.edge_condition):
+    for radius_mm in edges_of(known.edge_condition)[: 1 if again else None]:
         try:
             points = cloud.denoise(scan.fuse(_as_seen(recording, way, sees, stations, radius_mm)))
             made = edge.segment(
@@ -97,7 +101,8 @@ def rehearsed(
             return Rehearsed(root, bevel, unknown, unknown, f"with a radius of {radius_mm:.2g} mm: {refused}")
         found.append([_along(made, one, stations) for one in (made.root, made.bevel)])
     patterns = [(sees == one[:, None]).all(axis=0) for one in np.unique(sees[:, sees.any(axis=0)], axis=1).T]
-    (root, bevel), (most_root, most_bevel) = ([_typical(one, patterns) for one in each] for each in found)
+    told = [[_typical(one, patterns) for one in each] for each in found]
+    (root, bevel), (most_root, most_bevel) = told[0], told[-1]
     return Rehearsed(root, bevel, RESERVE * most_root.u, RESERVE * most_bevel.u)
 
 
@@ -110,6 +115,12 @@ def _typical(found: Quantity, patterns: list[Bool]) -> Quantity:
             like[seen] = seen[np.argsort(found.u[seen])[seen.size // 2]]
     terms = {name: np.where(like < 0, np.nan, u[like]) for name, u in found.u_by_source.items()}
     return Quantity.of(found.name, found.value, terms)
+
+
+def pooled(one: Quantity, other: Quantity) -> Quantity:
+    """Of two draws: root mean squares, term by term."""
+    terms = {name: np.hypot(u, other.u_by_source.get(name, 0.0)) / math.sqrt(2.0) for name, u in one.u_by_source.items()}
+    return Quantity.of(one.name, one.value, terms)
 
 
 def _as_seen(recording: Recording, way: PlannedScan, sees: Bool, stations: Float, radius_mm: float) -> Recording:

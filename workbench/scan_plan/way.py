@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import splev, splprep
 from scipy.ndimage import gaussian_filter1d
 
+from workbench.errors import InputError
 from workbench.geometry.poses import pose_from
 from workbench.scan_plan.information import BESIDE_MM, Joint, Profiler, View
 from workbench.units import Float, Shaped
@@ -36,18 +38,18 @@ class EdgeLine:
         return float(self.arc_length_mm[-1])
 
     @classmethod
-    def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str) -> EdgeLine:
+    def through(cls, points_mm: Shaped[Float, "p 3"], upper_side: Float, source: str | Path) -> EdgeLine:
         """Near points in order of t, as smoothly as half of what the view leaves free allows (root mean square).
 
         A scanner that follows errors of taught points swings, a stand-off away. `upper_side` (3,) or (p, 3): roughly m.
 
         Raises:
-            ValueError: fewer than two different points, or an upper side along the edge.
+            InputError: fewer than two different points, or an upper side along the edge.
         """
         step = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
         points = points_mm[np.append(True, step > 1e-6)]
         if len(points) < 2:
-            raise ValueError("expected at least two different points")
+            raise InputError(str(source), "expected at least two different points")
         upper = np.broadcast_to(upper_side, points_mm.shape)[np.append(True, step > 1e-6)]
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / STATION_MM) + 1))
@@ -65,9 +67,9 @@ class EdgeLine:
         across = up - (up * tangent).sum(axis=1)[:, None] * tangent
         size = np.linalg.norm(across, axis=1)
         if size.min() < 0.1:
-            raise ValueError("expected an upper side across the edge, found one along it")
+            raise InputError(str(source), "expected an upper side across the edge, found one along it")
         across /= size[:, None]
-        return cls(at, position, tangent, np.cross(tangent, across), across, source)
+        return cls(at, position, tangent, np.cross(tangent, across), across, str(source))
 
     def at(self, arc_length_mm: Float) -> EdgeLine:
         """The same at other stations; beyond its ends it goes straight on."""

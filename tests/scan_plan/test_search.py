@@ -34,9 +34,9 @@ def test_no_set_is_better(seed: int) -> None:
     search = Search(JOINT, SENSOR, KNOWN, LENGTH_MM, wanted, candidates(rng))
     chosen, reach = search.best(3)
     sets = [s for size in (1, 2, 3) for s in itertools.combinations(range(len(search.candidates)), size)]
-    best = min(search.reach(s, search.visible) for s in sets)
+    best = min(search.reach(s) for s in sets)
     assert reach.short == best.short
-    assert reach == search.reach(chosen, search.visible)
+    assert reach == search.reach(chosen)
     if best.short == 0:
         assert reach.seconds <= 1.1 * best.seconds
     else:

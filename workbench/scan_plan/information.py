@@ -337,19 +337,10 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
         0.0,
     )
     templates = _templates(known.edge_condition)
-    out = []
-    for radius in edges_of(known.edge_condition):
-        at = (
-            np.array([radius]),
-            np.zeros(1),
-            np.array([MOST_INCIDENCE]),
-            np.full(1, PIXEL),
-            np.zeros(1, np.int64),
-            np.zeros(1),
-        )
-        _, depth, raised = rendered_end(blank, *at)
-        out.append(seen_end(blank._replace(known=blank.known._replace(mean=depth[0] - raised[0])), templates))
-    return tuple(out)
+    sizes = np.array(edges_of(known.edge_condition))
+    none, most, pixel = np.zeros(2), np.full(2, MOST_INCIDENCE), np.full(2, PIXEL)
+    _, depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(2, np.int64), none)
+    return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in depth - raised)
 
 
 def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], length_mm: float) -> Predicted:

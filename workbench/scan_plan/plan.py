@@ -353,8 +353,8 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
         low, high = place.turntable.limits
         tables = [one * DEG for one in TABLES_DEG if low <= one * DEG <= high]
     examiner = None if place is None else Examiner(place)
-    learned: list[Learned] = []
-    tried: dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]] = {}
+    learned: list[Learned] = []  # at any angle: what faces and rounding leave open does not turn with the table
+    tried: Tried = {}
     offered: dict[frozenset[tuple[View, bytes]], tuple[Reach, _Looked]] = {}
     refused: dict[View, str] = {}
     for table in tables:
@@ -372,39 +372,27 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
     if not promised:
         _rehearse(task, min(offered.values(), key=lambda one: one[0])[1], learned, tried, last=True)
     (_, chosen), (made, search, looked) = min(tried.items(), key=lambda one: _shortfall(one[1][0]))
-    made = dataclasses.replace(_drawn_again(task, made), scan_cell=place, unchecked=unchecked)
+    made = dataclasses.replace(made if made.refused else _drawn_again(task, made), scan_cell=place, unchecked=unchecked)
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, search, chosen))
     return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
 
 
-def _rehearse(
-    task: Task,
-    looked: _Looked,
-    learned: list[Learned],
-    tried: dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]],
-    *,
-    last: bool = False,
-) -> Reach:
-    """Try what the search thinks enough at a turntable angle, at the `last` one whatever it thinks; how near it comes.
-
-    What a rehearsal teaches holds at all angles.
-    """
+def _rehearse(task: Task, looked: _Looked, learned: list[Learned], tried: Tried, *, last: bool = False) -> Reach:
+    """Try what the search thinks enough at a turntable angle, at the `last` one whatever it thinks; what is left."""
     search = Search(*task[:3], task.edge.length_mm, task.wanted, looked.candidates, learned)
-    hidden = int((~search.visible).sum())
     for left in reversed(range(REHEARSALS)):
         aim = task.wanted if left or not last else Wanted(*(SUREST * one for one in task.wanted))
         chosen, reach = dataclasses.replace(search, wanted=aim).best(task.passes)
-        rank = Reach(hidden + reach.unseen, hidden + reach.short, *reach[2:])
-        if (looked.table, chosen) in tried or (rank.short and not last):
+        if (looked.table, chosen) in tried or (reach.short and not last):
             break
         made = _made(task, looked, chosen)
         tried[looked.table, chosen] = made, search, looked
         if made.reached[search.visible].all():
             break
         _learn(made, search, chosen)
-    return rank
+    return reach
 
 
 def _shortfall(made: ScanPlan) -> tuple[int, float]:
@@ -443,6 +431,9 @@ class _Looked(NamedTuple):
     def by_base(self) -> bool:
         """Whether one of those throws a shadow."""
         return any(name in self.on_base for _, names in self.shadows for name in names)
+
+
+Tried = dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]]  # by turntable angle and candidates
 
 
 def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
@@ -507,31 +498,25 @@ def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
 
 
 def _rehearsal(task: Task, passes: tuple[ScanPass, ...], *, again: bool = False) -> Rehearsed:
+    """Of the passes along the nominal joint, which is straight and a share of the edge long."""
     share = min(1.0, LONGEST_MM / task.edge.length_mm)
-    way, sees = _along_nominal(task, passes, share), np.stack([one.sees for one in passes])
-    return rehearsed(*task[:3], way, sees, share * task.stations, again=again)
+    stations = share * task.stations
+    line = straight(float(stations[-1]))
+    led = []
+    for one in passes:
+        at = line.at(share * one.edge.arc_length_mm)
+        poses = view_poses(at, task.joint, task.profiler, one.view, False, line.length_mm)
+        led.append(dataclasses.replace(one, base_from_view=poses))
+    sees = np.stack([one.sees for one in passes])
+    return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, again=again)
 
 
 def _drawn_again(task: Task, made: ScanPlan) -> ScanPlan:
     """The plan as two draws of noise predict it: one alone may be odd everywhere."""
-    if made.refused is not None:
-        return made
     other = _rehearsal(task, made.passes, again=True)
     if other.refused is not None:
         return dataclasses.replace(made, refused=other.refused)
     return dataclasses.replace(made, root=pooled(made.root, other.root), bevel=pooled(made.bevel, other.bevel))
-
-
-def _along_nominal(task: Task, passes: tuple[ScanPass, ...], share: float) -> PlannedScan:
-    """The passes along the nominal joint, which is straight and a share of the edge long."""
-    length = share * task.edge.length_mm
-    line = straight(length)
-    led = []
-    for one in passes:
-        at = line.at(share * one.edge.arc_length_mm)
-        poses = view_poses(at, task.joint, task.profiler, one.view, False, length)
-        led.append(dataclasses.replace(one, base_from_view=poses))
-    return _followed(task.profiler, led, True, "")
 
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:
@@ -587,7 +572,7 @@ def _summary(refused: dict[View, str]) -> str:
 
 def _help(task: Task, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
     """What would bring the plan to what is wanted, or a good way nearer: each thing tried by itself."""
-    now = search.reach(chosen, search.visible)
+    now = search.reach(chosen)
     more = task.passes + 1
     found = search.best(more)[1]
     if found < now and found.excess < 0.9 * now.excess:
@@ -609,7 +594,7 @@ def _help(task: Task, search: Search, chosen: tuple[int, ...]) -> Iterator[str]:
     }
     for what, change in changes.items():
         other = dataclasses.replace(search, **change)
-        after = other.reach(chosen, search.visible).excess
+        after = other.reach(chosen).excess
         if (other.known, other.profiler) != (known, profiler) and after < 0.9 * now.excess:
             yield _better(what, now.excess, after)
 

@@ -61,8 +61,7 @@ def rehearsed(
 ) -> Rehearsed:
     """Root face and bevel angle at the stations as the engine tells them.
 
-    way: the passes along `straight`; sees: which of them sees which station; again: with other noise, and the first
-    radius only.
+    way: the passes along `straight`; sees: which of them sees which station; again: other noise, first radius only.
     """
     length = float(stations[-1])
     recipe = Recipe(
@@ -119,7 +118,9 @@ def _typical(found: Quantity, patterns: list[Bool]) -> Quantity:
 
 def pooled(one: Quantity, other: Quantity) -> Quantity:
     """Of two draws: root mean squares, term by term."""
-    terms = {name: np.hypot(u, other.u_by_source.get(name, 0.0)) / math.sqrt(2.0) for name, u in one.u_by_source.items()}
+    terms = {
+        name: np.hypot(u, other.u_by_source.get(name, 0.0)) / math.sqrt(2.0) for name, u in one.u_by_source.items()
+    }
     return Quantity.of(one.name, one.value, terms)
 
 

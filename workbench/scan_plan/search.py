@@ -63,7 +63,7 @@ def _kind(views: tuple[View, ...]) -> tuple[bool, bool]:
 class Reach(NamedTuple):
     """How a set of passes does: compared in this order."""
 
-    unseen: int  # stations that only other candidates see
+    unseen: int  # stations
     short: int  # that miss what is wanted, those included
     excess: float  # largest of what they promise over what is wanted, where that is more
     seconds: float
@@ -103,15 +103,15 @@ class Search:
         codes, which = np.unique((1 << np.arange(len(passes))) @ sees, return_inverse=True)
         return [tuple(k for i, k in enumerate(passes) if code >> i & 1) for code in codes.tolist()], which.ravel()
 
-    def reach(self, passes: tuple[int, ...], visible: Bool) -> Reach:
-        """How these passes do on the stations that any candidate sees."""
+    def reach(self, passes: tuple[int, ...]) -> Reach:
+        """How these passes do."""
         groups, which = self.patterns(passes)
-        over = np.array([self.over(group) if group else math.inf for group in groups])[which][visible]
+        over = np.array([self.over(group) if group else math.inf for group in groups])[which]
         short = over > 1.0
         seen = np.isfinite(over)
         excess = float(over[short & seen].max(initial=0.0))
         seconds = sum(self.candidates[k].seconds for k in passes)
-        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, over.max())
+        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, float(over[seen].max(initial=0.0)))
 
     @property
     def visible(self) -> Bool:
@@ -121,26 +121,25 @@ class Search:
     def best(self, most_passes: int) -> tuple[tuple[int, ...], Reach]:
         """The best set of at most so many passes."""
         order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds)
-        visible, looked = self.visible, 0
-        best: tuple[tuple[int, ...], Reach] = ((), Reach(int(visible.sum()) + 1, 0, math.inf, math.inf, math.inf))
+        hidden, looked = int((~self.visible).sum()), 0
+        best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
 
         def grow(passes: tuple[int, ...], first: int, seconds: float, size: int) -> None:
             nonlocal best, looked
             for place in range(first, len(order)):
                 k = order[place]
                 total = seconds + self.candidates[k].seconds
-                done = best[1].short == 0
+                done = best[1].short == hidden
                 if (done and total > best[1].seconds) or looked > MOST_SETS:
                     return  # those behind take longer still
                 grown = (*passes, k)
                 if len(grown) < size:
                     grow(grown, place + 1, total, size)
                     continue
-                unseen = visible & ~np.any([self.candidates[one].sees for one in grown], axis=0)
-                if unseen.sum() > best[1].unseen:
+                if (~np.any([self.candidates[one].sees for one in grown], axis=0)).sum() > best[1].unseen:
                     continue
                 looked += 1
-                found = self.reach(tuple(sorted(grown)), visible)
+                found = self.reach(tuple(sorted(grown)))
                 if found < best[1]:
                     best = (tuple(sorted(grown)), found)
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.scan_plan.achieved import _planned
+from bench.scan_plan.parts import draw, sensor_file
 from workbench import cloud, edge, robot, scan
 from workbench.artefacts import Document, Gate
 from workbench.errors import InputError
@@ -75,6 +77,13 @@ def test_a_rehearsal_that_the_engine_refuses_promises_nothing(monkeypatch: pytes
     assert not gate.passed
     assert not any(file.predicted.reached)
     assert "with a radius of 0.22 mm: scan: its faces are none" in gate.reason
+
+
+def test_another_turntable_angle_is_tried_where_a_rehearsal_promises_too_little(tmp_path: Path) -> None:
+    drawn = draw(9_751_011)
+    _, made = _planned(drawn, sensor_file(drawn, tmp_path), 9_751_011)
+    assert made.reached.all()
+    assert made.table != 0.0  # where the search alone finds enough
 
 
 def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped: Shipped) -> None:

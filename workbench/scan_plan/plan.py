@@ -372,7 +372,8 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
     if not promised:
         _rehearse(task, min(offered.values(), key=lambda one: one[0])[1], learned, tried, last=True)
     (_, chosen), (made, search, looked) = min(tried.items(), key=lambda one: _shortfall(one[1][0]))
-    made = dataclasses.replace(made if made.refused else _drawn_again(task, made), scan_cell=place, unchecked=unchecked)
+    made = _drawn_again(task, made) if made.reached.any() else made
+    made = dataclasses.replace(made, scan_cell=place, unchecked=unchecked)
     if made.reached.all():
         return made
     would_help = () if made.refused else tuple(_help(task, search, chosen))

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-import scipy.special
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
@@ -48,8 +47,9 @@ PRIORS: dict[EdgeCondition, EdgePrior] = {
     "unknown": EdgePrior(0.5, 0.48, 0.02, 0.005, 2.0),
 }
 SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
-# Greatest angles of incidence at which a return is kept, alike likely: low where the camera looks away from the lobe.
+# Greatest angle of incidence at which a return is kept: below 60 deg where the camera looks away from the lobe.
 INCIDENCES = np.radians(np.arange(44.0, 89.0, 6.0))
+INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 # A pixel sees a point or so many columns of the line, and returns from such a fill on, all alike likely: columns by
 # which its middle then lies beyond the end, and half of what it sees. A sensor that needed much more than half of a
@@ -199,17 +199,9 @@ def weights(s: Float, u_mm: Float) -> Float:
 
 
 def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
-    """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates.
-
-    A sharp end, and roundings from small to large: no normal distribution. Told are the middle of the shortest coverage
-    interval (JCGM 101:2008, 5.3.4), and half of it over that of the normal distribution.
-    """
-    place = (seen.beyond[:, None] + np.outer(seen.beyond_u, DEVIATES)).ravel()
-    order = np.argsort(place)
-    total = np.cumsum(np.repeat(share, DEVIATES.size)[order]) / DEVIATES.size
-    ends = np.interp(COVERED, total, place[order])
-    low, high = ends[:, np.diff(ends, axis=0).argmin()]
-    return 0.5 * float(low + high), float(high - low) / NORMAL
+    """Virtual edge beyond the last return, mm, and its standard uncertainty, by the posterior over the templates."""
+    mean = float(share @ seen.beyond)
+    return mean, math.sqrt(float(share @ ((seen.beyond - mean) ** 2 + seen.beyond_u**2)))
 
 
 def whole_end(frames: int) -> BrokenEnd:
@@ -259,9 +251,6 @@ class EndTemplates(NamedTuple):
         return EndTemplates(*(np.concatenate(column) for column in zip(*out, strict=True)))
 
 
-# Limits of intervals that hold 95 %, and how wide a normal one is; deviates, each the middle of one part in 40 of it.
-COVERED, NORMAL = np.linspace([0.0, 0.95], [0.05, 1.0], 51).T, 3.92
-DEVIATES = scipy.special.ndtri(np.arange(0.0125, 1.0, 0.025))
 RARE_MM, ALIKE_MM, CELL_MM = 0.15, 0.003, 4.0  # breaks beyond this are the rarer, the larger
 
 
@@ -378,6 +367,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     fall, fall_u = fall - raised, QUARTER * fall[order]
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
     log[order] = score
+    log += np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
     beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm

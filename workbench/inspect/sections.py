@@ -86,7 +86,7 @@ def sections(
         >>> found.verdict
         'pass'
         >>> [round(section.root_mm, 1) for section in found.sections[:3]]
-        [1.5, 1.6, 1.5]
+        [1.5, 1.5, 1.5]
     """
     asked = Requirements(root_nominal_mm, root_tolerance_mm, bevel_nominal_deg, bevel_tolerance_deg)
     required = {

@@ -51,11 +51,12 @@ SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes o
 INCIDENCES = np.radians(np.arange(44.0, 89.0, 6.0))
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
-# A pixel sees a point or so many columns of the line, and returns from such a fill on, all alike likely: columns by
+# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on: columns by
 # which its middle then lies beyond the end, and half of what it sees. A sensor that needed much more than half of a
 # pixel's light would lose columns all over a face, by speckle.
 FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
 PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
+PIXEL_PRIOR = np.append(1.0, np.full(FOOTPRINTS.size * FILLS.size, 1.0 / FILLS.size)) / (1.0 + FOOTPRINTS.size)
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
@@ -367,7 +368,7 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     fall, fall_u = fall - raised, QUARTER * fall[order]
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
     log[order] = score
-    log += np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
+    log += np.log(PIXEL_PRIOR)[pixel] + np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
     beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm

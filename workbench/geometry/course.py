@@ -166,7 +166,7 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
 
     Strays are single values. Where most of LEAST_VALUES in a row lie off by more than neighbours differ and the others
     lie off, there is a notch, a step, or lost returns: nothing here tells which. They count by their weight among all
-    values that the course has there: what a few frames of one pass show may move it by no more.
+    values of their station: what one pass shows and others do not may move the course by no more.
     """
     off, weight = values.y - course.value(values.s).reshape(values.y.shape), 1.0 / values.variance
     together = np.zeros(weight.size)
@@ -182,7 +182,7 @@ def _unfollowed(course: Course, bins: Bins, values: Values) -> Course:
     if not together.any():
         return course
     order, knots = np.argsort(values.s), course.spline.t
-    half = 0.625 * (knots[4] - knots[3])  # of what two knots take in
+    half = 0.125 * (knots[4] - knots[3])  # of a station: more would water down a short notch
     ends = np.searchsorted(values.s[order], course.at_mm + np.array([[-half], [half]]))
     pull, total = (np.diff(np.append(0.0, np.cumsum((weight * of)[order]))[ends], axis=0)[0] for of in (together, 1.0))
     course = _misfit_elsewhere(course, bins, _neighbours(pull, 8 * SWING + 1).max(axis=-1) > 0.0)

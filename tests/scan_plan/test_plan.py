@@ -13,7 +13,7 @@ import pytest
 from bench.scan_plan.achieved import _planned
 from bench.scan_plan.parts import draw, sensor_file
 from workbench import cloud, edge, robot, scan
-from workbench.artefacts import Document, Gate
+from workbench.artefacts import Chapter, Document, Gate
 from workbench.errors import InputError
 from workbench.result_files import ScanPlanFile
 from workbench.scan_plan import ScanPlan, plan
@@ -54,6 +54,12 @@ def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Shipped)
     assert np.nanmax(2.0 * scan.bevel.u) <= 0.1
     assert file.reached
     assert [len(one.points) for one in file.passes] == [len(one.base_from_view) for one in scan.passes]
+
+
+def test_the_report_names_the_file_of_the_edge_without_its_folder() -> None:
+    chapter = next(one for one in plan(edge=EDGE, sensor=SENSOR) if isinstance(one, Chapter))
+    assert EDGE.name in chapter.html
+    assert str(EDGE.parent) not in chapter.html
 
 
 def test_what_is_promised_decides_and_is_written(shipped: Shipped) -> None:

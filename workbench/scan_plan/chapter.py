@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
     """Passes, predicted U along the edge and by source, what binds and what would help."""
     turntable = "none" if made.scan_cell else "not looked at: nothing is placed in a cell"
     facts = [
-        ("Edge", f"{made.edge.length_mm:.0f} mm, by {made.edge.source}"),
+        ("Edge", f"{made.edge.length_mm:.0f} mm, by {Path(made.edge.source).name}"),
         ("Wanted", f"U of the root face {made.wanted.root_mm:g} mm, of the bevel angle {made.wanted.bevel_deg:g}°"),
         ("Duration", f"{made.seconds:.0f} s in {len(made.passes)} pass{'es' * (len(made.passes) != 1)}"),
         ("Turntable", turntable if made.turntable_deg is None else f"{made.turntable_deg:.0f}°"),

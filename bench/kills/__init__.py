@@ -1,1 +1,1 @@
-"""Runs killed at random moments: the output directory holds a whole old set of results, a whole new one, or none."""
+"""Writers that meet a fault: what stands there is a whole old set of results, a whole new one, or none."""

@@ -1,119 +1,486 @@
-"""`python -m bench.kills`: SIGKILL at random moments of plan, inspect and batch; the table in docs/reliability.md."""
+"""`python -m bench.kills`: a fault drawn by seed in the file operations of each command that writes; the table.
+
+What is computed is computed once. A forked child then writes it and meets one fault at its n-th operation on files, in
+libc (`faults.c`, so under HDF5 and SQLite too): it is killed, the disk is full from then on, the device fails once or
+from then on, writes or reads take half. Half of the time a second child meets another fault; a last one meets none.
+What stands in between and in the end must be whole: the old results, the new ones, or none, and of the page's store all
+that was acknowledged; a fault that does not kill ends in one of the project's own errors, or does no harm.
+`--only NAME --seed N --cases 1` replays a case.
+"""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import ctypes
+import json
 import os
+import pickle
 import random
-import signal
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any, NoReturn
 
-from bench.kills.sets import leftovers, whole_sets
+from bench.harness import ROOT, made_by
+from bench.kills.sets import digest_of, leftovers, whole_sets
 from bench.tables import markdown, put_into
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "reliability.md"
-DATA = ROOT / "data" / "synthetic"
-PARTS = ("milled_edge.h5", "milled_arc.h5")
-COMMANDS = {
-    "inspect": ["run", str(ROOT / "pipelines/inspect_bevel.json")],
-    "plan": ["run", str(ROOT / "pipelines/plan_bevel.json")],
-    "batch": ["batch", str(ROOT / "pipelines/inspect_bevel.json"), *(str(DATA / name) for name in PARTS)],
-}
-LEFT = NONE, OLD, NEW = "none", "the old results whole", "the new results whole"
-WORKS = "works"
-LATE_SHARE = 0.5  # of the kills fall into the last tenth, where files are written
+CORPUS = ROOT / "bench" / "fuzz" / "corpus"
+PAGE_RUNS = 4  # in the page's store
+QUEUE_EVERY = 20  # seeds: its runs are processes
+LASTING, STANDS_STILL = ("full disk", "device lost"), "the queue stands still"
+WAIT_S = 20.0  # for what the page's queue does
+
+ALIVE = 2  # exit status of a child that told an error
+KINDS = ("killed", "full disk", "device error", "device lost", "short write", "short read")  # as in faults.c
+STATES = NONE, OLD, NEW, CHANGING = "none", "the old results whole", "the new results whole", "changing"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What happens at the n-th operation on a file below a place."""
+
+    kind: str = "none"
+    at: int = 0
+
+    def arm(self, place: Path) -> None:
+        """For the rest of this process."""
+        number = KINDS.index(self.kind) + 1 if self.kind in KINDS else 0
+        ctypes.CDLL(None).arm_faults(number, self.at, os.fsencode(place))
+
+
+@dataclass(frozen=True)
+class Command:
+    """One that writes: what it does with a place, and what stands there, None where that is not whole."""
+
+    name: str
+    write: Callable[[Path], object]
+    state: Callable[[Path], object]
+    left: Callable[[Path], list[Path]]
+    write_old: Callable[[Path], object] | None = None  # of other bytes than `write`, so that a mixture would show
+    suffix: str = ""
+    between: Callable[[object], bool] = lambda state: False  # whether a state that is neither old nor new is lawful
+
+
+def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
+    """`workbench run`, its results computed once."""
+    from workbench.pipeline import Pipeline
+    from workbench.pipeline.output import OutputDirectory
+    from workbench.pipeline.run import run_files, run_plan
+    from workbench.pipeline.terminal import Reporter
+
+    checked = Pipeline.load(ROOT / "pipelines" / pipeline).plan(inputs)
+    files = run_files(checked, run_plan(checked, Reporter()))
+
+    def write(out: Path, made: dict[str, bytes] = files) -> None:
+        target = OutputDirectory(out)
+        with target.reserved():
+            target.publish(made)
+
+    older = {name: content + b"\n" for name, content in files.items()}
+    return Command(name, write, whole_sets, leftovers, lambda out: write(out, older))
+
+
+def once(make: Callable[..., Any]) -> Callable[..., Any]:
+    """`make`, which is called the first time only."""
+    made: list[Any] = []
+
+    def kept(*arguments: Any) -> Any:
+        if not made:
+            made.append(make(*arguments))
+        return made[0]
+
+    return kept
+
+
+def batch() -> Command:
+    """`workbench batch` of one part in this process, measured and drawn once."""
+    from workbench.batch import fleet, part, run_batch
+    from workbench.errors import OutputError
+
+    recording, pipeline = CORPUS / "inspecting" / "small.h5", ROOT / "pipelines" / "inspect_bevel.json"
+
+    def write(out: Path) -> None:
+        done = run_batch(pipeline, [str(recording)], str(out), workers=0, report=False)
+        if done.exit_status == 2:
+            raise OutputError(str(out), "told as failed")
+
+    part.run_plan, fleet.fleet_files = once(part.run_plan), once(fleet.fleet_files)
+    with tempfile.TemporaryDirectory() as scratch:
+        write(Path(scratch) / "first")
+    return Command("batch", write, whole_sets, leftovers)
+
+
+def recording_state(path: Path) -> object:
+    """Digest of a recording; '' without one, None where it cannot be read."""
+    from workbench.errors import WorkbenchError
+    from workbench.scan import read
+
+    if not path.exists():
+        return ""
+    with contextlib.suppress(WorkbenchError):
+        return hash(read(recording=path).z_mm.tobytes())
+    return None
+
+
+def recording_left(path: Path) -> list[Path]:
+    """Half-written ones."""
+    return [*path.parent.glob(f".{path.name}.*"), *path.parent.glob(f".{path.stem}.*partial*")]
+
+
+def importing(scratch: Path) -> Command:
+    """`workbench import` of a small recording's profiles and poses as tables."""
+    import numpy as np
+
+    from workbench.importing.command import import_files
+    from workbench.scan import read
+
+    one = read(recording=str(CORPUS / "inspecting" / "small.h5"))
+    frames, columns = one.x_mm.shape
+    number = np.repeat(np.arange(frames), columns)
+    points = np.column_stack([number, one.time_s[number], one.x_mm.ravel(), one.z_mm.ravel()])
+    poses = np.column_stack([one.robot_time_s, one.robot_position_mm, one.robot_quaternion_wxyz])
+    sources = [scratch / "profiles.csv", scratch / "poses.csv"]
+    heads = ("frame,time_s,x_mm,z_mm", "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz")
+    for place, head, rows in zip(sources, heads, (points, poses), strict=True):
+        np.savetxt(place, rows, "%.8f", ",", header=head, comments="")
+    return Command("import", lambda out: import_files(sources, out), recording_state, recording_left, suffix=".h5")
+
+
+def simulating(scratch: Path) -> Command:
+    """`workbench simulate` of a short edge."""
+    from workbench.synthetic.simulate import simulate_file
+
+    recipe = json.loads((ROOT / "data/synthetic/milled_edge.json").read_text())
+    recipe["part"]["length_mm"] = 12
+    recipe["scanner"].update(columns=60, pitch_mm=0.4)
+    recipe["passes"][0].update(from_mm=3, to_mm=9)
+    place = scratch / "short.json"
+    place.write_text(json.dumps(recipe))
+    return Command("simulate", lambda out: simulate_file(place, out), recording_state, recording_left, suffix=".h5")
+
+
+def acknowledged(place: Path) -> Path:
+    """Where the page's writer notes what the store has acknowledged: on a disk that meets no fault."""
+    return place.parents[2] / f"{place.parent.name}-{place.name}"
+
+
+def made(place: Path) -> None:
+    """The user's folder, which is there before the page is."""
+    from workbench.errors import OutputError
+
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(str(place), str(error.strerror)) from None
+
+
+def store_state(place: Path) -> object:
+    """The page's runs and presets; () without any, None where one lacks that was acknowledged, or is not whole."""
+    from workbench.page.store import Store
+
+    noted = acknowledged(place)
+    promised = noted.read_text().split() if noted.exists() else []
+    if not (place / ".workbench" / "store.sqlite").exists():
+        return () if not promised else None
+    with Store.of(place) as store:
+        rows = [(run.inputs["k"], run.state, run.record["k"]) for run in reversed(store.runs())]
+        rows += [(preset.name, preset.inputs["k"]) for preset in store.presets()]
+    there = {f"{row[0]}{row[1]}" for row in rows} | {f"{row[0]}queued" for row in rows if row[1] == "done"}
+    return tuple(rows) if there.issuperset(promised) else None
+
+
+def write_store(place: Path, runs: int = PAGE_RUNS) -> None:
+    """Runs asked for, done and remembered as a preset, each once: what the page does to its store."""
+    from workbench.page.store import Preset, Store
+
+    made(place)
+    with acknowledged(place).open("a", buffering=1) as acknowledge, Store.of(place) as store:
+        for k in range(runs):
+            if not store.has({"k": k}):
+                store.add("inspect_bevel", {"k": k}, record={"k": k})
+            acknowledge.write(f"{k}queued\n")
+            store.update(k + 1, state="done", status=0)
+            acknowledge.write(f"{k}done\n")
+            store.keep(Preset(f"preset{k}", "inspect_bevel", {"k": k}))
+            acknowledge.write(f"preset{k}{k}\n")
+
+
+def paging() -> Command:
+    """The store of `workbench open`."""
+    return Command(
+        "store", write_store, store_state, lambda _: [], partial(write_store, runs=1), between=lambda state: bool(state)
+    )
+
+
+def queue_state(place: Path) -> object:
+    """State of the last run that the page's queue was given."""
+    from workbench.page.store import Store
+
+    if not (place / ".workbench" / "store.sqlite").exists():
+        return ()
+    with Store.of(place) as store:
+        return tuple((run.kind, run.state) for run in store.runs(most=1))
+
+
+def write_queue(place: Path) -> None:
+    """A look at a small file, asked for unless it was, and waited for."""
+    from workbench.errors import OutputError
+    from workbench.page.jobs import LOOK, Queue
+    from workbench.page.store import Store
+
+    made(place)
+    with Store.of(place) as store:
+        queue = Queue(store, place)
+        try:
+            number = next((run.id for run in store.runs()), None)
+            if number is None or store.run(number).state != "done":
+                number = queue.add(LOOK, {"file": str(CORPUS / "profiles" / "known.csv")})
+            until = time.monotonic() + WAIT_S
+            while store.run(number).state in ("queued", "running"):
+                if time.monotonic() > until:
+                    raise RuntimeError(STANDS_STILL)
+                time.sleep(0.02)
+            if store.run(number).status == 2:
+                raise OutputError(str(place), store.run(number).reason)
+        finally:
+            queue.close()
+
+
+def queueing() -> Command:
+    """The queue of `workbench open`, whose runs are processes of their own."""
+    return Command("queue", write_queue, queue_state, lambda _: [], between=lambda state: True)
+
+
+def in_child(command: Command, out: Path, fault: Fault, old: bool = False) -> str:
+    """How a child ended that writes with a fault: "written", "killed", "told", or what it did wrong."""
+    with tempfile.TemporaryFile() as said:
+        child = os.fork()
+        if not child:
+            _write_and_exit(
+                command.write_old if old and command.write_old else command.write, out, fault, said.fileno()
+            )
+        _, ended = os.waitpid(child, 0)
+        said.seek(0)
+        text = said.read().decode(errors="replace").strip()
+    if os.WIFSIGNALED(ended):
+        return "killed" if fault.kind == "killed" else f"WRONG: signal {os.WTERMSIG(ended)}"
+    status = os.WEXITSTATUS(ended)
+    if fault.kind in LASTING and STANDS_STILL in text:
+        return "told"  # by the state that the page shows: it goes on once the disk does
+    return {0: "written", ALIVE: "told"}.get(status, f"WRONG: {text[-400:]}")
+
+
+def _write_and_exit(write: Callable[[Path], object], out: Path, fault: Fault, said: int) -> NoReturn:
+    from workbench.errors import WorkbenchError
+
+    status = 3
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(said, 2)
+        fault.arm(out.parent.parent)
+        write(out)
+        status = 0
+    except WorkbenchError:
+        status = ALIVE
+    except BaseException:
+        os.write(2, traceback.format_exc().encode())
+    finally:
+        os._exit(status)
+
+
+def operations(command: Command, place: Path, old: bool) -> int:
+    """How many operations on files the command makes without a fault."""
+    reader, writer = os.pipe()
+
+    def counted(out: Path) -> None:
+        command.write(out)
+        os.write(writer, str(ctypes.CDLL(None).operations_done()).encode())
+
+    if old:
+        in_child(command, place, Fault(), old=True)
+    in_child(replace(command, write=counted), place, Fault())
+    os.close(writer)
+    with os.fdopen(reader) as said:
+        return int(said.read())
+
+
+def case(command: Command, scratch: Path, new: object, counts: tuple[int, int], rng: random.Random) -> Counter[str]:
+    """One drawn fault, half of the time over an older set; half of the time another after it; then none."""
+    found: Counter[str] = Counter()
+    old = rng.random() < 0.5
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        place = Path(folder) / f"out{command.suffix}"
+        if old:
+            in_child(command, place, Fault(), old=True)
+        for _ in range(rng.randint(1, 2)):
+            before, left = command.state(place), command.left(place)
+            fault = Fault(rng.choice(KINDS), rng.randint(1, counts[old]))
+            ended = in_child(command, place, fault)
+            found[fault.kind] += 1
+            found[_judged(command, place, before, new, ended, fault)] += 1
+            more = [path for path in command.left(place) if path not in left]
+            if ended == "told" and fault.kind == "full disk" and more:
+                found[f"BROKEN: {fault.kind} at {fault.at}: left {more}"] += 1
+        ended = in_child(command, place, Fault())
+        whole = ended == "written" and command.state(place) == new and not command.left(place)
+        found["the next run works" if whole else f"BROKEN: the next run, {ended}, {command.left(place)}"] += 1
+    return found
+
+
+def _judged(command: Command, place: Path, before: object, new: object, ended: str, fault: Fault) -> str:
+    after = command.state(place)
+    if ended.startswith("WRONG"):
+        return f"BROKEN: {fault.kind} at {fault.at}: {ended}"
+    if ended == "written" and after != new:
+        return f"BROKEN: {fault.kind} at {fault.at}: told as written and is not"
+    if after is None and command.state is whole_sets and _changing(place):
+        return CHANGING
+    if after == before and after is not None:
+        return OLD if before else NONE
+    if after == new:
+        return NEW
+    if after in ("", {}, ()):
+        return NONE
+    if command.between(after):
+        return CHANGING
+    there = sorted(str(path.relative_to(place.parent)) for path in place.parent.rglob("*"))
+    return f"BROKEN: {fault.kind} at {fault.at}: {'a mixture' if after else 'not whole'}: {there}"
+
+
+def _changing(place: Path) -> bool:
+    """Whether the set of results lacks its run.json, as it does while files change places, and all there are whole."""
+    from workbench.pipeline.output import MOVING
+
+    folders = [place, *(path for path in place.iterdir() if path.is_dir() and not path.name.startswith("."))]
+    unmarked = [one for one in folders if digest_of(one) is None]
+    for folder in unmarked:
+        if (folder / "run.json").exists() or not [*folder.glob(f".*/{MOVING}")]:
+            return False
+        for path in folder.glob("*.json"):
+            json.loads(path.read_bytes())
+    return True
+
+
+def commands(scratch: Path) -> dict[str, Callable[[], Command]]:
+    """Each command that writes, made when it is asked for."""
+    small = {"recording": str(CORPUS / "inspecting/small.h5")}
+    return {
+        "run": lambda: publishing("run", "inspect_bevel.json", small),
+        "calibrate": lambda: publishing("calibrate", "calibrate_handeye.json", {}),
+        "posture": lambda: publishing("posture", "optimise_posture.json", {}),
+        "batch": batch,
+        "import": lambda: importing(scratch),
+        "simulate": lambda: simulating(scratch),
+        "store": paging,
+        "queue": queueing,
+    }
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A command that was run once without a fault: what it makes, and in how many operations on none and on old."""
+
+    command: Command
+    new: object
+    counts: tuple[int, int]
+
+
+def ready(command: Command, scratch: Path) -> Ready:
+    """All that the command needs is loaded then, for the forks."""
+    usual = Path(tempfile.mkdtemp(dir=scratch)) / f"out{command.suffix}"
+    command.write(usual.with_name(f"first{command.suffix}"))
+    counts = operations(command, usual, old=False), operations(command, usual.with_name(f"old{command.suffix}"), True)
+    return Ready(command, command.state(usual), counts)
+
+
+def drawn(made: dict[str, Ready], scratch: Path, until: float, seeds: range) -> dict[str, Counter[str]]:
+    """Every command under every seed, until the clock says `until`."""
+    found: dict[str, Counter[str]] = {name: Counter() for name in made}
+    for seed in seeds:
+        for name, one in made.items():
+            if time.monotonic() > until or (name == "queue" and len(made) > 1 and seed % QUEUE_EVERY):
+                continue
+            ends = case(one.command, scratch, one.new, one.counts, random.Random(f"{name} {seed}"))
+            found[name] += ends
+            found[name]["cases"] += 1
+            for what in ends:
+                if what.startswith("BROKEN"):
+                    print(f"{name}, seed {seed}: {what}", flush=True)
+    return found
+
+
+def preload() -> None:
+    """Begin again with faults.c under libc."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "faults.so"
+        source = Path(__file__).with_name("faults.c")
+        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True)
+        again = [sys.executable, "-m", "bench.kills", *sys.argv[1:]]
+        sys.exit(subprocess.run(again, env={**os.environ, "LD_PRELOAD": str(made)}, check=False).returncode)
 
 
 def main() -> int:
-    """Kill, look, run again, look again."""
+    """Every command; the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.kills", description=__doc__)
-    parser.add_argument("--runs", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--docs", action="store_true", help="write the paragraph into docs/reliability.md")
+    parser.add_argument("--cases", type=int, default=1_500, help="of each command")
+    parser.add_argument("--only", nargs="*", help="commands")
+    parser.add_argument("--seed", type=int, default=1, help="of the first case; the next has the next")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=1e9, help="at most, beside the first run of each command")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/reliability.md")
     options = parser.parse_args()
-    rng = random.Random(options.seed)
-    found: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as scratch:
-        usual = {name: _whole_run(name, Path(scratch) / "usual" / name) for name in COMMANDS}
-        for k in range(options.runs):
-            name = list(COMMANDS)[k % len(COMMANDS)]
-            out = Path(scratch) / name
-            state = _killed(name, out, usual[name] * _moment(rng), usual[name], rng)
-            found[f"{name}: {state}"] += 1
-            print(f"{k + 1}/{options.runs} {name}: {state}", flush=True)
-            if k % (5 * len(COMMANDS)) >= 4 * len(COMMANDS):  # let one run end, and now and then begin afresh
-                found[f"{name}, the next run: {_next_run(name, out)}"] += 1
-    for what, count in sorted(found.items()):
-        print(f"{count:5} x {what}")
+    if "faults.so" not in os.environ.pop("LD_PRELOAD", ""):
+        preload()
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder) / "scratch"
+        scratch.mkdir()
+        known = commands(scratch)
+        made = {name: ready(known[name](), scratch) for name in options.only or known}
+        last, step = options.seed + options.cases, options.processes
+        shares = [range(options.seed + k, last, step) for k in range(step)]
+        work = partial(drawn, made, scratch, time.monotonic() + options.seconds)
+        found = [work(shares[0])] if step == 1 else _forked(work, shares)
+    summed = {name: sum((each[name] for each in found), Counter()) for name in made}
+    told = f"`python -m bench.kills --cases {options.cases} --seed {options.seed}`"
+    text = "\n".join([f"{told}{made_by() if options.docs else ''}", "", *table(summed)])
+    print(text)
     if options.docs:
-        _write(found, options.runs, options.seed)
-    return int(any("BROKEN" in what for what in found))
+        put_into(ROOT / "docs" / "reliability.md", text, "kills")
+    return int(any(broken(of) for of in summed.values()))
 
 
-def _moment(rng: random.Random) -> float:
-    """When to kill, as a share of what a run takes."""
-    return rng.uniform(0.9, 1.02) if rng.random() < LATE_SHARE else rng.uniform(0.0, 0.9)
+def table(found: dict[str, Counter[str]]) -> list[str]:
+    """A row a command: the faults that it met and what stood there after each."""
+    counts = ["cases", *KINDS, *STATES, "the next run works"]
+    rows = [[name, *(f"{of[what]:,}" for what in counts), str(broken(of))] for name, of in found.items()]
+    return markdown(["command", *counts, "broken"], rows)
 
 
-def _command(name: str, out: Path) -> list[str]:
-    return [sys.executable, "-m", "workbench", *COMMANDS[name], "--out", str(out)]
+def broken(found: Counter[str]) -> int:
+    """How many cases left what must not be."""
+    return sum(count for what, count in found.items() if what.startswith("BROKEN"))
 
 
-def _whole_run(name: str, out: Path) -> float:
-    """Median time of three whole runs, s."""
-    seconds = []
-    for _ in range(3):
-        start = time.perf_counter()
-        subprocess.run(_command(name, out), capture_output=True, check=True)
-        seconds.append(time.perf_counter() - start)
-        if name == "batch":
-            for path in out.rglob("run.json"):
-                path.unlink()  # else the next one skips its parts
-    return statistics.median(seconds)
-
-
-def _killed(name: str, out: Path, after_s: float, usual_s: float, rng: random.Random) -> str:
-    """What a killed run left: old, new, none or BROKEN."""
-    before = whole_sets(out)
-    process = subprocess.Popen(
-        _command(name, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-    )
-    try:
-        process.wait(timeout=after_s)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    after = whole_sets(out)
-    if after is None:
-        return "BROKEN"
-    if after == before:
-        return OLD if before else NONE
-    return NEW if after else NONE
-
-
-def _next_run(name: str, out: Path) -> str:
-    """Whether the next run works and tidies up."""
-    done = subprocess.run(_command(name, out), capture_output=True, check=False)
-    if done.returncode != 0 or not whole_sets(out):
-        return f"BROKEN ({done.returncode})"
-    return WORKS if not leftovers(out) else f"BROKEN (left {leftovers(out)[0].name})"
-
-
-def _write(found: Counter[str], runs: int, seed: int) -> None:
-    rows = []
-    for name in COMMANDS:
-        broken = sum(count for what, count in found.items() if what.startswith(name) and "BROKEN" in what)
-        counts = [*(found[f"{name}: {state}"] for state in LEFT), found[f"{name}, the next run: {WORKS}"], broken]
-        rows.append([name, *map(str, counts)])
-    table = markdown(["command", *LEFT, "next runs that work", "broken"], rows)
-    put_into(PAGE, "\n".join([*table, "", f"{runs} kills, seed {seed}."]), "kills")
+def _forked(work: Callable[[range], Any], shares: list[range]) -> list[Any]:
+    """Each share in a process of its own."""
+    pipes = []
+    for share in shares:
+        reader, writer = os.pipe()
+        if not os.fork():
+            os.write(writer, pickle.dumps(work(share)))
+            os._exit(0)
+        os.close(writer)
+        pipes.append(reader)
+    return [pickle.loads(os.fdopen(reader, "rb").read()) for reader in pipes]
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 /* Faults under the calls of libc (open, read, write, rename, ...) that Python, HDF5 and SQLite make, not under those that
-   libc makes itself (fwrite). LD_PRELOAD; see inject.py.
+   libc makes itself (fwrite). LD_PRELOAD; see __main__.py.
 
    Counted are the operations on paths and descriptors below the place that `arm_faults` names; the n-th meets the fault. */
 

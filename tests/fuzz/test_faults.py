@@ -1,4 +1,4 @@
-"""A share of `bench.kills.inject`: the seeds under which a lost device or a full disk once ended in a traceback."""
+"""A share of `bench.kills`: the seeds under which a lost device or a full disk once ended in a traceback."""
 
 import shutil
 import subprocess
@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from bench.kills.inject import ROOT
+from bench.harness import ROOT
 
 
 @pytest.mark.skipif(shutil.which("cc") is None or sys.platform != "linux", reason="the injector is C for glibc")
@@ -14,6 +14,6 @@ from bench.kills.inject import ROOT
 def test_a_fault_under_any_operation_leaves_a_whole_set_and_one_line(command):
     cases = ["--only", command, "--seed", "100000", "--cases", "24"]
     done = subprocess.run(
-        [sys.executable, "-m", "bench.kills.inject", *cases], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "bench.kills", *cases], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,10 +1,10 @@
-"""Fits against data sets whose least-squares answer is known exactly (bench/compare/known_fits.py)."""
+"""Fits against data sets whose least-squares answer is known exactly (known_fits.py)."""
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from bench.compare.known_fits import FAR_MM, Known, known
+from tests.geometry.known_fits import FAR_MM, Known, known
 from workbench.geometry.fits import LEAST_POINTS, Shape, fit
 from workbench.units import Float
 

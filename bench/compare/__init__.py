@@ -1,1 +1,0 @@
-"""Studies of the comparison stages: what docs/comparison.md states."""

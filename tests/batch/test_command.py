@@ -1,14 +1,11 @@
 """`workbench batch`: exit status, table on stdout, progress on stderr, arguments refused in one line."""
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from workbench.batch.part import Record
-from workbench.batch.run import Progress, duration
 from workbench.cli import main
 
 Write = Callable[..., str]
@@ -62,28 +59,3 @@ def test_arguments_are_refused_in_one_line(batch: Any, tmp_path: Path, arguments
     assert err.count("\n") == 1
     assert message in err
     assert not (tmp_path / "out").exists()
-
-
-def test_the_time_left_is_that_of_parts_that_were_run() -> None:
-    progress = Progress(10, None)
-    records = [Record("a", "a", "passed", skipped=True)] * 2 + [Record("b", "b", "passed")] * 3
-    list(progress.watched([*records, Record("c", "c", "hung")]))
-    assert progress.line(8.0) == "[6/10] 5 passed, 1 hung, 2 of them from an earlier run, 8 s left"  # 4 parts in 8 s
-
-
-def test_a_terminal_has_one_line_that_is_rewritten() -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
-    told = Terminal()
-    list(Progress(2, told).watched([Record("a", "a", "passed"), Record("b", "b", "rejected")]))
-    assert told.getvalue().count("\n") == 1
-    assert told.getvalue().split("\r\033[K")[2].startswith("[2/2] 1 passed, 1 rejected, took 0")
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"), [(0.25, "0.2 s"), (59, "59 s"), (61, "1 min"), (3599, "1 h 00 min"), (9000, "2 h 30 min")]
-)
-def test_times_in_words(seconds: float, words: str) -> None:
-    assert duration(seconds) == words

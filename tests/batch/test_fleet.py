@@ -1,7 +1,6 @@
 """The page and the table of a fleet: all parts, worst first, links that lead somewhere, and names as text only."""
 
 import base64
-import dataclasses
 import io
 from html.parser import HTMLParser
 from urllib.parse import unquote
@@ -11,16 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from workbench.batch.fleet import (
-    MOST_PARTS,
-    characteristics,
     cover,
     fleet_files,
-    least_margin,
     page,
     without_folders,
-    worst_counts,
     worst_first,
-    worst_text,
 )
 from workbench.batch.part import Record
 
@@ -88,13 +82,6 @@ def test_worst_first() -> None:
     assert links[3] == "thin/report.html"
 
 
-def test_margins_by_hand() -> None:
-    least, section = least_margin(characteristics(FLEET))
-    assert least[:4] == pytest.approx([0.8, 0.1, 0.4, -0.2])  # fine: the bevel, 0.2 deg off of 1
-    assert section[:4].tolist() == [0, 1, 2, 1]
-    assert np.isnan(least[4:]).all()
-
-
 def test_names_are_text() -> None:
     nasty = '"><script>alert(1)</script>'
     fleet = [part("a", [1.5], part_id=nasty + "\n\ud800"), Record("b", "b.h5", "failed", cause=nasty)]
@@ -135,15 +122,6 @@ def test_every_part_and_section_is_a_row() -> None:
     assert table["cause"][-3] == "torn.h5: <b>expected</b> & more"
 
 
-def test_the_section_that_is_always_worst_is_named() -> None:
-    fleet = [part(f"p{i}", [1.5, 1.5, 1.2 + 0.001 * i]) for i in range(40)]
-    counts = worst_counts(characteristics(fleet))
-    assert counts.tolist() == [[0, 0, 40], [0, 0, 0]]
-    assert worst_text(counts).startswith("Section 3 has the smallest margin in 40 of 40 parts")
-    assert ": significantly more often" in worst_text(counts)
-    assert "not significantly" in worst_text(np.array([[10, 12, 9], [4, 3, 5]]))
-
-
 def test_a_trend_and_a_shift_stand_in_the_page() -> None:
     rng = np.random.default_rng(9)
     roots = 1.4 + 0.004 * np.arange(50) + 0.02 * rng.normal(size=50)
@@ -169,18 +147,3 @@ def test_what_cannot_be_measured_is_no_scrap() -> None:
     assert "3 of 5 parts" in words
     assert "(100.0 % of those measured)" in words
     assert "no statement on these parts" in words
-
-
-def test_the_cover_names_parts_with_verdict_and_expanded_uncertainty() -> None:
-    row = cover([part("a", [1.5, 1.4], part_id="A-7")])["rows"][0]
-    assert (row["name"], row["cells"][0]) == ("A-7", "1.400 to 1.500 ± 0.020")
-    alike = cover([part(name, [1.5], part_id="A-7") for name in ("mon", "tue")])["rows"]
-    assert [one["name"] for one in alike] == ["A-7 (mon)", "A-7 (tue)"]
-
-
-def test_the_cover_holds_the_least_favourable_of_many() -> None:
-    fleet = [dataclasses.replace(part(f"p{i}", [1.5]), verdict="fail" if i == 150 else "pass") for i in range(200)]
-    made = cover(fleet)
-    assert len(made["rows"]) == MOST_PARTS
-    assert made["rows"][0]["verdict"] == "fail"
-    assert made["not_shown"] == 200 - MOST_PARTS

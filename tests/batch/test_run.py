@@ -14,7 +14,6 @@ import pytest
 
 from workbench import Pipeline
 from workbench.batch import run_batch
-from workbench.batch.part import LocalFolder
 from workbench.errors import InputError, OutputError, PipelineError
 
 Write = Callable[..., str]
@@ -184,15 +183,3 @@ def alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
-
-
-def test_the_folder_of_a_batch_is_not_looked_through_for_each_part(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    looked: list[Path] = []
-    inner = Path.glob
-    monkeypatch.setattr(Path, "glob", lambda path, pattern: looked.append(path) or inner(path, pattern))
-    for part in ("a", "b"):
-        with LocalFolder(tmp_path / part).reserved():
-            pass
-    assert set(looked) == {tmp_path / "a", tmp_path / "b"}

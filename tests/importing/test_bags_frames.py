@@ -6,9 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from tests.importing.bag_files import TRANSFORM, Ros
 from workbench.errors import InputError
-from workbench.importing.bags import hand_eye_from_frames
 from workbench.importing.bags_reader import FrameTree, chained
-from workbench.importing.mapping_parts import BagPart
 from workbench.units import Float
 
 ROS = Ros("mcap")
@@ -30,18 +28,6 @@ def in_mm(pose: RigidTransform) -> Float:
     matrix = pose.as_matrix()
     matrix[:3, 3] *= 1e3
     return np.asarray(matrix)
-
-
-def test_a_chain_goes_up_and_down_the_tree() -> None:
-    """world -> base -> a -> flange and world -> map -> camera: camera_from_flange passes over the world."""
-    poses = {name: random_pose() for name in ("base", "a", "flange", "map", "camera")}
-    tree = FrameTree("bag")
-    for parent, child in [("a", "flange"), ("world", "base"), ("base", "a"), ("world", "/map"), ("map", "camera")]:
-        add(tree, parent, child, poses[child.strip("/")])
-    expected = (poses["map"] * poses["camera"]).inv() * poses["base"] * poses["a"] * poses["flange"]
-    time_s, found = chained(tree.chain("camera", "flange"), "bag")
-    assert len(time_s) == 0
-    np.testing.assert_allclose(found[0], in_mm(expected), atol=1e-9)
 
 
 def test_links_are_looked_up_at_common_times() -> None:
@@ -96,18 +82,3 @@ def test_repeats_count_once_and_contradictions_are_refused() -> None:
     add(tree, "base", "flange", random_pose(), 2.0)
     with pytest.raises(InputError, match=r"two different poses at 2\.0 s"):
         tree.chain("base", "flange")
-
-
-def test_a_hand_eye_that_is_repeated_on_tf_is_fixed_and_one_that_moves_is_none() -> None:
-    """With the profiler's x along the frame's -y and its range along z."""
-    tree, hand_eye = FrameTree("bag"), random_pose()
-    for t in (1.0, 2.0, 3.0):
-        add(tree, "flange", "mount", hand_eye, t)
-        add(tree, "base", "flange", random_pose(), t)
-    part = BagPart(flange_frame="flange", profiler_frame="mount")
-    axes = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    found = hand_eye_from_frames(tree, part, axes)
-    np.testing.assert_allclose(found[:3, 3], hand_eye.translation * 1e3, atol=1e-9)
-    np.testing.assert_allclose(found[:3, 0], -hand_eye.rotation.as_matrix()[:, 1], atol=1e-12)
-    with pytest.raises(InputError, match="expected 'mount' fixed to 'base', found it moving"):
-        hand_eye_from_frames(tree, BagPart(flange_frame="base", profiler_frame="mount"), np.eye(3))

@@ -37,13 +37,6 @@ def test_whole_numbers_of_every_type(kind: str) -> None:
     np.testing.assert_array_equal(points.intensity[0], values)
 
 
-def test_rows_of_an_organised_cloud_stay_rows() -> None:
-    x, z = np.arange(12.0).reshape(3, 4), -np.arange(12.0).reshape(3, 4)
-    points = cloud_points(ROS.cloud(1.0, {"x": x, "z": z}, padding=2), "bag")
-    np.testing.assert_array_equal(points.xyz[0], x)
-    np.testing.assert_array_equal(points.xyz[2], z)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

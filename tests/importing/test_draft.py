@@ -20,7 +20,6 @@ from workbench.errors import InputError
 from workbench.importing.joints import JointModel
 from workbench.scan.read import read
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 NAMES = {  # convention -> names of the columns as its controller's users write them
     "kuka_abc": ["A", "B", "C"],
     "fanuc_wpr": ["W", "P", "R"],
@@ -58,8 +57,12 @@ def write(tmp_path: Path, recording: Recording, convention: str, delimiter: str,
     return scan, robot
 
 
-@pytest.mark.parametrize("convention", NAMES)
-@pytest.mark.parametrize(("delimiter", "decimal", "unit_mm"), [(",", ".", 1.0), (";", ",", 1000.0), ("\t", ".", 1.0)])
+FORMS = [(",", ".", 1.0), (";", ",", 1000.0), ("\t", ".", 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("convention", "delimiter", "decimal", "unit_mm"), [(one, *FORMS[k % 3]) for k, one in enumerate(NAMES)]
+)
 def test_a_drafted_mapping_brings_it_in(
     convention: str,
     delimiter: str,
@@ -134,35 +137,6 @@ def test_what_is_no_table_ends_in_one_line(text: str, tmp_path: Path, capsys: py
     assert not (tmp_path / "m.json").exists()
 
 
-def real(name: str) -> Path:
-    if not (REAL / name).is_file():
-        pytest.skip(f"no {name}: data of others, for local tests only")
-    return REAL / name
-
-
-def test_a_real_keyence_profile_without_header(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source = real("lps_profile.csv")
-    tree, _ = drafted(tmp_path, capsys, source)
-    assert tree["profiles"]["missing"] == [-999.999]
-    assert main(["look", str(source), "--mapping", str(tmp_path / "map.json")]) == 0
-    assert "single profile" in capsys.readouterr().out
-
-
-def test_a_real_row_of_counts_a_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, out = real("vgroove_lds_scan1.csv"), tmp_path / "v.h5"
-    tree, _ = drafted(tmp_path, capsys, source)
-    assert tree["profiles"]["frames"] == "rows"
-    assert any("x_pitch" in text for text in tree["uncertain"])
-    assert main(["import", str(source), "--out", str(out), "--mapping", str(tmp_path / "map.json")]) == 0
-    assert "200 frames of 2048 columns" in capsys.readouterr().out
-
-
-def test_real_poses_of_a_ur5(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tree, told = drafted(tmp_path, capsys, real("akig_ur5_poses.txt"))
-    assert (tree["poses"]["convention"], tree["poses"]["length_unit"]) == ("ur", "m")
-    assert "profiles: none among the sources" in told
-
-
 @pytest.mark.parametrize(
     "scale", [1.0, 0.1]
 )  # of two points a row in mm, as a seam tracker writes: in no robot's reach
@@ -185,25 +159,6 @@ def test_a_controllers_stream_without_names_is_in_ms(tmp_path: Path, capsys: pyt
     tree, _ = drafted(tmp_path, capsys, source)
     assert (tree["poses"]["time_unit"], tree["poses"]["length_unit"]) == ("ms", "mm")
     assert any("logarithm" in text for text in tree["uncertain"])
-
-
-def test_real_tables_of_other_things_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source = real("gocator_gage_rr_minitab_ready.csv")
-    assert main(["import", "--draft", str(source), "--out", str(tmp_path / "m.json")]) == 2
-    assert "expected columns x and z of points" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "columns"), [("akig_ur5_joints.txt", "rad", 1), ("rabkkk_3smr_joints.csv", "deg", 15)]
-)
-def test_real_joints_without_names(
-    name: str, unit: str, columns: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    tree, told = drafted(tmp_path, capsys, real(name))
-    assert (tree["joints"]["angle_unit"], tree["joints"]["columns"]) == (unit, [*range(columns, columns + 6)])
-    assert ("lacking: joints.urdf" in told) == ("tracker" not in tree)
-    assert main(["look", str(real(name))]) == 0
-    assert "joint angles of a robot" in capsys.readouterr().out
 
 
 JOINTS_RAD = np.radians(

@@ -8,7 +8,6 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.importing.joints import JointModel
-from workbench.robot import forward_kinematics, read_cell
 
 ROBOT = Path(__file__).parents[2] / "data" / "robot"
 URDF = ROBOT / "irb6700_150_320.urdf"
@@ -31,24 +30,6 @@ GANTRY = """<robot name="gantry">
 
 def state(**joints: float) -> SimpleNamespace:
     return SimpleNamespace(name=list(joints), position=np.array(list(joints.values())))
-
-
-def test_the_shipped_robot_agrees_with_its_closed_form() -> None:
-    chain = read_cell(ROBOT / "cell.json").chain
-    model = JointModel.read(URDF, "base_link", "tool0")
-    assert list(model.names) == NAMES
-    joints = np.random.default_rng(3).uniform(chain.limits[:, 0], chain.limits[:, 1], (40, 6))
-    np.testing.assert_allclose(model.base_from_flange(joints), forward_kinematics(chain, joints), atol=1e-8)
-
-
-def test_joints_are_taken_by_name_in_any_order() -> None:
-    model = JointModel.read(URDF, "base_link", "tool0")
-    values = dict(zip(NAMES, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], strict=True))
-    shuffled = {name: values[name] for name in NAMES[::-1]} | {"gripper": 5.0}
-    found = model.joints(state(**shuffled), "bag")
-    assert found is not None
-    np.testing.assert_array_equal(found, list(values.values()))
-    assert model.joints(state(gripper=5.0), "bag") is None
 
 
 def test_a_rail_and_a_continuous_joint_move_the_flange(tmp_path: Path) -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from workbench.errors import InputError
 
 AXIS = {"linear_axis": {"direction": [0, 1, 0], "speed_mm_s": 50}}
 PAGE = Path(__file__).parents[2] / "docs" / "importing.md"
-VENDOR = Path(__file__).parents[3] / "shared" / "data" / "vendor"
 Import = Callable[..., Recording]
 Mapped = Callable[..., Path]
 
@@ -137,34 +134,3 @@ def test_damage_is_named_by_line(case: str, tmp_path: Path, imported: Import, ma
     with pytest.raises(InputError, match=message):
         imported(swapped(write(tmp_path / "a.csv"), old, new), mapping=mapped(**AXIS))
     assert not (tmp_path / "imported.h5").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "shape", "checks"),
-    [
-        ("scancontrol_2925", (140, 1143), {"pitch_mm": 0.207}),
-        ("gocator_surface_v2", (428, 452), {"pitch_mm": 0.3}),
-    ],
-)
-def test_real_surfaces(
-    name: str, shape: tuple[int, int], checks: dict[str, Any], imported: Import, mapped: Mapped
-) -> None:
-    path = VENDOR / f"{name}.csv"
-    if not path.exists():
-        pytest.skip("the makers' own files are not part of the project")
-    made = imported(path, mapping=mapped(**AXIS))
-    assert made.z_mm.shape == shape
-    np.testing.assert_allclose(np.diff(made.robot_position_mm[:, 1]), checks["pitch_mm"], atol=1e-3)
-
-
-def test_real_gopxl_profile_is_a_line(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    """The line fit that its README tells of: 1.04 micrometres rms."""
-    path = VENDOR / "gopxl_profile.csv"
-    if not path.exists():
-        pytest.skip("the makers' own files are not part of the project")
-    again = shutil.copy(path, tmp_path / "again.csv")
-    made = imported(path, again, mapping=mapped(**AXIS, times={"source": "pose_each", "pitch_mm": 1}))
-    x, z = made.x_mm[0].astype(float), made.z_mm[0].astype(float)
-    assert x.shape == (1792,)
-    residual = z - np.polyval(np.polyfit(x, z, 1), x)
-    assert np.sqrt(np.mean(residual**2)) == pytest.approx(1.04e-3, abs=1e-5)

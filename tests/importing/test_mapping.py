@@ -62,15 +62,6 @@ def test_mistakes(case: str, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_whole_mapping(tmp_path: Path) -> None:
-    path = tmp_path / "map.json"
-    path.write_text(json.dumps({**MAPPING, "profiles": profiles_part(), "poses": poses_part("ur")}))
-    mapping = read_mapping(path)
-    assert mapping.base_dir == tmp_path
-    assert mapping.poses is not None
-    assert mapping.poses.convention == "ur"
-
-
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"version": NaN}', '{"version": 1, "version": 1}', "\xff"])
 def test_no_json(text: str, tmp_path: Path) -> None:
     (tmp_path / "map.json").write_bytes(text.encode("latin-1"))

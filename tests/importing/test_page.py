@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -35,19 +34,6 @@ def test_the_worked_example(
     np.testing.assert_array_equal(np.argwhere(np.isnan(made.z_mm)), [[0, 3]])
     np.testing.assert_allclose(np.abs(made.robot_quaternion_wxyz), [[0, 1, 0, 0]] * 2, atol=1e-12)  # 180 deg about x
     assert made.part.part_id == "A-7"
-
-
-def test_a_draft_of_the_worked_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    scan, robot, mapping = re.findall(r"```(?:text|json)\n(.*?)```", PAGE, re.DOTALL)[:3]
-    Path("scan.csv").write_text(scan, encoding="utf-8")
-    Path("robot.csv").write_text(robot, encoding="utf-8")
-    assert main(["import", "--draft", "scan.csv", "robot.csv", "--out", "draft.json"]) == 0
-    draft, whole = json.loads(Path("draft.json").read_text()), json.loads(mapping)
-    for part in ("profiles", "poses"):
-        expected = {**whole[part], "files": draft[part]["files"]}
-        assert draft[part] == (expected if part == "poses" else {**expected, "missing": [-99999.0]})
-    assert draft["times"] == whole["times"]
 
 
 def test_the_page_names_every_key_and_convention() -> None:

@@ -15,7 +15,6 @@ from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.units import DEG, Float
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 RNG = np.random.default_rng(11)
 POSES = pose_from(rotation_from_vector(RNG.uniform(-1.0, 1.0, (5, 3))), RNG.uniform(-900.0, 900.0, (5, 3)))
 TOOL = pose_from(rotation_from_vector(np.array([[0.1, -0.4, 0.7]]))[0], np.array([10.0, -20.0, 180.0]))
@@ -161,15 +160,3 @@ def test_angles_before_lengths(tmp_path: Path) -> None:
     assert tree["poses"]["position"] == [4, 5, 6]
     assert tree["poses"]["orientation"] == [1, 2, 3]
     assert tree["poses"]["convention"] == "euler_xyz_extrinsic"
-
-
-@pytest.mark.skipif(not (REAL / "edge_calibration").is_dir(), reason="files of other people, not shipped")
-def test_real_files() -> None:
-    poses = poses_of(REAL / "edge_calibration" / "calib_edge.ls")
-    assert len(poses) == 26
-    np.testing.assert_allclose(poses[25, :3, 3], [456.761, 90.790, 214.335])
-    profiles = read_source(REAL / "edge_calibration" / "p2.yml", no_mapping()).profiles
-    assert profiles is not None
-    assert profiles.x_mm.shape == (1, 1109)
-    assert drafted([REAL / "sphere_profiles" / "18_5.csv"])[0]["profiles"]["frames"] == "one"
-    assert drafted([REAL / "weld_line" / "egm.txt"])[0]["poses"]["position"] == [4, 5, 6]

@@ -9,19 +9,8 @@ import numpy as np
 import pytest
 
 from tests.importing.conftest import ORIENTATIONS, poses_part, profiles_part, write_poses, write_profiles
-from workbench.artefacts import Inspection, Recording
-from workbench.cloud import denoise
-from workbench.edge import segment
+from workbench.artefacts import Recording
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.inspect import sections
-from workbench.scan import fuse
-
-
-def inspected(recording: Recording, original: Recording) -> Inspection:
-    import dataclasses
-
-    own = dataclasses.replace(recording, flange_from_profiler=original.flange_from_profiler)
-    return sections(segment(denoise(fuse(own))))
 
 
 def hand_eye(recording: Recording) -> dict[str, list[list[float]]]:
@@ -53,22 +42,3 @@ def test_every_convention_gives_the_recording_back(
     want, got = (rotation_from_quaternion(one.robot_quaternion_wxyz) for one in (milled, made))
     np.testing.assert_allclose(got, want, atol=1e-12)
     np.testing.assert_array_equal(made.flange_from_profiler, milled.flange_from_profiler)
-
-
-@pytest.mark.parametrize(("unit", "unit_mm"), [("m", 1000.0), ("inch", 25.4)])
-def test_inspection_of_the_import_gives_the_same_numbers(
-    unit: str,
-    unit_mm: float,
-    scan: Path,
-    tmp_path: Path,
-    milled: Recording,
-    mapped: Callable[..., Path],
-    imported: Callable[..., Recording],
-) -> None:
-    robot = write_poses(tmp_path / "robot.csv", milled, "kuka_abc", unit_mm)
-    mapping = mapped(profiles=profiles_part(), poses=poses_part("kuka_abc", length_unit=unit))
-    made, want = inspected(imported(scan, robot, mapping=mapping), milled), inspected(milled, milled)
-    assert len(made.sections) == 9
-    for got, section in zip(made.sections, want.sections, strict=True):
-        assert got.root_mm == pytest.approx(section.root_mm, abs=1e-6)
-        assert got.bevel_deg == pytest.approx(section.bevel_deg, abs=1e-6)

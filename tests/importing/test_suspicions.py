@@ -132,8 +132,3 @@ def test_a_wrong_convention_turns_the_motion_into_the_laser_plane(
             continue
         with pytest.raises(InputError, match="moves in its own laser plane"):
             imported(scan, robot, mapping=mapping)
-
-
-def test_the_real_thing_raises_no_suspicion(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
-    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", light)
-    imported(scan, robot, mapping=mapped(profiles=profiles_part(), poses=poses_part()))

@@ -20,7 +20,6 @@ from workbench.importing.command import import_files
 from workbench.importing.draft import drafted as drafted_mapping
 from workbench.plugins import calibration
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 RNG = np.random.default_rng(4)
 COUNT = 12
 MUTATIONS = 60
@@ -160,27 +159,6 @@ def test_the_table_registers_a_robot(tmp_path: Path, capsys: Any) -> None:
     found = json.loads(document.content)
     np.testing.assert_allclose(found["targets"][0]["position_mm"], target[:3], atol=0.2)
     np.testing.assert_allclose(found["tracker_from_base"], tracker_from_base, atol=0.2)
-
-
-@pytest.mark.parametrize("robot", ["akig_ur5_joints.txt", "akig_ur5_poses.txt"])
-def test_real_readings_of_a_ur5(robot: str, tmp_path: Path, capsys: Any) -> None:
-    sources = [REAL / "akig_tscan_values.txt", REAL / robot]
-    if not all(source.is_file() for source in sources):
-        pytest.skip("no readings of a UR5: data of others, for local tests only")
-    targets, _, told = table(tmp_path, capsys, *sources)
-    assert len(targets) == 27
-    assert "joined by number: 27 rows of 130 readings" in told
-    if "poses" in robot:  # posture 18 is a blunder of half a metre
-        document, _ = calibration.tracker(readings=tmp_path / "readings.csv")
-        assert 19 in [one["line"] for one in json.loads(document.content)["left_out"]]
-
-
-def test_real_readings_of_three_reflectors_with_their_joints(tmp_path: Path, capsys: Any) -> None:
-    if not (REAL / "rabkkk_3smr_joints.csv").is_file():
-        pytest.skip("no readings with joints: data of others, for local tests only")
-    targets, rows, _ = table(tmp_path, capsys, REAL / "rabkkk_3smr_joints.csv")
-    assert (len(targets), targets[:3]) == (108, ["t1", "t2", "t3"])
-    assert rows[3] == [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 555.658, -2741.572, 613.197]
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])

@@ -62,18 +62,3 @@ def test_a_step_is_found_between_the_pixels(seed):
     edge = next(one for one in plate.sides if abs(one.angle_deg - 90) < 1 and one.start_mm[0] > 12)
     assert edge.start_mm[0] == pytest.approx(side, abs=0.2 * pitch)
     assert edge.end_mm[0] == pytest.approx(side, abs=0.2 * pitch)
-
-
-def test_gaps_are_closed_in_the_mask_and_counted_nowhere():
-    x, y, z = np.arange(0, 10, 0.1), np.arange(0, 8, 0.1), np.full((80, 100), 3.0)
-    z[20:23, 30:33] = np.nan
-    (whole,) = regions_of(x, y, z)
-    assert whole.holes == ()
-    assert whole.pixels <= np.isfinite(z).sum()
-
-
-def test_nothing_to_find():
-    x, y = np.arange(0, 10, 0.1), np.arange(0, 8, 0.1)
-    assert regions_of(x, y, np.full((80, 100), np.nan)) == ()
-    noise = np.random.default_rng(0).normal(0, 5, (80, 100))
-    assert regions_of(x, y, noise) == ()

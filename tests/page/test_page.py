@@ -16,9 +16,9 @@ import pytest
 
 from tests.page.conftest import Client, opened
 from workbench.errors import InputError
-from workbench.page.app import Page, differences, moved, trends, unused
+from workbench.page.app import Page
 from workbench.page.forms import fields_of
-from workbench.page.store import Preset, Run, Store
+from workbench.page.store import Preset, Store
 from workbench.samples import pipelines, shipped_pipeline
 
 ROOT = Path(__file__).parents[2]
@@ -165,22 +165,6 @@ def test_every_input_of_every_pipeline_is_a_field(name: str) -> None:
             assert one.kind == "number"
         if one.kind == "choice":
             assert one.default in one.choices
-
-
-def test_names_changes_and_trends(tmp_path: Path) -> None:
-    for expected in ("a.h5", "a-2.h5", "a-3.h5"):
-        path = unused(tmp_path / "a.h5")
-        assert path.name == expected
-        path.touch()
-    assert differences({"a": 1, "b": 2}, {"a": 1, "b": 3, "c": 4}) == [("b", 2, 3), ("c", None, 4)]
-    runs = [
-        Run(k, "inspect_bevel", {}, 0.0, "done", 0, "P", "pass", "", {"root_mm": [k, 0.1]}, None, {}) for k in (3, 2, 1)
-    ]
-    rows = trends(runs)["inspect_bevel"]["root_mm"]
-    assert [value for _, value, _ in rows] == [1, 2, 3]
-    assert moved(rows)
-    assert not moved([(run, value, 2.0) for run, value, _ in rows])
-    assert trends(runs[:1]) == {}
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(client: Client, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

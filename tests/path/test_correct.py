@@ -101,12 +101,6 @@ def test_the_first_cut_leaves_the_allowance_and_its_last_layer_takes_as_much(sca
     assert "enters the stock" in alone.reason
 
 
-@pytest.mark.parametrize("moved_mm", [0.0, 0.2])
-def test_the_lower_edge_lies_where_the_path_left_it(scan: Raw, plan: Toolpath, moved_mm: float) -> None:
-    _, found = correct(inspected(scan, FIRST_ROOT, moved_mm=moved_mm), plan, **QUIET)
-    assert found.moved_mm == pytest.approx(moved_mm * math.cos(BEVEL * DEG), abs=0.01)
-
-
 @pytest.mark.parametrize("off_mm", [0.3, -0.2])
 def test_a_displaced_cut_moves_the_finishing_pass_against_it(scan: Raw, plan: Toolpath, off_mm: float) -> None:
     path, found = correct(inspected(scan, FIRST_ROOT + off_mm / SINE), plan, **QUIET)
@@ -138,14 +132,6 @@ def test_a_tilted_cut_turns_the_finishing_pass_about_the_root_end(scan: Raw, pla
     assert np.arctan2(-(up_before @ n), up_before @ m) / DEG == pytest.approx(BEVEL, abs=0.01)
     assert angle == pytest.approx(BEVEL - 0.3, abs=0.02)
     assert check(feed(path, scan.cloud, scan.edge), scan.edge, scan.cloud, None, found).passed
-
-
-def test_the_tool_that_errs_as_measured_comes_where_it_was_planned(scan: Raw, plan: Toolpath) -> None:
-    path, found = correct(inspected(scan, FIRST_ROOT + 0.2 / SINE, BEVEL + 0.2), plan, **QUIET)
-    final, comes = path.layers[-1], found.comes
-    away = rotation_from_quaternion(final.quaternion_wxyz) @ comes.by_layer_mm[final.index][:, :, None]
-    assert plan.finishing is not None
-    assert final.position_mm + away[:, :, 0] == pytest.approx(plan.finishing.layers[-1].position_mm, abs=1e-9)
 
 
 def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw, plan: Toolpath) -> None:

@@ -196,14 +196,6 @@ def test_an_end_that_is_not_known_is_passed_in_the_air(raw: Callable[..., Raw], 
     assert "not measured" in path.refused[0]
 
 
-def test_a_station_that_was_not_seen_costs_no_more_than_its_neighbours(raw: Callable[..., Raw]) -> None:
-    scan = raw()
-    seen = np.arange(len(scan.edge.seen)) != 30
-    final = layers(replace(scan.edge, seen=seen), scan.cloud).layers[-1]
-    inside = (final.arc_length_mm >= 0) & (final.arc_length_mm <= 60)
-    assert final.arc_length_mm[inside & ~final.cutting].tolist() == [30.0]
-
-
 def test_travels_go_round_a_convex_arc(raw: Callable[..., Raw]) -> None:
     scan = raw(
         part={"length_mm": 224.0, "curve": {"shape": "arc", "radius_mm": 150, "sense": "convex"}},

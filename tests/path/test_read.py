@@ -1,6 +1,5 @@
 """A path comes back from its file as it was written; one that only holds what the contract asks for; bad ones."""
 
-import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 from tests.made import files_of
-from workbench.artefacts import Layer, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 
@@ -125,11 +123,3 @@ def test_a_path_that_never_cuts_is_refused(tmp_path: Path, document: dict[str, A
             point["cutting"] = False
     with pytest.raises(InputError, match="points that cut"):
         read(toolpath=written(tmp_path, document))
-
-
-def test_it_is_a_frozen_value() -> None:
-    path = read(toolpath=SHIPPED)
-    assert isinstance(path, Toolpath)
-    assert all(isinstance(layer, Layer) for layer in path.layers)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        path.root_mm = 2.0  # type: ignore[misc]

@@ -55,14 +55,6 @@ def test_an_arc_of_300_mm_is_one_circular_move_a_stretch(shape: Shape) -> None:
         assert radius * sweep == pytest.approx(600 * radius / 300, rel=0.01)
 
 
-def test_without_arcs_all_moves_are_straight_and_still_within_the_tolerances() -> None:
-    path = mill_path(SHAPES["convex 300"])
-    moves = simplify(path, arcs=False)
-    assert not moves.circular.any()
-    assert run(path, moves)[0].max() <= 0.01 + 1e-5
-    assert len(moves.layer) > 10 * len(simplify(path).layer)
-
-
 def test_a_controller_off_its_circle_is_noticed() -> None:
     """The tests above rest on it."""
     path = mill_path(SHAPES["convex 300"])
@@ -70,17 +62,6 @@ def test_a_controller_off_its_circle_is_noticed() -> None:
     assert run(path, replace(moves, via_position_mm=moves.via_position_mm + np.array([0, 0, 0.03])))[0].max() > 0.02
     turned = np.where(moves.cutting[:, None], moves.quaternion_wxyz @ np.eye(4)[[1, 0, 2, 3]], moves.quaternion_wxyz)
     assert run(path, replace(moves, quaternion_wxyz=turned))[1].max() > 1
-
-
-def test_zero_tolerances_keep_every_point() -> None:
-    path = mill_path(SHAPES["convex 300"])
-    moves = simplify(path, chord_tolerance_mm=0, angle_tolerance_deg=0)
-    points, quaternions, feed = all_points(path)
-    new = np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 0)
-    assert np.array_equal(moves.position_mm, points[new])
-    assert np.array_equal(moves.quaternion_wxyz, quaternions[new])
-    assert np.array_equal(moves.feed_mm_s, feed[new])
-    assert not moves.circular.any()
 
 
 @pytest.mark.parametrize("bend", [0, 1 / 300])
@@ -143,16 +124,6 @@ def test_arcs_keep_to_what_controllers_can_do() -> None:
     whole = simplify(mill_path(Shape(bend=1 / 50, length_mm=288, layers=1)))
     assert whole.circular[whole.cutting].sum() == 2
     assert np.isnan(moves.via_position_mm[~moves.circular]).all()
-
-
-def test_a_path_that_goes_back_on_itself_is_followed() -> None:
-    path = mill_path(Shape(layers=1, length_mm=40))
-    layer = path.layers[0]
-    there_and_back = np.r_[0:30, 20:10:-1, 11 : len(layer.cutting)]
-    path = with_points(path, layer.position_mm[there_and_back], layer.quaternion_wxyz[there_and_back])
-    moves = simplify(path)
-    for i in (29, 10):
-        assert np.linalg.norm(moves.position_mm - layer.position_mm[i], axis=1).min() < 1.01
 
 
 def test_a_layer_begins_and_ends_at_a_target_though_the_way_goes_straight_on() -> None:

@@ -35,9 +35,3 @@ def test_changed_sources_and_damaged_files_are_not_used(folder: Path, monkeypatc
     assert catalogue().rows[0][0] == "1"
     monkeypatch.setattr(module, "package_digest", lambda name: "other")
     assert catalogue().rows[0][0] == "2"
-
-
-def test_a_list_with_gaps_is_not_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_made", lambda: Catalogue([], {}, {"weld": "cannot be imported"}))
-    assert catalogue().broken
-    assert not [*folder.glob("stages-*")]

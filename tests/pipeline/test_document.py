@@ -1,12 +1,11 @@
 """The document: strict JSON, its own form, and what `${name}` becomes."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from workbench.errors import PipelineError
-from workbench.pipeline.document import FromCaller, parse_json, read_document, substitute
+from workbench.pipeline.document import read_document
 
 GOOD = b'{"version": 1, "stages": [{"stage": "a.b"}]}'
 
@@ -64,48 +63,3 @@ def test_byte_order_mark_and_defaults(tmp_path: Path) -> None:
     path.write_bytes(b"\xef\xbb\xbf" + GOOD)
     document = read_document(path)
     assert (document.title, document.seed, document.inputs, document.base_dir) == ("weld", 0, {}, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        ("${n}", 3),
-        ("${list}", [1, "a"]),
-        ("${none}", None),
-        ("${text}", "edge"),
-        ("a-${text}-${n}.h5", "a-edge-3.h5"),
-        ("${yes}!", "true!"),
-        ({"deep": ["${n}", 4]}, {"deep": [3, 4]}),
-        ("$n {n}", "$n {n}"),
-    ],
-)
-def test_reference_keeps_the_type_alone_and_is_text_inside_text(value: Any, expected: Any) -> None:
-    inputs = {"n": 3, "list": [1, "a"], "none": None, "text": "edge", "yes": True}
-    got = substitute(value, inputs, "here")
-    assert got == expected
-    assert type(got) is type(expected)
-
-
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        ({"a": ["${rocording}"]}, r"here\.a\[0\]: unknown input 'rocording'; did you mean 'recording'\?"),
-        ("x-${list}", "input 'list' is an array"),
-        ("x-${none}", "input 'none' is null"),
-        ("${recording", "expected references"),
-    ],
-)
-def test_bad_reference_is_refused(value: Any, message: str) -> None:
-    with pytest.raises(PipelineError, match=message):
-        substitute(value, {"recording": "r", "list": [], "none": None}, "here")
-
-
-def test_a_path_starts_where_its_first_part_was_written() -> None:
-    inputs = {"dir": FromCaller("out"), "name": "part"}
-    assert isinstance(substitute("${dir}/${name}.h5", inputs, ""), FromCaller)
-    assert not isinstance(substitute("data/${dir}.h5", inputs, ""), FromCaller)
-    assert isinstance(substitute(FromCaller("x-${name}"), inputs, ""), FromCaller)
-
-
-def test_parse_json_gives_plain_values() -> None:
-    assert parse_json(b'{"a": [1, 2.5, null, true, "x"]}', "x") == {"a": [1, 2.5, None, True, "x"]}

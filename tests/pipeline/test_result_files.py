@@ -48,11 +48,6 @@ def test_the_schema_is_one(name: str, capsys: pytest.CaptureFixture[str]) -> Non
     jsonschema.Draft202012Validator.check_schema(printed)
 
 
-def test_an_unknown_result_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", "inspektion"]) == 2
-    assert "did you mean 'inspection.json'" in capsys.readouterr().err
-
-
 def test_what_is_written_is_read_back(tmp_path: Path, a_result: Inspection) -> None:
     files = files_of(a_result)
     path = tmp_path / "inspection.json"

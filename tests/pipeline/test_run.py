@@ -2,18 +2,16 @@
 
 import hashlib
 import json
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from workbench import Pipeline, kernels, user_folder
+from workbench import Pipeline
 from workbench.artefacts import Document, Gate, HandEye, Inspection
 from workbench.errors import InputError, PipelineError
-from workbench.pipeline.terminal import Lines, Reporter, compilation_watch
+from workbench.pipeline.terminal import Reporter
 from workbench.stage import stage
 
 Doc = dict[str, Any]
@@ -62,20 +60,6 @@ def test_resolved_pipeline_runs_again(demo_document: Doc, tmp_path: Path) -> Non
     turn = {"stage": "demo.turn", "id": "demo.turn", "from": {"pose": "demo.read"}, "angle_deg": 7, "steps": 1}
     assert again["stages"][1] == turn
     assert Pipeline(again, base_dir=tmp_path).run()["demo.turn"].source == "part-1/0>7x1"
-
-
-def test_inspection_json_as_the_contract_says(demo_document: Doc, tmp_path: Path) -> None:
-    Pipeline(demo_document, base_dir=tmp_path).run(tmp_path / "out")
-    got = strict(tmp_path / "out" / "inspection.json")
-    assert (got["format"], got["version"], got["frame"]) == ("bevel-inspection", 1, "base")
-    assert got["requirements"]["root_tolerance_mm"] == [-0.5, 0.5]
-    assert got["profile"]["root_mm"] == [1.5, None]  # NaN in the artefact
-    assert got["profile"]["position_mm"] == [[0, 0, 0], [10, 0, 0]]
-    seen, hidden = got["sections"]
-    assert (seen["root_mm"], seen["root_u_mm"], seen["bevel_deg"], seen["bevel_u_deg"]) == (1.5, 0.004, 40.1, 0.02)
-    assert (hidden["root_mm"], hidden["bevel_deg"], hidden["verdict"]) == (None, None, "undecided")
-    assert hidden["origin_mm"] == [5, 0, 0]
-    assert seen["tangent"] == [1, 0, 0]
 
 
 def test_failure_inside_a_stage_is_one_line_with_its_cause(demo_document: Doc, tmp_path: Path) -> None:
@@ -145,19 +129,3 @@ def test_progress_reaches_the_reporter(demo_document: Doc, tmp_path: Path) -> No
     notes = Notes()
     Pipeline(demo_document, base_dir=tmp_path).run(reporter=notes)
     assert notes.seen[:3] == [(0, 5, "demo.read"), (1, 5, "demo.turn"), 0.5]
-
-
-def test_compilation_is_announced_once_and_only_when_it_happens(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    user_folder.folder.cache_clear()
-    one, other = kernels.kernel(lambda a: a + 1), kernels.kernel(lambda a: a + 2)
-    with compilation_watch(Lines(sys.stderr)):
-        assert one(np.float64(1)) + other(1) == 5
-    assert capsys.readouterr().err.count("compiling kernels") == 1
-    with compilation_watch(Lines(sys.stderr)):
-        one(np.float64(2))
-        kernels.kernel(lambda a: a + 1)(np.float64(2))  # kept
-    user_folder.folder.cache_clear()
-    assert capsys.readouterr().err == ""

@@ -10,7 +10,7 @@ from pydantic import Field
 from scripts.stage_pages import main, pages
 from workbench import Pipeline
 from workbench.errors import WorkbenchError
-from workbench.pipeline.catalogue import every_stage, parameter_texts, pipeline_schema, unit_of
+from workbench.pipeline.catalogue import every_stage, parameter_texts, pipeline_schema
 from workbench.stage import InputFile, Seed, Stage
 
 ROOT = Path(__file__).parents[2]
@@ -98,11 +98,3 @@ def test_parameters_in_words() -> None:
     assert texts["limits_deg"].type == "[number, number]"
     assert (texts["names"].type, texts["names"].description) == ("list of text", "whose.")
     assert "Seed" in texts["seed"].description
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("v_slow_mm_s", "mm/s"), ("root_mm", "mm"), ("clock_s", "s"), ("bevel_nominal_deg", "deg"), ("points", "")],
-)
-def test_units_stand_in_names(name: str, unit: str) -> None:
-    assert unit_of(name) == unit

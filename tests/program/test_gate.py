@@ -142,20 +142,6 @@ def test_the_first_page_says_what_was_not_checked(moves: Moves, irb6700: Cell) -
     assert chapter.summary == f"BevelPath.mod (abb): released with {listed.count('<li>')} items NOT CHECKED"
 
 
-def test_the_first_page_of_a_program_that_was_checked(moves: Moves, irb6700: Cell) -> None:
-    told = replace(irb6700, unchecked=(), unseen=("what these routines do: CheckTool",))
-    page = first_page(write(moves, passed(moves.toolpath), told))
-    assert '<div class="verdict pass">' in page
-    assert "<li>what these routines do: CheckTool" in page  # in the head only, and told all the same
-
-
-def test_a_plate_that_nobody_showed_ends_in_exit_1(moves: Moves, irb6700: Cell) -> None:
-    *_, gate, judgement, _ = write(moves, passed(moves.toolpath), irb6700)
-    assert judgement.passed
-    assert not gate.clean
-    assert "NOT CHECKED: collision with the workpiece" in gate.cause
-
-
 def giving_way(moves: Moves, by_mm: float) -> Moves:
     """The moves with a cutter that is pushed off the bevel face all along."""
     made = moves.postures
@@ -210,11 +196,6 @@ def test_a_cutter_that_asks_more_than_its_spindle_has_gets_no_program(
         assert f"asks torque of {torque:g} Nm of the spindle at {rpm:g} rpm, expected at most" in found.reason
     unknown = write(moves, passed(moves.toolpath), cell)[-3]
     assert any("nothing tells the milling force" in said for said in unknown.loosened)
-
-
-def test_the_first_page_of_a_program_that_is_refused(moves: Moves, irb6700: Cell) -> None:
-    low = replace(irb6700, margins=replace(irb6700.margins, limit=1.5))
-    assert '<div class="verdict fail">' in first_page(write(moves, passed(moves.toolpath), low))
 
 
 @pytest.mark.parametrize("controller", ["kuka", "trajectory"])
@@ -315,12 +296,6 @@ def test_a_path_that_was_changed_after_its_check_is_refused(
     gate = again(file)
     assert not gate.passed
     assert "changed after its check" in gate.reason
-
-
-def test_a_file_laid_out_anew_is_still_the_same_path(path: Toolpath, tmp_path: Path) -> None:
-    file = written(path, passed(path), tmp_path)
-    file.write_text(json.dumps(json.loads(file.read_text()), indent=1, sort_keys=True))
-    assert again(file).clean
 
 
 SAID: dict[str, Any] = {"passed": True, "reason": "", "loosened": [], "unchecked": []}

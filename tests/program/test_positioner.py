@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.program_outsider import Outsider
 from workbench import path, program
 from workbench.artefacts import (
     Gate,
@@ -21,16 +20,13 @@ from workbench.artefacts import (
     Moves,
     PathGate,
     Postures,
-    ProgramMove,
     ProgramMoves,
-    ProgramTool,
     Toolpath,
 )
 from workbench.errors import InputError
 from workbench.plugins import stiffness
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.robot import Cell, read_cell
-from workbench.robot.judge import judge
 from workbench.units import Float
 
 from .paths import Shape, mill_path, moved, thinned, to_polyline
@@ -185,45 +181,6 @@ def test_every_language_says_both_axes(tmp_path: Path, dialect: str) -> None:
     values = np.degrees([move.turntable for move in read.moves])
     assert values[0] == pytest.approx([5.0, table], abs=1e-3)  # home
     assert values[2:-1] == pytest.approx(np.tile([tilt, table], (len(values) - 3, 1)), abs=1e-3)
-
-
-LONG = {"pose": {"position_mm": [0, 0, -50]}, "box_mm": [1200, 200, 60]}  # of the table, along x at 0
-
-
-@pytest.mark.parametrize("on", ["base", "tilt", "no tilt"])
-def test_a_long_table_is_not_turned_into_a_post(tmp_path: Path, on: str) -> None:
-    """Both ends of the turn are free; judge and outsider see the same pair between them."""
-    x, y, z = ROBOTS["abb"][3]
-    at = {"on": "tilt", "pose": {"position_mm": [0, -130, 500]}} if on == "tilt" else {}
-
-    def change(tree: dict[str, Any]) -> None:
-        tree["turntable"]["shapes"].append(LONG)
-        post = {"name": "post", "pose": {"position_mm": [x, y + 500, z - 50]}, "box_mm": [60, 60, 60]}
-        tree["fixtures"].append(post | at)
-        tree["process"] = None
-        if on == "no tilt":
-            del tree["turntable"]["tilt"]
-
-    cell = positioner(tmp_path, "abb", change)
-    start = np.radians(ROBOTS["abb"][2])
-
-    def turned(deg: float) -> Any:
-        value = np.radians(deg)
-        return np.array([0.0, value]) if len(cell.axes) > 1 else value
-
-    stops = [
-        ProgramMove(i, "J", "t", "base", joints=start, turntable=turned(deg)) for i, deg in enumerate((60.0, 120.0))
-    ]
-    tools = {"t": ProgramTool(cell.flange_from_cutter)}
-    (found,) = judge(cell, ProgramMoves("abb", "x", tuple(stops), tools, {"base": np.eye(4)})).violations
-    assert found.kind == "collision"
-    assert "turntable" in found.finding
-    assert "post" in found.finding
-    outsider, tables = Outsider(ROBOTS["abb"][0], cell), np.linspace(60, 120, 200)
-    tables = tables if len(cell.axes) == 1 else np.column_stack([0 * tables, tables])
-    assert set(outsider.unsafe(cell, np.tile(start, (200, 1)), tables).split(" and ")) == {"turntable", "post"}
-    for some in (tables[:2], tables[-2:]):
-        assert outsider.unsafe(cell, np.tile(start, (2, 1)), some) == ""
 
 
 def test_the_tilt_is_the_best_of_all_that_were_asked_for(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Moves, Part, ProgramMoves
 from workbench.dialect import program_files
@@ -41,11 +40,6 @@ def text(moves: Moves, zone_mm: float = 0.3, cell: Cell | None = None, names: An
     job = program_job(names[0], moves, here, zone_mm, 0.05)
     (content,) = program_files(Rapid(job, here, *names[1:]), passed(moves.toolpath)).values()
     return content
-
-
-def angles_deg(a: Any, b: Any) -> Any:
-    turns = Rotation.from_quat(a, scalar_first=True) * Rotation.from_quat(b, scalar_first=True).inv()
-    return np.degrees(turns.magnitude())
 
 
 def vias(program: ProgramMoves) -> Any:
@@ -180,28 +174,3 @@ def test_moves_that_no_controller_could_take_are_refused(moves: Moves) -> None:
     for broken in (replace(moves, position_mm=hole), replace(moves, feed_mm_s=0 * moves.feed_mm_s)):
         with pytest.raises(InputError, match="expected moves with finite targets and feeds above 0"):
             text(broken)
-
-
-def test_the_text_is_what_abb_writes(moves: Moves) -> None:
-    """Line by line, as the reference manual has it."""
-    lines = text(moves).splitlines()
-    for pattern in (
-        r"MODULE BevelPath",
-        r"  PERS tooldata tMill:=\[TRUE,\[\[(-?\d+\.\d{4},?){3}\],\[(-?[01]\.\d{8},?){4}\]\],"
-        r"\[0\.001,\[0\.0000,0\.0000,0\.0010\],\[1,0,0,0\],0,0,0\]\];",
-        r'  TASK PERS wobjdata woEdge:=\[FALSE,TRUE,"",\[\[.*\]\],\[\[0,0,0\],\[1,0,0,0\]\]\];',
-        r"  CONST zonedata zonePath:=\[FALSE,0\.3,0\.3,0\.3,0\.03,0\.3,0\.03\];",
-        r"  CONST speeddata feed1:=\[1,50,5000,1000\];",
-        r"  CONST robtarget p1:=\[\[(-?\d+\.\d{4},?){3}\],\[(-?[01]\.\d{8},?){4}\],\[(-?\d,?){4}\],"
-        r"\[0\.0000,(9E\+09,?){5}\]\];",
-        r"    ConfL\\On;",
-        r"    CirPathMode\\ObjectFrame;",
-        r"    MoveAbsJ jStart\\NoEOffs,feed\d,fine,tMill\\WObj:=woEdge;",
-        r"    MoveL p\d+,feed\d,zonePath,tMill\\WObj:=woEdge;",
-        r"    MoveC via\d+,p\d+,feed1,zonePath,tMill\\WObj:=woEdge;",
-        r"    ! layer 2",
-        r"  ENDPROC",
-        r"ENDMODULE",
-    ):
-        assert any(re.fullmatch(pattern, line) for line in lines), pattern
-    assert "-0.0000," not in text(moves)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.work import calls_of
 from workbench.artefacts import Moves
@@ -98,51 +94,6 @@ def text(moves: Moves, irb6700: Cell) -> str:
     job = program_job("BevelPath", moves, irb6700, 0.3, 0.05)
     (content,) = program_files(Rapid(job, irb6700, "MillBevel", "tMill", "woEdge"), passed(moves.toolpath)).values()
     return content
-
-
-PIECES = [
-    "[",
-    "]",
-    ",",
-    ";",
-    "\\",
-    ":=",
-    "!",
-    '"',
-    "-",
-    "1e5",
-    "0",
-    "p1",
-    "via2",
-    "MoveC",
-    "PROC",
-    "ENDPROC",
-    "\n",
-    "[" * 3000,
-]
-
-
-@settings(max_examples=400, deadline=None, derandomize=True)
-@given(data=st.data())
-def test_mutated_programs_parse_or_are_refused_in_one_line(text: str, data: st.DataObject) -> None:
-    for _ in range(data.draw(st.integers(1, 3))):
-        at = data.draw(st.integers(0, len(text)))
-        cut = data.draw(st.integers(0, 40))
-        text = text[:at] + data.draw(st.sampled_from(PIECES) | st.text(max_size=6)) + text[at + cut :]
-    try:
-        read_rapid(text)
-    except InputError as error:
-        complaint = str(error)
-    else:
-        complaint = "program: line 1: expected this, found it"
-    assert re.fullmatch(r"program: line \d+: expected .+, found .+", complaint)
-
-
-@settings(max_examples=100, deadline=None, derandomize=True)
-@given(text=st.text() | st.text(alphabet='MODULEPRC abc[](),;:="!\\0123.\n'))
-def test_any_text_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(InputError, match=r"^program: line \d+: expected"):
-        read_rapid(text)
 
 
 def test_reading_twice_as_many_targets_is_twice_the_work(text: str) -> None:

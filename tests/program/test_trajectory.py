@@ -15,7 +15,7 @@ from workbench.cli import main
 from workbench.geometry.poses import inverse, quaternion_from_rotation
 from workbench.path import simplify
 from workbench.program import write
-from workbench.program.trajectory import read_trajectory, slowed
+from workbench.program.trajectory import read_trajectory
 from workbench.robot import (
     Cell,
     forward_kinematics,
@@ -159,31 +159,6 @@ def test_one_row_of_a_layer_that_comes_too_soon_is_found(moves: Moves, cell: Cel
     (found,) = judge(silent, replace(program, moves=tuple(moved)), planned(moves)).violations
     assert (found.line, found.kind) == (program.moves[slow].line, "feed")
     assert "the tool goes along layer 2 at 2" in found.finding
-
-
-def test_random_steps_are_slowed_within_the_accelerations() -> None:
-    """Checked row by row in plain loops."""
-    rng = np.random.default_rng(5)
-    for _ in range(50):
-        moved = rng.normal(size=(40, 6)) * 10.0 ** rng.uniform(-6, -1, (40, 1))
-        rate = 10.0 ** rng.uniform(-2, 4, 40)
-        found = slowed(moved, ACCELERATIONS, rate)
-        assert (found <= rate * (1 + 1e-12)).all()
-        assert (found > 0).all()
-        times, speed = 1 / found, moved * found[:, None]
-        for i in range(39):
-            change = np.abs(speed[i + 1] - speed[i]) / min(times[i], times[i + 1])
-            assert (change <= ACCELERATIONS * (1 + 1e-5)).all()
-        for end in (0, -1):
-            assert (np.abs(speed[end]) / (times[end] / 2) <= ACCELERATIONS * (1 + 1e-5)).all()
-
-
-def test_a_line_is_driven_as_fast_as_the_acceleration_allows() -> None:
-    """From rest to rest, evenly spaced: within a few percent of sqrt(4 way / acceleration)."""
-    moved = np.zeros((200, 6))
-    moved[:, 1] = 0.005
-    found = slowed(moved, ACCELERATIONS, np.full(200, 1e4))
-    assert (1 / found).sum() == pytest.approx(np.sqrt(4 * 1.0 / ACCELERATIONS[1]), rel=0.1)
 
 
 @pytest.fixture

@@ -82,26 +82,6 @@ def test_bound_is_below_the_clearance_and_close_to_it(crowd: Cell, postures: Any
     assert np.median(clearance - np.maximum(bound, 0)) < 1.0
 
 
-def test_box_and_capsules_are_exact(cell_file: Any) -> None:
-    """Robot and floor alone are capsules and a box, the flange's disc set aside: the bound is fcl's distance."""
-
-    def bare(tree: Any) -> None:
-        tree["tool"]["shapes"] = []
-        tree["turntable"]["shapes"] = []
-        others = ["base_link", "link_1", "link_2", "link_3", "link_4", "link_5", "floor"]
-        tree["may_touch"] = [["link_6", other] for other in others]
-
-    cell = read_cell(cell_file(bare))
-    rng = np.random.default_rng(33)
-    joints = rng.uniform(-0.9, 0.9, (100, 6))
-    bound = clearance_bound_mm(cell, bounding_volumes(cell), joints)
-    model = CollisionModel(cell)
-    for q, low in zip(joints, bound, strict=True):
-        found = model.clearance(q)
-        assert found is not None
-        assert abs(found.distance_mm - max(low, 0)) < 0.1
-
-
 def test_a_cell_without_bodies() -> None:
     """No URDF shape, tool shape, fixture or envelope: nothing can touch, nothing is drawn, nothing fails inside."""
     bare = dataclasses.replace(read_cell(Path("data/robot/cell.json")), shapes=())
@@ -258,7 +238,3 @@ def test_bodies_that_no_posture_takes_apart_are_named(cell: Cell) -> None:
             low, high = cell.chain.limits.T
             for q in np.random.default_rng(8).uniform(low, high, (50, 6)):
                 assert found in {gap.pair for gap in model.gaps(q) if gap.near}
-
-
-def test_no_postures_no_hits(cell: Cell) -> None:
-    assert CollisionScreen(cell).hits(np.empty((0, 6)), np.empty(0)).shape == (0,)

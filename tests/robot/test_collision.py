@@ -8,18 +8,9 @@ import numpy as np
 import open3d
 import pytest
 
-from workbench.robot import Cell, CollisionModel, motions, read_cell, standing_poses
-from workbench.units import Float
+from workbench.robot import Cell, CollisionModel, read_cell
 
 from .conftest import plainly
-
-
-def test_home_is_free_and_names_its_closest_pair(cell: Cell) -> None:
-    model = CollisionModel(cell)
-    assert model.collision(np.zeros(6)) is None
-    found = model.clearance(np.zeros(6))
-    assert found is not None
-    assert found.distance_mm > 10
 
 
 def test_forearm_in_the_floor(cell: Cell) -> None:
@@ -186,12 +177,6 @@ def test_what_may_touch_is_told_if_it_comes_apart_within_limits(
     assert bool(told(read_cell(allowed), "turntable", "post")) == comes_apart
 
 
-def test_a_value_for_each_axis_is_asked_for(cell_file: Any) -> None:
-    model = CollisionModel(read_cell(cell_file(lambda tree: _table(tree, LONG, tilts=True))))
-    with pytest.raises(ValueError, match="argument"):
-        model.collision(np.zeros(6), np.zeros(3))
-
-
 @pytest.mark.parametrize("more", [{}, {"tilts": True}, {"tilts": True, "on": "tilt"}])
 def test_what_a_later_scan_may_touch_is_told_whatever_its_size(cell_file: Any, more: Any) -> None:
     touch = [["workpiece", "post"], ["cutter", "workpiece"]]
@@ -277,38 +262,3 @@ def test_a_tool_that_turns_into_the_wrist_is_found(cell_file: Any) -> None:
     hits = [model.collision(np.array([0, 0, 0, 0, 0, np.radians(deg)])) for deg in range(-180, 180, 15)]
     assert ("link_5", "tool") in hits
     assert None in hits
-
-
-def test_capsules_against_our_own_distance(cell: Cell, postures: Any) -> None:
-    """fcl's verdict on the capsules of the arm: two segments' distance less two radii."""
-    model = CollisionModel(cell)
-    shapes = cell.shapes
-    pairs = [
-        (a, b)
-        for a, b in model.pairs
-        if {shapes[a].kind, shapes[b].kind} == {"capsule"} and shapes[a].link >= 0 and shapes[b].link >= 0
-    ]
-    checked = 0
-    for q in postures(60, 21):
-        moved = motions(cell.chain, q)
-        apart = model.distances(moved, standing_poses(cell, 0.0), [model.pairs.index(pair) for pair in pairs])
-        for (a, b), distance in zip(pairs, apart, strict=True):
-            ends = [moved[shapes[i].link] @ shapes[i].pose for i in (a, b)]
-            (radius_a, length_a), (radius_b, length_b) = shapes[a].size_mm, shapes[b].size_mm
-            gap = segments(ends, [length_a, length_b]) - radius_a - radius_b
-            if abs(gap) > 0.01:
-                assert (distance == 0) == (gap < 0)
-                checked += 1
-            if gap > 0.01:
-                assert abs(distance - gap) < 1e-2
-    assert checked > 400
-
-
-def segments(poses: list[Float], lengths: list[float]) -> float:
-    """Distance of two segments along z of their poses: of the lines where both feet lie inside, else of an end."""
-    (a, u), (b, v) = ((pose[:3, 3], pose[:3, 2] * length) for pose, length in zip(poses, lengths, strict=True))
-    feet = np.linalg.lstsq(np.column_stack([u, -v]), b - a, rcond=None)[0]
-    if (np.abs(feet) <= 0.5).all():
-        return float(np.linalg.norm(a + feet[0] * u - b - feet[1] * v))
-    ends = [(a + t * u, b, v) for t in (-0.5, 0.5)] + [(b + t * v, a, u) for t in (-0.5, 0.5)]
-    return min(float(np.linalg.norm(p - m - w * np.clip((p - m) @ w / (w @ w), -0.5, 0.5))) for p, m, w in ends)

@@ -90,13 +90,3 @@ def test_an_offset_wrist_has_the_branches_of_eaik(arms: Any) -> None:
     """UR10e: ours are roots of a polynomial, EAIK's a closed form."""
     chain = arms("ur10e")
     assert_same_branches(chain, np.random.default_rng(44).uniform(-np.pi, np.pi, (500, 6)), REACHES)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ARMS)
-def test_branches_of_eaik_at_100_000_poses(arms: Any, name: str) -> None:
-    """Some minutes a robot, most of them spent on comparing."""
-    chain, rng = arms(name), np.random.default_rng(3)
-    for _ in range(10):
-        q = rng.uniform(chain.limits[:, 0], chain.limits[:, 1], (10_000, 6))
-        assert_same_branches(chain, q)

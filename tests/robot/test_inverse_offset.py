@@ -46,15 +46,6 @@ def test_every_posture_comes_back(arms: Any, name: str, where: str) -> None:
         assert (solved.sum(axis=1) == 16).any() == (name == "crx10ia")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", STRETCHED)
-def test_twenty_thousand_postures(arms: Any, name: str) -> None:
-    q = drawn(name, "anywhere", 20_000)
-    chain: Chain = arms(name)
-    own = np.nanmin(apart(inverse_kinematics(chain, forward_kinematics(chain, q)), q[:, None]), axis=1)
-    assert (own < 1e-6).all()
-
-
 def test_poses_out_of_a_file_are_reached(arms: Any) -> None:
     """Rounded to 8 digits their rotations are none."""
     chain: Chain = arms("ur10e")

@@ -142,11 +142,6 @@ def test_a_wrist_that_stretches_between_targets(cell: Cell) -> None:
     assert np.isnan(through.condition), "no limit holds there"
 
 
-def test_out_of_reach(cell: Cell) -> None:
-    far = shifted(start_pose(cell), (3000, 0, 0))
-    assert "unreachable" in kinds(judge(cell, program(cell, to(2, far))))
-
-
 def test_a_joint_that_cannot_follow(cell: Cell) -> None:
     made = program(cell, to(4, shifted(start_pose(cell), (0, 200, 0)), feed_mm_s=7000.0))
     found = judge(cell, made)
@@ -247,13 +242,13 @@ def test_the_ways_to_and_from_where_the_operator_looks_are_driven(cell_file: Cal
 
 
 def test_an_axis_that_crosses_a_boundary_within_a_corner_counts_as_both(cell: Cell) -> None:
-    """200 laws whose joint 1 crosses 0 about a target that is passed by: what is said of the target itself holds."""
+    """24 laws whose joint 1 crosses 0 about a target that is passed by: what is said of the target itself holds."""
 
     def quarters(joints: Any, cell: Cell) -> tuple[int, ...]:
         return tuple(int(np.floor(q / (np.pi / 2))) for q in joints[[0]])
 
     rng, free = np.random.default_rng(5), []
-    for _ in range(200):
+    for _ in range(24):
         start = START + np.append(np.radians(rng.uniform(0.4, 1.5)), np.zeros(5))
         a = start_pose(cell, start)
         corner = shifted(a, (rng.uniform(-9, 9), rng.uniform(-2, 2) - a[1, 3], 0))
@@ -265,10 +260,3 @@ def test_an_axis_that_crosses_a_boundary_within_a_corner_counts_as_both(cell: Ce
         far = program(cell, to(2, corner, zone_mm=5.0, configuration=(said[0] + 5,)), to(3, end), joints=start)
         free.append("configuration" in kinds(judge(cell, far, configuration=quarters)))
     assert all(free)
-
-
-def test_what_the_cell_does_not_say_is_not_counted_as_free(cell: Cell) -> None:
-    found = judge(cell, program(cell, *route(cell)))
-    assert any("workpiece" in text for text in found.unchecked)
-    bare = dataclasses.replace(cell, unchecked=("collision of the robot's links 1, 2",))
-    assert judge(bare, program(bare, *route(bare))).unchecked[0] == "collision of the robot's links 1, 2"

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from workbench.robot import Chain, abb_angles, forward_kinematics, jacobian, jacobian_derivative, joint_axes
-from workbench.robot.kinematics import motions
 
 METRES = np.array([1e-3] * 3 + [1.0] * 3)[:, None]
 
@@ -26,26 +25,6 @@ def test_derivative_of_the_jacobian(chain: Chain, by_pin: Any, postures: Any) ->
             there, back = q + step * np.eye(6)[j], q - step * np.eye(6)[j]
             difference = by_pin.jacobian(there, point / 1e3) - by_pin.jacobian(back, point / 1e3)
             assert np.abs(ours[:, :, j] - difference / (2 * step)).max() < 1e-8
-
-
-def test_links_move_with_pins_links(chain: Chain, by_pin: Any, postures: Any) -> None:
-    """The motion of link i takes its place at zero to its place at q."""
-    zero = [np.array(m.homogeneous) for m in _placements(by_pin, np.zeros(6))]
-    for q in postures(20, 4):
-        moved = motions(chain, q)
-        moved[:, :3, 3] /= 1e3
-        for i, there in enumerate(_placements(by_pin, q), 1):
-            assert np.abs(moved[i] @ zero[i - 1] - there.homogeneous).max() < 1e-12
-
-
-def _placements(by_pin: Any, q: Any) -> list[Any]:
-    by_pin.forward(q)
-    return [by_pin.data.oMi[i + 1].copy() for i in range(6)]
-
-
-def test_leading_axes_broadcast(chain: Chain, postures: Any) -> None:
-    q = postures(12, 5)
-    assert (forward_kinematics(chain, q.reshape(3, 4, 6)) == forward_kinematics(chain, q).reshape(3, 4, 4, 4)).all()
 
 
 def test_table_a1_has_the_dexterity_of_the_notes(chain: Chain) -> None:

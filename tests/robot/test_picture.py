@@ -11,8 +11,7 @@ import pytest
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.robot import Cell, CollisionModel, cell_triangles, read_cell
-from workbench.robot.drawing import LINE_PX, clearest, looking
-from workbench.robot.picture import cell_picture, described, reach_mm, singularities, view_cell
+from workbench.robot.picture import cell_picture, described, reach_mm, view_cell
 from workbench.units import DEG
 
 COLLIDING = "0,40,20,0,30,0"  # the forearm in the turntable
@@ -43,12 +42,6 @@ def test_coaxial_spindle_is_told(cell_file: Any) -> None:
     assert any(line.startswith("warning: the spindle is coaxial with the flange") for line in lines)
 
 
-def test_stretched_arm_is_singular(cell: Cell) -> None:
-    stretched = np.array([0.3, 0.5, -np.arctan2(1592.5, 200), 0.4, 1.0, 0.2])
-    assert singularities(cell.chain, stretched) == ["joints 1 to 3 cannot move the wrist's centre in every direction"]
-    assert singularities(cell.chain, np.array([0.3, 0.5, -0.2, 0.4, 1.0, 0.2])) == []
-
-
 def test_gaps_are_those_of_the_clearance_with_points_on_the_bodies(cell: Cell) -> None:
     q = np.radians([20.0, 10, 10, 30, 60, 10])
     model = CollisionModel(cell)
@@ -66,15 +59,6 @@ def test_gaps_are_those_of_the_clearance_with_points_on_the_bodies(cell: Cell) -
         for point, body in zip(gap.points_mm, gap.pair, strict=True):
             low, high = np.vstack(corners[body]).min(axis=0), np.vstack(corners[body]).max(axis=0)
             assert ((low - 1 < point) & (point < high + 1)).all()
-
-
-def test_what_is_drawn_lies_below_the_caption() -> None:
-    points = np.random.default_rng(2).uniform(-900.0, 900.0, (200, 3))
-    for lines in (0, 1, 3):
-        column, row, _ = looking((1, -1, 0.5), (0, 0, 1), points, (1000, 750), 1.0, lines).project(points).T
-        assert row.min() >= lines * LINE_PX - 1e-6
-        assert row.max() <= 750 + 1e-6
-        assert 0 <= column.min() <= column.max() <= 1000
 
 
 def test_picture_and_lines(cell_file: Any, tmp_path: Path) -> None:
@@ -132,12 +116,3 @@ def test_cell_without_turntable_takes_no_angle(cell_file: Any, tmp_path: Path) -
     path = cell_file(lambda tree: tree.update(turntable=None))
     with pytest.raises(InputError, match="the cell has no turntable"):
         view_cell(str(path), "0,0,0,0,0,0", 10.0, str(tmp_path / "x.png"))
-
-
-def test_a_close_up_looks_past_what_hides_the_lines() -> None:
-    y, z = np.array([[-1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]]), np.array([[-1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]])
-    wall = np.stack([np.full((2, 3), 50.0), 500.0 * y, 500.0 * z], axis=2)
-    line = np.array([[40.0, -100.0, 0.0], [40.0, 100.0, 0.0]])
-    towards = clearest([wall], line, [])
-    assert towards[0] <= 0.0  # away from the wall
-    assert abs(towards[1]) < 0.1  # across the line

@@ -80,11 +80,6 @@ def test_the_turntables_acceleration_counts_like_a_joints(cell: Cell) -> None:
     assert judge(cell, moves).passed  # none is stated
 
 
-@pytest.mark.parametrize("seconds", [1e-9, 1e-15])
-def test_no_time_is_too_short_to_be_judged(cell: Cell, seconds: float) -> None:
-    assert "speed" in {one.kind for one in judge(cell, rows(cell, (seconds, 3, 0.001))).violations}
-
-
 @pytest.mark.parametrize("time", [1.0, 0.5, float("inf"), float("nan")])
 def test_times_must_rise(cell: Cell, time: float) -> None:
     made = rows(cell, (1.0, 3, 2.0), (1.0, 3, 2.0))

@@ -80,23 +80,6 @@ def test_fused_points_lie_on_the_part(part, scan, scanner):
     assert truth.seen.mean() > 0.8
 
 
-@pytest.mark.parametrize("x_rises", [True, False])
-@pytest.mark.parametrize("z_away", [True, False])
-def test_columns_and_range_keep_their_sense(x_rises, z_away):
-    recording, _ = simulate_recording(recipe_of(scanner={"x_rises": x_rises, "z_away": z_away}))
-    assert np.all((np.diff(recording.x_mm[0]) > 0) == x_rises)
-    assert np.linalg.det(recording.flange_from_profiler) == pytest.approx(1)
-    assert (np.nanmean(recording.z_mm) > 0) == z_away
-
-
-def test_two_poses_are_the_ends_and_orientations_may_differ():
-    recording, _ = simulate_recording(recipe_of(scan={"turn_deg": [0, 0, 5]}))
-    assert len(recording.robot_time_s) == 2
-    assert recording.robot_time_s[[0, -1]] == pytest.approx(recording.time_s[[0, -1]])
-    one, two = Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True)
-    assert np.degrees((one.inv() * two).magnitude()) == pytest.approx(5, abs=1e-6)
-
-
 @pytest.mark.parametrize("motion", ["stream", "stop_and_go", "two_poses"])
 @pytest.mark.parametrize("rate", [25, 250])
 def test_frames_lie_within_the_pose_times(motion, rate):

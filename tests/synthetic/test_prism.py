@@ -147,12 +147,6 @@ def test_a_mound_and_a_background() -> None:
     assert (np.abs(b + 6) < 1e-4).sum() > 50
 
 
-def test_random_grooves_are_drawn_again_and_seen() -> None:
-    recipes = {kind: random_prism_recipe(kind, 5) for kind in TYPES}
-    assert all(recipe == random_prism_recipe(kind, 5) for kind, recipe in recipes.items())
-    assert all(simulate_prism(recipes[kind])[1].seen.mean() > 0.8 for kind in ("V", "J"))
-
-
 def test_from_a_file_to_a_file(tmp_path: Path) -> None:
     recipe = tmp_path / "u.json"
     recipe.write_text(json.dumps(document("U")), encoding="utf-8")

@@ -103,13 +103,6 @@ def test_systematic_errors_come_back_and_have_their_size():
     assert np.sqrt(np.mean(sizes)) == pytest.approx(0.5 * np.sqrt(3), rel=0.15)
 
 
-def test_design_is_off_by_what_the_recipe_says():
-    _, truth = simulate_sphere(recipe(robot={"design_error_mm": 50, "design_error_deg": 20}))
-    turn = vector_from_rotation(truth.design[:3, :3] @ truth.flange_from_profiler[:3, :3].T)
-    assert np.linalg.norm(turn) == pytest.approx(np.radians(20))
-    assert np.linalg.norm(truth.design[:3, 3] - truth.flange_from_profiler[:3, 3]) == pytest.approx(50)
-
-
 def test_clock_runs_ahead_by_its_offset():
     scan = [{"sphere_mm": [0, -5.5, 0], "to_mm": [0, 5.5, 0], "seconds": 2}]
     made = recipe(robot=EXACT | {"clock": "own", "clock_offset_s": 0.4}, passes=scan)
@@ -161,8 +154,3 @@ def test_conditions_show_the_sphere_in_every_pass(condition):
     recording, _ = simulate_sphere(made)
     returns = np.isfinite(recording.z_mm).sum(axis=1)
     assert all(returns[recording.pass_index == number].max() > 40 for number in set(recording.pass_index.tolist()))
-
-
-def test_unknown_condition_names_the_nearest():
-    with pytest.raises(InputError, match="sphere_nine"):
-        random_sphere_recipe("sphere_nin", 1)

@@ -6,11 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.optimize import minimize_scalar
 
 from workbench.synthetic import parse_recipe, raycast
-from workbench.synthetic.workpiece import arc_length, build_surface, edge_frames, pose
+from workbench.synthetic.workpiece import build_surface, pose
 
 CURVES = {
     "straight": {"shape": "straight"},
@@ -77,53 +75,6 @@ def test_section_plane_cuts_root_and_bevel_as_ordered(curve, tilt_deg, twist_deg
     assert math.degrees(math.atan(-slope)) == pytest.approx(expected(BEVEL, u), abs=1e-5)
 
 
-@pytest.mark.parametrize("curve", CURVES)
-def test_projection_is_the_nearest_point_of_the_edge(curve):
-    surface = build_surface(part_of(curve))
-    rng = np.random.default_rng(5)
-    for x, y in rng.uniform((10, -15), (80, 15), (25, 2)):
-        nearest = minimize_scalar(
-            lambda u, p=(x, y): np.sum((plan_curve(curve, u) - p) ** 2),
-            bounds=(x - 12, x + 12),
-            method="bounded",
-            options={"xatol": 1e-9},
-        )
-        u, h, *_ = raycast.project(surface, x, y)
-        assert u == pytest.approx(nearest.x, abs=1e-5)
-        assert abs(h) == pytest.approx(math.sqrt(nearest.fun), abs=1e-8)
-
-
-@pytest.mark.parametrize("curve", CURVES)
-@pytest.mark.parametrize("twist_deg", [0.0, -25.0])
-def test_gradient_of_the_body_matches_differences(curve, twist_deg):
-    face = {"end_face_tilt_deg": 3, "end_face_twist_deg": twist_deg, "roughness_mm": 0.2}
-    surface = build_surface(part_of(curve, burrs=[{"from_mm": 20, "to_mm": 60}], **face))
-    rng, step = np.random.default_rng(6), 1e-6
-    for u, h, z in rng.uniform((5, -12, -2), (85, 3, 10), (200, 3)):
-        _, face, *slopes = raycast.body(surface, u, h, z)
-        for axis, slope in enumerate(slopes):
-            ends = [np.array([u, h, z]) + sign * step * np.eye(3)[axis] for sign in (1, -1)]
-            (high, above, *_), (low, below, *_) = (raycast.body(surface, *end) for end in ends)
-            if above == below == face != raycast.UPPER:
-                assert slope == pytest.approx((high - low) / (2 * step), abs=1e-5)
-
-
-@pytest.mark.parametrize("curve", CURVES)
-def test_edge_frames_are_right_handed_and_lie_on_the_edge(curve):
-    frames = edge_frames(build_surface(part_of(curve)), np.array([3.0, 50.0]))
-    for u, frame in zip((3.0, 50.0), frames, strict=True):
-        assert frame[:2, 3] == pytest.approx(plan_curve(curve, u), abs=1e-12)
-        assert np.cross(frame[:3, 2], frame[:3, 0]) == pytest.approx(frame[:3, 1], abs=1e-12)  # t = m x n
-        ahead = plan_curve(curve, u + 1e-3) - plan_curve(curve, u)
-        assert ahead @ frame[:2, 1] > 0
-
-
-def test_arc_length_of_a_wave():
-    surface, k = build_surface(part_of("wavy")), 2 * math.pi / 130
-    exact, _ = quad(lambda u: math.hypot(1, 3 * k * math.cos(k * u + math.radians(50))), 0, 90, epsabs=1e-12)
-    assert arc_length(surface, np.linspace(0, 90, 181))[-1] == pytest.approx(exact, abs=1e-9)
-
-
 def test_rpy_is_the_papers():
     """R = Rz(roll) Ry(pitch) Rx(yaw), against scipy's intrinsic zyx."""
     from scipy.spatial.transform import Rotation
@@ -134,13 +85,3 @@ def test_rpy_is_the_papers():
         Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), abs=1e-12
     )
     assert matrix[:3, 3] == pytest.approx([126.92, 9.44, 41.48])
-
-
-def test_roughness_stays_near_its_bound_and_depends_on_the_seed():
-    part = part_of("straight", kind="raw", roughness_mm=0.3)
-    surface = build_surface(part, 1)
-    rng = np.random.default_rng(0)
-    heights = [raycast._rough(surface, u, v)[0] for u, v in rng.uniform((0, 0), (90, 8), (4000, 2))]
-    assert np.std(heights) == pytest.approx(0.1, rel=0.25)
-    assert np.abs(heights).max() < 0.45
-    assert not np.array_equal(surface.roughness, build_surface(part, 2).roughness)

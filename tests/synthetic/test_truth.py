@@ -37,16 +37,6 @@ def test_frames_are_orthonormal_and_t_is_m_cross_n(curve):
     assert np.all(np.sum(steps * truth.tangent[:-1], axis=1) > 0.999 * lengths)
 
 
-@pytest.mark.parametrize("curve", CURVES)
-def test_values_are_found_from_any_point_of_the_section(curve):
-    truth = milled_truth(Workpiece(recipe_of({"curve": curve})))
-    points = truth.position_mm + 0.7 * truth.across - 1.1 * truth.normal
-    assert truth.root_mm_at(points) == pytest.approx(truth.root_mm, abs=1e-9)
-    assert truth.bevel_deg_at(points) == pytest.approx(truth.bevel_deg, abs=1e-9)
-    assert truth.arc_length_mm_at(points) == pytest.approx(truth.arc_length_mm, abs=1e-6)
-    assert float(truth.root_mm_at(points[40])) == pytest.approx(truth.root_mm[40])
-
-
 def test_seen_is_what_the_scan_covered():
     _, truth = simulate_recording(recipe_of())
     covered = (truth.arc_length_mm > 10.5) & (truth.arc_length_mm < 49.5)

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.api import Float, Recording, pose_from
-from workbench.plugins.calibration.model import Linear, Noise
-from workbench.plugins.calibration.observations import Observations
+from workbench.api import Recording, pose_from
 
 RADIUS = 5.0
 COLUMNS, PITCH_MM = 1200, 0.05  # of a profile
@@ -205,27 +203,6 @@ def scans_over(rng: np.random.Generator, count: int = 6, turn_deg: float = 25.0,
         middle = centre[i] * [1.0, 0.0, 1.0]
         out.append(Scan(turns[i], middle - way, middle + way, weave_deg=weave_deg))
     return out
-
-
-def whole_covariance(linear: Linear, seen: Observations, noise: Noise) -> Float:
-    """Covariance (3 k, 3 k) of all observations, with what frames of a scan share: the plain formula."""
-    spread = linear.by_pose * np.repeat([noise.pose_mm, np.radians(noise.pose_deg)], 3)
-    k, common = len(seen), noise.common
-    whole = np.zeros((k, 3, k, 3))
-    for scan in seen.scans:
-        W = np.zeros((len(scan.rows), scan.nodes))
-        W[np.arange(len(scan.rows)), scan.node] = 1 - scan.fraction
-        W[np.arange(len(scan.rows)), scan.node + 1] += scan.fraction
-        alike = (1 - common) * W @ W.T + common
-        shared = np.einsum("ab,aip,bjp->aibj", alike, spread[scan.rows], spread[scan.rows])
-        whole[np.ix_(scan.rows, range(3), scan.rows, range(3))] = shared
-        bent = linear.bent[scan.rows] * common / (common + (1 - common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
-        whole[np.ix_(scan.rows, [2], scan.rows, [2])] += np.outer(bent, bent)[:, None, :, None]
-        whole[scan.rows, 2, scan.rows, 2] -= bent**2
-    own = linear.covariance - spread @ np.swapaxes(spread, 1, 2)
-    for i in range(k):
-        whole[i, :, i, :] += own[i]
-    return whole.reshape(3 * k, 3 * k)
 
 
 @pytest.fixture(scope="module", autouse=True)

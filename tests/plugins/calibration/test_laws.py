@@ -157,6 +157,25 @@ def test_rows_that_err_more_than_stated_are_told_and_widen_u(name: str, tmp_path
     assert one.same(loud)[0] > 2.0 * one.same(calm)[0]
 
 
+@every
+def test_a_blunder_is_left_out_and_told(name: str, tmp_path: Path) -> None:
+    """One row, 3 mm off, of twice as many."""
+    one, rng = INSTRUMENTS[name], np.random.default_rng(8)
+    rows = [*one.rows(rng), *one.rows(rng)] if name != "turntable" else mark_rows(rng, markers=6)
+    first = -3 if name != "tool" else 2
+    cells = rows[6].split(",")
+    rows[6] = ",".join(_shifted(cells, first % len(cells), Rotation.identity(), np.array([0.0, 3.0, 0.0])))
+    assert [each["line"] for each in asked(tmp_path, name, rows)["left_out"]] == [8]
+
+
+@pytest.mark.parametrize("name", ["tool", "turntable"])
+def test_rows_written_down_again_count_once(name: str, tmp_path: Path) -> None:
+    """Of a tracker's readings a third of their own noise is left, in test_robot.py."""
+    one = INSTRUMENTS[name]
+    rows = one.rows(np.random.default_rng(17))
+    assert one.same(asked(tmp_path, name, rows * 10))[0] > 0.95 * one.same(asked(tmp_path, name, rows))[0]
+
+
 def test_targets_and_registration_lie_where_they_were_put(tmp_path: Path) -> None:
     """A simulated tracker, its frame the base: three of four errors within what is stated, none beyond 4.5 times."""
     z = []

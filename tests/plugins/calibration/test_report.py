@@ -72,11 +72,3 @@ def test_text_out_of_files_is_escaped(parts):
     chapter = report(found, *parts[1:3])
     assert "<script>" not in chapter.html
     assert "&lt;script&gt;" in chapter.html
-
-
-def test_without_design_plan_and_validation(parts):
-    _, profiles, recording, *_ = parts
-    bare = dataclasses.replace(recording, flange_from_profiler=None)
-    chapter = report(hand_eye(profiles, bare)[1], profiles, bare)
-    assert "Where the next" not in chapter.html
-    assert chapter.html.count("<img") == 3

@@ -30,16 +30,13 @@ from workbench.api import (
     DEG,
     Float,
     InputError,
-    forward_kinematics,
     pose_from,
     quaternion_from_rotation,
     rotation_from_vector,
-    vector_from_rotation,
 )
 from workbench.plugins.calibration import circles
 from workbench.plugins.calibration import robot as robot_stage
 from workbench.plugins.calibration import tracker as tracker_stage
-from workbench.plugins.calibration.arm_errors import corrected, pose_derivatives
 from workbench.plugins.calibration.model import Estimate, Noise, View
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import as_flange_errors, together
@@ -48,21 +45,6 @@ from workbench.scan.checks import read_hand_eye
 
 DATA = Path(__file__).parents[3] / "data" / "calibration"
 REAL = Path(__file__).parents[3].parent / "shared" / "data" / "real"
-
-
-def test_the_chain_with_errors_is_the_product_of_exponentials() -> None:
-    rng = np.random.default_rng(3)
-    arm = draw(rng)
-    joints = rng.uniform(-1, 1, (6, 6))
-    now, more = corrected(arm.chain, arm.errors, arm.x)
-    np.testing.assert_allclose(forward_kinematics(now, joints), flange(arm, arm.x, joints), atol=1e-8)
-    by_errors = pose_derivatives(now, more, joints)
-    for p in range(len(arm.x)):
-        step = 1e-4 * arm.errors.prior[p] * (np.arange(len(arm.x)) == p)
-        plus, minus = flange(arm, arm.x + step, joints), flange(arm, arm.x - step, joints)
-        turn = vector_from_rotation(np.swapaxes(minus[:, :3, :3], 1, 2) @ plus[:, :3, :3])
-        numeric = np.concatenate([(plus - minus)[:, :3, 3], turn], axis=1) / (2 * step[p])
-        np.testing.assert_allclose(by_errors[:, :, p], numeric, rtol=1e-4, atol=1e-3)
 
 
 def changed_readings(folder: Path, change: Any) -> Path:
@@ -269,65 +251,3 @@ def test_a_real_robot_and_its_blunder_of_half_a_metre(tmp_path: Path) -> None:
     assert found["residual_rms_mm"] == pytest.approx(0.18, abs=0.02)
     assert found["targets"][0]["position_mm"] == pytest.approx([16.2, -4.0, 369.2], abs=1.0)
     assert not found["good_enough"]
-
-
-R2000IC = (  # a FANUC R-2000iC/165F by its drawing: place of each axis in the one before, mm, and its direction
-    ((0, 0, 670), (0, 0, 1)),
-    ((312, 0, 0), (0, 1, 0)),
-    ((0, 0, 1075), (0, -1, 0)),
-    ((0, 0, 225), (-1, 0, 0)),
-    ((1280, 0, 0), (0, -1, 0)),
-    ((215, 0, 0), (-1, 0, 0)),
-)
-JOINT = """<link name="l{k}"/><joint name="j{k}" type="revolute"><parent link="l{p}"/><child link="l{k}"/>
-<origin xyz="{x}"/><axis xyz="{a}"/><limit lower="-6.5" upper="6.5" effort="1" velocity="2"/></joint>"""
-
-
-@pytest.mark.skipif(not (REAL / "rabkkk_3smr_joints.csv").exists(), reason="the real readings are not here")
-def test_a_real_robot_by_three_reflectors_and_its_joint_angles(tmp_path: Path) -> None:
-    """36 postures of a FANUC, joint after joint: lengths as circles about each axis, arcs of 60 deg, give them."""
-    rows = np.loadtxt(REAL / "rabkkk_3smr_joints.csv")
-    joints = rows[:, 15:].copy()
-    joints[:, 2] += joints[:, 1]  # the controller counts joint 3 from the horizontal
-    steps = [
-        JOINT.format(k=k, p=k - 1, x=" ".join(str(v / 1e3) for v in place), a=" ".join(map(str, axis)))
-        for k, (place, axis) in enumerate(R2000IC, 1)
-    ]
-    (tmp_path / "r2000ic.urdf").write_text(f'<robot name="r2000ic"><link name="l0"/>{"".join(steps)}</robot>')
-    cell = json.loads(CELL.read_text())
-    cell["robot"] |= {"urdf": "r2000ic.urdf", "base_frame": "l0", "flange_frame": "l6"}
-    (tmp_path / "cell.json").write_text(json.dumps(cell))
-    lines = ["target," + ",".join(f"q{k}_deg" for k in range(1, 7)) + ",tracker_x_mm,tracker_y_mm,tracker_z_mm"]
-    for place, angles in zip(rows[:, :9].reshape(-1, 3, 3), joints, strict=True):
-        lines += [f"t{k}," + ",".join(f"{v:.5f}" for v in (*angles, *one)) for k, one in enumerate(place)]
-    (tmp_path / "readings.csv").write_text("\n".join(lines))
-    found = json.loads(tracker_stage(readings=tmp_path / "readings.csv", cell=tmp_path / "cell.json")[0].content)
-    assert found["residual_rms_as_built_mm"] == pytest.approx(0.40, abs=0.02)
-    assert found["residual_rms_mm"] == pytest.approx(0.148, abs=0.01)
-    assert {one["line"] for one in found["left_out"]} <= {35, 36, 37, 97}  # one posture, and a reading
-    by_name = {one["name"]: one for one in found["parameters"]}
-    for name, first in (("shift of axis 2 along x", 0), ("shift of axis 3 along z", 1), ("shift of axis 4 along z", 2)):
-        length, nominal_mm = _between_axes(rows, first), sum(R2000IC[first + 1][0])
-        off, u = by_name[name]["value_mm"] - (length - nominal_mm), by_name[name]["u_mm"]
-        assert abs(off) < 3 * np.hypot(u, 0.5), f"{name}: {off:.2f} mm off, u {u:.2f}"
-
-
-def _between_axes(rows: Float, first: int) -> float:
-    """Least distance between the axes of joints `first` and the next, mm, from the motions about each alone."""
-    axes = []
-    for joint in (first, first + 1):
-        place = rows[6 * joint : 6 * joint + 6, :9].reshape(6, 3, 3)
-        turns, moves = [], []
-        for k in range(1, 6):
-            turn, _ = Rotation.align_vectors(place[k] - place[k].mean(axis=0), place[0] - place[0].mean(axis=0))
-            turns.append(turn)
-            moves.append(place[k].mean(axis=0) - turn.apply(place[0].mean(axis=0)))
-        still = np.concatenate([np.eye(3) - one.as_matrix() for one in turns])
-        vectors = np.array([one.as_rotvec() for one in turns])
-        way = np.linalg.svd(vectors)[2][0]
-        axes.append((way, np.linalg.lstsq(still, np.concatenate(moves), rcond=None)[0]))
-    (a, p), (b, q) = axes
-    across = np.cross(a, b)
-    if np.linalg.norm(across) > 0.1:
-        return float(abs((q - p) @ across) / np.linalg.norm(across))
-    return float(np.linalg.norm((q - p) - a * (a @ (q - p))))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from bench.drawn.spheres import random_sphere_recipe
-from tests.plugins.calibration.conftest import TRUE, off_design, scan_motion, scan_recording, scans_over
-from workbench.api import InputError, interpolate_poses, quaternion_from_rotation, vector_from_rotation
+from tests.plugins.calibration.conftest import TRUE, off_design, scan_recording, scans_over
+from workbench.api import InputError, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye
-from workbench.plugins.calibration.observations import _moving, _slopes
 from workbench.plugins.calibration.values import Calibration
 from workbench.synthetic import simulate_sphere
 
@@ -110,28 +109,3 @@ def test_times_that_no_offset_explains() -> None:
     broken = type(rec)(**{name: getattr(rec, name) for name in rec.__slots__} | {"time_s": time})
     with pytest.raises(InputError, match="no clock offset puts the frames of all scans within the robot's poses"):
         calibrated(broken)
-
-
-def test_noise_of_poses_does_not_pass_for_motion() -> None:
-    """A straight motion's slope comes out of 40 noisy poses as a line's would; a weaving one's as it is."""
-    rng = np.random.default_rng(0)
-    time = np.linspace(0, 1.6, 41)
-    line = time[:, None] * [10.0, 0.0, -3.0] + rng.normal(0, 0.07, (41, 3))
-    assert np.abs(_slopes(time, time, line)[0] - [10.0, 0.0, -3.0]).max() < 0.15
-    swing = 4 * np.sin(2 * np.pi * time)[:, None] * [1.0, 0.5, 0.0] + rng.normal(0, 0.01, (41, 3))
-    expected = 8 * np.pi * np.cos(2 * np.pi * time)[:, None] * [1.0, 0.5, 0.0]
-    assert np.abs(_slopes(time, time, swing)[0] - expected)[3:-3].max() < 0.6
-
-
-def test_between_recorded_poses_the_flange_follows_its_motion_not_the_chord() -> None:
-    """Poses at 25 Hz, a weave of 4 mm at 1.5 Hz: the chord is 0.07 mm short, as if the sensor counted too long."""
-    scan = scans_over(np.random.default_rng(3), 1, weave_deg=3.0)[0]
-    time, at = np.arange(-0.3, 1.3, 0.04), np.arange(0.0, 1.0, 0.04)  # half-way between
-    turn, position = scan_motion(scan, time)
-    true_turn, true_position = scan_motion(scan, at)
-    recorded = (time, position, quaternion_from_rotation(turn))
-    chord = interpolate_poses(at, *recorded)
-    found, _ = _moving(at, np.full(len(at), 0.125 * 0.04**2), *recorded)
-    assert np.abs(chord[:, :3, 3] - true_position).max() > 0.05
-    np.testing.assert_allclose(found[:, :3, 3], true_position, atol=0.015)
-    np.testing.assert_allclose(found[:, :3, :3], true_turn, atol=3e-5)

@@ -11,8 +11,6 @@ from tests.program.paths import thinned
 from workbench.errors import InputError
 from workbench.path import check_file, read
 from workbench.plugins.stiffness import chatter, force, modes, posture
-from workbench.plugins.stiffness.margins import cuts_of
-from workbench.plugins.stiffness.milling_choice import mean_load, speeds
 
 ROOT = Path(__file__).parents[3]
 MASSES = (400.0, 300.0, 200.0, 120.0, 30.0, 5.0)
@@ -64,13 +62,6 @@ def test_twice_the_force_is_half_the_limit(cell, plan, milled) -> None:
     two, _, _ = chatter(cell, robot, plan, strong, postures, stations=2, force_relative_u=0.1, most_layers=0)
     assert np.allclose(two.up_limit_mm * 2, one.up_limit_mm, rtol=0.01)
     assert np.allclose(two.down_limit_mm * 2, one.down_limit_mm, rtol=0.01)
-
-
-def test_more_damping_allows_more(cell, plan, milled, found) -> None:
-    push, postures, robot = milled
-    calm = dataclasses.replace(robot, damping=2 * robot.damping)
-    two, *_ = chatter(cell, calm, plan, push, postures, stations=2, most_layers=0)
-    assert (two.up_limit_mm > 1.2 * found[0].up_limit_mm).all()
 
 
 def test_another_paths_force_and_one_without_coefficients_are_refused(cell, plan, milled) -> None:
@@ -154,25 +145,3 @@ def test_a_weak_spindle_and_a_narrow_tolerance_stand_against_what_is_fast(cell, 
         assert choice["direction"] is None
         assert set(choice["faster_ones_that_fail"]["up"]) >= {why}
         assert why in choice["words"]
-
-
-def test_mean_load_is_that_of_a_revolution_in_slices(plan, milled) -> None:
-    push, postures, _ = milled
-    frames = np.broadcast_to(np.eye(4), (len(postures.layer), 4, 4))
-    cuts = cuts_of(plan, push, postures.layer, frames)
-    up, torque = mean_load(cuts, cuts.milling(float(cuts.radial_mm[0]))[0], cuts.chip_mm, cuts.axial_mm)
-    assert np.allclose(up, cuts.force_n, rtol=0.01, atol=0.01 * np.abs(cuts.force_n).max())
-    told = np.concatenate([one.torque_nm[one.radial_mm > 0] for one in push.layers])
-    assert np.allclose(torque, told, rtol=0.01)
-    _, backwards = mean_load(cuts, cuts.milling(float(cuts.radial_mm[0]))[1], cuts.chip_mm[:1], cuts.axial_mm[:1])
-    assert np.allclose(backwards, torque[:1])
-
-
-@pytest.mark.parametrize(("rpm", "hz"), [(6000.0, 60.0), (6000.0, 1200.0), (18000.0, 900.0)])
-def test_no_lobe_lies_between_two_speeds(rpm: float, hz: float) -> None:
-    """A mode swings through an eighth of a turn at most more or less in a tooth's period from speed to speed."""
-    every = speeds(rpm, 0.25, 2, hz)
-    assert every[0] == pytest.approx(0.75 * rpm)
-    assert every[-1] == pytest.approx(1.25 * rpm)
-    assert rpm == pytest.approx(every[len(every) // 2])
-    assert np.abs(np.diff(hz * 60 / (2 * every))).max() < 1 / 8 + 1e-9

@@ -9,17 +9,14 @@ import pytest
 
 from workbench.api import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import Toolpath
-from workbench.errors import InputError
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.arm import (
     BRANCHES,
-    MOST_POSES,
     Arm,
     GeneralArm,
     LoadedPath,
     arm_of,
-    fast_arm,
 )
 from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, spherical_wrist
@@ -92,19 +89,6 @@ def _still(cutter: Float) -> tuple[Float, Float, Float]:
     return cutter[None, None], cutter[None, None, :3, 3], np.full((1, 1, 3), 50.0)
 
 
-def test_a_path_costs_what_its_points_cost_on_average(cell: Cell) -> None:
-    arm, rng = fast_arm(cell.chain, K), np.random.default_rng(4)
-    q = np.radians([20, 30, 10, 40, 50, -30]) + rng.normal(0, 0.05, (2, 3, 6))
-    cutter = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
-    path = (cutter, cutter[..., :3, 3], rng.normal(0, 50, (2, 3, 3)))
-    angles = np.radians([0, 60, -90])
-    whole, said = arm.traverse(LoadedPath(cell.flange_from_cutter, *path), angles, 0)
-    each = [arm.traverse(LoadedPath(cell.flange_from_cutter, *(v[:, [k]] for v in path)), angles, 0) for k in range(3)]
-    assert np.allclose(whole, np.mean([one for one, _ in each], axis=0), rtol=1e-12)
-    assert (said == np.max([worst for _, worst in each], axis=0)).all()
-    assert (said == 0).any()
-
-
 @pytest.fixture
 def ur(tmp_path: Path) -> Cell:
     tree = {
@@ -154,10 +138,3 @@ def test_an_ur_has_postures(ur: Cell) -> None:
     values = [x for row in over for x in row if x is not None]
     assert len(values) > 1
     assert np.linalg.norm(made.displacement_mm, axis=1)[made.cutting].mean() < 1.2 * min(values)
-
-
-def test_a_grid_that_would_take_hours_is_refused(ur: Cell) -> None:
-    general = arm_of(ur.chain)
-    assert isinstance(general, GeneralArm)
-    with pytest.raises(InputError, match=f"expected at most {MOST_POSES}"):
-        general.solutions(np.zeros((MOST_POSES + 1, 4, 4)))

@@ -43,15 +43,8 @@ def other_sense(tests: LoadingTests, cell: Cell) -> LoadingTests:
 
 MISTAKES: list[tuple[str, int, Change, str]] = [
     ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
-    ("fy reversed", 0, scaled("wrench", 1, -1), "column fy_n is of the wrong sign"),
-    ("torques reversed", 0, scaled("wrench", slice(3, 6), -1), "columns tx_nm to tz_nm are of the wrong sign"),
     ("p3z reversed", 4, scaled("moved", 8, -1), "column p3z_mm is of the wrong sign"),
-    ("dz in micrometres", 0, scaled("moved", 2, 1e3), "column dz_mm is 1,000 times too large"),
     ("rx in rad", 0, scaled("moved", 3, np.pi / 180), "column rx_deg is 57.296 times too small: in rad?"),
-    ("all translations in m", 0, scaled("moved", slice(0, 3), 1e-3), "columns dx_mm to dz_mm are 1,000 times"),
-    ("all torques in Nmm", 0, scaled("wrench", slice(3, 6), 1e3), "columns tx_nm to tz_nm are 1,000 times too large"),
-    ("forces in kgf", 0, scaled("wrench", slice(0, 3), 1 / 9.80665), "columns fx_n to fz_n are 9.8066 times too small"),
-    ("torques in kgf m", 4, scaled("wrench", slice(3, 6), 1 / 9.80665), "columns tx_nm to tz_nm are 9.8066 times"),
     ("torques in kgf cm", 0, scaled("wrench", slice(3, 6), 10.1972), "tz_nm are 10.197 times too large: in kgf cm?"),
     ("all points in m", 4, scaled("moved", slice(None), 1e-3), "columns p1x_mm to p4z_mm are 1,000 times"),
     ("displacements in m and rad", 0, in_si, "displacements are in m and rad"),
@@ -72,22 +65,17 @@ def test_mistakes_are_named(cell: Cell, noisy: Any, targets: int, change: Change
     assert len(str(caught.value)) <= 200
 
 
-@pytest.mark.parametrize(
-    ("part", "targets", "message"),
-    [
-        ("wrench", 0, "loads without wrench"),
-        ("moved", 0, "without displacement"),
-        ("moved", 4, "without displacement"),
-    ],
-)
-def test_columns_of_zeros_are_refused(cell: Cell, noisy: Any, part: str, targets: int, message: str) -> None:
+@pytest.mark.parametrize(("part", "message"), [("wrench", "loads without wrench"), ("moved", "without displacement")])
+def test_columns_of_zeros_are_refused(cell: Cell, noisy: Any, part: str, message: str) -> None:
     assert cell.loading is not None
     with pytest.raises(InputError, match=message):
-        identify_from(cell.chain, cell.loading, scaled(part, slice(None), 0.0)(noisy(21, targets), cell))
+        identify_from(cell.chain, cell.loading, scaled(part, slice(None), 0.0)(noisy(21), cell))
 
 
 @pytest.mark.parametrize("targets", [0, 4])
 def test_no_sound_set_is_refused(cell: Cell, noisy: Any, targets: int) -> None:
     assert cell.loading is not None
     for seed in range(30, 33):
-        assert identify_from(cell.chain, cell.loading, noisy(seed, targets))[0].loads >= 71
+        found, _ = identify_from(cell.chain, cell.loading, noisy(seed, targets))
+        assert found.loads >= 71
+        assert found.warnings == ()

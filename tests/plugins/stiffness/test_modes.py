@@ -12,7 +12,7 @@ from workbench.artefacts import Cutter
 from workbench.errors import InputError
 from workbench.plugins.stiffness import modes
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
-from workbench.plugins.stiffness.dynamics import _solid, at_tool, bodies_of, mass_matrices
+from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrices
 from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
 from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
 from workbench.plugins.stiffness.tap_tests import TapTests, read_responses
@@ -106,24 +106,6 @@ def test_static_compliance_is_the_stiffness(cell, stiffness) -> None:
     linear = there[0, :3, :3].T @ jacobian(cell.chain, q[0], cell.flange_from_cutter[:3, 3])[:3] / MM
     assert np.allclose(together, linear / stiffness.nm_per_rad @ linear.T, rtol=1e-9)
     assert np.allclose(swings(one)[1], 0.03, rtol=1e-6)
-
-
-def test_modes_of_spindle_and_cutter_stand_beside(cell, stiffness) -> None:
-    tool = {"tool_frequency_hz": 900.0, "tool_stiffness_n_um": 10.0}
-    found, *_ = modes(cell, stiffness, link_masses_kg=MASSES, **tool)
-    one = at_posture(cell, found, np.array([[0.1, 0.4, -0.2, 0.3, 1.0, 0.2]]))
-    assert one.shape.shape == (1, 3, 8)
-    alone = one.shape[0][:, 6:] @ np.diag(1 / np.diag(one.stiffness[0])[6:]) @ one.shape[0][:, 6:].T
-    assert np.allclose(alone, np.diag([1e-7, 1e-7, 0]))
-
-
-def test_load_makes_its_own_stiffness(cell, stiffness) -> None:
-    found, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
-    q = np.array([[0.1, 0.4, -0.2, 0.3, 1.0, 0.2]])
-    there = forward_kinematics(cell.chain, q) @ cell.flange_from_cutter
-    free, loaded = (at_tool(cell.chain, found, q, there, force) for force in (None, np.array([[0.0, 0.0, 2000.0]])))
-    change = np.abs(np.diagonal(loaded.stiffness[0]) / np.diagonal(free.stiffness[0]) - 1).max()
-    assert 1e-5 < change < 0.05
 
 
 def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0) -> TapTests:

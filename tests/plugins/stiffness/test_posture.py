@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.api import inverse, rotation_from_vector
-from workbench.artefacts import Layer, PathGate, Toolpath, Travel
+from workbench.artefacts import Layer, PathGate, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
@@ -234,17 +234,6 @@ def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, sti
     assert (made.turntable == 0).all()
     assert json.loads(document.content)["map"]["turntable_deg"] == [0.0]
     assert "<img" in chapter.html
-
-
-def test_travels_are_looked_at_every_5_mm(cell: Cell, path: Toolpath, stiffness: JointStiffness) -> None:
-    layer = path.layers[0]
-    start = layer.position_mm[:1] + np.array([0.0, 0.0, 52.0])
-    travel = Travel(start, layer.quaternion_wxyz[:1], np.array([20.0]))
-    longer = dataclasses.replace(path, travels=(travel,))
-    made = posture(cell, stiffness, longer, force(longer)[0], **COARSE)[0]
-    air = made.layer == 0
-    assert air.sum() == 11
-    assert np.linalg.norm(np.diff(made.position_mm[:12], axis=0), axis=1).max() <= 5.0 + 1e-9
 
 
 def test_a_rejected_path_stays_rejected(

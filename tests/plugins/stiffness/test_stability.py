@@ -11,7 +11,6 @@ from workbench.plugins.stiffness.stability import (
     Judge,
     Milling,
     averaged,
-    directions,
     limits,
     mean_direction,
     milling,
@@ -84,31 +83,12 @@ def test_the_screen_steps_over_no_window(seed: int) -> None:
     assert (growth[-1] > 0) == (limit < 1e3)
 
 
-@cases
-@given(seed=st.integers(0, 10**6))
-def test_the_krylov_space_holds_the_largest_eigenvalue(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    dynamics, cut = random_case(rng)
-    judge, depth = Judge(dynamics, cut, 20), np.array([0.3, 3.0])
-    few = judge.radius(depth)
-    judge.size = len(judge.free) + 2 * judge.steps
-    assert np.allclose(few, judge.radius(depth), rtol=1e-7)
-
-
 def random_case(rng: np.random.Generator) -> tuple[Dynamics, Milling]:
     n = 4
     w = 2 * np.pi * rng.uniform(6, 90, n)
     shape = rng.normal(size=(3, n)) / 12
     up, down = milling((800.0, 250.0, 150.0), 3, 10.0, float(rng.uniform(0.3, 9)), 0.5, 6000.0)
     return Dynamics(np.diag(w**2)[None], np.diag(0.06 * w)[None], shape[None]), up if rng.integers(2) else down
-
-
-@cases
-@given(seed=st.integers(0, 10**6), depth=st.floats(0.1, 30))
-def test_the_helix_changes_no_mean(seed: int, depth: float) -> None:
-    _, cut = random_case(np.random.default_rng(seed))
-    mean = directions(cut, np.array([depth]), 37).mean(axis=(0, 1))
-    assert np.allclose(mean, mean_direction(cut), atol=1e-9 * np.abs(mean_direction(cut)).max())
 
 
 @cases
@@ -122,12 +102,6 @@ def test_limits_scale_with_force_and_mass(seed: int, factor: float) -> None:
     heavier = dynamics._replace(shape=dynamics.shape / np.sqrt(factor))
     assert np.allclose(screened(dynamics, stronger, 1e3 / factor) * factor, one, rtol=1e-6)
     assert np.allclose(screened(heavier, cut, 1e3 * factor) / factor, one, rtol=1e-6)
-
-
-def test_without_a_cut_there_is_no_limit() -> None:
-    dynamics, cut = random_case(np.random.default_rng(1))
-    assert not np.isfinite(screened(dynamics, cut._replace(chip=(0.0, 0.0, 0.0)), 1e3)).any()
-    assert not np.isfinite(limits(dynamics, cut._replace(chip=(0.0, 0.0, 0.0)), 1e3)).any()
 
 
 @pytest.mark.slow

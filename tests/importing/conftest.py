@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
 from workbench.importing.command import import_files
-from workbench.scan.read import read
+from workbench.scan import read
 from workbench.units import Float
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from rosbags import rosbag1, rosbag2
 from scipy.spatial.transform import Rotation
 
@@ -25,13 +24,13 @@ from tests.importing.bag_files import (
     pose_entries,
     profile_entries,
 )
+from workbench.api import inverse, pose_from, rotation_from_quaternion
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.importing import bags
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported
-from workbench.scan.read import read as read_recording
+from workbench.scan import read as read_recording
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -89,13 +88,6 @@ def test_every_bag_and_pose_comes_back(recording: Recording, tmp_path: Path, kin
     assert found.profiles is not None
     np.testing.assert_array_equal(found.profiles.intensity, recording.intensity)
     assert any("/profiles (PointCloud2, 30)" in note for note in found.notes)
-
-
-@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
-def test_the_storage_file_of_a_rosbag2_will_do(recording: Recording, tmp_path: Path, kind: Kind) -> None:
-    ros = Ros(kind)
-    path = ros.write(tmp_path / "bag", [*profile_entries(ros, recording), *pose_entries(ros, recording)])
-    agrees(imported(next(file for file in path.iterdir() if file.suffix in bags.SUFFIXES)), recording)
 
 
 ZSTD = rosbag2.CompressionFormat.ZSTD
@@ -182,20 +174,6 @@ def test_units_and_axes_as_the_mapping_says(recording: Recording, tmp_path: Path
     agrees(imported(path, length_unit="mm", lateral="y", range="-x"), recording)
     with pytest.raises(InputError, match=r"/profiles\[0\]: expected points in the plane"):
         imported(path, length_unit="mm")
-
-
-def test_poses_of_a_tool_in_a_frame(recording: Recording, tmp_path: Path) -> None:
-    ros = Ros("mcap")
-    tool = pose_from(rotation_from_quaternion(np.array([0.6, 0.8, 0, 0])), np.array([0.0, 50.0, 200.0]))
-    table = pose_from(rotation_from_quaternion(np.array([0.8, 0, 0, 0.6])), np.array([900.0, 0.0, 300.0]))
-    flange = pose_from(rotation_from_quaternion(recording.robot_quaternion_wxyz), recording.robot_position_mm)
-    logged = inverse(table) @ flange @ tool
-    q = Rotation.from_matrix(logged[:, :3, :3]).as_quat(scalar_first=True)
-    moved = replace(recording, robot_position_mm=logged[:, :3, 3], robot_quaternion_wxyz=q)
-    path = ros.write(tmp_path / "bag", [*profile_entries(ros, recording), *pose_entries(ros, moved)])
-    agrees(imported(path, flange_from_tool=tool.tolist(), base_from_frame=table.tolist()), recording)
-    with pytest.raises(ValidationError, match="rigid motion"):
-        imported(path, flange_from_tool=(2 * tool).tolist())
 
 
 def test_a_laser_scan_is_a_profile(tmp_path: Path, recording: Recording) -> None:
@@ -290,16 +268,3 @@ def test_points_that_a_driver_left_out_leave_their_columns_free(
     counted = imported(path, ragged="count").profiles
     assert counted is not None
     assert np.isfinite(counted.z_mm[0, :90]).all()
-
-
-def test_intensity_that_is_no_count_is_left_out(recording: Recording, tmp_path: Path) -> None:
-    ros = Ros("mcap")
-
-    def fields(level: float) -> Any:
-        return {name: np.full(4, value, "f4") for name, value in (("x", 1.0), ("z", 1.0), ("intensity", level))}
-
-    for level, kept in [(255.0, True), (0.5, False), (70_000.0, False), (-1.0, False), (np.nan, False)]:
-        entries: list[Entry] = [("/p", CLOUD, k, ros.cloud(1.0 + k, fields(level if k else 7.0))) for k in range(3)]
-        found = imported(ros.write(tmp_path / f"bag{level}", entries)).profiles
-        assert found is not None
-        assert (found.intensity is not None) == kept

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from tests.importing import makers
 from tests.importing.conftest import ORIENTATIONS, rows_of, turned
 from workbench.artefacts import Recording
-from workbench.checks.judge import judge_recording, refuse_failed
+from workbench.checks import judge_recording, refuse_failed
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.importing.joints import JointModel
-from workbench.scan.read import read
+from workbench.scan import read
 
 NAMES = {  # convention -> names of the columns as its controller's users write them
     "kuka_abc": ["A", "B", "C"],

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from tests.importing.conftest import MAPPING
-from tests.importing.makers import COLUMNS, FRAMES, PITCH_MM, STEP_MM, X_MM, heights_mm
+from tests.importing.makers import COLUMNS, FRAMES, STEP_MM, X_MM, heights_mm
 from workbench.artefacts import Recording
 from workbench.cli import main
 from workbench.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-SYNTHETIC = ROOT / "data" / "synthetic"
 SHARED = ROOT.parent / "shared" / "data"
 Imported = Callable[..., Recording]
 
@@ -28,12 +27,6 @@ def mapping(tmp_path: Path, **parts: Any) -> Path:
     path = tmp_path / "m.json"
     path.write_text(json.dumps({**MAPPING, **parts}))
     return path
-
-
-def check(got: Recording, tolerance: float = 1e-4) -> None:
-    np.testing.assert_allclose(got.z_mm, heights_mm(), atol=tolerance)
-    np.testing.assert_allclose(np.diff(got.x_mm, axis=1)[np.isfinite(np.diff(got.x_mm, axis=1))], PITCH_MM, atol=1e-6)
-    np.testing.assert_allclose(np.diff(got.robot_position_mm[:, 1]), STEP_MM)
 
 
 def write_sick(folder: Path) -> Path:
@@ -209,14 +202,6 @@ def test_a_tracker_table_with_names_and_u95(
     assert "calibrate.tracker" in capsys.readouterr().err
 
 
-def test_a_tracker_table_is_a_cloud_too(tmp_path: Path) -> None:
-    from workbench.cloud import read
-
-    places = np.random.default_rng(3).uniform(-300, 300, (120, 3))
-    write_leica(tmp_path / "l.csv", places, [f"P{k}" for k in range(120)])
-    np.testing.assert_allclose(read(file=tmp_path / "l.csv").points_mm, places, atol=1e-4)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
@@ -278,13 +263,3 @@ def test_real_files_can_be_looked_at(name: str, capsys: pytest.CaptureFixture[st
         pytest.skip(f"no {name}: data of others, for local tests only")
     assert main(["look", str(SHARED / name)]) == 0
     assert REAL[name] in capsys.readouterr().out
-
-
-def test_rows_of_a_tracker_that_are_invalid_are_no_return(tmp_path: Path) -> None:
-    from workbench.cloud import read
-
-    points = np.random.default_rng(0).uniform(0, 50, (200, 3))
-    rows = [f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in points]
-    rows.insert(7, "INVALID INVALID INVALID")
-    (tmp_path / "t.asc").write_text("\n".join(rows))
-    np.testing.assert_allclose(read(file=tmp_path / "t.asc").points_mm, points, atol=1e-4)

@@ -11,7 +11,7 @@ import pytest
 from workbench.cli import main
 from workbench.geometry.poses import CONVENTIONS
 from workbench.importing.mapping import Mapping
-from workbench.scan.read import read
+from workbench.scan import read
 
 PAGE = (Path(__file__).parents[2] / "docs" / "importing.md").read_text(encoding="utf-8")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
 from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping

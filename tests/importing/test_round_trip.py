@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.importing.conftest import ORIENTATIONS, poses_part, profiles_part, write_poses, write_profiles
+from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Recording
-from workbench.geometry.poses import rotation_from_quaternion
 
 
 def hand_eye(recording: Recording) -> dict[str, list[list[float]]]:

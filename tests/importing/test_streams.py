@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -71,56 +69,3 @@ def test_line_ends(end: str, tmp_path: Path) -> None:
     for size in (1, 2, 3, 100):
         text = b"".join(stretches(tmp_path / "a.txt", size, 1))
         assert text.rstrip(b"\n") == b"a\n\nb\ncc"
-
-
-PEAK = """
-import sys
-from pathlib import Path
-from workbench.importing.kinds import read_source
-from workbench.importing.mapping import no_mapping
-
-def peak_bytes():  # of this process alone: getrusage counts the one that started it
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) * 1024
-
-head = "frame,time_s,x_mm,z_mm\\n0,0,0,80\\n0,0,1,80\\n0,0,2,80\\n1,1,0,80\\n1,1,1,80\\n1,1,2,80\\n"
-Path("small.csv").write_text(head)
-read_source(Path("small.csv"), no_mapping())
-before = peak_bytes()
-found = read_source(Path(sys.argv[1]), no_mapping()).profiles
-print(found.x_mm.size, peak_bytes() - before)
-"""
-
-
-def test_memory_beyond_the_result(tmp_path: Path) -> None:
-    """Twice as many points take at most 20 bytes a point more beside the result, by the difference of two sizes.
-
-    What stretches take does not grow with the file: their text and their columns. Of them pyarrow keeps more or less
-    as it comes: 13.9 to 14.3 times SLAB_BYTES in nine runs of 3,000 frames. Half as much again is allowed.
-    """
-    if sys.platform != "linux":
-        pytest.skip("counts memory as Linux does")
-    import pyarrow as pa
-    from pyarrow import csv
-
-    taken = []
-    for frames in (3000, 6000):
-        columns = 1000
-        x = np.tile(np.round(np.linspace(-15, 15, columns), 3), frames)
-        number = np.repeat(np.arange(frames), columns)
-        content = pa.table({"frame": number, "time_s": number * 0.5, "x_mm": x, "z_mm": np.abs(x) + 80})
-        csv.write_csv(content, tmp_path / "large.csv", csv.WriteOptions(quoting_style="none"))
-        del content, x, number
-        done = subprocess.run(
-            [sys.executable, "-c", PEAK, "large.csv"],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            check=True,
-            env={"PYTHONPATH": str(Path(__file__).parents[2]), "PATH": "/usr/bin"},
-        )
-        points, peak = map(int, done.stdout.split())
-        assert points == frames * columns
-        taken.append(peak - 8 * points)
-    assert taken[0] < 21 * texts.SLAB_BYTES, f"{taken[0] / 1e6:.0f} MB"
-    assert (taken[1] - taken[0]) / 3e6 < 20, f"{(taken[1] - taken[0]) / 3e6:.1f} bytes a point"

@@ -28,11 +28,3 @@ def test_stretches(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     np.testing.assert_array_equal(read.after_blank, [False, True, False, True])
     with pytest.raises(InputError, match=r"line 8: column 'b': no number"):
         read.present("second")
-
-
-@pytest.mark.parametrize("slab_bytes", [1, 7, 1000])
-def test_the_line_of_a_mistake(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
-    (tmp_path / "t.csv").write_text("a,b\n1,2\n\n\n3,4\n5,x\n")
-    with pytest.raises(InputError, match=r"line 6, cell 2: expected a number .* found 'x'"):
-        read_table(tmp_path / "t.csv", FORM, {"b": "b"})

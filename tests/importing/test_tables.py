@@ -109,13 +109,6 @@ def test_bad_tables(case: str, tmp_path: Path, imported: Import, mapped: Mapped)
         imported(tmp_path / "scan.csv", mapping=mapped(profiles=part(), **AXIS, **PITCH))
 
 
-def test_a_frame_has_one_time(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    (tmp_path / "scan.csv").write_text("n,t,x,z\n1,0.1,1,2\n1,0.2,2,2\n2,0.3,1,2\n2,0.3,2,2\n")
-    form = part(frames="column", time_unit="s", columns={"x": "x", "z": "z", "frame": "n", "time": "t"})
-    with pytest.raises(InputError, match=r"line 3: column 't': expected one value a frame, found 0.2"):
-        imported(tmp_path / "scan.csv", mapping=mapped(profiles=form, **AXIS))
-
-
 def test_names_are_suggested_where_the_mapping_claims_the_file(
     tmp_path: Path, imported: Import, mapped: Mapped
 ) -> None:

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.importing import makers
 from tests.importing.conftest import poses_part, profiles_part, turned, write_poses, write_profiles
+from workbench.api import interpolate_poses
 from workbench.artefacts import Recording
 from workbench.errors import InputError
-from workbench.geometry.poses import interpolate_poses
 
 Import = Callable[..., Recording]
 Mapped = Callable[..., Path]
@@ -128,7 +128,7 @@ def test_travel_is_not_lengthened_by_noise_or_waiting(
 
 def test_one_pose_a_frame(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
     """Stop and go: no times anywhere, a pose for each frame."""
-    from workbench.geometry.poses import quaternion_from_rotation
+    from workbench.api import quaternion_from_rotation
 
     pose = frame_poses(light)
     still = replace(
@@ -238,13 +238,3 @@ def test_postures_of_a_calibration(tmp_path: Path, imported: Import, mapped: Map
     np.testing.assert_array_equal(made.robot_pass, [0, 1, 2])
     np.testing.assert_array_equal(made.robot_position_mm[:, 0], [900, 901, 902])
     assert made.sphere_diameter_mm == 25.4
-
-
-def test_one_pose_a_frame_over_two_passes(tmp_path: Path, imported: Import, mapped: Mapped) -> None:
-    scan = makers.write_gocator(tmp_path / "scan.csv", surfaces=2)
-    rows = "".join(f"{900 + 3 * i},0,500,0,1,0,0\n" for i in range(2 * makers.FRAMES))
-    (tmp_path / "robot.csv").write_text(f"X,Y,Z,o0,o1,o2,o3\n{rows}")
-    mapping = mapped(poses=poses_part(time=None, time_unit=None), times={"source": "pose_each"})
-    made = imported(scan, tmp_path / "robot.csv", mapping=mapping)
-    np.testing.assert_array_equal(made.robot_pass, np.repeat([0, 1], makers.FRAMES))
-    np.testing.assert_array_equal(frame_poses(made)[:, 0, 3], 900 + 3 * np.arange(2 * makers.FRAMES))

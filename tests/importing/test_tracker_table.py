@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from bench.fuzz.mutate import mutated
+from workbench.api import pose_from, quaternion_from_rotation, rotation_from_vector
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, quaternion_from_rotation, rotation_from_vector
 from workbench.importing.command import import_files
 from workbench.importing.draft import drafted as drafted_mapping
 from workbench.plugins import calibration

@@ -80,23 +80,6 @@ def test_the_commanded_path_is_held_against_clamps_too(raw: Callable[..., Raw]) 
     assert not gate.passed
 
 
-def test_a_greater_penetration_is_told(raw: Callable[..., Raw]) -> None:
-    scan = raw()
-    path = scan.plan
-    bare, gate = (check(path, scan.edge, scan.cloud, penetration_mm=mm) for mm in (0.05, 0.06))
-    (told,) = set(gate.loosened) - set(bare.loosened)
-    assert (gate.passed, gate.clean) == (True, False)
-    assert "by 0.06 mm" in told
-
-
-def test_a_cutter_no_thicker_than_what_it_may_enter_is_refused(raw: Callable[..., Raw]) -> None:
-    """It was taken as free of collision: nothing comes nearer to its axis than its radius."""
-    scan = raw()
-    path = scan.plan
-    gate = check(replace(path, cutter=replace(path.cutter, diameter_mm=0.08)), scan.edge, scan.cloud)
-    assert not gate.passed
-
-
 def test_a_travel_through_thick_stock_is_seen_with_a_thin_cutter(raw: Callable[..., Raw]) -> None:
     """1.5 depths of cut are more than its radius: what it may meet beside its cut must not hide a collision."""
     scan = raw()

@@ -273,14 +273,6 @@ def test_requirements_that_cannot_be_satisfied(raw: Callable[..., Raw], options:
     assert "\n" not in str(refused.value)
 
 
-def test_the_thinnest_place_is_named(raw: Callable[..., Raw]) -> None:
-    scan = raw(part={"thickness_mm": {"start": 6, "end": 9}})
-    with pytest.raises(InputError, match=r"0\.0015 mm of root is less than 0\.05 mm, .* in another unit"):
-        layers(scan.edge, scan.cloud, root_mm=0.0015)
-    with pytest.raises(InputError, match=r"6\.09 mm thick at arc length 0\.0 mm"):
-        layers(scan.edge, scan.cloud, root_mm=7)
-
-
 def test_edges_that_cannot_be_planned_for(raw: Callable[..., Raw]) -> None:
     scan = raw()
     edge = scan.edge

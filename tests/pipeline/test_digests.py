@@ -52,12 +52,3 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
         digesting([InputRecord("recording", "gone.h5", tmp_path / "gone.h5")]),
     ):
         pass
-
-
-def test_whoever_leaves_early_does_not_wait(tmp_path: Path) -> None:
-    """A sparse file of 64 GB would take a minute to hash."""
-    path = tmp_path / "huge"
-    with path.open("wb") as file:
-        file.truncate(2**36)
-    with pytest.raises(KeyError), digesting([InputRecord("huge", "huge", path)]):
-        raise KeyError

@@ -2,16 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import pytest
-from pydantic import Field
 
 from scripts.stage_pages import main, pages
 from workbench import Pipeline
 from workbench.errors import WorkbenchError
-from workbench.pipeline.catalogue import every_stage, parameter_texts, pipeline_schema
-from workbench.stage import InputFile, Seed, Stage
+from workbench.pipeline.catalogue import every_stage, pipeline_schema
 
 ROOT = Path(__file__).parents[2]
 PIPELINES = sorted((ROOT / "pipelines").glob("*.json"))
@@ -69,32 +67,3 @@ def test_pages_of_stages_that_are_gone_are_removed(tmp_path: Path) -> None:
     (tmp_path / "old.stage.md").write_text("")
     main(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(pages())
-
-
-def test_parameters_in_words() -> None:
-    def example(
-        *,
-        model: InputFile,
-        width_mm: Annotated[float, Field(gt=0, le=5)] = 2.0,
-        mode: Annotated[str | None, Field(description="how")] = None,
-        limits_deg: tuple[float, float] = (-1, 1),
-        names: tuple[str, ...] = (),
-        seed: Seed = 0,
-    ) -> Any:
-        """Do it.
-
-        Args:
-            width_mm: as wide
-                as this.
-            names: whose.
-        """
-
-    texts = {text.name: text for text in parameter_texts(Stage("test.example", example))}
-    assert (texts["model"].type, texts["model"].default) == ("path", "required")
-    width = texts["width_mm"]
-    assert (width.type, width.unit, width.range, width.default) == ("number", "mm", "0 < value <= 5", "2.0")
-    assert width.description == "as wide as this."
-    assert (texts["mode"].type, texts["mode"].description) == ("text or null", "how")
-    assert texts["limits_deg"].type == "[number, number]"
-    assert (texts["names"].type, texts["names"].description) == ("list of text", "whose.")
-    assert "Seed" in texts["seed"].description

@@ -11,12 +11,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from bench.program_outsider import Outsider, Target
+from workbench.api import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.artefacts import Moves, Postures, ProgramMoves, Toolpath
-from workbench.geometry.poses import inverse, quaternion_from_rotation, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.path.simplify import _points
-from workbench.robot import Cell, forward_kinematics, inverse_kinematics, read_cell, within_limits
-from workbench.robot.cell import Turntable
+from workbench.robot import Cell, Turntable, forward_kinematics, inverse_kinematics, read_cell, within_limits
 from workbench.units import Float
 
 from .paths import Shape, mill_path, moved

@@ -24,7 +24,7 @@ from workbench.program.rapid import Rapid, read_rapid
 from workbench.program.write import program_job
 from workbench.report import html
 from workbench.robot import Cell
-from workbench.robot.cell import Shape as Shape_
+from workbench.robot import Shape as Shape_
 from workbench.robot.cell_file import HomePart, ProcessPart, SpindleCurvePart
 
 from .conftest import passed, rejected

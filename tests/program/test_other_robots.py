@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import inverse, pose_from, rotation_from_quaternion
 from workbench.artefacts import Judgement, PathGate, Toolpath
-from workbench.geometry.poses import inverse, pose_from, rotation_from_quaternion
 from workbench.path import simplify
 from workbench.plugins.stiffness import force, posture
 from workbench.plugins.stiffness.values import JointStiffness

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from workbench.api import inverse
 from workbench.artefacts import Moves, Part, ProgramMoves
 from workbench.dialect import program_files
 from workbench.errors import InputError, PipelineError
-from workbench.geometry.poses import inverse
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.rapid import Rapid, read_rapid

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from workbench import path, program
+from workbench.api import rotation_from_quaternion
 from workbench.artefacts import Gate, Judgement, Moves, PathGate, Postures, Toolpath
 from workbench.errors import InputError
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.plugins import stiffness
 from workbench.program.fanuc import read_fanuc
 from workbench.program.krl import read_krl

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from workbench.api import inverse, quaternion_from_rotation
 from workbench.artefacts import Judgement, Moves, ProgramMoves
 from workbench.cli import main
-from workbench.geometry.poses import inverse, quaternion_from_rotation
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.trajectory import read_trajectory

@@ -1,15 +1,18 @@
-"""Programs by hand, and an outsider who drives them: dense samples, other formulas, fcl on its own."""
+"""Programs by hand, and what an outsider finds who drives them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
+from bench.program_outsider import Outsider, Target
 from workbench.artefacts import ProgramMove, ProgramMoves, ProgramTool
-from workbench.robot import Cell, CollisionModel, forward_kinematics, inverse_kinematics
+from workbench.robot import Cell, forward_kinematics
 from workbench.units import Float
+
+from .conftest import DATA
 
 START = np.radians([0, 30, 10, 0, 45, 0])
 
@@ -40,56 +43,20 @@ def program(cell: Cell, *moves: ProgramMove, joints: Float = START, turntable: f
     )
 
 
-def driven(cell: Cell, made: ProgramMoves, step_mm: float = 0.5) -> tuple[Float, Float]:
-    """Joint angles (n, 6) and turntable angles (n,) of a program of straight moves without zones, densely sampled."""
+def driven(cell: Cell, made: ProgramMoves) -> tuple[Outsider, Float, Float]:
+    """The outsider, joint angles (n, 6) and turntable angles (n,), deg, of straight moves driven in fine steps."""
+    outsider = Outsider(DATA / "irb6700_150_320.urdf", cell)
     at, table = made.moves[0].joints, made.moves[0].turntable or 0.0
-    assert at is not None
-    joints, tables = [at], [table]
-    here = forward_kinematics(cell.chain, at) @ cell.flange_from_cutter
-    for move in made.moves[1:]:
-        end_table = table if move.turntable is None else move.turntable
-        if move.kind == "J":
-            assert move.joints is not None
-            count = int(np.ceil(np.degrees(np.abs(move.joints - joints[-1]).max()) / 0.05)) + 1
-            steps = joints[-1] + np.linspace(0, 1, count)[:, None] * (move.joints - joints[-1])
-            tables += list(np.linspace(table, end_table, count))
-            joints += list(steps)
-            here, table = forward_kinematics(cell.chain, move.joints) @ cell.flange_from_cutter, end_table
-            continue
-        assert move.pose is not None
-        turn = (Rotation.from_matrix(here[:3, :3]).inv() * Rotation.from_matrix(move.pose[:3, :3])).magnitude()
-        count = (
-            int(
-                max(
-                    np.linalg.norm(move.pose[:3, 3] - here[:3, 3]) / step_mm,
-                    np.degrees(turn) / 0.1,
-                    np.degrees(abs(end_table - table)) / 0.1,
-                )
-            )
-            + 2
-        )
-        f = np.linspace(0, 1, count)
-        turns = Slerp([0, 1], Rotation.from_matrix([here[:3, :3], move.pose[:3, :3]]))(f).as_matrix()
-        poses = np.tile(np.eye(4), (count, 1, 1))
-        poses[:, :3, :3], poses[:, :3, 3] = turns, here[:3, 3] + f[:, None] * (move.pose[:3, 3] - here[:3, 3])
-        for branches in inverse_kinematics(cell.chain, poses @ np.linalg.inv(cell.flange_from_cutter)):
-            near = branches + 2 * np.pi * np.round((joints[-1] - branches) / (2 * np.pi))
-            away = np.abs(near - joints[-1]).max(axis=1)
-            if np.isnan(away).all():
-                return np.full((1, 6), np.nan), np.zeros(1)
-            joints.append(near[np.nanargmin(away)])
-        tables += list(table + f * (end_table - table))
-        here, table = move.pose, end_table
-    return np.array(joints), np.array(tables)
-
-
-def outsiders_least(cell: Cell, joints: Float, tables: Float) -> tuple[float, float]:
-    """The least clearance, mm, and the least distance from a joint limit, rad, of all samples."""
-    model = CollisionModel(cell)
-    gaps = [
-        gap.distance_mm
-        for q, angle in zip(joints, tables.tolist(), strict=True)
-        if (gap := model.clearance(q, angle)) is not None
+    targets = [
+        Target(one.kind, one.pose, None, one.joints, np.degrees(one.turntable or table), 0.0) for one in made.moves[1:]
     ]
-    low, high = cell.chain.limits.T
-    return min(gaps), float(np.minimum(joints - low, high - joints).min())
+    ((wrong, joints, tables),) = outsider.drive([(at, np.degrees(table), targets)])
+    assert wrong == ""
+    return outsider, joints, tables
+
+
+def outsiders_least(cell: Cell, made: ProgramMoves) -> tuple[float, float]:
+    """The least clearance, mm, and the least distance from a joint limit, rad, all along a program."""
+    outsider, joints, tables = driven(cell, made)
+    room = float(np.minimum(joints - outsider.low, outsider.high - joints).min())
+    return outsider.least(cell, joints, tables, 500.0)[0], room

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.api import pose_from, rotation_from_vector
 from workbench.artefacts import Cloud, PointSet
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.path import read
 from workbench.pipeline import Pipeline
-from workbench.robot import Cell
+from workbench.robot import Cell, plate, turntable_pose
 from workbench.robot.bounds import Pairs
-from workbench.robot.collision import turntable_pose
-from workbench.robot.plate import plate, scan_uncertainty
+from workbench.robot.plate import scan_uncertainty
 
 ROOT = Path(__file__).parents[2]
 

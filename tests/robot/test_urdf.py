@@ -204,23 +204,6 @@ def test_a_continuous_joint_turns_twice_either_way(tmp_path: Path) -> None:
         read_cell(cell_with(tmp_path, "kr210", text[:begin] + re.sub(r"<limit [^>]*>", "", without, count=1)))
 
 
-def test_meshes_of_packages(tmp_path: Path) -> None:
-    (tmp_path / "vendor/kuka_support/meshes").mkdir(parents=True)
-    mesh = open3d.geometry.TriangleMesh.create_box(0.1, 0.2, 0.3)
-    mesh.compute_triangle_normals()
-    assert open3d.io.write_triangle_mesh(tmp_path / "vendor/kuka_support/meshes/link.stl", mesh)
-    inside = '<mesh filename="package://kuka_support/meshes/link.stl"/>'
-    text = (URDFS / "kr210.urdf").read_text().replace('<cylinder radius="0.06" length="0.1"/>', inside)
-    cell = read_cell(cell_with(tmp_path, "kr210", text, packages={"kuka_support": "vendor/kuka_support"}))
-    assert [shape.kind for shape in cell.shapes][-1] == "mesh"
-    with pytest.raises(
-        InputError, match=r"link 'link_6': the mesh is in the package 'kuka_support'.*\$.robot.packages"
-    ):
-        read_cell(cell_with(tmp_path, "kr210", text))
-    with pytest.raises(InputError, match="no such file"):
-        read_cell(cell_with(tmp_path, "kr210", text, packages={"kuka_support": "vendor"}))
-
-
 def test_one_velocity_in_degrees_a_second_is_refused(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "data" / "robot" / "irb6700_150_320.urdf").read_text()
     one = re.sub(r'velocity="([.0-9]+)"', lambda m: f'velocity="{float(m[1]) * 57.3}"', text, count=1)

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.robot import Cell, Chain, forward_kinematics, inverse_kinematics, within_margins
+from workbench.robot import Cell, Chain, arm_sides, forward_kinematics, inverse_kinematics, within_margins
 from workbench.robot.cell import DIGITS
-from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
+from workbench.robot.wrist import free_joint_3, level_joint_3
 
 
 @pytest.mark.parametrize("name", ["irb6700", "kr210", "m20ia", "gp25", "puma", "ur10e"])

@@ -214,11 +214,3 @@ def test_names_in_a_pipeline_that_are_none(stranger, change, pipeline_file, comm
 def test_names_of_inputs_that_are_none(stranger, key, pipeline_file, command, tmp_path):
     pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt"}, **{key: 1})
     assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "inputs")
-
-
-@pytest.mark.parametrize("name", ["a\nMODULE b", "x!y", "BevelPath;", "PROC", "../x", "a" * 40, "", "é"])
-def test_names_in_a_program_are_the_languages(name, pipeline_file, command, part_file):
-    for key in ("name", "procedure", "tool_name", "work_object_name"):
-        stages = [{**one, key: name} if one["stage"] == "program.write" else one for one in PLAN]
-        outcome = command("validate", pipeline_file(*stages, recording=str(part_file("raw"))))
-        assert_refused(outcome, f"stages[8].{key}")

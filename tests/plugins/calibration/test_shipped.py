@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from workbench.cli import main
-from workbench.synthetic.recipe import SpherePass, SphereRecipe, SphereRobot
+from workbench.synthetic import SphereRecipe
+from workbench.synthetic.recipe import SpherePass, SphereRobot
 
 ROOT = Path(__file__).parents[3]
 TABLE = ROOT / "docs" / "tables" / "sphere_recipe.csv"

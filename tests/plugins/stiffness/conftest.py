@@ -1,13 +1,16 @@
 """The shipped cell, the paper's stiffness and postures, and loading tests simulated at them."""
 
 import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from workbench.plugins.stiffness.simulate_loads import simulate_tests
+from workbench.plugins import stiffness as stages
+from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
 from workbench.robot import Cell, abb_angles, read_cell
 from workbench.units import Float
@@ -75,6 +78,19 @@ def noisy(cell: Cell, exact: Make) -> Make:
         return dataclasses.replace(clean, wrench=wrench, moved=moved)
 
     return make
+
+
+@pytest.fixture
+def identified(cell: Cell, tmp_path: Path) -> Callable[..., tuple[JointStiffness, dict[str, Any]]]:
+    """`identified(tests)`: what `stiffness.identify` finds in them as a file, and what stands in its own."""
+
+    def identify(tests: LoadingTests, robot: Cell = cell, **more: Any) -> tuple[JointStiffness, dict[str, Any]]:
+        path = tmp_path / "loads.csv"
+        path.write_bytes(loads_csv(tests))
+        found, _, document = stages.identify(robot, loads=path, **more)
+        return found, json.loads(document.content)
+
+    return identify
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,19 +11,17 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.plugins import stiffness
-from workbench.plugins.stiffness.identify import identify_from
-from workbench.plugins.stiffness.values import LoadingTests
 from workbench.robot import Cell, forward_kinematics
 
 from .conftest import ROOT, K
 
-Change = Callable[[LoadingTests, Cell], LoadingTests]
+Change = Callable[[Any, Cell], Any]
 
 
 def lever(mm: float) -> Change:
     """The sensor stands `mm` nearer along z than the cell file says."""
 
-    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    def change(tests: Any, cell: Cell) -> Any:
         wrench = tests.wrench.copy()
         wrench[:, 3:] += np.cross([0.0, 0.0, mm / 1e3], wrench[:, :3])
         return dataclasses.replace(tests, wrench=wrench)
@@ -31,13 +29,13 @@ def lever(mm: float) -> Change:
     return change
 
 
-def moved(tests: LoadingTests, by_mm: Any) -> LoadingTests:
+def moved(tests: Any, by_mm: Any) -> Any:
     rows = np.tile(by_mm, tests.points) if tests.points else np.hstack([by_mm, 0 * by_mm])
     return dataclasses.replace(tests, moved=tests.moved + rows)
 
 
 def giving(um_per_n: float) -> Change:
-    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    def change(tests: Any, cell: Cell) -> Any:
         assert cell.loading is not None
         sensor = (forward_kinematics(cell.chain, tests.joints) @ cell.loading.flange_from_sensor)[:, :3, :3]
         return moved(tests, 1e-3 * um_per_n * (sensor @ tests.wrench[:, :3, None])[..., 0])
@@ -54,7 +52,7 @@ def offset_n(newton: float) -> Change:
 
 
 def backlash(mm: float) -> Change:
-    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    def change(tests: Any, cell: Cell) -> Any:
         return moved(tests, mm * np.sign(tests.vectors[:, : tests.points or 1].mean(axis=1)))
 
     return change
@@ -67,7 +65,7 @@ def turned_joint(joint: int, deg: float) -> Change:
 def shifted(*by: tuple[Any, Any, float]) -> Change:
     """Rows and columns of what moved, and by how much more."""
 
-    def change(tests: LoadingTests, cell: Cell) -> LoadingTests:
+    def change(tests: Any, cell: Cell) -> Any:
         moved = tests.moved.copy()
         for rows, columns, more in by:
             moved[rows, columns] += more
@@ -102,10 +100,9 @@ ALONE: list[tuple[str, int, Change, str, int]] = [
     ],
 )
 def test_small_faults_stand_in_u_and_are_named(
-    cell: Cell, noisy: Any, targets: int, change: Change, words: str, loads: int | None
+    identified: Any, cell: Cell, noisy: Any, targets: int, change: Change, words: str, loads: int | None
 ) -> None:
-    assert cell.loading is not None
-    found, _ = identify_from(cell.chain, cell.loading, change(noisy(61, targets), cell))
+    found, _ = identified(change(noisy(61, targets), cell))
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
     assert any(words in note for note in found.warnings), found.warnings
     assert loads in (None, found.loads)
@@ -119,30 +116,28 @@ def test_small_faults_stand_in_u_and_are_named(
     ],
 )
 def test_large_faults_are_refused_with_what_would_explain_them(
-    cell: Cell, noisy: Any, change: Change, words: str
+    identified: Any, cell: Cell, noisy: Any, change: Change, words: str
 ) -> None:
-    assert cell.loading is not None
     with pytest.raises(InputError, match="what would") as caught:
-        identify_from(cell.chain, cell.loading, change(noisy(62), cell))
+        identified(change(noisy(62), cell))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_a_scale_that_nothing_shows_stands_in_u_where_it_is_declared_and_is_told_where_not(
-    cell: Cell, noisy: Any
+    identified: Any, noisy: Any
 ) -> None:
-    assert cell.loading is not None
     tests = noisy(63)
-    blind, notes = identify_from(cell.chain, cell.loading, tests)
+    blind, notes = identified(tests)
     gain, *others = notes["not_included"]
     (times,) = re.findall(r"gain .* by 1 % \((\S+) u of joint", gain)
     high = dataclasses.replace(tests, wrench=1.05 * tests.wrench)
-    off = np.abs(identify_from(cell.chain, cell.loading, high)[0].nm_per_rad - blind.nm_per_rad) / blind.u_nm_per_rad
+    off = np.abs(identified(high)[0].nm_per_rad - blind.nm_per_rad) / blind.u_nm_per_rad
     assert off.max() == pytest.approx(5 * float(times), rel=0.1)
     kinds = ["the force sensor's place", "the force sensor's axes", "the place of what is tracked"]
     kinds += ["the forces' gain against the torques'", "a joint's zero"]
     assert [one.split(":")[0] for one in others] == kinds
-    told, notes = identify_from(cell.chain, cell.loading, tests, scale_relative_u=0.02)
+    told, notes = identified(tests, scale_relative_u=0.02)
     assert notes["not_included"] == others
     more = told.u_nm_per_rad**2 - blind.u_nm_per_rad**2
     assert np.sqrt(more) == pytest.approx(0.02 * told.nm_per_rad, rel=0.05)
@@ -198,7 +193,6 @@ def test_a_sensor_at_the_end_of_its_range_is_refused(cell: Cell, written: Any) -
 def test_weights_that_are_written_down_are_no_clipped_readings(cell: Cell, exact: Any, tmp_path: Path) -> None:
     """200 N along three axes at four points, exact in the file: nothing is rounded, nothing at the end of a range."""
     tests, rng = exact(), np.random.default_rng(8)
-    assert cell.loading is not None
     noise = rng.normal(size=(72, 6)) * ([0.01] * 3 + [0.002] * 3)
     table = np.column_stack(
         [np.degrees(tests.joints), tests.wrench, tests.moved * ([1.0] * 3 + [180 / np.pi] * 3) + noise]

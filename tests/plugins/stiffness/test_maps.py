@@ -7,12 +7,11 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.plugins.stiffness import maps
-from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell
 
 
 @pytest.fixture(scope="module")
-def made(cell: Cell, stiffness: JointStiffness) -> Any:
+def made(cell: Cell, stiffness: Any) -> Any:
     return maps(cell, stiffness, steps=15, directions=24)
 
 
@@ -33,22 +32,7 @@ def test_kc_at_the_papers_postures(made: Any) -> None:
     assert 5e-6 < values[:, 2].max() < 3e-5
 
 
-def test_verdict_is_one_line_with_the_worst_values(made: Any) -> None:
-    found, chapter = made
-    assert found.verdict.startswith("K_c is negligible")
-    assert f"f_p up to {found.fp.max():.3g}" in found.verdict
-    assert "\n" not in found.verdict
-    assert chapter.summary == found.verdict
-    assert "data:image/svg+xml;base64," in chapter.html
-
-
-def test_a_torque_changes_fr_alone(cell: Cell, stiffness: JointStiffness) -> None:
-    small, large = (maps(cell, stiffness, steps=5, directions=6, torque_nm=t)[0] for t in (20, 200))
-    assert np.array_equal(small.fp, large.fp)
-    assert (small.fr < large.fr).all()
-
-
 @pytest.mark.parametrize("change", [{"axes": (2, 2)}, {"ranges_deg": ((10, 10), (0, 5))}])
-def test_empty_maps_are_refused(cell: Cell, stiffness: JointStiffness, change: Any) -> None:
+def test_empty_maps_are_refused(cell: Cell, stiffness: Any, change: Any) -> None:
     with pytest.raises(InputError):
         maps(cell, stiffness, **change)

@@ -8,17 +8,15 @@ import pytest
 
 from workbench import Pipeline
 from workbench.errors import InputError
-from workbench.plugins.stiffness import plan_loads, simulate_loads
-from workbench.plugins.stiffness.identify import identify_from
+from workbench.plugins.stiffness import identify, plan_loads, simulate_loads
 from workbench.plugins.stiffness.read import read_loads
-from workbench.plugins.stiffness.values import JointStiffness
 from workbench.robot import Cell, CollisionModel
 
 from .conftest import ROOT, K
 
 
 @pytest.fixture(scope="module")
-def planned(cell: Cell, stiffness: JointStiffness) -> Any:
+def planned(cell: Cell, stiffness: Any) -> Any:
     return plan_loads(cell, stiffness, trials=80)[0]
 
 
@@ -38,23 +36,22 @@ def test_postures_are_free_and_within_limits(cell: Cell, planned: Any) -> None:
         assert model.collision(q) is None
 
 
-def test_promise_is_kept(cell: Cell, planned: Any, stiffness: JointStiffness, tmp_path: Any) -> None:
+def test_promise_is_kept(cell: Cell, planned: Any, stiffness: Any, tmp_path: Any) -> None:
     """Simulated, written, read and identified: the uncertainty is the promised one, the error within it."""
     path = tmp_path / "loads.csv"
     path.write_bytes(simulate_loads(planned, cell, stiffness, seed=3).content)
-    assert cell.loading is not None
-    found, _ = identify_from(cell.chain, cell.loading, read_loads(path))
+    found, *_ = identify(cell, loads=path)
     assert np.allclose(found.u_nm_per_rad / found.nm_per_rad, planned.relative_u, rtol=0.1)
     assert (np.abs(found.nm_per_rad - K) < 4 * found.u_nm_per_rad).all()
 
 
-def test_a_looser_target_needs_fewer_loads(cell: Cell, stiffness: JointStiffness, planned: Any) -> None:
+def test_a_looser_target_needs_fewer_loads(cell: Cell, stiffness: Any, planned: Any) -> None:
     loose, _ = plan_loads(cell, stiffness, trials=80, target_relative_u=0.08)
     assert len(loose.labels) < len(planned.labels) / 2
     assert loose.relative_u.max() <= 0.08
 
 
-def test_paper_postures_say_how_many_loads_are_missing(cell: Cell, stiffness: JointStiffness) -> None:
+def test_paper_postures_say_how_many_loads_are_missing(cell: Cell, stiffness: Any) -> None:
     postures = [(0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45)]
     found, document = plan_loads(cell, stiffness, postures_deg=postures, angle_convention="dh", loads_per_posture=6)
     assert "needs some" in found.warnings[0]
@@ -62,7 +59,7 @@ def test_paper_postures_say_how_many_loads_are_missing(cell: Cell, stiffness: Jo
     assert document.content.count(b"\n") == 20
 
 
-def test_bad_postures_and_cells_are_refused(cell: Cell, stiffness: JointStiffness) -> None:
+def test_bad_postures_and_cells_are_refused(cell: Cell, stiffness: Any) -> None:
     with pytest.raises(InputError, match="joint 2 is beyond"):
         plan_loads(cell, stiffness, postures_deg=[(0, 93, -5, 45, 45, 45)])
     with pytest.raises(InputError, match="free of collision"):

@@ -115,18 +115,6 @@ def _turns(program: ProgramMoves, move: object) -> bool:
     return program.moves[i - 1].turntable != program.moves[i].turntable
 
 
-def test_feed_on_the_workpiece_is_the_paths(made: Postures, path: Toolpath, cell: Cell) -> None:
-    """Time between targets in the base is the path's own, whatever the turntable does."""
-    here = made.layer == path.layers[-1].index
-    way = np.linalg.norm(np.diff(made.position_mm[here], axis=0), axis=1)
-    layer = path.layers[-1]
-    planned = np.linalg.norm(np.diff(layer.position_mm, axis=0), axis=1)
-    moved = np.linalg.norm(np.diff(made.cutter_rotation[here][:, None], axis=0), axis=1) == 0
-    seconds = way / made.feed_mm_s[here][1:]
-    assert moved.sum() > 30
-    assert np.allclose(seconds, planned / layer.feed_mm_s[1:], rtol=1e-6)
-
-
 def test_postures_of_another_path_are_refused(
     made: Postures, path: Toolpath, cell: Cell, acts: MillingForce, stiffness: JointStiffness
 ) -> None:

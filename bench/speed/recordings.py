@@ -1,39 +1,40 @@
-"""The recordings that are measured: milled edges by the project's own simulator, as long as the count of points asks.
+"""The recordings that are measured: milled edges by the project's own simulator.
 
-A frame every 0.1 mm, 1,000 columns 0.03 mm apart: 50 million points are 5 m of edge. Every frame is simulated by
-itself, with noise, 0.5 % outliers, dropouts and mixed pixels; nothing is repeated.
+Every frame is simulated by itself, with noise, outliers, dropouts and mixed pixels; nothing is repeated.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from workbench.synthetic.recipe_file import parse_recipe
 from workbench.synthetic.simulate import write_simulation
 
-COLUMNS = 1000
-FRAME_PITCH_MM = 0.1
+COLUMNS, FRAME_PITCH_MM = 1000, 0.1
 MARGIN_MM = 10.0  # of the part before and after what is scanned
+PART_MM, ROOT_SPREAD_MM, BEVEL_SPREAD_DEG, DRIFT_MM = 60.0, 0.05, 0.15, 0.1  # small parts; drift over all of them
 
 
-def recipe(million_points: int) -> dict[str, Any]:
-    """Straight, 40 deg and 1.5 mm, both drifting; one oblique pass on a straight uniform motion."""
-    frames = million_points * 1_000_000 // COLUMNS
-    scanned_mm = (frames - 1) * FRAME_PITCH_MM
+def recipe(seed: int, scanned_mm: float, root_mm: Any, bevel_deg: Any, scanner: Any, pitch_mm: float) -> Any:
+    """A straight plate, both sizes drifting; one oblique pass on a straight uniform motion."""
     return {
         "format": "bevel-recipe",
         "version": 1,
-        "seed": 1,
+        "part_id": f"part {seed}",
+        "seed": seed,
         "part": {
             "length_mm": scanned_mm + 2 * MARGIN_MM,
-            "root_mm": {"start": 1.46, "end": 1.58, "amplitude": 0.04, "wavelength_mm": 45},
-            "bevel_deg": {"start": 39.85, "end": 40.1, "amplitude": 0.1, "wavelength_mm": 70},
+            "root_mm": root_mm,
+            "bevel_deg": bevel_deg,
             "table_gap_mm": 25,
             "base_from_part": {"position_mm": [1450, -320, 760], "rpy_deg": [35, 2.5, -1.5]},
         },
-        "scanner": {"columns": COLUMNS, "pitch_mm": 0.03, "near_mm": 120, "far_mm": 190},
-        "robot": {"frame_pitch_mm": FRAME_PITCH_MM, "pose_noise_mm": 0.02, "pose_noise_deg": 0.002},
+        "scanner": {"near_mm": 120, "far_mm": 190} | scanner,
+        "robot": {"frame_pitch_mm": pitch_mm, "pose_noise_mm": 0.02, "pose_noise_deg": 0.002},
         "disturbances": {
             "dropout_share": 0.005,
             "grazing_dropout": 0.1,
@@ -55,23 +56,27 @@ def recipe(million_points: int) -> dict[str, Any]:
 
 
 def simulated(million_points: int, folder: Path) -> Path:
-    """The recording as `workbench simulate` writes it (gzip and shuffle, chunks of 64 frames); kept if it is there."""
+    """A frame every 0.1 mm, 1,000 columns: 50 million points are 5 m of edge. Kept if it is there."""
     path = folder / f"{million_points}m.h5"
-    if path.exists():
-        return path
-    write_simulation(parse_recipe(recipe(million_points)), path)
+    if not path.exists():
+        scanned_mm = (million_points * 1_000_000 // COLUMNS - 1) * FRAME_PITCH_MM
+        root = {"start": 1.46, "end": 1.58, "amplitude": 0.04, "wavelength_mm": 45}
+        bevel = {"start": 39.85, "end": 40.1, "amplitude": 0.1, "wavelength_mm": 70}
+        scanner = {"columns": COLUMNS, "pitch_mm": 0.03}
+        write_simulation(parse_recipe(recipe(1, scanned_mm, root, bevel, scanner, FRAME_PITCH_MM)), path)
     return path
 
 
-def unpacked(packed: Path) -> Path:
-    """The same recording without compression, contiguous, in a file beside it."""
-    import h5py
-
-    path = packed.with_suffix(".plain.h5")
-    with h5py.File(packed) as old, h5py.File(path, "w") as new:
-        new.attrs.update(old.attrs)
-        for name in ("robot", "hand_eye"):
-            old.copy(name, new)
-        for name, values in old["profiles"].items():
-            new.create_dataset(f"profiles/{name}", data=values[()])
-    return path
+def small_parts(count: int, folder: Path) -> Iterator[Path]:
+    """Parts of 60 mm that differ a little, 300 columns, a frame every 0.5 mm."""
+    for number in range(1, count + 1):
+        rng = np.random.default_rng([7, number])
+        root_mm = 1.45 + DRIFT_MM * number / count + ROOT_SPREAD_MM * rng.normal()
+        root = {"start": root_mm, "end": root_mm - 0.08, "amplitude": 0.06, "wavelength_mm": 50}
+        bevel_deg = 40.0 + BEVEL_SPREAD_DEG * rng.normal()
+        bevel = {"start": bevel_deg, "end": bevel_deg + 0.1}
+        path = folder / f"part-{number:04d}.h5"
+        write_simulation(
+            parse_recipe(recipe(number, PART_MM, root, bevel, {"columns": 300, "pitch_mm": 0.1}, 0.5)), path
+        )
+        yield path

@@ -1,73 +1,88 @@
-"""Timing of two sides in turn, so that a noisy machine disturbs both alike."""
+"""A row of the table, and how its times are taken."""
 
 from __future__ import annotations
 
-import json
 import os
+import resource
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from bench.harness import THREADS
+from bench.harness import ROOT
 
 REPEATS = 5
-
-
-def print_on_one_core(measure: Callable[[], Any]) -> None:
-    """What `measure` gives, as JSON on standard output, from a process that keeps to one core."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    json.dump(measure(), sys.stdout)
+PEAK = """
+import sys
+from workbench.cli import main
+status = main(sys.argv[1:])
+line = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print("peak", int(line.split()[1]) * 1024)
+sys.exit(status)
+"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table. `factor`: what is compared with the goal, in words and as a number."""
+    """What was measured. The goal is an upper limit, unless `at_least`."""
 
     what: str
-    ours: str
-    other: str
-    factor: float
-    factor_is: str  # e.g. "{:.2f} of its speed"
+    value: float
+    unit: str = "s"
     goal: float | None = None
-    at_most: bool = False  # the goal is an upper limit
+    at_least: bool = False
 
     @property
-    def met(self) -> bool | None:
-        """Whether the goal is reached; None where there is none."""
-        if self.goal is None:
-            return None
-        return self.factor <= self.goal if self.at_most else self.factor >= self.goal
+    def met(self) -> bool:
+        """Whether the goal is reached; true where there is none."""
+        return self.goal is None or (self.value >= self.goal if self.at_least else self.value <= self.goal)
+
+    @property
+    def cells(self) -> list[str]:
+        """As the table has it."""
+        goal = "" if self.goal is None else f"at {'least' if self.at_least else 'most'} {self.goal:g}"
+        shown = f"{self.value:.3g} {self.unit}"
+        return [self.what, shown if self.met else f"**{shown}**", goal]
 
 
-def in_turn(
-    *sides: Callable[[], Any],
-    repeats: int = REPEATS,
-    warm_up: bool = True,
-    clock: Callable[[], float] = time.perf_counter,
-) -> tuple[float, ...]:
-    """Median seconds of each side by `clock` (wall clock), run A B A B; one round that is not counted comes first."""
-    taken: list[list[float]] = [[] for _ in sides]
-    for repeat in range(-1 if warm_up else 0, repeats):
-        for side, times in zip(sides, taken, strict=True):
-            start = clock()
-            side()
-            if repeat >= 0:
-                times.append(clock() - start)
-    return tuple(statistics.median(times) for times in taken)
+def median_s(
+    action: Callable[[], Any], repeats: int = REPEATS, clock: Callable[[], float] = time.process_time
+) -> float:
+    """Median seconds of processor time; one round that is not counted comes first."""
+    taken = []
+    for _ in range(repeats + 1):
+        start = clock()
+        action()
+        taken.append(clock() - start)
+    return statistics.median(taken[1:])
 
 
-def seconds(value_s: float) -> str:
-    """A time with three digits and its unit."""
-    return f"{value_s * 1e3:.3g} ms" if value_s < 1 else f"{value_s:.3g} s" if value_s < 1000 else f"{value_s:.0f} s"
+def spent(command: Sequence[str], cwd: Path = ROOT, more: Mapping[str, str] | None = None) -> float:
+    """Processor seconds of a command and its children, so that other work on the machine counts little.
+
+    Raises:
+        RuntimeError: it ended with a status above 1.
+    """
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environment = {**os.environ, **(more or {})}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, env=environment)
+    if done.returncode > 1:
+        raise RuntimeError(done.stderr)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-def alone(module: str) -> dict[str, Any]:
-    """What `python -m bench.speed.MODULE` prints as JSON, in a process on one core."""
-    command = [sys.executable, "-m", f"bench.speed.{module}"]
-    variables = {**os.environ, **dict.fromkeys(THREADS, "1")}
-    return dict(json.loads(subprocess.run(command, check=True, capture_output=True, text=True, env=variables).stdout))
+def peak_gb(*arguments: str) -> float:
+    """Largest resident memory of `workbench ARGUMENTS`, GB.
+
+    By the kernel's count of that process: `resource.getrusage` also counts the one that started it.
+    """
+    command = [sys.executable, "-c", PEAK, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    if done.returncode > 1:
+        raise RuntimeError(done.stderr)
+    return int(done.stdout.split()[-1]) / 1e9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import multiprocessing
 import os
 import signal
@@ -9,8 +11,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -39,7 +42,41 @@ def _results(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Ite
         yield from pool.imap_unordered(measure, tasks)
 
 
+def kept(name: str, measure: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1) -> list[Any]:
+    """What `measure` makes of each task, as JSON holds it, in the tasks' order; a stopped run of a commit goes on.
+
+    One line a task goes to out/NAME-COMMIT.jsonl as it comes; of changed sources nothing is taken from there.
+    """
+    version = _git("describe", "--always", "--dirty")
+    return resumed(ROOT / "out" / f"{name}-{version}.jsonl", measure, tasks, workers, not version.endswith("dirty"))
+
+
+def resumed(
+    log: Path, measure: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1, goes_on: bool = True
+) -> list[Any]:
+    """As `kept`, with a log of one's own."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    done: dict[str, Any] = {}
+    for line in log.read_text(encoding="utf-8").splitlines() if log.exists() and goes_on else ():
+        with contextlib.suppress(ValueError):  # a last line that was cut short
+            task, found = json.loads(line)
+            done[json.dumps(task)] = found
+    with log.open("a" if goes_on else "w", encoding="utf-8") as file:
+        for task, found in each(partial(_with, measure), [t for t in tasks if json.dumps(t) not in done], workers):
+            file.write(f"\n{json.dumps([task, found])}")
+            file.flush()
+            done[json.dumps(task)] = found
+    return [done[json.dumps(task)] for task in tasks]
+
+
+def _with(measure: Callable[[T], R], task: T) -> tuple[T, R]:
+    return task, measure(task)
+
+
 def made_by() -> str:
     """Commit and date of the code that runs, as they stand behind a table's command."""
-    told = ("git", "log", "-1", "--format=, commit %h of %cs")
-    return subprocess.run(told, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    return _git("log", "-1", "--format=, commit %h of %cs")
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(("git", *words), cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()

@@ -1,1 +1,1 @@
-"""What docs/calibration.md says of the paper's section 3: each statement is a command here."""
+"""Calibrations by formula: the paper's way to the hand-eye pose, a robot's own errors, a fixed part with flat faces."""

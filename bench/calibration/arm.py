@@ -14,6 +14,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from bench.harness import ROOT
+from bench.metrology.sphere_truth import circle_covariance
 from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
@@ -114,13 +115,7 @@ def _seen_at(poses: Float, hand_eye: Float, ball: Float) -> Float:
 def circles(rng: np.random.Generator, centre: Float) -> tuple[Float, Float]:
     """x_c, z_c, w (n, 3) and their covariance, of the noise of an arc's points along z."""
     w = RADIUS_MM**2 - centre[:, 1] ** 2
-    covariance = []
-    for value in w:
-        dx = np.arange(-0.95, 0.95, PITCH_MM / np.sqrt(value)) * np.sqrt(value)
-        high = np.sqrt(value - dx**2)
-        J = np.column_stack([-dx / high, np.ones_like(dx), -1 / (2 * high)])
-        covariance.append(np.linalg.inv(J.T @ J) * RANGE_MM**2)
-    spread = np.array(covariance)
+    spread = circle_covariance(w, RANGE_MM, PITCH_MM)
     noise = np.einsum("kij,kj->ki", np.linalg.cholesky(spread), rng.normal(size=centre.shape))
     return np.column_stack([centre[:, 0], centre[:, 2], w]) + noise, spread
 
@@ -201,28 +196,3 @@ def one_sphere(seed: int) -> tuple[Float, Float, Float]:
     keep = np.r_[0:6, 10 : 10 + len(arm.x)]
     lowest = bound(shown, scale, blocks, prior)
     return error, found.covariance[np.ix_(keep, keep)], lowest[np.ix_(keep, keep)]
-
-
-def statement(trials: int) -> list[str]:
-    """A table: errors over the bound, share of u that the truth lies within, parameter by parameter."""
-    chain = read_cell(CELL).chain
-    errors = arm_errors(chain, Priors())
-    hand_eye = tuple(f"hand-eye {way} {axis}" for way in ("translation", "rotation") for axis in "xyz")
-    rows = {name: ["", "", ""] for name in hand_eye + errors.names}  # prior, by the tracker, by the sphere
-    for column, (one, names) in enumerate(((one_tracked, errors.names), (one_sphere, hand_eye + errors.names)), 1):
-        all_ = [one(seed) for seed in range(trials)]
-        off = np.array([a[0] for a in all_])
-        u, lowest = (np.sqrt(np.array([np.diagonal(a[k]) for a in all_])) for k in (1, 2))
-        prior = np.concatenate([np.full(len(names) - len(errors), np.nan), errors.prior])
-        for k, parameter in enumerate(names):
-            mm = "shift" in parameter or "translation" in parameter
-            scale, unit = (1.0, "mm") if mm else (1 / DEG, "deg")
-            rms = [f"{float(np.sqrt(np.mean(v[:, k] ** 2))) * scale:.4f}" for v in (off, lowest, u)]
-            rows[parameter][0] = unit if np.isnan(prior[k]) else f"{prior[k] * scale:.3g} {unit}"
-            inside = 100 * float(np.mean(np.abs(off[:, k]) < 2 * u[:, k]))
-            rows[parameter][column] = "; ".join([*rms, f"{inside:.0f}"])
-    return [
-        "| parameter | prior, unit | tracker: RMSE; bound; stated u; within 2u, % | sphere: likewise |",
-        "|---|---|---|---|",
-        *(f"| {parameter} | {' | '.join(cells)} |" for parameter, cells in rows.items()),
-    ]

@@ -1,17 +1,13 @@
-"""Recordings of a fixed part with flat faces, by formula, and how well they calibrate: `statements.faces`."""
+"""Recordings of a fixed part with flat faces, by formula."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.tables import markdown
-from workbench.api import DEG, Float, HandEye, InputError, Recording, pose_from, vector_from_rotation
-from workbench.plugins.calibration import hand_eye_faces
-from workbench.plugins.calibration.profile_lines import Target
+from workbench.api import DEG, Float, HandEye, Recording, pose_from, vector_from_rotation
 
 TRUE = pose_from(
     Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
@@ -105,34 +101,13 @@ def tracked(rng: np.random.Generator, offset_s: float, seconds: float = 20.0, tu
     )
 
 
+def off(eye: HandEye) -> Float:
+    """Truth less answer (6,): translation mm, rotation vector rad."""
+    pose = eye.flange_from_profiler
+    return np.concatenate([TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T)])
+
+
 def squared(eye: HandEye) -> float:
     """Squared distance of a pose from the truth by its covariance: chi-square of six where that is right."""
     assert eye.covariance is not None
-    pose = eye.flange_from_profiler
-    off = np.concatenate([TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T)])
-    return float(off @ np.linalg.solve(eye.covariance, off))
-
-
-def coverage(target: Target, trials: int) -> tuple[float, float, float, int]:
-    """Of seeds from 0: share within the 95 % region, mean chi-square (6), median volume_u_mm, how many are refused."""
-    found, sizes = [], []
-    for seed in range(trials):
-        rng = np.random.default_rng(seed)
-        made = tracked(rng, 0.025) if target == "points" else still(rng, 16, 2 if target == "edge" else 1)
-        try:
-            eye = hand_eye_faces(made, target=target, max_u_mm=3.0)[0]
-        except InputError:
-            continue
-        found.append(squared(eye))
-        sizes.append(eye.volume_u_mm or 0.0)
-    inside = float(np.mean(np.array(found) < 12.59))
-    return inside, float(np.mean(found)), float(np.median(sizes)), trials - len(found)
-
-
-def statement(trials: int) -> Iterator[str]:
-    """The three targets: 16 postures of an edge or a plane, 20 s of a tracker's weaving scan, 0.025 s off."""
-    rows = []
-    for target in get_args(Target):
-        inside, mean, size, refused = coverage(target, trials)
-        rows.append((target, f"{100 * inside:.0f} %", f"{mean:.1f}", f"{size:.3f}", str(refused)))
-    yield markdown(("target", "within the 95 % region", "chi-square of six", "volume_u_mm, median", "refused"), rows)
+    return float(off(eye) @ np.linalg.solve(eye.covariance, off(eye)))

@@ -1,4 +1,6 @@
-"""The paper's calibration in simulation: three orientations of the flange, measured thrice each; solved both its ways.
+"""The paper's Table 1 in simulation: `python -m bench.calibration.paper --trials 100`.
+
+Three orientations of the flange, measured thrice each, solved both its ways.
 
 These are analytic least squares, and its genetic algorithm with equation (6) as it can be used.
 Equation (6) holds for pairs that share the flange's orientation; `share_only` keeps to these. Without it, the part that
@@ -7,13 +9,20 @@ holds for any pair is used as well (docs/paper.md).
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from bench.peers.genetic import evolve
+from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres, _Pairs, translation
+from workbench.report.marks import FACES, GREY, MEASURED
 from workbench.units import DEG, Float
 
 TRUE = pose_from(rotation_from_rpy(*(np.array([60.489, -3.813, -2.024]) * DEG)), np.array([126.92, 9.44, 41.48]))
@@ -108,3 +117,64 @@ def genetic(seen: Centres, design: Float, box_deg: float, rng: np.random.Generat
 
     R = rotation_from_rpy(*evolve(cost, np.array(rpy_from_rotation(design[:3, :3])), box_deg * DEG, rng))
     return pose_from(R, evolve(lambda genes: pairs.translation_cost(R, genes), design[:3, 3], BOX_MM, rng))
+
+
+TITLES = {False: "three postures, three times each", True: "three orientations, three places each"}
+BOXES_DEG = (1.0, 2.0, 5.0, 20.0)
+
+
+def table1(trials: int) -> Iterator[str]:
+    """Spread of the sphere centres by both ways, and the true error of the hand-eye pose."""
+    rows = []
+    for moved, words in TITLES.items():
+        sets = [measured(np.random.default_rng(seed), moved) for seed in range(trials)]
+        ways = {"analytic": [analytic(one.centres) for one in sets]} | {
+            f"GA, box {box:g} deg": [
+                genetic(one.centres, one.design, box, np.random.default_rng(seed)) for seed, one in enumerate(sets)
+            ]
+            for box in BOXES_DEG
+        }
+        for name, poses in ways.items():
+            every = [sphere_centres(pose, one.centres).std(axis=0) for pose, one in zip(poses, sets, strict=True)]
+            spread = ", ".join(f"{v:.3f}" for v in np.median(every, axis=0))  # with n, as the paper's
+            rows.append([words, name, spread, f"{np.median([vol_mm(pose) for pose in poses]):.2f}"])
+    head = ["measurements", "method", "spread of the centres x, y, z, mm", "true error over the field, mm"]
+    yield from markdown(head, rows)
+
+
+COLOURS = (MEASURED, FACES[1], "#009e73")  # of the three orientations
+
+
+def write_figure(path: Path, box_deg: float = 5.0, seed: int = 3) -> None:
+    """Fig. 5: centres by both ways of one set with three postures repeated, and of one with three places each."""
+    with styled():
+        figure = Figure(figsize=(9, 7.6), layout="constrained")
+        grid = figure.subplots(2, 2, subplot_kw={"projection": "3d"})
+        for row, (moved, title) in zip(grid, TITLES.items(), strict=True):
+            sets = measured(np.random.default_rng(seed), moved)
+            found = genetic(sets.centres, sets.design, box_deg, np.random.default_rng(seed))
+            ways = {"analytic": analytic(sets.centres), f"GA, box {box_deg:g} deg": found}
+            for axes, (name, pose) in zip(row, ways.items(), strict=True):
+                centre = sphere_centres(pose, sets.centres)
+                off = centre - centre.mean(axis=0)
+                for which, colour in enumerate(COLOURS):
+                    axes.scatter(*off[sets.orientation == which].T, color=colour, s=18, depthshade=False)
+                reach = 1.1 * max(float(np.abs(off).max()), 0.05)
+                for axis in "xyz":
+                    getattr(axes, f"set_{axis}lim")(-reach, reach)
+                    getattr(axes, f"set_{axis}label")(f"{axis}, mm")
+                spread = ", ".join(f"{v:.2f}" for v in centre.std(axis=0))
+                axes.set_title(f"{title}: {name}\nspread {spread} mm", fontsize=9)
+                axes.tick_params(labelsize=7, colors=GREY)
+        path.write_bytes(svg(figure))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m bench.calibration.paper")
+    parser.add_argument("--trials", type=int, default=100, help="simulated sets (100), seeds from 0")
+    parser.add_argument("--figure", type=Path, metavar="FILE.svg", help="write Fig. 5 there instead")
+    given = parser.parse_args()
+    if given.figure:
+        write_figure(given.figure)
+    else:
+        print(*table1(given.trials), sep="\n")

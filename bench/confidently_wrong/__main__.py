@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
-from bench.metrology.planning.part import plan_as_a_user
+from bench.metrology.planning import plan_as_a_user
 from bench.score.named import ANALYTIC, SWEPT, simulated
 from bench.tables import put_into, written
 from workbench.artefacts import Check, Inspection, PointSet, Recording
@@ -61,13 +61,6 @@ WIDE_MM, WIDE_DEG = 1.0, 2.0  # off the drawing that any of the parts passes
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
 PAGE = Path(__file__).parents[2] / "docs" / "confidently_wrong.md"
-
-
-class NoClock:
-    """Nobody looks at the time."""
-
-    def lap(self, name: str) -> None:
-        """Nothing."""
 
 
 def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
@@ -122,7 +115,7 @@ def planned(recording: Recording, truth: Truth, kind: Kind) -> str:
     Naming what no recording can show excuses a shape only; one that a program may be written of is confidently wrong.
     """
     try:
-        edge, _, decision = plan_as_a_user(recording, truth, NoClock())
+        edge, _, decision = plan_as_a_user(recording, truth)
     except WorkbenchError as error:
         return _refused(str(error), kind)
     except Exception:

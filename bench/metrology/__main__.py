@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
+from functools import partial
 
-from bench.harness import ROOT, made_by
-from bench.metrology.run import Task, measure_all
-from bench.metrology.studies import STUDIES, Study
+from bench.harness import kept, made_by
+from bench.metrology import calibration, instruments, measured_loop, planning, stiffness
+from bench.metrology.study import Condition, Row, Study, Task
 from bench.tables import folded, put_into
 
 FIRST_SEED = 1_000_000  # seeds below 10,000 are for developing
+STUDIES: dict[str, Study] = {
+    "planning": planning.STUDY,
+    "measured_loop": measured_loop.STUDY,
+    "calibration": calibration.STUDY,
+    "instruments": instruments.STUDY,
+    "stiffness": stiffness.STUDY,
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -21,47 +28,32 @@ def main(arguments: list[str] | None = None) -> int:
 
 def run(name: str, options: argparse.Namespace) -> int:
     """One study: 1 if it does not reach a goal."""
-    study = STUDIES[name]
-    results: dict[str, list[object]] = {condition: [] for condition in conditions(study, options)}
-    todo = tasks(name, options)
-    for result in measure_all(todo, options.out / name, options.workers, study.measurement):
-        results[result.condition].append(result)
-    if not results:
+    study, made = STUDIES[name], made_by()
+    if not (todo := tasks(name, options)):
         return 0
-    summaries = [study.summary(condition, found) for condition, found in results.items()]
-    told = command(name, options)
-    text = study.summary.text(summaries, told)
-    if options.docs:
-        text = text.replace(f"`{told}`", f"`{told}`{made_by()}", 1)
+    rows = kept(f"metrology-{name}", partial(measured, name), todo, options.workers)
+    every = [Condition(one, (row for row in rows if row["condition"] == one)) for one in conditions(study, options)]
+    text = study.text(every, f"`{command(name, options)}`{made if options.docs else ''}")
     print(text)
-    for found in results.values():
-        print(*study.summary.worst(found, options.worst), sep="\n", end="\n" if options.worst else "")
     if options.docs:
-        put_into(study.page, folded(study.page, text), study.marks)
-    return int(any(s.shortcomings for s in summaries))
+        put_into(study.place, folded(study.place, text), name)
+    return int(bool(study.short(every)))
+
+
+def measured(name: str, task: Task) -> Row:
+    """A part of a study; by its name, which a process of its own can be told."""
+    return STUDIES[name].measured(task)
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     known = list(dict.fromkeys(c for study in STUDIES.values() for c in study.conditions))
+    parts = ", ".join(f"{name} {study.parts}" for name, study in STUDIES.items())
     parser = argparse.ArgumentParser(prog="python -m bench.metrology", description=__doc__)
-    parser.add_argument(
-        "--studies",
-        nargs="+",
-        choices=STUDIES,
-        default=list(STUDIES),
-        metavar="STUDY",
-        help="of planning, measured_loop, calibration, stiffness (all)",
-    )
-    parser.add_argument(
-        "--parts",
-        type=int,
-        help="parts a condition (planning and measured_loop 100, calibration 500, stiffness 1000)",
-    )
+    parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="STUDY")
+    parser.add_argument("--parts", type=int, help=f"a condition ({parts})")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of each condition's first part (1000000)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known, metavar="NAME")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "metrology", help="results, to resume")
-    parser.add_argument("--worst", type=int, default=0, help="print so many of the worst parts of each condition (0)")
     parser.add_argument("--docs", action="store_true", help="write the tables into the pages in docs/")
     return parser.parse_args(arguments)
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from bench.drawn.spheres import random_sphere_recipe
 from bench.harness import ROOT
-from bench.metrology.calibration.part import recorded
-from bench.metrology.calibration.truth import cell_of, circles
+from bench.metrology.calibration import recorded
+from bench.metrology.sphere_truth import cell_of, circles
 from bench.speed.long_edge import long_raw_edge
 from bench.speed.recordings import simulated, small_parts
 from bench.speed.timing import Row, median_s, peak_gb

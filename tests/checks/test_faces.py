@@ -19,7 +19,7 @@ from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
-from bench.metrology.planning.part import rough_upper_side
+from bench.metrology.planning import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
     SURROUNDED,

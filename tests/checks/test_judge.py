@@ -18,7 +18,7 @@ from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import spheres
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
-from bench.metrology.part import inspect_as_a_user
+from bench.metrology.users import inspect_as_a_user
 from bench.score.named import mixed_recipe
 from bench.simulators.swept import simulate_swept
 from scripts.checks_table import limits_table

@@ -11,7 +11,7 @@ import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn.plates import random_recipe
-from bench.metrology.part import inspect_as_a_user
+from bench.metrology.users import inspect_as_a_user
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.edge.faces import find_faces, rises_with_column
 from workbench.errors import InputError

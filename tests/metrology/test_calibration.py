@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench.drawn.spheres import random_sphere_recipe
-from bench.metrology.calibration.part import measure_calibration, recorded
-from bench.metrology.calibration.summary import named
-from bench.metrology.calibration.truth import bound, cell_of, circles
-from bench.metrology.summary import Share
+from bench.metrology.__main__ import STUDIES
+from bench.metrology.calibration import measure, named, recorded
+from bench.metrology.sphere_truth import bound, cell_of, circles
+from bench.metrology.study import Share
 from bench.peers.genetic import evolve
 from workbench.api import pose_from, rotation_from_vector
 from workbench.plugins.calibration.model import Estimate, Noise, information
@@ -62,15 +62,13 @@ def test_genetic_algorithm_finds_a_minimum():
 
 @pytest.mark.parametrize("condition", ["sphere_nine", "sphere_gross", "sphere_stray", "sphere_planned", "sphere_grid"])
 def test_sound_sets_are_measured(condition):
-    result = measure_calibration(condition, 5)
-    assert (result.refused, result.crashed) == (None, None)
-    assert result.vol_mm < 4 * result.bound_mm
+    found = measure(condition, 5)
+    assert found["vol_mm"] < 4 * found["bound_mm"]
 
 
 def test_sets_that_determine_nothing_are_refused_by_name():
     for condition in ("same_orientation", "repeats"):
-        result = measure_calibration(condition, 5)
-        assert named(result.refused or "")
+        assert named(STUDIES["calibration"].measured((condition, 5))["refused"])
     assert not named("no sphere in view")
 
 

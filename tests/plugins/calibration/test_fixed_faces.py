@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.calibration import faces
+from bench.metrology import instruments
 from tests.plugins.calibration import conftest as spheres
 from workbench.api import InputError, pose_from
 from workbench.plugins.calibration import circles, hand_eye, hand_eye_faces
@@ -24,10 +25,9 @@ FIELD = View((0.0, 95.0), (16.0, 20.0))
 @pytest.mark.parametrize("target", ["edge", "plane"])
 def test_errors_are_as_large_as_stated(target: Any) -> None:
     """Without a design's pose; chi-square of six has mean 6 and variance 12, 95 % lie below 12.6."""
-    inside, mean, _, refused = faces.coverage(target, 8)
-    assert not refused
-    assert inside >= 0.75
-    assert 6 - 3 * np.sqrt(12 / 8) < mean < 6 + 3 * np.sqrt(12 / 8)
+    found = [instruments.measure(target, seed) for seed in range(8)]
+    assert np.mean([one["covered"] for one in found]) >= 0.75
+    assert abs(np.mean([one["nees"] for one in found]) - 6) < 3 * np.sqrt(12 / 8)
 
 
 def test_an_edge_and_a_sphere_agree() -> None:

@@ -104,7 +104,7 @@ def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("one", [one_tracked, one_sphere])
 def test_errors_are_those_of_the_bound_and_the_stated_ones(one: Any) -> None:
-    """Over six robots drawn from the priors; `bench.calibration arm` shows more."""
+    """Over six robots drawn from the priors; `bench.metrology --studies instruments` shows more."""
     found = [one(seed) for seed in range(500, 506)]
     z = np.array([error / np.sqrt(np.diagonal(covariance)) for error, covariance, _ in found])
     assert np.abs(z).max() < 4.0

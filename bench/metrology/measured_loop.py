@@ -1,24 +1,25 @@
-"""One raw edge through the measured loop, and milled blindly beside it, in a cell whose errors no plan knows."""
+"""Raw edges through the measured loop, and milled blindly beside it, in cells whose errors no plan knows."""
 
 from __future__ import annotations
 
 import functools
 import math
 import zlib
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from bench.drawn.plates import random_recipe
 from bench.harness import ROOT
-from bench.metrology.part import Clock, Numbers, numbers
-from bench.metrology.planning.part import rough_upper_side
+from bench.metrology.planning import rough_upper_side
+from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Cover, Row, Study, cover, spread
+from bench.metrology.users import Clock, numbers
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
-from workbench.artefacts import Engagement, PathCorrection, PathDeflection, Toolpath
+from workbench.artefacts import Engagement, PathCorrection, PathDeflection, Requirements, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
-from workbench.errors import WorkbenchError
 from workbench.inspect import sections
 from workbench.path import check, correct, feed, layers
 from workbench.plugins.stiffness.force import force
@@ -29,23 +30,6 @@ from workbench.synthetic import Recipe, Truth, simulate_recording
 from workbench.synthetic.workpiece import Workpiece, milled_truth
 from workbench.twin import mill, scan
 from workbench.units import DEG, Float
-
-
-@dataclass(slots=True)
-class MeasuredResult:
-    """Finished part and blind one by their truth, beside the correction: `places` every 2 mm where the pass cuts."""
-
-    condition: str
-    seed: int
-    refused: str | None = None  # a stage's error, or a check that refused a path, in one line
-    beyond: str | None = None  # `path.correct` refused: more than the allowance allows
-    crashed: str | None = None  # any other exception: a defect
-    seen_share: float = 1.0  # of the raw edge, by truth
-    shape: str = ""
-    error_mm: float = 0.0  # of tool and hand-eye together, along the bevel's normal, mean along the edge
-    places: dict[str, Numbers] = field(default_factory=dict)  # see `measured.part.compare`
-    seconds: dict[str, float] = field(default_factory=dict)
-
 
 SHAPES = ("raw_straight", "raw_arc", "raw_wavy", "raw_twist")
 ALLOWANCE_MM = 0.5
@@ -91,26 +75,17 @@ class Errors:
     seed: int  # of the robot's error
 
 
-def measure_measured(condition: str, seed: int) -> MeasuredResult:
-    """Take raw edge `seed` of a condition through both loops. There are no peers."""
+def measure(condition: str, seed: int) -> Row:
+    """Take raw edge `seed` of a condition through both loops: truths every 2 mm where the pass cuts."""
     rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
-    shape = SHAPES[seed % len(SHAPES)]
-    result = MeasuredResult(condition, seed, shape=shape)
-    drawn = random_recipe(shape, seed)
+    drawn = random_recipe(SHAPES[seed % len(SHAPES)], seed)
     hand_eye = drawn.robot.model_copy(update={"hand_eye_error_mm": HAND_EYE_MM / math.sqrt(3.0)})
-    recipe = drawn.model_copy(update={"robot": hand_eye})
     cell = CELLS[condition]
     offset = _any_direction(rng, LARGEST_TOOL_ERROR_MM)
     wear = float(rng.uniform(0.0, LARGEST_WEAR_MM)) if cell.wears else 0.0
     drawn_seed = int(rng.integers(2**31))
     turn = _any_direction(rng, LARGEST_TURN_DEG) if cell.turned else np.zeros(3)
-    try:
-        _both_loops(result, recipe, cell, Errors(offset, turn, wear, drawn_seed))
-    except WorkbenchError as error:
-        result.refused = str(error)
-    except Exception as error:
-        result.crashed = repr(error)
-    return result
+    return _both_loops(drawn.model_copy(update={"robot": hand_eye}), cell, Errors(offset, turn, wear, drawn_seed))
 
 
 def _any_direction(rng: np.random.Generator, most: float) -> Float:
@@ -118,44 +93,34 @@ def _any_direction(rng: np.random.Generator, most: float) -> Float:
     return np.asarray(rng.uniform(0.0, most) * direction / np.linalg.norm(direction))
 
 
-def _both_loops(result: MeasuredResult, recipe: Recipe, cell: Cell, errors: Errors) -> None:
-    clock = Clock(result.seconds)
+def _both_loops(recipe: Recipe, cell: Cell, errors: Errors) -> Row:
+    clock = Clock()
     recording, truth = simulate_recording(recipe)
-    result.seen_share = float(truth.seen.mean())
     clock.lap("simulation")
     cloud = denoise(fuse(recording))
     edge = segment_raw(cloud, upper_side=rough_upper_side(truth))
     first = feed(layers(edge, cloud, finish_allowance_mm=ALLOWANCE_MM), cloud, edge)
     blind = layers(edge, cloud)
     gate = check(first, edge, cloud)
-    clock.lap("planning")
     if not gate.passed:
-        result.refused = f"path.check: {gate.reason}"
-        return
+        return {"refused": f"path.check: {gate.reason}"}
     raw = Workpiece(recipe)
     whole = milled_truth(_milled(raw, blind, cell, errors))
     rough = _milled(raw, first, cell, errors)
-    clock.lap("milling")
     again = scan(rough)
-    clock.lap("simulation")
     found = sections(segment(denoise(fuse(again)), root_nominal_mm=first.root_mm))
     predicted = _predicted(raw, first, errors.seed) if cell.gives_way else None
     told = LARGEST_WEAR_MM if cell.wears else 0.0
     path, correction = correct(found, first, predicted, repeatability_mm=cell.noise_mm, wear_mm=told)
     finishing = feed(path, cloud, edge)
     gate = check(finishing, edge, cloud, None, correction)
-    clock.lap("correction")
-    result.error_mm = float(np.mean(correction.displacement_mm[correction.cut]))
     if correction.refused is not None:
-        result.beyond = correction.refused
-        compare(result, whole, None, correction, first)
-        return
+        return {"beyond": correction.refused} | compare(whole, None, correction, first)
     if not gate.passed:
-        result.refused = f"path.check of the finishing pass: {gate.reason}"
-        return
-    done = _milled(rough, finishing, cell, errors, finishing=True)
-    clock.lap("milling")
-    compare(result, whole, milled_truth(done), correction, first)
+        return {"refused": f"path.check of the finishing pass: {gate.reason}"}
+    done = milled_truth(_milled(rough, finishing, cell, errors, finishing=True))
+    clock.lap("loop")
+    return {"seconds": clock.laps} | compare(whole, done, correction, first)
 
 
 def _milled(part: Workpiece, path: Toolpath, cell: Cell, errors: Errors, *, finishing: bool = False) -> Workpiece:
@@ -188,14 +153,8 @@ def _predicted(part: Workpiece, path: Toolpath, seed: int) -> PathDeflection:
     return PathDeflection({index: wrong * moved for index, moved in found.by_layer_mm.items()})
 
 
-def compare(
-    result: MeasuredResult,
-    blind: Truth,
-    done: Truth | None,
-    correction: PathCorrection,
-    first: Toolpath,
-) -> None:
-    """Truth of both parts at places where the pass cuts."""
+def compare(blind: Truth, done: Truth | None, correction: PathCorrection, first: Toolpath) -> Row:
+    """Truth of both parts at places where the pass cuts, beside what the correction says."""
     assert first.finishing is not None
     final = first.finishing.layers[-1]
     s = correction.arc_length_mm
@@ -212,11 +171,7 @@ def compare(
     }
     if done is not None:
         columns |= {"root_mm": done.root_mm_at(at), "bevel_deg": done.bevel_deg_at(at)}
-    result.places = _rounded(columns)
-
-
-def _rounded(columns: dict[str, Float]) -> dict[str, Numbers]:
-    return {name: numbers(np.round(column, 6)) for name, column in columns.items()}
+    return {name: numbers(column) for name, column in columns.items()}
 
 
 MM = 1000.0
@@ -244,3 +199,111 @@ def _at_posture() -> Float:
     cutter = (forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)[0]
     jacobian = cutter[:3, :3].T @ jacobian_at(*joint_axes(cell.chain, joints), cutter[None, :3, 3])[0, :3]
     return np.asarray(jacobian @ np.diag(1.0 / np.array(TABLE_2_NM_PER_RAD)) @ jacobian.T / MM)
+
+
+ROOT_P95_MM, LOUD_P95_MM, BEVEL_P95_DEG = 0.05, 0.10, 0.1
+LOUD_MM = 0.05  # of noise that does not repeat, from which the wider goal holds
+ROOT_MM, BEVEL_DEG = Requirements().root_nominal_mm, Requirements().bevel_nominal_deg
+LEAST_MM = ROOT_MM + Requirements().root_tolerance_mm[0]
+SINE = math.sin(BEVEL_DEG * DEG)
+
+
+def off(c: Condition, name: str) -> Float:
+    """|error| of all places of the finished parts: median, 95th percentile, worst."""
+    errors = np.abs(c.values(name) - (ROOT_MM if name.startswith("root") else BEVEL_DEG))
+    known = errors[np.isfinite(errors)]
+    return np.asarray(np.percentile(known, (50, 95, 100)) if len(known) else np.full(3, np.nan))
+
+
+def goal_mm(c: Condition) -> float:
+    return LOUD_P95_MM if CELLS[c.name].noise_mm >= LOUD_MM else ROOT_P95_MM
+
+
+def predicted(c: Condition) -> Cover:
+    """Finished root beside what correction and repeatability say, along b, mm."""
+    noise = CELLS[c.name].noise_mm
+    return cover(
+        ((_column(row, "root_mm") - ROOT_MM) * SINE, np.hypot(_column(row, "correction_u_mm"), noise)) for row in c.good
+    )
+
+
+def predicted_turn(c: Condition) -> Cover:
+    """Finished bevel angle beside what the correction says, deg."""
+    return cover((_column(row, "bevel_deg") - BEVEL_DEG, _column(row, "correction_u_deg")) for row in c.good)
+
+
+def too_deep(c: Condition) -> list[int]:
+    """Seeds of parts below the root's tolerance that a blind run would have left in it."""
+    return [row["seed"] for row in c.good if _least(row, "root_mm") < LEAST_MM <= _least(row, "root_blind_mm")]
+
+
+def blind_too_deep(c: Condition) -> int:
+    """Parts below the tolerance when milled blindly."""
+    return sum(_least(row, "root_blind_mm") < LEAST_MM for row in (*c.good, *c.having("beyond")))
+
+
+def _column(row: Row, name: str) -> Float:
+    return np.array(row.get(name, []), dtype=float)
+
+
+def _least(row: Row, name: str) -> float:
+    values = _column(row, name)
+    return float(np.nanmin(values)) if np.isfinite(values).any() else math.inf
+
+
+def goals(c: Condition) -> Iterator[tuple[bool, str]]:
+    yield not off(c, "root_mm")[1] <= goal_mm(c), "root"
+    yield not off(c, "bevel_deg")[1] <= BEVEL_P95_DEG, "bevel"
+    yield bool(too_deep(c)), f"{len(too_deep(c))} cut too deep"
+    yield predicted(c).surely_not_covered, "finished root within 2u of the correction"
+    yield predicted_turn(c).surely_not_covered, "finished bevel within 2u of the correction"
+
+
+def _covered(found: Cover) -> str:
+    bold = "**" * found.surely_not_covered
+    return f"{bold}{100 * found.share:.1f}{bold} ({100 * found.low:.1f} to {100 * found.high:.1f})"
+
+
+def _sizes(found: Cover) -> str:
+    return f"{found.bias:+.3f}, {found.rms:.3f}, {found.mean_u:.3f}"
+
+
+STUDY = Study(
+    conditions=tuple(CELLS),
+    parts=100,
+    page="planning_metrology.md",
+    measure=measure,
+    goals=goals,
+    tables=(
+        (
+            "Blind and corrected: all places of the finished parts; median, 95th percentile, worst",
+            (
+                NAME,
+                PARTS,
+                ("finished", lambda c: len(c.good)),
+                ("beyond the allowance", lambda c: len(c.having("beyond"))),
+                REFUSED,
+                ("blind, abs(root - 1.5), mm", lambda c: spread(off(c, "root_blind_mm"), 3)),
+                ("corrected, abs(root - 1.5), mm", lambda c: spread(off(c, "root_mm"), 3)),
+                ("goal (95 %)", lambda c: f"{goal_mm(c):g}"),
+                ("the robot alone (95 %)", lambda c: f"{1.96 * CELLS[c.name].noise_mm / SINE:.3f}"),
+                ("blind, abs(bevel - 40), deg", lambda c: spread(off(c, "bevel_blind_deg"), 3)),
+                (f"corrected, abs(bevel - 40), deg (goal {BEVEL_P95_DEG:g})", lambda c: spread(off(c, "bevel_deg"), 3)),
+                ("too deep: blind, corrected", lambda c: f"{blind_too_deep(c)}, {len(too_deep(c))}"),
+                ("s a part", lambda c: f"{c.seconds():.1f}"),
+            ),
+            None,
+        ),
+        (
+            "Uncertainties of the correction",
+            (
+                NAME,
+                ("finished, along b: within 2u, % (95 % interval)", lambda c: _covered(predicted(c))),
+                ("mean and RMS error, mean u, mm", lambda c: _sizes(predicted(c))),
+                ("finished, bevel: within 2u, % (95 % interval)", lambda c: _covered(predicted_turn(c))),
+                ("mean and RMS error, mean u, deg", lambda c: _sizes(predicted_turn(c))),
+            ),
+            None,
+        ),
+    ),
+)

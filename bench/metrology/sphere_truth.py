@@ -5,7 +5,9 @@ Written apart from the calibration itself: derivatives are differences of the pr
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +33,10 @@ class Cell:
     pitch_mm: float
     pose_mm: float
     pose_deg: float
+
+    def only(self, which: Any) -> Cell:
+        """Some of the postures."""
+        return dataclasses.replace(self, turned=self.turned[which], centre=self.centre[which])
 
     def field(self) -> Float:
         """Gauss points (4, 3) of the field of view about the sphere centres: their mean square is that of the field."""
@@ -84,17 +90,21 @@ def cell_of(recipe: SphereRecipe, truth: SphereTruth | None = None) -> Cell:
 def circles(cell: Cell, rng: np.random.Generator) -> tuple[Float, Float]:
     """Circles (k, 3) = x_c, z_c, w with the noise that the points' noise makes, and its covariance (k, 3, 3)."""
     w = cell.radius_mm**2 - cell.centre[:, 1] ** 2
-    covariance = np.array([_circle_covariance(one, cell) for one in w])
+    covariance = circle_covariance(w, cell.noise_mm, cell.pitch_mm)
     noise = np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), rng.normal(size=(len(w), 3)))
     return np.stack([cell.centre[:, 0], cell.centre[:, 2], w], axis=1) + noise, covariance
 
 
-def _circle_covariance(w: float, cell: Cell) -> Float:
-    r = np.sqrt(w)
-    dx = np.arange(-STEEP * r, STEEP * r, cell.pitch_mm)
-    q = np.sqrt(w - dx**2)
-    J = np.column_stack([-dx / q, np.ones_like(dx), -1 / (2 * q)])
-    return np.asarray(np.linalg.inv(J.T @ J) * cell.noise_mm**2)
+def circle_covariance(w: Float, noise_mm: float, pitch_mm: float) -> Float:
+    """Covariance (k, 3, 3) of x_c, z_c, w of arcs of squared radius w (k,), of the noise of their points along z."""
+    found = []
+    for one in w:
+        r = np.sqrt(one)
+        dx = np.arange(-STEEP * r, STEEP * r, pitch_mm)
+        q = np.sqrt(one - dx**2)
+        J = np.column_stack([-dx / q, np.ones_like(dx), -1 / (2 * q)])
+        found.append(np.linalg.inv(J.T @ J) * noise_mm**2)
+    return np.array(found)
 
 
 def bound(cell: Cell, covariance: Float, radius_u_mm: float) -> Float:

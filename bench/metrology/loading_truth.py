@@ -8,10 +8,10 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
+from bench.harness import ROOT
 from workbench.plugins.stiffness import plan_loads
 from workbench.plugins.stiffness.simulate_loads import simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
@@ -19,7 +19,7 @@ from workbench.robot import Cell, abb_angles, read_cell
 from workbench.robot.cell import LoadingSetup
 from workbench.units import Float
 
-CELL = Path(__file__).parents[3] / "data" / "robot" / "cell.json"
+CELL = ROOT / "data" / "robot" / "cell.json"
 K = np.array(TABLE_2_NM_PER_RAD)
 FORCE_N, LEVER_MM, TARGETS = 200.0, 100.0, 4
 STEP, STEP_N = 1e-3, 1.0  # of differences: relative, of a stiffness; N and Nm, of a wrench

@@ -1,1 +1,0 @@
-"""Hand-eye calibration on simulated spheres, against the true pose and the Cramer-Rao bound."""

@@ -1,1 +1,0 @@
-"""Milling paths planned from simulated raw edges, against the bevel that the true edge implies."""

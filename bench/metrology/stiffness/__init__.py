@@ -1,1 +1,0 @@
-"""Joint stiffness from simulated loading tests, against the truth and the Cramer-Rao bound."""

@@ -1,0 +1,146 @@
+"""Every study's goals: of parts as they should be nothing falls short; what does is told by its goal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.metrology import measured_loop
+from bench.metrology.__main__ import STUDIES
+from bench.metrology.study import Condition, Row, cover
+
+Values = dict[str, Any]
+
+
+def calibration(seed: int) -> Row:
+    return {"vol_mm": 0.1, "bound_mm": 0.1, "u_mm": 0.1, "nees": 20.0 if seed % 20 == 0 else 6.0, "seconds": {}}
+
+
+def stiffness(seed: int) -> Row:
+    sizes = {"error": [0.02 * (-1) ** seed] * 6, "bound": [0.02] * 6, "stated": [0.02] * 6}
+    nees = 20.0 if seed % 20 == 0 else 6.0
+    return sizes | {"nees": nees, "loads": [40, 6], "rejected_loads": 0, "seconds": {"identify": 0.01}}
+
+
+def planning(seed: int) -> Row:
+    values = {"distance_mm": 0.01, "axis_deg": 0.02, "spacing": 0.01, "lost": 0.0, "reachable_lost": 0.0}
+    return values | {"seen_share": 1.0, "blind": 0, "invented": 0, "wrong_side": False, "seconds": {"plan": 1.0}}
+
+
+def measured(seed: int) -> Row:
+    places = {"root_mm": 1.51, "root_blind_mm": 1.9, "bevel_deg": 40.02, "bevel_blind_deg": 40.12}
+    places |= {"correction_u_mm": 0.01, "correction_u_deg": 0.02}
+    return {name: [value] * 20 for name, value in places.items()} | {"seconds": {"milling": 2.0}}
+
+
+def instruments(seed: int) -> Row:
+    return {"z": [0.5, -1.5], "covered": seed % 20 != 0, "over_bound": [1.0, -0.9], "stated": [1.0, 1.0]}
+
+
+CASES: dict[str, tuple[str, Callable[[int], Row], list[tuple[Values, str]]]] = {
+    "calibration": (
+        "sphere_nine",
+        calibration,
+        [({"vol_mm": 0.2}, "error over its bound"), ({"nees": 20.0}, "coverage of the ellipsoid")],
+    ),
+    "instruments": ("arm_sphere", instruments, [({"over_bound": [1.0, 2.0]}, "errors over their bound")]),
+    "stiffness": (
+        "planned",
+        stiffness,
+        [({"error": [0.04] * 6}, "errors over their bound"), ({"nees": 24.0}, "coverage of the ellipsoid")],
+    ),
+    "planning": (
+        "raw_rough",
+        planning,
+        [
+            ({"distance_mm": 0.061}, "distance"),
+            ({"axis_deg": 0.16}, "axis"),
+            ({"spacing": 0.06}, "spacing"),
+            ({"reachable_lost": 0.02}, "coverage of the edge"),
+            ({"wrong_side": True}, "wrong side"),
+            ({"blind": 1}, "invented edge"),
+        ],
+    ),
+    "measured_loop": (
+        "repeating",
+        measured,
+        [
+            ({"root_mm": [1.56] * 20}, "root"),
+            ({"bevel_deg": [40.2] * 20}, "bevel"),
+            ({"root_mm": [0.9] * 20, "root_blind_mm": [1.2] * 20}, "12 cut too deep"),
+            ({"correction_u_mm": [0.001] * 20}, "finished root within 2u of the correction"),
+            ({"bevel_deg": [40.06] * 20}, "finished bevel within 2u of the correction"),
+        ],
+    ),
+}
+
+
+def rows(name: str, count: int, **changed: Any) -> list[Row]:
+    condition, made, _ = CASES[name]
+    return [{"condition": condition, "seed": seed} | made(seed) | changed for seed in range(count)]
+
+
+def judged(name: str, found: list[Row]) -> tuple[list[str], str]:
+    """What falls short, and the text."""
+    every = [Condition(CASES[name][0], found)]
+    return STUDIES[name].short(every), STUDIES[name].text(every, "typed")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_parts_as_they_should_be_fall_short_of_nothing(name: str) -> None:
+    short, text = judged(name, rows(name, 4))  # of many, a share of 1 would be too large
+    assert short == []
+    assert text.startswith("typed")
+    assert text.endswith("Not met: nothing.")
+
+
+@pytest.mark.parametrize(
+    ("name", "changed", "words"), [(name, *case) for name, (_, _, cases) in CASES.items() for case in cases]
+)
+def test_what_falls_short_is_told_by_its_goal(name: str, changed: Values, words: str) -> None:
+    short, text = judged(name, rows(name, 12, **changed))
+    assert f"{CASES[name][0]}: {words}" in short
+    assert "Not met: nothing." not in text
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_refusals_and_crashes_are_told_with_the_first(name: str) -> None:
+    lost = [{"condition": CASES[name][0], "seed": 41, "refused": "no edge in view", "seen_share": 0.2}]
+    lost += [{"condition": CASES[name][0], "seed": 42, "crashed": "KeyError"}]
+    short, text = judged(name, [*rows(name, 12), *lost])
+    assert "1 refused, the first (seed 41): no edge in view" in text
+    assert "1 crashed, the first (seed 42): KeyError" in text
+    assert f"{CASES[name][0]}: 1 crashed" in short
+    assert judged(name, lost)[0]  # nothing was measured, and that is told
+
+
+def test_the_worst_part_decides_a_plan() -> None:
+    assert judged("planning", [*rows("planning", 12), *rows("planning", 1, axis_deg=0.16)])[0] == ["raw_rough: axis"]
+
+
+def test_what_lies_beyond_the_allowance_is_counted_apart() -> None:
+    beyond = {"condition": "repeating", "seed": 9, "beyond": "too deep", "root_blind_mm": [0.6, 0.7]}
+    found = Condition("repeating", [*rows("measured_loop", 4), beyond])
+    assert (len(found.good), len(found.having("beyond"))) == (4, 1)
+    assert measured_loop.blind_too_deep(found) == 1
+    assert measured_loop.off(found, "root_mm") == pytest.approx([0.01] * 3)
+    assert measured_loop.off(found, "root_blind_mm") == pytest.approx([0.4] * 3)
+
+
+def test_cover_of_known_values() -> None:
+    found = cover([([0.01, -0.03, None], [0.01, 0.01, 0.01]), ([0.01], 0.01)])
+    assert found.share == pytest.approx(2 / 3)
+    assert found.bias == pytest.approx(-0.01 / 3)
+    assert found.mean_u == pytest.approx(0.01)
+
+
+def test_interval_of_the_coverage_counts_parts_not_places() -> None:
+    """Parts that are wholly in or wholly out: nine places a part are worth one."""
+    rng = np.random.default_rng(0)
+    inside = rng.random(200) < 0.95
+    found = cover(([0.0 if one else 5.0] * 9, 1.0) for one in inside)
+    share = np.mean(inside)
+    assert found.high - found.low == pytest.approx(2 * 1.96 * np.sqrt(share * (1 - share) / 200), rel=0.15)

@@ -196,22 +196,6 @@ def test_an_end_that_is_not_known_is_passed_in_the_air(raw: Callable[..., Raw], 
     assert "not measured" in path.refused[0]
 
 
-def test_travels_go_round_a_convex_arc(raw: Callable[..., Raw]) -> None:
-    scan = raw(
-        part={"length_mm": 224.0, "curve": {"shape": "arc", "radius_mm": 150, "sense": "convex"}},
-        robot={"frame_pitch_mm": 1.0},
-        passes=[{"from_mm": 2.0, "to_mm": 222.0, "motion": "stream", "follow": "edge"}],
-    )
-    path = layers(scan.edge, scan.cloud)
-    assert len(path.travels) == len(path.layers) + 1
-    plate = scan.truth.position_mm + 8 * scan.truth.across - 3 * scan.truth.normal
-    for travel in path.travels[1:-1]:
-        share = np.linspace(0, 1, 20)[:, None, None]
-        dense = (travel.position_mm[:-1] + share * np.diff(travel.position_mm, axis=0)).reshape(-1, 3)
-        near = np.linalg.norm(dense[:, None] - plate, axis=2).min()
-        assert near > 5
-
-
 def rounded_edge(radius_mm: float) -> RawEdge:
     """A concave quarter of a circle by formula, 8 mm thick: the air lies within the circle."""
     s = np.linspace(0, radius_mm * math.pi / 2, round(radius_mm * math.pi / 2) + 1)

@@ -110,13 +110,6 @@ def test_one_line_says_what_is_wrong(
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("content", [b"", b"[1]", b"{", b"\xff\xfe", b'{"format": NaN}', b"[" * 100000])
-def test_no_json_no_path(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "path.json").write_bytes(content)
-    with pytest.raises(InputError, match=r"path\.json"):
-        read(toolpath=tmp_path / "path.json")
-
-
 def test_a_path_that_never_cuts_is_refused(tmp_path: Path, document: dict[str, Any]) -> None:
     for layer in document["layers"]:
         for point in layer["points"]:

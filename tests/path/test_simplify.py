@@ -95,18 +95,6 @@ def test_the_feed_of_a_move_is_its_slowest_points() -> None:
     assert sum(simplify(path, feed_tolerance=5).cutting) == 1
 
 
-def test_feeds_in_the_air_have_a_tolerance_of_their_own() -> None:
-    path = mill_path(Shape(layers=1))
-    layer = path.layers[0]
-    feed = np.where(layer.cutting, 1.0, 1.0 + np.abs(layer.arc_length_mm - 300) - 290)  # 11 mm/s and more in the leads
-    path = replace(path, layers=(replace(layer, feed_mm_s=feed),))
-    assert (
-        sum(simplify(path, air_feed_tolerance=0).layer == 1) == 9 + 1 + 10
-    )  # the first point is where the travel ended
-    assert sum(simplify(path, air_feed_tolerance=1).layer == 1) == 1 + 2
-    assert sum(simplify(path, feed_tolerance=0).layer == 1) == 1 + 2
-
-
 def test_arcs_keep_to_what_controllers_can_do() -> None:
     """On a course of 330 deg: none turns by more than 170 deg, the via lies in the middle."""
     path = mill_path(Shape(bend=1 / 50, length_mm=288, wave_mm=0.02, wave_length_mm=60))

@@ -13,7 +13,6 @@ from workbench.api import inverse
 from workbench.artefacts import Moves, Part, ProgramMoves
 from workbench.dialect import program_files
 from workbench.errors import InputError, PipelineError
-from workbench.path import simplify
 from workbench.program import write
 from workbench.program.rapid import Rapid, read_rapid
 from workbench.program.write import program_job
@@ -90,18 +89,6 @@ def test_configurations_are_monitored_those_on_arcs_too(moves: Moves, irb6700: C
         near += 360 * np.round((there - near) / 360)
         q = near[np.nanargmin(np.abs(near - there).max(axis=1))]
         assert [int(one) for one in said[str(i + 1)].split(",")[:3]] == np.floor(q[[0, 3, 5]] / 90).tolist()
-
-
-def test_every_target_is_reached_at_the_ends_and_blended_between(moves: Moves) -> None:
-    straight = simplify(moves.toolpath, moves.postures, arcs=False)
-    zones = [move.zone_mm for move in read_rapid(text(straight, zone_mm=0.5)).moves[1:]]
-    assert zones[0] == zones[-1] == 0
-    cuts = straight.cutting
-    same = [i for i in range(1, len(zones) - 1) if cuts[i - 1] and cuts[i] and cuts[i + 1]]
-    assert len(same) > 10
-    assert {zones[i] for i in same} == {0.5}  # where it cuts; sharp corners in the air are driven to their point
-    assert set(zones) == {0.0, 0.5}
-    assert {move.zone_mm for move in read_rapid(text(moves, zone_mm=0)).moves} == {0}
 
 
 @pytest.mark.parametrize(

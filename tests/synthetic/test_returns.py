@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import parse_recipe
-from workbench.synthetic.scan import disturb, intensities
+from workbench.synthetic.scan import disturb
 
 SHAPE = (200, 500)
 STEEP = np.full(SHAPE, 0.25)
@@ -22,10 +22,6 @@ def disturbed(cosines=FLAT, ranges=None, noise=None, scanner=None, seed=1, **dis
         }
     )
     return disturb(recipe, np.full(SHAPE, 150.0) if ranges is None else ranges, cosines, np.random.default_rng(seed))
-
-
-def test_nothing_asked_for_changes_nothing():
-    assert np.array_equal(disturbed(), np.full(SHAPE, 150.0))
 
 
 @pytest.mark.parametrize(
@@ -68,17 +64,3 @@ def test_mixed_pixels_lie_between_the_two_sides_of_a_jump():
     assert set(np.nonzero(changed)[1]) == {249, 250}
     assert changed.any(axis=1).mean() == pytest.approx(0.5, abs=0.1)
     assert np.all((mixed[changed] > 150) & (mixed[changed] < 160))
-
-
-def test_quantisation():
-    quantised = disturbed(noise={"sd_mm": 0.012}, scanner={"quantum_mm": 0.005})
-    assert np.abs(quantised / 0.005 - np.round(quantised / 0.005)).max() < 1e-6
-
-
-def test_intensity_follows_incidence_and_is_zero_without_a_return():
-    ranges = np.full(SHAPE, 150.0)
-    ranges[0] = np.nan
-    grey = intensities(ranges, STEEP, np.random.default_rng(0))
-    assert grey.dtype == np.uint16
-    assert not grey[0].any()
-    assert grey[1:].mean() == pytest.approx(7500, rel=0.02)

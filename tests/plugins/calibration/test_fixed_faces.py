@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,6 @@ from bench.metrology import instruments
 from tests.plugins.calibration import conftest as spheres
 from workbench.api import InputError, pose_from
 from workbench.plugins.calibration import circles, hand_eye, hand_eye_faces
-from workbench.plugins.calibration.model import View, volume_u
-
-REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
-FIELD = View((0.0, 95.0), (16.0, 20.0))
 
 
 @pytest.mark.parametrize("target", ["edge", "plane"])
@@ -81,44 +76,3 @@ def test_a_wrong_posture_is_left_out_and_named() -> None:
     eye, document, _ = hand_eye_faces(replace(made, robot_position_mm=position))
     assert [one["frame"] for one in json.loads(document.content)["frames_rejected"]] == [5]
     assert faces.squared(eye) < 22.5
-
-
-def test_more_postures_tell_more() -> None:
-    few, many = (hand_eye_faces(faces.still(np.random.default_rng(7), k))[0] for k in (10, 30))
-    assert few.covariance is not None
-    assert many.covariance is not None
-    turn = few.flange_from_profiler[:3, :3]
-    assert volume_u(many.covariance, turn, FIELD) < volume_u(few.covariance, turn, FIELD)
-
-
-def test_a_simulation_by_others() -> None:
-    """LVS_ST_CALIB: poses as logarithms, points of two lines; true are (10, 20, 30) mm, no turn, 12 ms (frame 0)."""
-    folder = REAL / "weld_line"
-    if not folder.is_dir():
-        pytest.skip("others' files are not here")
-    poses, seen = np.loadtxt(folder / "egm.txt"), np.loadtxt(folder / "cam.txt")[::50]
-    turn, along = poses[:, 1:4], poses[:, 4:]
-    angle = np.maximum(np.linalg.norm(turn, axis=1)[:, None], 1e-9)
-    once = np.cross(turn, along)
-    place = along + (1 - np.cos(angle)) / angle**2 * once
-    place = place + (angle - np.sin(angle)) / angle**3 * np.cross(turn, once)
-    made = faces.recorded(
-        np.random.default_rng(0),
-        np.tile(np.eye(4), (len(poses), 1, 1)),
-        [(row[[2, 5]], row[[3, 6]]) for row in seen],
-        time_s=seen[:, 0] / 1e3,
-        pass_index=np.zeros(len(seen), int),
-        robot_time_s=poses[:, 0] / 1e3,
-        robot_position_mm=place,
-        robot_quaternion_wxyz=Rotation.from_rotvec(turn).as_quat(scalar_first=True),
-        robot_pass=np.zeros(len(poses), int),
-        clock="own",
-    )
-    eye, document, _ = hand_eye_faces(made, target="points", profile_noise_mm=0.03)
-    truth = np.array([[0, -1, 0, 10.0], [1, 0, 0, 20.0], [0, 0, 1, 30.0], [0, 0, 0, 1]])
-    assert eye.covariance is not None
-    off = Rotation.from_matrix(truth[:3, :3] @ eye.flange_from_profiler[:3, :3].T).as_rotvec()
-    error = np.concatenate([truth[:3, 3] - eye.flange_from_profiler[:3, 3], off])
-    assert error @ np.linalg.solve(eye.covariance, error) < 22.5
-    said = json.loads(document.content)
-    assert abs(said["time_offset_s"] - 0.012) < 3 * said["time_offset_u_s"]

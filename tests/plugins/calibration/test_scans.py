@@ -91,15 +91,6 @@ def test_scans_that_move_alike_do_not_tell_the_offset() -> None:
         calibrated(alike)
 
 
-def test_scans_in_one_orientation_do_not_tell_the_translation() -> None:
-    rng = np.random.default_rng(1)
-    scans = scans_over(rng, 6)
-    for scan in scans:
-        scan.turn = scans[0].turn
-    with pytest.raises(InputError, match=r"the translation along .* nearly the same orientation"):
-        calibrated(scan_recording(rng, scans, own=False, frames=30))
-
-
 def test_times_that_no_offset_explains() -> None:
     rng = np.random.default_rng(1)
     rec = scan_recording(rng, scans_over(rng, 3), frames=20)

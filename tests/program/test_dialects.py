@@ -15,20 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Moves, PathGate, ProgramMoves
-from workbench.dialect import ProgramJob, program_files
+from workbench.artefacts import Moves, PathGate
 from workbench.errors import InputError
 from workbench.program import trajectory, write
-from workbench.program.fanuc import Fanuc
-from workbench.program.inform import Arm, Inform, inform_configuration
-from workbench.program.krl import Krl
-from workbench.program.rapid import Rapid
-from workbench.program.trajectory import Trajectory
-from workbench.program.urscript import UrScript
-from workbench.program.write import program_job
+from workbench.program.inform import Arm, inform_configuration
 from workbench.robot import Cell, forward_kinematics
 
 from .conftest import passed, rejected
+from .languages import back, dialect_of, files, job_of
 from .paths import Shape
 from .postured import ROBOTS, cell_of, postured
 
@@ -36,11 +30,6 @@ CASES = [("kuka", "kr210"), ("fanuc", "m20ia"), ("ur", "irb6700"), ("trajectory"
 CASES += [("yaskawa", "gp25"), ("kuka", "irb6700"), ("ur", "ur10e"), ("abb", "irb6700")]
 
 
-def rapid(job: ProgramJob, cell: Cell) -> Rapid:
-    return Rapid(job, cell, "MillBevel", "tMill", "woEdge")
-
-
-DIALECTS = {"abb": rapid, "kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "yaskawa": Inform, "trajectory": Trajectory}
 TOOLS = {"gp25": "TOOL[3]"}  # a job for Yaskawa names the controller's
 BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(34, 44))
 
@@ -48,7 +37,8 @@ BEND = Shape(bend=1 / 300, length_mm=60, lifted_mm=(34, 44))
 @pytest.fixture(scope="session")
 def cells(tmp_path_factory) -> dict[str, Cell]:
     folder = tmp_path_factory.mktemp("cells")
-    return {robot: cell_of(robot, folder, TOOLS.get(robot)) for robot in ROBOTS}
+    load = {"tool_mass_kg": 15.0, "tool_centre_of_gravity_mm": np.array([1.0, 2, 150])}
+    return {robot: replace(cell_of(robot, folder, TOOLS.get(robot)), **load) for robot in ROBOTS}
 
 
 @pytest.fixture(scope="session")
@@ -61,21 +51,6 @@ def off_way(chain: np.ndarray, point: np.ndarray) -> float:
     way = np.diff(chain, axis=0)
     share = np.clip(((point - chain[:-1]) * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-30), 0, 1)
     return float(np.linalg.norm(chain[:-1] + share[:, None] * way - point, axis=1).min())
-
-
-def job_of(moves: Moves, cell: Cell, zone_mm: float = 0.3) -> ProgramJob:
-    stated = replace(cell, tool_mass_kg=15.0, tool_centre_of_gravity_mm=np.array([1.0, 2, 150]))
-    return program_job("BevelPath", moves, stated, zone_mm, 0.05)
-
-
-def files(moves: Moves, cell: Cell, controller: str, zone_mm: float = 0.3) -> dict[str, str]:
-    """The program as it is written, before it is judged."""
-    dialect = DIALECTS[controller](job_of(moves, cell, zone_mm), cell)
-    return dict(program_files(dialect, replace(passed(moves.toolpath), reached=True)))
-
-
-def back(moves: Moves, cell: Cell, controller: str, written: dict[str, str]) -> ProgramMoves:
-    return DIALECTS[controller](job_of(moves, cell), cell).read(written)
 
 
 def off(pose: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple[float, float]:
@@ -172,7 +147,7 @@ def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: st
 @pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] not in ("ur", "trajectory")])
 def test_configurations_are_those_of_the_postures(made, cells, controller: str, robot: str) -> None:
     moves, cell = made[robot], cells[robot]
-    dialect = DIALECTS[controller](job_of(moves, cell), cell)
+    dialect = dialect_of(moves, cell, controller)
     program = dialect.read(files(moves, cell, controller))
     for i, move in enumerate(program.moves[1 - len(moves.layer) :], 1):
         assert move.configuration == dialect.configuration(moves.postures.joints[moves.point[i]], cell)
@@ -181,7 +156,7 @@ def test_configurations_are_those_of_the_postures(made, cells, controller: str, 
 def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
     """Home of a KUKA is S 2; A5 below zero sets bit 2; T has the signs (real data lists have S 2,T 35 and S 6,T 27)."""
     cell = cells["kr210"]
-    dialect = Krl(job_of(postured(cell, "kr210", Shape(length_mm=10)), cell), cell)
+    dialect = dialect_of(postured(cell, "kr210", Shape(length_mm=10)), cell, "kuka")
     home = np.radians([0, -90, 90, 0, 10, 0])
     assert dialect.configuration(home, cell) == (2, 2)
     assert dialect.configuration(np.radians([-5, -90, 90, 5, 10, -5]), cell) == (2, 35)
@@ -192,7 +167,7 @@ def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
 
 def test_fanuc_says_the_configuration_and_the_level_joint(cells) -> None:
     cell = cells["m20ia"]
-    dialect = Fanuc(job_of(postured(cell, "m20ia", Shape(length_mm=10)), cell), cell)
+    dialect = dialect_of(postured(cell, "m20ia", Shape(length_mm=10)), cell, "fanuc")
     assert dialect.configuration(np.radians([0, 0, 0, 0, -90, 0]), cell) == (0, 0, 0, 0, 0, 0)  # N U T, 0, 0, 0
     assert dialect.configuration(np.radians([0, 0, 0, 0, 90, 200]), cell) == (1, 0, 0, 0, 0, 1)
     assert dialect.configuration(np.radians([0, 20, -150, 0, -90, -200]), cell)[1] == 1
@@ -254,7 +229,7 @@ def test_the_controllers_own_tool_and_frame(tmp_path: Path, controller: str, rob
     cell = cell_of(robot, tmp_path, tool, place, dialect=controller, corner_region=True)
     moves = postured(cell, robot, Shape(length_mm=30))
     written = files(moves, cell, controller, zone_mm=2.5)
-    program = DIALECTS[controller](job_of(moves, cell), cell).read(written)
+    program = back(moves, cell, controller, written)
     assert (program.moves[0].tool, program.moves[0].work_object) == (tool, place)
     assert program.tools[tool].flange_from_tool is None
     assert program.work_objects[place] is None

@@ -15,19 +15,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Chapter, Gate, Moves, PathGate, Toolpath
-from workbench.dialect import plain, program_files
+from workbench.dialect import plain
 from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
 from workbench.pipeline.results import result_files
 from workbench.program import csv, write
-from workbench.program.rapid import Rapid, read_rapid
-from workbench.program.write import program_job
 from workbench.report import html
 from workbench.robot import Cell
 from workbench.robot import Shape as Shape_
 from workbench.robot.cell_file import HomePart, ProcessPart, SpindleCurvePart
 
 from .conftest import passed, rejected
+from .languages import from_text, text
 from .paths import Shape, mill_path, run_move
 
 WRITERS: list[Callable[..., Any]] = [write, partial(write, controller="kuka")]
@@ -82,18 +81,12 @@ def test_moves_may_not_leave_the_path_farther_than_it_was_checked_for(
         write(simplify(path, **loose), passed(path, reached=False))
 
 
-def program(moves: Moves, gate: PathGate, cell: Cell, zone_mm: float = 0.3) -> str:
-    job = program_job("BevelPath", moves, cell, zone_mm, 0.05)
-    (content,) = program_files(Rapid(job, cell, "MillBevel", "tMill", "woEdge"), gate).values()
-    return content
-
-
 def test_what_was_not_checked_stands_in_the_program(moves: Moves, irb6700: Cell) -> None:
     path = moves.toolpath
     gate = replace(
         passed(path), loosened=("the rule\nENDPROC is\r; 2 mm " * 6, "NOT CHECKED: load"), unchecked=("the plate!",)
     )
-    lines = program(moves, gate, irb6700).splitlines()
+    lines = text(moves, irb6700, gate=gate).splitlines()
     said = [line.strip() for line in lines if "CHECK LOOSENED" in line or "NOT CHECKED" in line]
     assert said[0].startswith("! CHECK LOOSENED: the rule?ENDPROC is?, 2 mm")
     assert "! NOT CHECKED: load" in said
@@ -137,8 +130,8 @@ def test_the_first_page_says_what_was_not_checked(moves: Moves, irb6700: Cell) -
     page = first_page(made)
     assert '<div class="verdict undecided">' in page
     listed = unescape(page.partition("NOT CHECKED:</p>")[2])
-    for text in (*gate.loosened, *gate.unchecked):
-        assert f"<li>{text.removeprefix('NOT CHECKED: ')}</li>" in listed
+    for said in (*gate.loosened, *gate.unchecked):
+        assert f"<li>{said.removeprefix('NOT CHECKED: ')}</li>" in listed
     assert chapter.summary == f"BevelPath.mod (abb): released with {listed.count('<li>')} items NOT CHECKED"
 
 
@@ -374,7 +367,7 @@ def test_blending_does_not_leave_the_path_farther_than_it_was_checked_for(moves:
     """Wide zones would cut corners; sharp ones are driven to their point, and all others stay near it."""
     path = moves.toolpath
     straight = simplify(path, moves.postures, arcs=False, chord_tolerance_mm=0.001, angle_tolerance_deg=0.01)
-    moves = read_rapid(program(straight, passed(path), irb6700, 5)).moves[1:]
+    moves = from_text(text(straight, irb6700, 5), straight, irb6700).moves[1:]
     at = np.array([move.pose[:3, 3] for move in moves])
     blended = [i for i in range(1, len(moves) - 1) if moves[i].zone_mm > 0]
     sharp = [i for i in range(1, len(moves) - 1) if not moves[i].zone_mm]

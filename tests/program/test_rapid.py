@@ -11,34 +11,14 @@ from hypothesis import strategies as st
 
 from workbench.api import inverse
 from workbench.artefacts import Moves, Part, ProgramMoves
-from workbench.dialect import program_files
 from workbench.errors import InputError, PipelineError
 from workbench.program import write
-from workbench.program.rapid import Rapid, read_rapid
-from workbench.program.write import program_job
 from workbench.robot import Cell, inverse_kinematics
 
 from .conftest import passed
+from .languages import from_text, text
 from .paths import Shape, all_points, deviations, targets
 from .postured import postured
-
-NAMES = ("BevelPath", "MillBevel", "tMill", "woEdge")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _cell(irb6700: Cell) -> None:
-    CELLS["irb6700"] = irb6700
-
-
-CELLS: dict[str, Cell] = {}
-
-
-def text(moves: Moves, zone_mm: float = 0.3, cell: Cell | None = None, names: Any = NAMES) -> str:
-    """The program as it is written, before it is judged."""
-    here = cell or CELLS["irb6700"]
-    job = program_job(names[0], moves, here, zone_mm, 0.05)
-    (content,) = program_files(Rapid(job, here, *names[1:]), passed(moves.toolpath)).values()
-    return content
 
 
 def vias(program: ProgramMoves) -> Any:
@@ -48,7 +28,7 @@ def vias(program: ProgramMoves) -> Any:
 @pytest.mark.parametrize("shape", [Shape(), Shape(bend=1 / 300), Shape(bend=-1 / 1000, wave_mm=0.01)], ids=str)
 def test_a_controller_that_runs_it_passes_every_key_point(irb6700: Cell, shape: Shape) -> None:
     made = postured(irb6700, "irb6700", replace(shape, length_mm=300))
-    program = read_rapid(text(made))
+    program = from_text(text(made, irb6700), made, irb6700)
     points, quaternions, _ = all_points(made.toolpath)
     new = np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9)
     off_mm, off_deg = deviations(points[new], quaternions[new], *targets(program), vias(program)[1:])
@@ -60,8 +40,8 @@ def test_a_controller_that_runs_it_passes_every_key_point(irb6700: Cell, shape: 
 def test_a_tool_that_the_program_declares(moves: Moves, irb6700: Cell) -> None:
     """The flank of the cutter is the tool centre point: the path's own frame, with the load of the cell's file."""
     loaded = replace(irb6700, tool_mass_kg=18.5, tool_centre_of_gravity_mm=np.array([1.0, 2, 3]))
-    written = text(moves, cell=loaded, names=("Left", "Go", "tSpindle", "woPlate"))
-    program = read_rapid(written)
+    written = text(moves, loaded, names=("Left", "Go", "tSpindle", "woPlate"))
+    program = from_text(written, moves, loaded)
     data = program.tools["tSpindle"]
     assert data.flange_from_tool == pytest.approx(moves.flange_from_point, abs=1e-4)
     assert np.abs(data.flange_from_tool - moves.flange_from_point)[:3, :3].max() < 1e-7
@@ -69,15 +49,17 @@ def test_a_tool_that_the_program_declares(moves: Moves, irb6700: Cell) -> None:
     assert {(move.tool, move.work_object) for move in program.moves} == {("tSpindle", "woPlate")}
     assert written.startswith("MODULE Left\n")
     assert re.findall(r"PROC (\w+)\(", written) == ["Go"]
-    assert read_rapid(text(moves)).tools["tMill"].mass_kg == 0.001  # a load that nobody stated, as ABB's tool0
+    assert (
+        from_text(text(moves, irb6700), moves, irb6700).tools["tMill"].mass_kg == 0.001
+    )  # a load that nobody stated, as ABB's tool0
 
 
 def test_configurations_are_monitored_those_on_arcs_too(moves: Moves, irb6700: Cell) -> None:
     """A restart in another branch is stopped by the controller, so what a via point says must be the robot's there."""
-    written = text(moves)
+    written = text(moves, irb6700)
     assert "ConfL\\On;" in written
     assert "ConfL\\Off" not in written
-    program = read_rapid(written)
+    program = from_text(written, moves, irb6700)
     from_tool = inverse(program.tools["tMill"].flange_from_tool)
     said = dict(re.findall(r"robtarget via(\d+):=\[\[.*?\],\[.*?\],\[(.*?)\]", written))
     arcs = [i for i, move in enumerate(program.moves[1:]) if move.via is not None]
@@ -119,14 +101,14 @@ def test_configurations_are_monitored_those_on_arcs_too(moves: Moves, irb6700: C
     ],
 )
 @pytest.mark.parametrize("key", ["name", "procedure", "tool_name", "work_object_name"])
-def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, key: str, name: str) -> None:
+def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, irb6700: Cell, key: str, name: str) -> None:
     with pytest.raises(PipelineError, match=rf"program\.write\.{key}: expected a "):
-        write(moves, passed(moves.toolpath), CELLS["irb6700"], **{key: name})
+        write(moves, passed(moves.toolpath), irb6700, **{key: name})
 
 
-def test_names_differ(moves: Moves) -> None:
+def test_names_differ(moves: Moves, irb6700: Cell) -> None:
     with pytest.raises(InputError, match="expected four different names"):
-        write(moves, passed(moves.toolpath), CELLS["irb6700"], tool_name="mill", work_object_name="MILL")
+        write(moves, passed(moves.toolpath), irb6700, tool_name="mill", work_object_name="MILL")
 
 
 ATTACKS = [
@@ -145,19 +127,21 @@ ATTACKS = [
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(part_id=st.sampled_from(ATTACKS) | st.text(), source=st.sampled_from(ATTACKS) | st.text())
-def test_names_out_of_files_are_comments_and_nothing_else(moves: Moves, part_id: str, source: str) -> None:
-    plain = text(moves).splitlines()
+def test_names_out_of_files_are_comments_and_nothing_else(
+    moves: Moves, irb6700: Cell, part_id: str, source: str
+) -> None:
+    plain = text(moves, irb6700).splitlines()
     named = replace(moves, toolpath=replace(moves.toolpath, part=Part(part_id=part_id), source=source))
-    lines = text(named).splitlines()
+    lines = text(named, irb6700).splitlines()
     changed = [line for line, before in zip(lines, plain, strict=True) if line != before]
     assert len(changed) <= 2
     assert all(re.fullmatch(r"  ! (part|source): ?[A-Za-z0-9 _.,:+/()=?-]*", line) for line in changed)
     assert max(map(len, lines)) < 250
 
 
-def test_moves_that_no_controller_could_take_are_refused(moves: Moves) -> None:
+def test_moves_that_no_controller_could_take_are_refused(moves: Moves, irb6700: Cell) -> None:
     hole = moves.position_mm.copy()
     hole[3, 1] = np.nan
     for broken in (replace(moves, position_mm=hole), replace(moves, feed_mm_s=0 * moves.feed_mm_s)):
         with pytest.raises(InputError, match="expected moves with finite targets and feeds above 0"):
-            text(broken)
+            text(broken, irb6700)

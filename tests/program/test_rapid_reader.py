@@ -7,13 +7,11 @@ import pytest
 
 from tests.work import calls_of
 from workbench.artefacts import Moves
-from workbench.dialect import program_files
 from workbench.errors import InputError
-from workbench.program.rapid import Rapid, read_rapid
-from workbench.program.write import program_job
+from workbench.program.rapid import read_rapid
 from workbench.robot import Cell
 
-from .conftest import passed
+from .languages import text
 
 UNUSED = "9E+09,9E+09,9E+09,9E+09"
 MODULE = f"""! by hand
@@ -89,22 +87,16 @@ def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-@pytest.fixture(scope="module")
-def text(moves: Moves, irb6700: Cell) -> str:
-    job = program_job("BevelPath", moves, irb6700, 0.3, 0.05)
-    (content,) = program_files(Rapid(job, irb6700, "MillBevel", "tMill", "woEdge"), passed(moves.toolpath)).values()
-    return content
+def test_reading_twice_as_many_targets_is_twice_the_work(moves: Moves, irb6700: Cell) -> None:
+    whole = text(moves, irb6700)
+    move = next(line for line in whole.splitlines() if "MoveL p2," in line)
 
-
-def test_reading_twice_as_many_targets_is_twice_the_work(text: str) -> None:
-    move = next(line for line in text.splitlines() if "MoveL p2," in line)
-
-    def work(moves: int) -> int:
-        calls, program = calls_of(lambda: read_rapid(text.replace(move, "\n".join([move] * moves))))
-        assert len(program.moves) > moves
+    def work(count: int) -> int:
+        calls, program = calls_of(lambda: read_rapid(whole.replace(move, "\n".join([move] * count))))
+        assert len(program.moves) > count
         return calls
 
-    few, some, many = (work(moves) for moves in (500, 1500, 3500))
+    few, some, many = (work(count) for count in (500, 1500, 3500))
     assert many - some == pytest.approx(2 * (some - few), rel=0.01)
 
 

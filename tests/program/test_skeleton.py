@@ -10,21 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import Judgement, Moves, PathGate, ProgramMoves
-from workbench.dialect import program_files
+from workbench.artefacts import Judgement, Moves, PathGate
 from workbench.errors import InputError
 from workbench.program import write
-from workbench.program.rapid import Rapid
-from workbench.program.write import program_job
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell_file import ProbePart
 from workbench.robot.judge import judge
 from workbench.robot.process import disorders, not_seen
 
+from . import languages
 from .conftest import passed
+from .languages import from_text, text
 from .paths import Shape
 from .postured import CUTTER, DATA, ROBOTS, cell_of, postured
-from .test_dialects import DIALECTS
 
 OFF = ",tMill\\WObj:=woEdge;\n    SetDO doCoolant,0;"  # behind a move
 HOME = (0.0, 0.0, 10.0, 10.0, 45.0, 0.0)
@@ -60,17 +58,6 @@ def layers(cell: Cell) -> Moves:
     return postured(cell, "irb6700", Shape(bend=1 / 300, length_mm=60, layers=2))
 
 
-def text(moves: Moves, cell: Cell) -> str:
-    job = program_job("BevelPath", moves, cell, 0.3, 0.05)
-    (content,) = program_files(Rapid(job, cell, "MillBevel", "tMill", "woEdge"), passed(moves.toolpath)).values()
-    return content
-
-
-def back(written: str, moves: Moves, cell: Cell) -> ProgramMoves:
-    job = program_job("BevelPath", moves, cell, 0.3, 0.05)
-    return Rapid(job, cell, "MillBevel", "tMill", "woEdge").read({"BevelPath.mod": written})
-
-
 def refused(moves: Moves, cell: Cell) -> str:
     gate, *_ = (one for one in write(moves, passed(moves.toolpath), cell) if isinstance(one, PathGate))
     assert not gate.passed
@@ -88,13 +75,13 @@ def test_it_is_judged_with_home_and_retract(layers: Moves, cell: Cell) -> None:
     far = np.linalg.norm(
         (forward_kinematics(cell.chain, np.radians(HOME)) @ cell.flange_from_cutter)[:3, 3] - layers.position_mm[0]
     )
-    bare = judge(replace(cell, process=None), back(text(layers, cell), layers, cell))
+    bare = judge(replace(cell, process=None), from_text(text(layers, cell), layers, cell))
     assert bare.length_mm > 1.5 * far  # out and back
 
 
 def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) -> None:
     """A clamp half-way, and the plate itself although the cutter may touch it."""
-    joints = judge(cell, back(text(layers, cell), layers, cell)).program.moves
+    joints = judge(cell, from_text(text(layers, cell), layers, cell)).program.moves
     half = (joints[0].joints + joints[1].joints) / 2
     tip = (forward_kinematics(cell.chain, half) @ cell.flange_from_cutter)[:3, 3]
     shape = {
@@ -122,7 +109,7 @@ def test_the_way_home_is_looked_at(tmp_path: Path, layers: Moves, cell: Cell) ->
 def test_a_program_without_it_may_not_run(layers: Moves, cell: Cell, old: str, new: str, finding: str) -> None:
     written = text(layers, cell)
     assert old in written
-    program = back(written.replace(old, new), layers, cell)
+    program = from_text(written.replace(old, new), layers, cell)
     assert finding in " ".join(words for _, words in disorders(program, cell.process))
     assert any(one.kind == "process" for one in judge(cell, program).violations)
 
@@ -143,7 +130,7 @@ def test_what_is_changed_is_refused(layers: Moves, cell: Cell, old: str, new: st
     written = text(layers, cell)
     assert old in written
     with pytest.raises(InputError, match=finding):
-        back(written.replace(old, new), layers, cell)
+        from_text(written.replace(old, new), layers, cell)
 
 
 def test_the_turntable_waits_where_the_path_has_it(tmp_path: Path, cell: Cell) -> None:
@@ -151,7 +138,7 @@ def test_the_turntable_waits_where_the_path_has_it(tmp_path: Path, cell: Cell) -
     moves = postured(cell, "irb6700", Shape(bend=1 / 300, length_mm=60), turned=0.1)
     for said, angle in (({}, moves.turntable_deg[0]), ({"turntable_deg": 7.0}, 7.0)):
         here = cell_with(tmp_path, {"home": {"joints_deg": HOME, **said}})
-        home, *_, last = back(text(moves, here), moves, here).moves
+        home, *_, last = from_text(text(moves, here), moves, here).moves
         assert np.degrees([home.turntable, last.turntable]) == pytest.approx([angle, angle], abs=1e-3)
 
 
@@ -159,10 +146,10 @@ def test_home_by_the_controllers_name(tmp_path: Path, layers: Moves) -> None:
     cell = cell_with(tmp_path, {"home": {"joints_deg": HOME, "controller_name": "jSafe"}})
     written = text(layers, cell)
     assert "jointtarget jSafe" not in written
-    program = back(written, layers, cell)
+    program = from_text(written, layers, cell)
     assert (program.moves[0].joints, program.moves[0].place) == (None, "jSafe")
     assert judge(cell, program).passed
-    (found, *_) = judge(cell, back(written.replace("jSafe", "jOther"), layers, cell)).violations
+    (found, *_) = judge(cell, from_text(written.replace("jSafe", "jOther"), layers, cell)).violations
     assert "no joint angles" in found.finding
 
 
@@ -237,8 +224,7 @@ def other_cell(controller: str, folder: Path, **more: Any) -> Cell:
 
 
 def files_of(controller: str, moves: Moves, cell: Cell) -> tuple[Any, dict[str, str]]:
-    dialect = DIALECTS[controller](program_job("BevelPath", moves, cell, 0.3, 0.05), cell)
-    return dialect, dict(program_files(dialect, passed(moves.toolpath)))
+    return languages.dialect_of(moves, cell, controller), languages.files(moves, cell, controller)
 
 
 @pytest.fixture(scope="module", params=sorted(MAKERS))

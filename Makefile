@@ -1,5 +1,5 @@
 # What a user types. Every target sets up .venv first; that is quick where nothing is to do.
-.PHONY: help setup setup-dev demo test lint benchmark benchmark-quick metrology metrology-quick bench fuzz mutation docs data lock wheel clean
+.PHONY: help setup setup-dev demo test test-slow lint benchmark benchmark-quick metrology metrology-quick bench fuzz mutation docs data lock wheel clean
 .NOTPARALLEL:
 MAKEFLAGS += --no-print-directory
 BIN := .venv/bin
@@ -12,6 +12,7 @@ export PYTHONDONTWRITEBYTECODE :=
 help:
 	@echo "make demo       the measured loop: scan, plan, mill, scan, correct, mill, inspect, with a tool that errs; out/demo/report.html"
 	@echo "make test       run the tests"
+	@echo "make test-slow  run those that take longer or say what others say on further parts (long)"
 	@echo "make lint       style, types, import floors, repository"
 	@echo "make metrology  benchmark and score, then plans, measured loops, calibrations, stiffness (long; docs/*metrology.md)"
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
@@ -37,7 +38,10 @@ demo: setup
 
 test: setup-dev
 	@scripts/browser.sh
-	@$(ALONE) $(BIN)/python -m pytest -q -n 2 --dist loadfile
+	@$(ALONE) $(BIN)/python -m pytest -q -n 2 --dist loadfile $(TESTS)
+
+test-slow:
+	@$(MAKE) test TESTS="-m slow"
 
 lint: setup-dev
 	@$(BIN)/ruff check .

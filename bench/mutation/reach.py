@@ -154,7 +154,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def record(tests: Sequence[str]) -> None:
     """Run all tests once, and keep what they call."""
     KEPT.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "bench.mutation.reach", *tests]
+    options = ["-q", "-m", "not metrology", "-p", "no:cacheprovider", "-p", "bench.mutation.reach"]
+    command = [sys.executable, "-m", "pytest", *options, *tests]
     subprocess.run(command, cwd=ROOT, env={**os.environ, "REACH_WRITE": str(KEPT)}, check=True)
 
 

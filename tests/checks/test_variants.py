@@ -191,7 +191,9 @@ UNSEEN: dict[Vary, Any] = {rolled: "flange", mirrored: "flange", permuted: "orde
 
 @functools.cache
 def part(condition: str) -> tuple[Recording, Truth]:
-    return simulate_recording(random_recipe(condition, 300))
+    """Every third frame of a drawn part."""
+    recording, truth = simulate_recording(random_recipe(condition, 300))
+    return frames(recording, np.arange(0, len(recording.time_s), 3)), truth
 
 
 @pytest.mark.parametrize(("k", "vary"), [pytest.param(*one, id=one[1].__name__) for one in enumerate([*TRUE, *ANY])])

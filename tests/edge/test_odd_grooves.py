@@ -8,6 +8,7 @@ import pytest
 from bench.odd_grooves import judged, odd_groove
 from bench.odd_plates import Corners, Drawn, Lines
 from bench.outside import FAR_MM, Part, Usual, simulate
+from tests.seldom import seldom
 from workbench.artefacts import Groove
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
@@ -56,7 +57,7 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize(("name", "seed"), [("compound", 0), ("compound", 3), ("dressed upper edge", 1)])
+@pytest.mark.parametrize(("name", "seed"), [("compound", 0), *seldom(("compound", 3), ("dressed upper edge", 1))])
 def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
     """It was measured as one: gaps up to 6 mm off at 460 u."""
     try:
@@ -79,7 +80,7 @@ def test_a_backing_strip_does_not_hide_that_a_face_leans(name: str) -> None:
             assert np.nanmax(off / sizes[size].u) < 3.0
 
 
-@pytest.mark.parametrize("seed", [0, 3, 5])
+@pytest.mark.parametrize("seed", [0, *seldom(3, 5)])
 def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -> None:
     """Of a plain groove that every profile shows with the same error: 0.01 mm and 0.05 deg at up to 10 u."""
     part = groove(seed, (side((THICK, 30.0)), PLAIN))
@@ -92,26 +93,28 @@ def test_an_error_that_walks_over_the_columns_is_in_the_uncertainty(seed: int) -
 @pytest.mark.parametrize(
     ("shape", "seed"),
     [
-        ("root run", 2),  # the gap between the ends of the weld's surface, 0.9 mm off at 50 u
         ("backing strip", 2),  # taken for the fillet of a J: depth 20 u off
-        ("backing strip", 9),  # taken for a part of the root face: 1.1 mm too high, 36 u
         ("upper edges ground", 2),  # the view hides the bevel below: 39 deg off at 430 u
-        ("two bevel angles a side", 2),  # likewise
-        ("two bevel angles a side", 4),  # hides the face above: an HV, 22 deg off
-        ("two bevel angles a side", 1002),  # the lower face is seen in four of ten profiles: 7 deg, 2.6 mm
         ("two bevel angles a side", 4009),  # in a third: an HV, 20 deg off
-        ("one plate square", 1000),  # a gap of 17 columns taken for blind ones: 0.19 mm
-        ("root run", 1000),  # a hidden bevel of 16 deg taken for a square plate
-        ("upper edges rounded", 1002),  # a hidden bevel's root hides the other one: depth 0.2 mm at 15 u
         ("tape or bead on a plate", 4009),  # the tape turned the upper surface's line by 1.8 deg
-        ("plates that are not level", 4000),  # the gap was that of level plates
-        ("groove filled in part", 3006),  # the last returns of bevels of 0.7 mm turned these by 0.35 deg
         ("ceramic backing", 3019),  # the root face went on over the channel's edge: 1.5 mm at 7 u
-        ("ceramic backing", 5002),  # without a root face the channel was one: gap 0.11 mm at 13 u
         ("plain", 4015),  # a sensor's error that walks over the columns turns both plates: 0.016 mm at 4 u
-        ("backing strip", 5001),  # a bevel that loses half its returns ended early: the gap 0.06 mm at 3.6 u
-        ("groove filled in part", 5005),  # what walks over the columns lay under the noise: 0.004 mm at 3.1 u
         ("thin weld in a closed root", 3012),  # 0.2 mm of weld between the ends: a gap, at 13 u
+        *seldom(
+            ("root run", 2),  # the gap between the ends of the weld's surface, 0.9 mm off at 50 u
+            ("backing strip", 9),  # taken for a part of the root face: 1.1 mm too high, 36 u
+            ("two bevel angles a side", 2),  # likewise
+            ("two bevel angles a side", 4),  # hides the face above: an HV, 22 deg off
+            ("two bevel angles a side", 1002),  # the lower face is seen in four of ten profiles: 7 deg, 2.6 mm
+            ("one plate square", 1000),  # a gap of 17 columns taken for blind ones: 0.19 mm
+            ("root run", 1000),  # a hidden bevel of 16 deg taken for a square plate
+            ("upper edges rounded", 1002),  # a hidden bevel's root hides the other one: depth 0.2 mm at 15 u
+            ("plates that are not level", 4000),  # the gap was that of level plates
+            ("groove filled in part", 3006),  # the last returns of bevels of 0.7 mm turned these by 0.35 deg
+            ("ceramic backing", 5002),  # without a root face the channel was one: gap 0.11 mm at 13 u
+            ("backing strip", 5001),  # a bevel that loses half its returns ended early: the gap 0.06 mm at 3.6 u
+            ("groove filled in part", 5005),  # what walks over the columns lay under the noise: 0.004 mm at 3.1 u
+        ),
     ],
 )
 def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from bench.drawn.plates import random_recipe
+from bench.score.laws import frames
+from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
@@ -23,16 +25,13 @@ PARTS = [
     ("paper", 1),
     ("arc", 1),
     ("wavy", 1),
-    ("oblique", 1),
-    ("reversed", 1),
     ("two_pass", 1),
     ("partial_view", 1),
-    ("partial_view", 2),
     ("clamps", 1),
-    ("clamps", 2),
     ("outliers_5", 3),
     ("robot_error", 1),
 ]
+MORE = seldom(("oblique", 1), ("reversed", 1), ("partial_view", 2), ("clamps", 2))
 
 
 def angle_between(a: Float, b: Float) -> Float:
@@ -45,7 +44,7 @@ def at_stations(scan: Any, name: str) -> Float:
     return np.stack([np.interp(s, scan.truth.arc_length_mm, getattr(scan.truth, name)[:, k]) for k in range(3)], axis=1)
 
 
-@pytest.mark.parametrize(("condition", "seed"), PARTS)
+@pytest.mark.parametrize(("condition", "seed"), [*PARTS, *MORE])
 def test_axes_and_positions(drawn: Scans, condition: str, seed: int) -> None:
     """Positions within what robot, calibration and sensor err; directions far better; t rises, m points up."""
     scan = drawn(condition, seed)
@@ -63,7 +62,7 @@ def test_axes_and_positions(drawn: Scans, condition: str, seed: int) -> None:
     np.testing.assert_allclose(np.linalg.norm(edge.normal, axis=1), 1, atol=1e-9)
 
 
-@pytest.mark.parametrize(("condition", "seed"), PARTS)
+@pytest.mark.parametrize(("condition", "seed"), [*PARTS, *MORE])
 def test_stations_and_what_was_seen(drawn: Scans, condition: str, seed: int) -> None:
     scan = drawn(condition, seed)
     edge, truth = scan.edge, scan.truth
@@ -152,6 +151,7 @@ def test_no_edge_in_view(drawn: Scans) -> None:
 def test_passes_that_make_no_one_edge_are_refused_in_a_sentence() -> None:
     """One orientation for passes that were made in others: by these poses the places along the edge lie km apart."""
     recording, _ = simulate_recording(random_recipe("two_pass", 7_900_010))
+    recording = frames(recording, np.arange(len(recording.time_s)) % 4 == 0)
     held = np.tile(recording.robot_quaternion_wxyz[:1], (len(recording.robot_quaternion_wxyz), 1))
     cloud = denoise(fuse(replace(recording, robot_quaternion_wxyz=held)))
     with pytest.raises(InputError, match=r"do not determine one smooth edge|points along a smooth curve"):

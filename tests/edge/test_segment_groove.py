@@ -1,6 +1,7 @@
 """Grooves of the simulators are found, with their type and sizes; what is no groove is refused."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from bench.score import triangulated
 from bench.score.parts import plain
 from bench.simulators.swept import simulate_groove
 from bench.simulators.swept.recipe import GrooveRecipe
-from workbench.artefacts import Groove, Recording
+from tests.seldom import seldom
+from workbench.artefacts import Cloud, Groove, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.edge.groove_profile import read_profile
@@ -28,9 +30,15 @@ from workbench.synthetic.prism_scan import simulate_prism
 SEED = 4711
 
 
-def found(kind: str, seed: int = SEED, **given: object) -> tuple[Groove, GrooveTruth]:
-    recording, truth = simulate_groove(random_groove_recipe(kind, seed, clutter=False))
-    return segment_groove(denoise(fuse(recording)), **given), truth
+@cache
+def scanned(kind: str) -> tuple[Cloud, GrooveTruth]:
+    recording, truth = simulate_groove(random_groove_recipe(kind, SEED, clutter=False))
+    return denoise(fuse(recording)), truth
+
+
+def found(kind: str, **given: object) -> tuple[Groove, GrooveTruth]:
+    cloud, truth = scanned(kind)
+    return segment_groove(cloud, **given), truth
 
 
 @pytest.mark.parametrize("kind", ["I", "V", "HY", "U", "J"])
@@ -249,8 +257,7 @@ def test_a_flank_that_the_view_may_hide_is_in_u() -> None:
     ("kind", "seed"),
     [
         ("K", 722),  # no gap: the last returns of a square face were the other plate's
-        ("J", 720),  # a flank of 0.4 mm above a fillet of 5.5 mm
-        ("J", 725),  # likewise
+        *seldom(("J", 720), ("J", 725)),  # a flank of 0.4 mm above a fillet of 5.5 mm
     ],
 )
 def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
@@ -277,11 +284,16 @@ def test_a_false_end_beyond_a_hole_is_not_told() -> None:
     assert max(abs(error) / u for size, error, u in errors(inspection, truth) if size == "width_mm") < 3.0
 
 
+@cache
+def square_plates() -> Cloud:
+    return fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
+
+
 def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
     """Spatter on one of them once turned them upside down; their flange is on the scanner's side."""
     inspection, truth = measured("prism", "I", 5710007)
     assert max(abs(error) / u for _, error, u in errors(inspection, truth)) < 3.0
-    cloud = fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
+    cloud = square_plates()
     flange = cloud.base_from_profiler @ np.linalg.inv(cloud.flange_from_profiler)
     section = inspection.sections[4]
     assert ((flange[:, :3, 3] - section.origin_mm) @ section.across > 0.0).all()
@@ -294,7 +306,7 @@ def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
 
 def test_blind_columns_are_no_gap() -> None:
     """Dead columns part one plate as a gap parts two, but in the same columns of every profile."""
-    cloud = fuse(simulate_prism(random_prism_recipe("I", 5710007))[0])
+    cloud = square_plates()
     plane = np.broadcast_to(np.nanmedian(cloud.z_mm, axis=0).mean(), cloud.z_mm.shape)
     z = (plane + np.random.default_rng(1).normal(0.0, 0.01, plane.shape)).astype(np.float32)
     x = np.broadcast_to(np.linspace(-15.0, 15.0, z.shape[1], dtype=np.float32), z.shape)
@@ -337,10 +349,9 @@ def test_no_gap_beside_a_bevel_that_may_have_a_dark_one_opposite() -> None:
     assert (np.abs(sizes["depth_mm"].error) < 3.0 * sizes["depth_mm"].u).all()
 
 
-def test_last_returns_tell_how_a_column_sees_an_end() -> None:
+@pytest.mark.parametrize("seed", [3001, *seldom(3004)])
+def test_last_returns_tell_how_a_column_sees_an_end(seed: int) -> None:
     """Columns that still return with a fifth of them lit made gaps too narrow, by 13 micrometres."""
-    for seed in (3001, 3004):
-        _, sizes = by_triangulation(seed)
-        gap = sizes["gap_mm"]
-        assert abs(gap.error.mean()) < 0.008
-        assert (np.abs(gap.error) < 2.0 * gap.u).all()
+    gap = by_triangulation(seed)[1]["gap_mm"]
+    assert abs(gap.error.mean()) < 0.008
+    assert (np.abs(gap.error) < 2.0 * gap.u).all()

@@ -13,6 +13,7 @@ from bench.confidently_wrong.kinds import KINDS
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.groove.plates import measured, swept_plate
 from bench.simulators.swept import SweptRecipe, simulate_swept
+from tests.seldom import seldom
 from workbench.artefacts import Preparation, PreparationInspection
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
@@ -160,7 +161,7 @@ def test_what_is_no_straight_face_is_none(part: dict[str, object], pitch_mm: flo
         segment_preparation(cloud, root_nominal_mm=part.get("root_mm", 1.5))
 
 
-@pytest.mark.parametrize(("bevel_deg", "radius_mm"), [(40, 0.6), (60, 1.5), (15, 1.0)])
+@pytest.mark.parametrize(("bevel_deg", "radius_mm"), [(40, 0.6), *seldom((60, 1.5), (15, 1.0))])
 def test_a_small_fillet_is_told_from_a_corner(bevel_deg: float, radius_mm: float) -> None:
     """The land of a nose counts to the corner, so that a fillet taken for one would lengthen it."""
     part = {"preparation": "J", "bevel_deg": bevel_deg, "root_radius_mm": radius_mm, "land_mm": 1.0}
@@ -176,12 +177,11 @@ def test_an_x_preparation_without_its_upper_surface_is_no_bevel() -> None:
     """Its upper bevel was taken for the upper surface, its root face for the bevel: the depth 5.8 mm off."""
     with pytest.raises(InputError, match="between two bevels"):
         measured("X", "bevel", 2)
-    for seed in (3, 7):  # turned round, its upper surface is in view; a sensor whose error walks over the columns
-        _, rows = measured("X", "bevel", seed)
-        assert max(abs(error) / u for _, error, u in rows) < 3.0
+    _, rows = measured("X", "bevel", 3)  # turned round, its upper surface is in view
+    assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
-@pytest.mark.parametrize("seed", [100, 117])
+@pytest.mark.parametrize("seed", [100, *seldom(117)])
 def test_the_root_face_of_an_x_preparation_ends_at_the_lower_bevel(seed: int) -> None:
     """Where that is seen, its own end was taken for the root face's: refused."""
     _, rows = measured("X", "bevel", seed)

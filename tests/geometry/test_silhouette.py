@@ -201,7 +201,7 @@ def test_a_gouge_contradicts_the_course() -> None:
 def test_a_stretch_that_lies_off_is_followed_or_told() -> None:
     """In all but one cell in twenty: at the ends of the stretch the course may still swing."""
     missed: list[bool] = []
-    for seed, length, change in itertools.product(range(20, 28), (4.0, 10.0, 20.0), (-0.8, -0.15, 0.15)):
+    for seed, length, change in itertools.product(range(20, 23), (4.0, 10.0, 20.0), (-0.8, -0.15, 0.15)):
         ends = frames(constant, seed, 9.3)
         off = np.where(np.abs(ends.s - 60.0) < 0.5 * length, change, 0.0)
         end = found(ends._replace(low=ends.low + off))

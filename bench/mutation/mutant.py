@@ -34,7 +34,7 @@ def fails(path: Path, source: str, tests: Sequence[str], only: dict[str, Any] | 
             copy = shutil.copytree if (ROOT / item).is_dir() else shutil.copy
             copy(ROOT / item, Path(folder) / item)
         (Path(folder) / path).write_text(source, encoding="utf-8")
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not metrology", "-p", "no:cacheprovider", *tests]
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not metrology", *tests]
         environment = {**os.environ, "PYTHONPATH": folder, "NUMBA_CACHE_DIR": folder}
         if kept := users().path:
             shutil.copytree(kept, Path(folder) / f"workbench-{os.getuid()}")

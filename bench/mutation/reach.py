@@ -154,8 +154,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def record(tests: Sequence[str]) -> None:
     """Run all tests once, and keep what they call."""
     KEPT.parent.mkdir(parents=True, exist_ok=True)
-    options = ["-q", "-m", "not metrology", "-p", "no:cacheprovider", "-p", "bench.mutation.reach"]
-    command = [sys.executable, "-m", "pytest", *options, *tests]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "not metrology", "-p", "bench.mutation.reach", *tests]
     subprocess.run(command, cwd=ROOT, env={**os.environ, "REACH_WRITE": str(KEPT)}, check=True)
 
 

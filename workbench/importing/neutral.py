@@ -128,30 +128,27 @@ def usual_pitch(x_mm: Float, first: Bool) -> float | None:
     return pitch
 
 
-def columns_by_spacing(
-    x_mm: Float, first: Shaped[Bool, " R"], *, pitch_mm: float | None = None, origin: float | None = None
-) -> Int | None:
+def columns_by_spacing(x_mm: Float, first: Shaped[Bool, " R"], pitch_mm: float, origin: float) -> Int | None:
     """Columns (R,) of points `x_mm` (R,), a gap of k usual spacings leaving k - 1 columns free.
 
     Args:
         x_mm: lateral coordinates, frame after frame.
         first: (R,) True at each frame's first point.
-        pitch_mm: the usual step where these are some frames of many; None: theirs (`usual_pitch`).
-        origin: x / pitch_mm of column 0, likewise; None: the least of these frames.
+        pitch_mm: the usual step of all frames (`usual_pitch`), of which these may be some.
+        origin: x / pitch_mm of column 0.
 
     Returns:
         Columns from 0, distinct and rising within a frame, alike for alike x in all frames; None where x does not run
         one way or the gaps are out of proportion.
     """
-    pitch = usual_pitch(x_mm, first) if pitch_mm is None else pitch_mm
     step = np.diff(x_mm, prepend=x_mm[:1])
-    if pitch is None or not np.isfinite(x_mm).all() or (step[~first] * np.sign(pitch) <= 0).any():
+    if not np.isfinite(x_mm).all() or (step[~first] * np.sign(pitch_mm) <= 0).any():
         return None
-    strides = np.where(first, 0, np.maximum(1, np.round(step / pitch)))
-    start = x_mm[first] / pitch
+    strides = np.where(first, 0, np.maximum(1, np.round(step / pitch_mm)))
+    start = x_mm[first] / pitch_mm
     along = np.cumsum(strides)
     frame = np.cumsum(first) - 1
-    column = along - along[first][frame] + np.round(start - (start.min() if origin is None else origin))[frame]
+    column = along - along[first][frame] + np.round(start - origin)[frame]
     most = columns_by_count(first).max() + 1
     return column.astype(np.int64) if column.max() < MOST_WIDER * most else None
 
@@ -288,7 +285,8 @@ def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | Non
     """Columns of the points, block by block of frames, by one pitch and origin; None where gaps tell nothing."""
     ends = np.append(starts[1:], len(x_mm))
     columns: list[AnyArray] = []
-    pitch = origin = None
+    pitch: float | None = None
+    origin = 0.0
     for first, last in _blocks(counts):
         begin, end = int(starts[first]), int(ends[last - 1])
         if begin == end:
@@ -300,7 +298,7 @@ def _by_spacing(x_mm: Float32, starts: Int, counts: Int) -> list[AnyArray] | Non
             if pitch is None:
                 return None
             origin = float((x_mm[starts[counts > 0]] / pitch).min())
-        found = columns_by_spacing(x, at, pitch_mm=pitch, origin=origin)
+        found = columns_by_spacing(x, at, pitch, origin)
         if found is None:
             return None
         columns.append(found.astype(np.uint16 if found.max() < 2**16 else np.int32))

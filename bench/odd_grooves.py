@@ -1,25 +1,16 @@
-"""`python -m bench.odd_grooves --parts 40 --seed 0`: grooves as they lie on the shop floor, by outside.py.
-
-Each is given to `edge.segment_groove`, which is to find out the type. What is not refused must be right.
-"""
+"""Grooves as they lie on the shop floor, by outside.py."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from bench.odd_plates import Corners
-from bench.outside import BEYOND, FAR_MM, Errors, Part, Section, Usual, simulate
-from workbench.artefacts import SIZES, u_name
-from workbench.cloud import denoise
-from workbench.edge import segment_groove
-from workbench.errors import WorkbenchError
-from workbench.inspect import groove as inspect_groove
-from workbench.scan import fuse
+from bench.outside import FAR_MM, Part, Section, Usual, simulate
+from workbench.artefacts import GrooveSection
 from workbench.units import DEG, Float
 
 AWAY_MM = 1e6  # where what is not at this place of the groove is put
@@ -350,68 +341,18 @@ def odd_groove(shape: str, seed: int) -> Part:
     return simulate(seed, True, groove, Overhead(wide))
 
 
-def errors(part: Part) -> tuple[str, Errors]:
-    """Type that is found, and errors and standard uncertainties of every size that is told and true of the part."""
-    found = inspect_groove(segment_groove(denoise(fuse(part.recording))))
+def exact(part: Part, kind: str, section: GrooveSection) -> dict[str, float]:
+    """True sizes by the names of groove.json, of a section of a groove that was found to be of a type."""
     assert isinstance(part.section, Groove)
-    sizes, turn = part.section.sizes(), part.base_from_section[:3, :3]
-    out: dict[str, list[tuple[float, float]]] = {}
-    for section in found.sections:
-        swapped = float(turn[:, 0] @ section.normal) < 0
-        for name in SIZES:
-            value, u = section.values.get(name), section.values.get(u_name(name))
-            true = _true(sizes, name, swapped)
-            if name == "depth_mm" and value is not None and found.type in ("HV", "HY", "J", "K"):  # of the plate seen
-                heights = (part.section.left.height_mm, part.section.right.height_mm)
-                true = min(heights, key=lambda height: abs(height - value))
-            if value is not None and u is not None and true is not None:
-                out.setdefault(name, []).append((value - true, u))
-    return found.type, {name: (np.array(v).T[0], np.array(v).T[1]) for name, v in out.items()}
+    sizes = part.section.sizes()
+    if kind in ("HV", "HY", "J", "K"):  # the depth is of the plate seen
+        heights, told = (part.section.left.height_mm, part.section.right.height_mm), section.values.get("depth_mm")
+        sizes["depth_mm"] = min(heights, key=lambda height: abs(height - (told or 0.0)))
+    return swapped(sizes) if float(part.base_from_section[:3, 0] @ section.normal) < 0 else sizes
 
 
-def _true(sizes: dict[str, float], name: str, swapped: bool) -> float | None:
-    if not swapped:
-        return sizes.get(name)
+def swapped(sizes: Mapping[str, float]) -> dict[str, float]:
+    """Sizes of a groove from its other end: left is right, and what is raised is lower."""
     other = {"left": "right", "right": "left"}
-    true = sizes.get("_".join(other.get(word, word) for word in name.split("_")))
-    return -true if true is not None and name == "misalignment_mm" else true
-
-
-def judged(shape: str, seeds: range) -> tuple[int, int, list[str]]:
-    """How many parts were refused and how many right within BEYOND u; the wrong ones, told."""
-    refused, right, wrong = 0, 0, []
-    for seed in seeds:
-        part = odd_groove(shape, seed)
-        try:
-            kind, found = errors(part)
-        except WorkbenchError:
-            refused += 1
-            continue
-        far = {n: float((np.abs(e) / u).max()) for n, (e, u) in found.items()}
-        if max(far.values(), default=0.0) <= BEYOND:
-            right += 1
-        else:
-            off = [f"{n} {np.abs(found[n][0]).max():.3f} at {z:.1f} u" for n, z in far.items() if z > BEYOND]
-            wrong.append(f"{shape} {seed} as {kind}: {', '.join(off)}")
-    return refused, right, wrong
-
-
-def main() -> None:
-    """Simulate, measure, and print a table."""
-    parser = argparse.ArgumentParser(prog="python -m bench.odd_grooves", description=__doc__.split("\n")[0])
-    parser.add_argument("--parts", type=int, default=40, help="of each shape")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--shapes", default=",".join(SHAPES))
-    chosen = parser.parse_args()
-    print(f"`python -m bench.odd_grooves --parts {chosen.parts} --seed {chosen.seed}`\n")
-    print("| groove | refused | right | wrong |\n| --- | --- | --- | --- |")
-    told: list[str] = []
-    for shape in chosen.shapes.split(","):
-        refused, right, wrong = judged(shape, range(chosen.seed, chosen.seed + chosen.parts))
-        print(f"| {shape} | {refused} | {right} | {len(wrong)} |", flush=True)
-        told += wrong
-    print("", *[f"- {line}" for line in told], sep="\n")
-
-
-if __name__ == "__main__":
-    main()
+    turned = {"_".join(other.get(word, word) for word in name.split("_")): value for name, value in sizes.items()}
+    return turned | ({"misalignment_mm": -turned["misalignment_mm"]} if "misalignment_mm" in turned else {})

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
+from bench.harness import ROOT, each, made_by
 from bench.metrology.planning import plan_as_a_user
 from bench.score.named import ANALYTIC, SWEPT, simulated
-from bench.tables import put_into, written
+from bench.tables import markdown, put_into, written
 from workbench.artefacts import Check, Inspection, PointSet, Recording
 from workbench.checks import judge_recording
 from workbench.cloud import denoise
@@ -60,7 +61,7 @@ FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a pl
 WIDE_MM, WIDE_DEG = 1.0, 2.0  # off the drawing that any of the parts passes
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance
 PATH_MM = 0.5  # off the true edge by less than robots err
-PAGE = Path(__file__).parents[2] / "docs" / "confidently_wrong.md"
+PAGE = ROOT / "docs" / "confidently_wrong.md"
 
 
 def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
@@ -149,6 +150,9 @@ def _refused(message: str, kind: Kind) -> str:
     return f"refused, {'right' if any(word in message for word in kind.words) else 'other'} suspicion"
 
 
+JUDGES = {"inspections": (inspected, INSPECTED), "plans": (planned, PLANNED)}
+
+
 def main() -> None:
     """Run the study and print its table; `--docs` writes the page."""
     parser = argparse.ArgumentParser(prog="python -m bench.confidently_wrong")
@@ -157,42 +161,40 @@ def main() -> None:
     parser.add_argument("--good", type=int, default=30, help="good recordings a condition, for false refusals")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--kinds", nargs="*", default=[], help="only kinds whose name holds one of these words")
+    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
     parser.add_argument("--docs", action="store_true", help="write docs/confidently_wrong.md")
     chosen = parser.parse_args()
-    command = (
-        f"`python -m bench.confidently_wrong --parts {chosen.parts} --plans {chosen.plans} --good {chosen.good} "
-        f"--seed {chosen.seed}`"
-    )
-    kinds = [name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds)]
-    inspections = _outcomes(inspected, INSPECTED, chosen.parts, chosen.seed, kinds)
-    plans = _outcomes(planned, PLANNED, chosen.plans, chosen.seed, kinds)
+    command = f"--parts {chosen.parts} --plans {chosen.plans} --good {chosen.good} --seed {chosen.seed}"
+    kinds = tuple(name for name in KINDS if not chosen.kinds or any(word in name for word in chosen.kinds))
+    command += f" --kinds {' '.join(chosen.kinds)}" if chosen.kinds else ""
+    counts = {"inspections": chosen.parts, "plans": chosen.plans}
+    tasks = [(name, chosen.seed, k, kinds) for name, count in counts.items() for k in range(count)]
+    found = {name: {kind: Counter[str]() for kind in kinds} for name in JUDGES}
+    for name, outcomes in each(spoilt_part, tasks, chosen.workers):
+        for kind, outcome in outcomes.items():
+            found[name][kind][outcome] += 1
     good = _false_refusals(chosen.good, chosen.seed)
-    lines = [command, "", *table(inspections, plans), ""]
+    told = f"`python -m bench.confidently_wrong {command}`{made_by() if chosen.docs else ''}"
+    lines = [told, "", *table(**found), ""]
     print("\n".join([*lines, *good]))
     if chosen.docs:
-        place = written(PAGE, "corruptions", ["corruption", "inspections", "plans"], every_kind(inspections, plans))
+        place = written(PAGE, "corruptions", ["corruption", "inspections", "plans"], every_kind(**found))
         put_into(PAGE, "\n".join([*lines, f"[Every kind]({place}).", "", *good]))
 
 
-def _outcomes(judge, conditions, count: int, seed: int, kinds: list[str]) -> dict[str, Counter[str]]:
-    """Of each kind of corruption, how many of `count` parts ended in which class."""
-    parts = [simulated(conditions[k % len(conditions)], seed + k) for k in range(count)]
-    found = {}
-    for name in kinds:
-        found[name] = Counter(
-            _outcome(judge, KINDS[name], recording, truth, np.random.default_rng([seed, k]))
-            for k, (recording, truth) in enumerate(parts)
-        )
-        print(f"{judge.__name__} {name}: {_told(found[name])}", flush=True)
-    return found
+def spoilt_part(task: tuple[str, int, int, tuple[str, ...]]) -> tuple[str, dict[str, str]]:
+    """Of a part and each kind of corruption the class that it ends in."""
+    name, seed, k, kinds = task
+    judge, conditions = JUDGES[name]
+    recording, truth = simulated(conditions[k % len(conditions)], seed + k)
+    rng = partial(np.random.default_rng, [seed, k])
+    return name, {kind: _outcome(judge, KINDS[kind], recording, truth, rng()) for kind in kinds}
 
 
 def table(inspections: dict[str, Counter[str]], plans: dict[str, Counter[str]]) -> list[str]:
     """Lines of Markdown: how many parts ended in each class, and most kinds of those to look at."""
-    lines = ["| outcome | inspections | plans |", "| --- | --- | --- |"]
-    return lines + [
-        f"| {SHORT.get(one, one)} | {_by_kind(inspections, one)} | {_by_kind(plans, one)} |" for one in CLASSES
-    ]
+    rows = [[SHORT.get(one, one), _by_kind(inspections, one), _by_kind(plans, one)] for one in CLASSES]
+    return markdown(["outcome", "inspections", "plans"], rows)
 
 
 def _by_kind(outcomes: dict[str, Counter[str]], outcome: str) -> str:

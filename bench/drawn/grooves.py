@@ -1,4 +1,7 @@
-"""Random grooves of each type, of the package's (straight ones) and of the swept simulator, for statistics."""
+"""Random grooves of each type, of the package's (straight ones) and of the swept simulator, for statistics.
+
+Odd: shapes that nothing is made for: any angle, gap, radius and misalignment, rounded upper edges, coarse columns.
+"""
 
 from __future__ import annotations
 
@@ -156,3 +159,39 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
             ],
         }
     )
+
+
+def odd_groove(kind: str, seed: int) -> GrooveRecipe:
+    """A groove as `random_groove_recipe` draws it, with sizes from far beyond what is usual."""
+    rng = np.random.default_rng([783, seed, GROOVES.index(kind)])
+    recipe = random_groove_recipe(kind, seed, clutter=bool(rng.random() < 0.5)).model_dump(mode="json")
+    part, scanner, way = recipe["part"], recipe["scanner"], recipe["passes"][0]
+    thickness, under = rng.uniform(3.0, 25.0), 0.0
+    if kind in "XK":
+        under = rng.uniform(0.15, 0.5) * thickness
+    root = rng.uniform(0.0, 0.7) * (thickness - under)
+    left, right = rng.uniform(*((5.0, 25.0) if kind in "UJ" else (15.0, 60.0)), 2)
+    gap = float(rng.choice([0.0, np.exp(rng.uniform(math.log(0.3), math.log(12.0)))]))
+    part |= {
+        "thickness_mm": _flat(thickness),
+        "gap_mm": _flat(gap),
+        "root_face_left_mm": _flat(root),
+        "root_face_right_mm": _flat(root * rng.uniform(0.7, 1.2)),
+        "bevel_left_deg": _flat(left),
+        "bevel_right_deg": _flat(right),
+        "under_depth_mm": max(under, 0.1),
+        "root_radius_mm": float(np.exp(rng.uniform(math.log(0.5), math.log(12.0)))),
+        "misalignment_mm": _flat(rng.uniform(-0.3, 0.3) * thickness),
+        "upper_radius_mm": 0.0 if rng.random() < 0.4 else rng.uniform(0.0, 0.9),
+    }
+    half = (thickness - root) * math.tan(max(left, right) * DEG) + gap / 2 + 8.0
+    scanner["columns"] = int(rng.choice([320, 640, 1280]))
+    scanner["pitch_mm"] = 2.2 * half / scanner["columns"]
+    scanner["near_mm"], scanner["far_mm"] = scanner["standoff_mm"] - 60.0, scanner["standoff_mm"] + 90.0
+    way["aim_mm"] = [0.0, 0.7 * thickness]
+    way["skew_mm"] = [-1.0, 1.0]
+    return GrooveRecipe.model_validate(recipe)
+
+
+def _flat(value: float) -> dict[str, float]:
+    return {"start": value, "end": value}

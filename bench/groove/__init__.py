@@ -1,1 +1,1 @@
-"""How far measured grooves lie off, in millimetres, degrees and standard uncertainties, over random parts."""
+"""How far sizes of grooves and of prepared plates lie off, in mm, deg and standard uncertainties."""

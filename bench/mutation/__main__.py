@@ -2,14 +2,12 @@
 
 Mutants are drawn at random: a file of a room, by its length, and one of the changes that are possible in it. Each is
 put into a copy of the sources, on which the tests of its room are run. A mutant that survives is an error that no test
-tells, unless it changes nothing that counts. One line a mutant goes to the log; a run that was stopped goes on behind
-the last one.
+tells, unless it changes nothing that counts.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from collections.abc import Iterator
@@ -18,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.harness import kept
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 from bench.mutation.reach import KEPT, record, selection
@@ -66,37 +65,36 @@ def drawn(room: str, rng: np.random.Generator) -> Mutant:
         return Mutant(files[k].relative_to(ROOT), number, was, line, mutated)
 
 
+def tried(task: tuple[int, str, int]) -> dict[str, Any]:
+    """A mutant, and whether a test tells it."""
+    seed, room, trial = task
+    mutant = drawn(room, np.random.default_rng([seed, trial, list(TESTS).index(room)]))
+    started = time.monotonic()
+    tests, only = selection(mutant.path, mutant.number, mutant.tests)
+    return {
+        "room": room,
+        "where": f"{mutant.path}:{mutant.number}",
+        "was": mutant.was.strip(),
+        "line": mutant.line.strip(),
+        "tests": len(only["tests"]),
+        "killed": bool(tests) and fails(mutant.path, mutant.source, tests, only),
+        "seconds": round(time.monotonic() - started, 1),
+    }
+
+
 def main() -> None:
     """Run the study, or what is left of it, and print the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.mutation", description=__doc__)
     parser.add_argument("--count", type=int, default=64, help="mutants, the same number of each room")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rooms", nargs="+", default=list(TESTS), choices=list(TESTS))
-    parser.add_argument("--log", type=Path, default=Path("out/mutation.jsonl"), help="a line a mutant; read on restart")
     chosen = parser.parse_args()
     os.nice(10)
     if not KEPT.exists():
         record(sorted({one for tests in TESTS.values() for one in tests}))
-    chosen.log.parent.mkdir(parents=True, exist_ok=True)
-    done = [json.loads(line) for line in chosen.log.read_text().splitlines()] if chosen.log.exists() else []
-    mine = {(row["room"], row["trial"]) for row in done if row["seed"] == chosen.seed}
-    for k in range(chosen.count):
-        room, trial = chosen.rooms[k % len(chosen.rooms)], k // len(chosen.rooms)
-        if (room, trial) in mine:
-            continue
-        mutant = drawn(room, np.random.default_rng([chosen.seed, trial, list(TESTS).index(room)]))
-        row = {"seed": chosen.seed, "room": room, "trial": trial}
-        row |= {"where": f"{mutant.path}:{mutant.number}", "was": mutant.was.strip(), "line": mutant.line.strip()}
-        started = time.monotonic()
-        tests, only = selection(mutant.path, mutant.number, mutant.tests)
-        row["tests"] = len(only["tests"])
-        row["killed"] = bool(tests) and fails(mutant.path, mutant.source, tests, only)
-        row["seconds"] = round(time.monotonic() - started, 1)
-        done.append(row)
-        with open(chosen.log, "a", encoding="utf-8") as log:
-            print(json.dumps(row), file=log)
-    for line in table([row for row in done if row["seed"] == chosen.seed]):
-        print(line)
+    rooms = chosen.rooms
+    tasks = [(chosen.seed, rooms[k % len(rooms)], k // len(rooms)) for k in range(chosen.count)]
+    print(*table(kept("mutation", tried, tasks)), sep="\n")
 
 
 def table(rows: list[dict[str, Any]]) -> Iterator[str]:

@@ -1,33 +1,27 @@
-"""`python -m bench.scan_plan [--parts N] [--docs WHEN]`: planned scans, promised against achieved.
-
-One line a part goes to the log; a run that was stopped goes on behind the last one. `--docs`: the table into
-docs/scan_planning.md.
-"""
+"""`python -m bench.scan_plan`: planned scans, promised against achieved."""
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from bench.harness import ROOT, kept, made_by
 from bench.scan_plan.achieved import LIGHT_MM, SIMULATORS, examine
-from bench.tables import put_into
+from bench.tables import markdown, put_into
 
-PAGE = Path(__file__).parents[2] / "docs" / "scan_planning.md"
+PAGE = ROOT / "docs" / "scan_planning.md"
 QUANTITIES = (("root", "root face"), ("bevel", "bevel angle"))
 Row = dict[str, Any]
 
 
-def summary(rows: list[Row]) -> Iterator[str]:
+def summary(rows: Sequence[Row]) -> Iterator[str]:
     """The table, and what else is counted."""
-    head = "| simulator, lower edge | quantity | parts | u achieved / predicted: 10 % | median | 90 % "
-    yield f"{head}| within 0.8 to 1.25, % | wanted U reached where promised, % | error within U, % |"
-    yield "|---|---|---|---|---|---|---|---|---|"
+    head = ["simulator, lower edge", "quantity", "parts", "u achieved / predicted: 10 %", "median", "90 %"]
+    head += ["within 0.8 to 1.25, %", "wanted U reached where promised, %", "error within U, %"]
+    table = []
     for simulator in SIMULATORS:
         told = [row["simulators"][simulator] for row in rows if simulator in row.get("simulators", {})]
         for key, name in QUANTITIES:
@@ -35,19 +29,11 @@ def summary(rows: list[Row]) -> Iterator[str]:
             if not each:
                 continue
             ratio = np.array([one["ratio"] for one in each])
-            low, middle, high = np.percentile(ratio, [10.0, 50.0, 90.0])
-            within, held, covered = (
-                100.0 * float(np.mean(values))
-                for values in (
-                    (ratio >= 0.8) & (ratio <= 1.25),
-                    [one["held"] for one in each],
-                    [one["covered"] for one in each],
-                )
-            )
-            yield (
-                f"| {simulator} | {name} | {len(each)} | {low:.2f} | {middle:.2f} | {high:.2f} | {within:.0f} "
-                f"| {held:.0f} | {covered:.0f} |"
-            )
+            shown = [f"{value:.2f}" for value in np.percentile(ratio, [10.0, 50.0, 90.0])]
+            shares = ((ratio >= 0.8) & (ratio <= 1.25), [one["held"] for one in each], [one["covered"] for one in each])
+            shown += [f"{100.0 * float(np.mean(values)):.0f}" for values in shares]
+            table.append([simulator, name, str(len(each)), *shown])
+    yield from markdown(head, table)
     yield ""
     made = [row for row in rows if "refused" not in row]
     clamped = [row for row in made if row["clamped"]]
@@ -73,27 +59,16 @@ def main() -> None:
     """Examine parts, print the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.scan_plan", description=__doc__)
     parser.add_argument("--parts", type=int, default=300)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--log", type=Path, default=Path("out/scan_plan.jsonl"), help="a line a part; read on restart")
-    parser.add_argument(
-        "--docs", metavar="WHEN", help="the table into docs/scan_planning.md; commit and date of the run"
-    )
-    arguments = parser.parse_args()
-    os.nice(5)
-    arguments.log.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in arguments.log.read_text().splitlines()] if arguments.log.exists() else []
-    done = {row["seed"] for row in rows}
-    for seed in range(arguments.first, arguments.first + arguments.parts):
-        if seed not in done:
-            rows.append(examine(seed))
-            with open(arguments.log, "a", encoding="utf-8") as log:
-                print(json.dumps(rows[-1]), file=log)
-    text = "\n".join(summary(rows))
+    parser.add_argument("--first", type=int, default=0, help="seed")
+    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
+    parser.add_argument("--docs", action="store_true", help="the table into docs/scan_planning.md")
+    given = parser.parse_args()
+    rows = kept("scan_plan", examine, range(given.first, given.first + given.parts), given.workers)
+    told = f"`python -m bench.scan_plan --parts {given.parts} --first {given.first}`{made_by()}"
+    text = "\n".join([told, "", *summary(rows)])
     print(text)
-    if arguments.docs:
-        seeds = [row["seed"] for row in rows]
-        told = f"`python -m bench.scan_plan`, {len(seeds)} seeds from {min(seeds)} to {max(seeds)}; {arguments.docs}"
-        put_into(PAGE, f"{told}\n\n{text}", "scan_plan")
+    if given.docs:
+        put_into(PAGE, text, "scan_plan")
 
 
 if __name__ == "__main__":

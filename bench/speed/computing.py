@@ -9,7 +9,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from bench.speed.long_edge import long_raw_edge
 from bench.speed.recordings import simulated, small_parts
 from bench.speed.timing import Row, median_s, peak_gb
 from workbench import cloud, edge, inspect, scan
-from workbench.artefacts import PathGate, Recording, Toolpath
+from workbench.artefacts import PathGate, Toolpath
 from workbench.batch.part import Job, Record
 from workbench.batch.workers import Workers
 from workbench.path import check, feed, layers, read, simplify
@@ -38,52 +37,27 @@ from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD
 from workbench.program import write
 from workbench.robot import Cell, read_cell
 from workbench.robot.cell import ON_BASE, Shape
-from workbench.scan.fuse import flange_poses
 from workbench.synthetic import write_simulation
 from workbench.synthetic.sphere import design_hand_eye
 
 PIPELINE = ROOT / "pipelines" / "inspect_bevel.json"
 SIZES = {1: None, 50: 1.6}  # million points, and the goal of their inspection, s
-OPEN3D_MILLION = 10
 FIRST_SEED = 500_000
 GRID, POINTS, BOXES = np.radians(np.arange(-180, 180.0)), 60, 40
 TIME_LIMIT_S, WARM_UP = 600.0, 4  # parts a worker that are not counted
 
 
 def inspecting(folder: Path) -> Iterator[Row]:
-    """Recordings from file to inspection, without a report; beside Open3D's route, which finds two planes."""
+    """Recordings from file to inspection, without a report."""
     for million, goal in SIZES.items():
         path = simulated(million, folder)
-        taken = median_s(lambda path=path: _inspected(scan.read(recording=path)))
+        taken = median_s(
+            lambda path=path: inspect.sections(edge.segment(cloud.denoise(scan.fuse(scan.read(recording=path)))))
+        )
         yield Row(f"recording to inspection, {million} M points, processor time", taken, goal=goal)
     with tempfile.TemporaryDirectory() as name:
         command = ("run", str(PIPELINE), "--no-report", "--input", f"recording={path}", "--out", name)
         yield Row(f"peak memory, {million} M points", peak_gb(*command), "GB", goal=2.5)
-    recording = scan.read(recording=simulated(OPEN3D_MILLION, folder))
-    ours, general = median_s(lambda: _inspected(recording), 3), median_s(lambda: open3d_planes(recording), 1)
-    yield Row(f"the same from memory, {OPEN3D_MILLION} M points; Open3D", general / ours, "x faster", 300, True)
-
-
-def _inspected(recording: Recording) -> Any:
-    return inspect.sections(edge.segment(cloud.denoise(scan.fuse(recording))))
-
-
-def open3d_planes(recording: Recording) -> list[Any]:
-    """The two largest planes (4,), as one would find them without this project: no section and no uncertainty."""
-    import open3d as o3d
-
-    pose = flange_poses(recording) @ recording.flange_from_profiler
-    x, z = recording.x_mm.astype(float), recording.z_mm.astype(float)
-    points = x[..., None] * pose[:, None, :3, 0] + z[..., None] * pose[:, None, :3, 2] + pose[:, None, :3, 3]
-    points = points[np.isfinite(x) & np.isfinite(z)]
-    left = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points - points.mean(axis=0)))
-    left, _ = left.remove_statistical_outlier(nb_neighbors=20, std_ratio=2.0)
-    found = []
-    for _ in range(2):
-        plane, inliers = left.segment_plane(distance_threshold=0.1, ransac_n=3, num_iterations=1000)
-        left = left.select_by_index(inliers, invert=True)
-        found.append(plane)
-    return found
 
 
 def planning(_: Path) -> Iterator[Row]:

@@ -1,14 +1,15 @@
 """Grooves of the simulators are found, with their type and sizes; what is no groove is refused."""
 
 import dataclasses
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
-from bench.groove.__main__ import errors, measured
+from bench.groove.__main__ import JOINTS, groove_sizes, measured
+from bench.groove.__main__ import errors as errors_of
 from bench.open.rivals.product import placed
 from bench.score import triangulated
 from bench.score.parts import plain
@@ -28,6 +29,15 @@ from workbench.synthetic import GrooveTruth, parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
 
 SEED = 4711
+
+
+def errors(inspection, truth):
+    return errors_of(inspection, partial(groove_sizes, truth))
+
+
+def drawn(simulator, kind, seed):
+    """A random groove inspected, and every size's error and u."""
+    return measured(JOINTS[simulator][1](kind, seed))
 
 
 @cache
@@ -261,27 +271,27 @@ def test_a_flank_that_the_view_may_hide_is_in_u() -> None:
     ],
 )
 def test_odd_grooves_that_were_confidently_wrong(kind: str, seed: int) -> None:
-    inspection, truth = measured("odd", kind, seed)
+    inspection, rows = drawn("odd", kind, seed)
     assert kind in (inspection.type, *inspection.alternatives)
-    assert max(abs(error) / u for _, error, u in errors(inspection, truth)) < 3.5
+    assert max(abs(error) / u for _, error, u in rows) < 3.5
 
 
 def test_a_small_fillet_below_a_flank_is_no_bevel() -> None:
     with pytest.raises(InputError, match="found_share"):
-        measured("odd", "J", 722)
+        drawn("odd", "J", 722)
     with pytest.raises(InputError, match="agreement"):  # three returns on a steep bevel, in half of the profiles
-        measured("odd", "K", 605)
+        drawn("odd", "K", 605)
 
 
 def test_a_groove_whose_sides_never_show_their_usual_kind_together_is_refused() -> None:
     with pytest.raises(InputError, match="no profile shows the plates as most do"):
-        measured("odd", "U", 783)
+        drawn("odd", "U", 783)
 
 
 def test_a_false_end_beyond_a_hole_is_not_told() -> None:
     """A block of lost returns cuts an upper surface short behind a tack weld: the width 0.22 mm off at 4.7 u."""
-    inspection, truth = measured("swept", "I", 5695001)
-    assert max(abs(error) / u for size, error, u in errors(inspection, truth) if size == "width_mm") < 3.0
+    _, rows = drawn("swept", "I", 5695001)
+    assert max(abs(error) / u for size, error, u in rows if size == "width_mm") < 3.0
 
 
 @cache
@@ -291,8 +301,8 @@ def square_plates() -> Cloud:
 
 def test_the_flange_is_above_plates_with_nothing_seen_between_them() -> None:
     """Spatter on one of them once turned them upside down; their flange is on the scanner's side."""
-    inspection, truth = measured("prism", "I", 5710007)
-    assert max(abs(error) / u for _, error, u in errors(inspection, truth)) < 3.0
+    inspection, rows = drawn("prism", "I", 5710007)
+    assert max(abs(error) / u for _, error, u in rows) < 3.0
     cloud = square_plates()
     flange = cloud.base_from_profiler @ np.linalg.inv(cloud.flange_from_profiler)
     section = inspection.sections[4]
@@ -318,8 +328,8 @@ def test_blind_columns_are_no_gap() -> None:
 
 def test_a_fillet_goes_on_to_its_last_return() -> None:
     """The chain of lines leaves it out in some profiles: the gap came out 0.03 to 0.06 mm too wide, at 2.6 u."""
-    inspection, truth = measured("prism", "U", 5710004)
-    assert max(abs(error) for size, error, _ in errors(inspection, truth) if size == "gap_mm") < 0.01
+    _, rows = drawn("prism", "U", 5710004)
+    assert max(abs(error) for size, error, _ in rows if size == "gap_mm") < 0.01
 
 
 def by_triangulation(seed: int) -> tuple[Groove, dict[str, scorer.Found]]:

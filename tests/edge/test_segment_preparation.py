@@ -11,7 +11,8 @@ import pytest
 
 from bench.confidently_wrong.kinds import KINDS
 from bench.confidently_wrong.shapes import SHAPES, shape_recording
-from bench.groove.plates import measured, swept_plate
+from bench.drawn.preparations import swept_plate
+from bench.groove.__main__ import JOINTS, measured
 from bench.simulators.swept import SweptRecipe, simulate_swept
 from tests.seldom import seldom
 from workbench.artefacts import Preparation, PreparationInspection
@@ -44,10 +45,11 @@ def nose(cloud) -> Preparation:
 
 
 @pytest.mark.parametrize(
-    ("simulator", "kind"), [("swept", "bevel"), ("outside", "compound"), ("swept", "nose"), ("outside", "J")]
+    ("simulator", "kind"),
+    [("plate", "bevel"), ("outside_plate", "compound"), ("plate", "nose"), ("outside_plate", "J")],
 )
 def test_kind_and_sizes_come_back(simulator: str, kind: str) -> None:
-    inspection, rows = measured(simulator, kind, SEED)
+    inspection, rows = measured(JOINTS[simulator][1](kind, SEED))
     assert inspection.type == kind
     assert {"root_face_mm", "bevel_deg", "depth_mm", "width_mm"} <= {size for size, _, _ in rows}
     z = np.array([abs(error) / u for _, error, u in rows])
@@ -176,15 +178,15 @@ def test_a_small_fillet_is_told_from_a_corner(bevel_deg: float, radius_mm: float
 def test_an_x_preparation_without_its_upper_surface_is_no_bevel() -> None:
     """Its upper bevel was taken for the upper surface, its root face for the bevel: the depth 5.8 mm off."""
     with pytest.raises(InputError, match="between two bevels"):
-        measured("X", "bevel", 2)
-    _, rows = measured("X", "bevel", 3)  # turned round, its upper surface is in view
+        measured(JOINTS["x_plate"][1]("bevel", 2))
+    _, rows = measured(JOINTS["x_plate"][1]("bevel", 3))  # turned round, its upper surface is in view
     assert max(abs(error) / u for _, error, u in rows) < 3.0
 
 
 @pytest.mark.parametrize("seed", [100, *seldom(117)])
 def test_the_root_face_of_an_x_preparation_ends_at_the_lower_bevel(seed: int) -> None:
     """Where that is seen, its own end was taken for the root face's: refused."""
-    _, rows = measured("X", "bevel", seed)
+    _, rows = measured(JOINTS["x_plate"][1]("bevel", seed))
     assert max(abs(error) / u for _, error, u in rows) < 3.0
     assert max(abs(error) for name, error, _ in rows if name == "root_face_mm") < 0.05
 

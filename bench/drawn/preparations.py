@@ -1,31 +1,20 @@
-"""`python -m bench.groove.plates`: errors of every size of prepared plates, of two simulators, as a table in Markdown.
+"""Prepared plates: of the swept simulator, usual ones and odd ones, and of the third one (`bench.outside`).
 
-Swept: the swept simulator, with everything that it can spoil. Outside: the third one, for judging only
-(`bench.outside`), with the shapes of `bench.odd_plates`. X: the same one, bevels above and below the root face (give
-`--kinds bevel`), each turned to the sensor in turn. Odd: the second one with shapes that nothing is made for:
-fillets of every radius, hollow corners that are rounded, narrow and bowed faces, coarse columns.
+Odd: fillets of every radius, hollow corners that are rounded, narrow and bowed faces, coarse columns. X: bevels above
+and below the root face, each turned to the sensor in turn.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner, spine, way
-from bench.groove.table import Rows, study
 from bench.odd_plates import Corners, Sizes, compound, drawn_above, j_shape, ledge, plate
 from bench.outside import FAR_MM, simulate
-from bench.simulators.swept import SweptRecipe, simulate_swept
-from workbench.artefacts import PreparationInspection, Recording, u_name
-from workbench.artefacts.edges import PREPARATION_TERMS
-from workbench.cloud import denoise
-from workbench.edge import segment_preparation
-from workbench.inspect import preparation as inspect_preparation
-from workbench.scan import fuse
+from bench.simulators.swept import SweptRecipe
+from workbench.artefacts import Recording
 from workbench.units import DEG, Float
 
 KINDS = ("bevel", "compound", "nose", "J")
@@ -161,66 +150,3 @@ def x_plate(seed: int) -> tuple[Recording, Truth]:
     part = simulate(seed // 2, False, sizes.drawn((plate(root, above, below),)))
     exact = {"root_face_mm": root, "depth_mm": heights[up], "bevel_deg": bevels[up], "width_mm": wide[up]}
     return part.recording, {name: np.array([value]) for name, value in exact.items()}
-
-
-def main() -> None:
-    arguments = argparse.ArgumentParser(prog="python -m bench.groove.plates", description=__doc__)
-    arguments.add_argument("--parts", type=int, default=50, help="parts a kind and simulator")
-    arguments.add_argument("--seed", type=int, default=0, help="of the first part")
-    arguments.add_argument("--kinds", default=",".join(KINDS))
-    arguments.add_argument("--simulators", default="swept,outside")
-    given = arguments.parse_args()
-    print(f"`python -m bench.groove.plates --parts {given.parts} --seed {given.seed}`\n")
-    chosen = product(given.simulators.split(","), given.kinds.split(","), range(given.seed, given.seed + given.parts))
-    study(((" ".join(map(str, one)), partial(judged, *one)) for one in chosen), tuple(PREPARATION_TERMS))
-
-
-def judged(simulator: str, kind: str, seed: int) -> tuple[str | None, Rows]:
-    inspection, rows = measured(simulator, kind, seed)
-    alike = inspection.type == kind or {inspection.type, kind} == {"nose", "J"}
-    return None if alike else inspection.type, rows
-
-
-def measured(simulator: str, kind: str, seed: int) -> tuple[PreparationInspection, list[tuple[str, float, float]]]:
-    """A random plate, scanned and inspected: size, error and u of every value of every section."""
-    if simulator in ("outside", "X"):
-        recording, exact = outside_plate(kind, seed) if simulator == "outside" else x_plate(seed)
-        position = np.zeros((1, 3))
-    else:
-        recipe = swept_plate(kind, seed) if simulator == "swept" else odd_plate(kind, seed)
-        recording, truth = simulate_swept(recipe)
-        exact, position = dict(truth.preparation), truth.position_mm
-    root = max(0.5, round(2 * float(exact["root_face_mm"].mean())) / 2)
-    inspection = inspect_preparation(segment_preparation(denoise(fuse(recording)), root_nominal_mm=root))
-    if simulator not in ("outside", "X"):
-        exact = _as_read(exact, kind, inspection.type, recipe.part.middle_radius_mm)
-    rows = []
-    for section in inspection.sections:
-        at = int(np.argmin(np.linalg.norm(position - section.origin_mm, axis=1)))
-        for size, values in exact.items():
-            value, u = section.values.get(size), section.values.get(u_name(size))
-            if value is not None and u is not None:
-                rows.append((size, value - float(values[at]), u))
-    return inspection, rows
-
-
-def _as_read(exact: Truth, kind: str, found: str, foot_radius_mm: float) -> Truth:
-    """Sizes of a nose whose corner is filled by the terms of a J, and the other way round; two bevels as one.
-
-    The land of a nose counts to the corner that bevel and land would make, that of a J to where its fillet begins.
-    """
-    if (kind, found) == ("compound", "bevel"):
-        upper = (exact["depth_mm"] - exact["lower_bevel_mm"]) / np.cos(exact["upper_bevel_deg"] * DEG)
-        lower = exact["lower_bevel_mm"] / np.cos(exact["bevel_deg"] * DEG)
-        bevel = (upper * exact["upper_bevel_deg"] + lower * exact["bevel_deg"]) / (upper + lower)
-        return exact | {"bevel_deg": bevel}
-    if {kind, found} != {"nose", "J"}:
-        return exact
-    radius = exact.get("root_radius_mm", np.full(len(exact["land_mm"]), foot_radius_mm))
-    reach = radius * np.tan((90.0 - exact["bevel_deg"]) * DEG / 2)
-    sharp = exact["land_mm"] + (reach if kind == "J" else -reach)
-    return exact | {"land_mm": sharp} | ({"root_radius_mm": radius} if found == "J" else {})
-
-
-if __name__ == "__main__":
-    main()

@@ -16,14 +16,19 @@ from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
 
 
-@pytest.mark.parametrize("columns", [4, 8])
+@pytest.mark.parametrize("columns", [4, 8, 30])
 def test_a_root_face_that_ends_behind_blind_columns_is_right(columns: int) -> None:
+    """Or rests on a condition, where more are blind than dirt makes."""
     recording, truth = simulate_recording(random_recipe("partial_view", 5_250_201))  # it lies still; a table behind
     last = np.abs(find_faces(denoise(fuse(recording)), 1.5, 40.0).end_column)
     z = recording.z_mm.copy()
-    first = int(np.median(last[last > 0])) - columns // 2
+    first = int(np.median(last[last > 0])) - min(columns // 2, 4)
     z[:, first : first + columns] = np.nan
-    found = sections(segment(denoise(fuse(replace(recording, z_mm=z))))).sections
+    edge = segment(denoise(fuse(replace(recording, z_mm=z))))
+    assert ("window_end" in [one.name for one in edge.unseen]) == (columns == 30)
+    if columns == 30:
+        return
+    found = sections(edge).sections
     told = [one for one in found if one.root_mm is not None]
     assert len(told) > 6
     off = [abs(one.root_mm - float(truth.root_mm_at(np.array([one.origin_mm]))[0])) for one in told]

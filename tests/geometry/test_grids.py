@@ -119,5 +119,7 @@ def test_blind_columns_lie_between_others_that_measure() -> None:
     keep[:, 19] = True
     keep &= np.random.default_rng(4).random(keep.shape) > 0.1  # single losses are no end
     assert grids.blind_columns(keep) == 6
+    keep[12:, 26] = keep[:, 27:50] = False  # beyond it an end that seldom reaches as far
+    assert grids.blind_columns(keep) == 6
     keep[:, 26:50] = False  # more than one grain of dust, and beyond it nothing
     assert grids.blind_columns(keep) == 0

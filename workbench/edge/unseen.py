@@ -11,7 +11,7 @@ from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Clo
 from workbench.checks.window import PINNED
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import is_free_end
-from workbench.geometry.grids import columns_beyond
+from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import rotation_from_vector
 from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
@@ -38,9 +38,8 @@ BY_TABLE = Unseen(
 )
 BY_WINDOW = Unseen(
     "window_end",
-    "That the face ends where its returns do: in nearly all frames that is one and the same column, with none beyond "
-    "it, as where the sensor's window ends, or columns of it are blind. A scan that moves sideways by some columns on "
-    "its way tells.",
+    "That the face ends where its returns do: in nearly all frames the column beyond hardly ever returns, as where the "
+    "sensor's window ends, or columns of it are blind. A scan that moves sideways by some columns on its way tells.",
     is_doubt=True,
 )
 
@@ -148,16 +147,18 @@ def ends_in_nothing(z_mm: AnyArray, outwards: Int) -> bool:
 
 
 def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
-    """Whether a face ends where the part and the sensor's window look alike: in one column, with none beyond it.
+    """Whether a face ends where the part, the sensor's window and blind columns look alike: beside a dark column.
 
-    ends (k,) each: last columns of a free end, in so many `frames` that show the face; below 0 towards column 0.
+    ends (k,) each: last columns of a free end, in so many `frames` that show the face; below 0 towards column 0. Where
+    the end moves over the columns, others of its frames light the next one; what returns from behind does so too.
     """
-    used = np.flatnonzero(cloud.keep.any(axis=0))
-    share = max(float(((columns == used[-1]) | (columns == -used[0])).sum()) for columns in ends) / frames
+    share = max(float(dark_beyond(cloud.z_mm, cloud.keep, columns).sum()) for columns in ends) / frames
     told = "the face ends where the part does, or not in one column"
     if share > PINNED:
-        told = f"the face ends in one column in {100 * share:.0f} % of the frames, with none beyond it: an end of the "
-        told += "window would not show"
+        told = (
+            f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end of "
+        )
+        told += "the window, or blind columns, would not show"
     return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
 
 

@@ -16,8 +16,9 @@ from workbench.units import AnyArray, Bool, Float, Float32, Int, Shaped
 
 _EXPONENT = np.int32(0x7F800000)  # float32 bits without the sign: equal = infinite, above = NaN, below = finite
 _MAGNITUDE = np.int32(0x7FFFFFFF)
-# Neighbouring columns that may be blind, share of the frames in which the next one measures, frames that tell it.
-MOST_BLIND, LIVE_SHARE, TELLING = 24, 0.05, 1000
+# Neighbouring columns that may be blind; returns by which one that seldom measures differs from one that never does (of
+# so many expected none comes once in 20,000 times); frames that tell it.
+MOST_BLIND, LIVE_RETURNS, TELLING = 24, 10, 1000
 SELDOM = 0.1  # of the frames in which the next column returns, that the last one beside a shadow does not
 
 FUSED_TOGETHER = 2**20  # points that one core has fused before another has begun
@@ -209,7 +210,18 @@ def columns_beyond(z_mm: AnyArray, outwards: Shaped[Int, " N"]) -> Int:
 
 def telling_returns(z_mm: AnyArray) -> Bool:
     """What returned (n, M) in up to `TELLING` frames of a grid (N, M): fewer pass a seldom lit column as blind."""
-    return np.asarray(np.isfinite(z_mm[:: max(-(-len(z_mm) // TELLING), 1)]))
+    return np.asarray(np.isfinite(_telling(z_mm)))
+
+
+def _telling(grid: AnyArray) -> AnyArray:
+    return np.asarray(grid[:: max(-(-len(grid) // TELLING), 1)])
+
+
+def dark_beyond(z_mm: AnyArray, keep: Bool, outwards: Shaped[Int, " N"]) -> Bool:
+    """Frames (N,) in which the column `columns_to_next` beyond a face hardly ever measures what is kept, or is none."""
+    dark = np.pad(_telling(keep).sum(axis=0) < LIVE_RETURNS, 1, constant_values=True)
+    further = np.where(outwards > 0, 1, -1) * columns_to_next(z_mm, outwards)
+    return np.asarray(dark[np.abs(outwards) + further + 1])
 
 
 def blind_columns(keep: Bool) -> int:
@@ -227,11 +239,11 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
 
     Blind columns begin and end at once; a shadow beside a face's end moves with it, and is none.
     """
-    rate = keep.mean(axis=0)
-    up, down = np.ones((2, rate.size), np.int64)
-    for out, seen, share in ((up, keep, rate), (down[::-1], keep[:, ::-1], rate[::-1])):
-        for j in np.flatnonzero((share[:-1] > LIVE_SHARE) & (share[1:] == 0.0)).tolist():
-            after = j + 1 + np.flatnonzero(share[j + 1 : j + MOST_BLIND + 2] > LIVE_SHARE)
+    count = keep.sum(axis=0)
+    up, down = np.ones((2, count.size), np.int64)
+    for out, seen, times in ((up, keep, count), (down[::-1], keep[:, ::-1], count[::-1])):
+        for j in np.flatnonzero((times[:-1] >= LIVE_RETURNS) & (times[1:] == 0)).tolist():
+            after = j + 1 + np.flatnonzero(times[j + 1 : j + MOST_BLIND + 2] >= LIVE_RETURNS)
             if len(after) and not _fades(seen, j, j - 1) and not _fades(seen, int(after[0]), int(after[0]) + 1):
                 out[j] = after[0] - j
     return up, down

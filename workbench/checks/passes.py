@@ -87,6 +87,7 @@ def _correlation(a: AnyArray, b: AnyArray) -> float:
 
 
 PLACES = 5  # along a pass
+MOST_CROSSED = 40  # frames of the other pass, evenly
 REACH = 4  # columns on each side, for a normal
 SAME = np.cos(np.radians(15.0))  # of the normals of one face
 FAR_MM = 12.0  # what lies further off is not the same face
@@ -118,16 +119,16 @@ def _between(x_mm: AnyArray, z_mm: AnyArray, first: Int, second: Int, poses: Flo
         points, normals = _profile(x_mm[i], z_mm[i], poses[i])
         if len(points) < LEAST:
             continue
-        centre = points.mean(axis=0)
-        behind = np.einsum("ki,ki->k", normal_b, centre - origin_b)  # distance to the other's planes
-        crossing = np.flatnonzero(np.diff(np.sign(behind)) != 0)
-        if not len(crossing):
+        # the other's frames that these points lie in: several, where one of the passes leads
+        behind = points @ normal_b.T - np.einsum("ki,ki->k", normal_b, origin_b)
+        crossed = second[np.flatnonzero((np.diff(np.sign(behind), axis=1) != 0).any(axis=0))]
+        some = crossed[:: len(crossed) // MOST_CROSSED + 1]
+        if not len(some):
             continue
-        j = int(second[crossing[0]])
-        others, their = _profile(x_mm[j], z_mm[j], poses[j])
-        if len(others) < LEAST:
-            continue
-        found.append(_offset(points, normals, others, their))
+        met = [_profile(x_mm[j], z_mm[j], poses[j]) for j in some]
+        others, their = (np.concatenate(one) for one in zip(*met, strict=True))
+        if len(others) >= LEAST:
+            found.append(_offset(points, normals, others, their))
     found = [one for one in found if np.isfinite(one)]
     return float(np.median(found)) if found else float("nan")
 

@@ -358,7 +358,8 @@ def _follow_frame(
         end[k] = value
     corner = _crossing(state, BEVEL, ROOT)
     width = abs(end[0] - corner)
-    if not 0.4 * width0 < width < 2.5 * width0:
+    hollow = (state[ROOT, SLOPE] - state[BEVEL, SLOPE]) * (before[ROOT] - before[BEVEL]) <= 0.0
+    if hollow or not 0.4 * width0 < width < 2.5 * width0:
         return False
     state[ROOT, END] = end[0]
     return True

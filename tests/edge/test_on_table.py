@@ -9,6 +9,7 @@ import pytest
 
 from bench.odd_plates import SURROUNDED, Drawn, Sizes, judged, odd_plate, plate
 from bench.outside import FAR_MM, Part, inspected, planned, simulate
+from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
@@ -25,16 +26,16 @@ def on_table(seed: int, gap_mm: float, is_raw: bool = False) -> Part:
     return simulate(seed, is_raw, sizes.drawn((plate(sizes.root_mm, sizes.above()),)))
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, *seldom(3)])
 def test_a_plate_on_a_table_is_measured(seed: int) -> None:
-    for error, u in inspected(on_table(seed, 0.0)).values():
+    found = inspected(on_table(seed, 0.0))
+    for error, u in found.values():
         assert error.size == 9
         assert (np.abs(error) <= 3.0 * u).all()
-    assert inspected(on_table(seed, 0.0))["root, mm"][1].max() < 0.1
+    assert found["root, mm"][1].max() < 0.1
 
 
-@pytest.mark.parametrize("is_raw", [False, True])
-@pytest.mark.parametrize("gap_mm", [0.05, 0.4])
+@pytest.mark.parametrize(("is_raw", "gap_mm"), [(False, 0.05), (True, 0.4), *seldom((False, 0.4), (True, 0.05))])
 def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
     told = 0
     for seed in range(4):
@@ -47,9 +48,8 @@ def test_a_gap_below_the_plate_is_in_u(is_raw: bool, gap_mm: float) -> None:
     assert told >= 3
 
 
-@pytest.mark.parametrize("seed", [1])
-def test_a_raw_plate_on_a_table_is_measured(seed: int) -> None:
-    error, u = planned(on_table(seed, 0.0, is_raw=True))["along m, mm"]
+def test_a_raw_plate_on_a_table_is_measured() -> None:
+    error, u = planned(on_table(1, 0.0, is_raw=True))["along m, mm"]
     assert error.size > 5
     assert (np.abs(error) <= 3.0 * u).all()
 
@@ -69,7 +69,7 @@ def test_that_it_lies_on_a_table_is_said() -> None:
     assert any("a stop that touches the root face" in one.sentence and one.is_doubt for one in edge.unseen)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, *seldom(2)])
 def test_a_stop_in_front_of_the_root_face_is_no_table(seed: int) -> None:
     """Its top is level, as a table is; below it the root face goes on."""
     sizes = Sizes(2.5, 40.0 * DEG, 8.0, None)

@@ -15,10 +15,9 @@ from bench.drawn.preparations import swept_plate
 from bench.groove.__main__ import JOINTS, measured
 from bench.simulators.swept import SweptRecipe, simulate_swept
 from tests.seldom import seldom
-from workbench.artefacts import Preparation, PreparationInspection
+from workbench.artefacts import Preparation
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_preparation
-from workbench.edge.fillet import fit_on_land
 from workbench.edge.prepared_profile import kind_of
 from workbench.errors import InputError, PipelineError
 from workbench.inspect import preparation as inspect_preparation
@@ -251,12 +250,6 @@ def test_a_size_that_no_preparation_has_is_refused(nose) -> None:
         inspect_preparation(nose, nominal={"lnd_mm": 1.0})
 
 
-def test_an_inspection_as_a_table(nose) -> None:
-    found = inspect_preparation(nose)
-    assert isinstance(found, PreparationInspection)
-    assert len(found.sections) == 9
-
-
 @pytest.mark.parametrize(
     ("falls", "kind"),
     [
@@ -273,19 +266,3 @@ def test_an_inspection_as_a_table(nose) -> None:
 )
 def test_faces_that_fall_so_are_such_a_preparation(falls: list[float], kind: str | None) -> None:
     assert kind_of([fall * DEG for fall in falls]) == kind
-
-
-def test_a_fillet_is_found_between_flank_and_land() -> None:
-    fall, radius, level, tilt = 80.0 * DEG, 3.0, 5.0, 1.0 * DEG
-    rows = np.array([[math.sin(fall), math.cos(fall)], [-math.sin(tilt), math.cos(tilt)]])
-    centre = np.linalg.solve(rows, [radius, radius - level * math.cos(tilt)])
-    turn = np.linspace(
-        -math.pi / 2 - fall + math.pi / 2, tilt, 60
-    )  # normals from that of the flank to that of the land
-    arc = centre - radius * np.stack([-np.sin(turn), np.cos(turn)], axis=1)
-    flank = np.linspace(0.1, 1.0, 20)[:, None] * arc[0]
-    land = arc[-1] + np.linspace(0.05, 1.0, 20)[:, None] * np.array([math.cos(tilt), math.sin(tilt)])
-    found = fit_on_land(np.concatenate([flank, arc, land]), fall, 0.005, None)
-    assert found is not None
-    assert (found.radius_mm, found.bottom_mm) == pytest.approx((radius, -level), abs=1e-3)
-    assert found.tilt == pytest.approx(tilt, abs=1e-3)

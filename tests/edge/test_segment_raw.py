@@ -148,7 +148,7 @@ def test_labels_name_the_faces(scanned: Scans) -> None:
     assert (edge.faces[ROOT_FACE].count > 50).mean() > 0.95
 
 
-@pytest.mark.parametrize("side", ["lower", "upper"])
+@pytest.mark.parametrize("side", ["lower", *seldom("upper")])
 def test_burrs_are_reported_and_move_no_edge(scanned: Scans, side: str) -> None:
     burr = {"edge": side, "from_mm": 20.0, "to_mm": 32.0, "height_mm": 0.4, "width_mm": 0.4}
     plain, burred = (
@@ -221,6 +221,21 @@ def test_an_edge_seen_only_in_part_is_refused(scanned: Scans, aim_mm: tuple[floa
     scan = scanned(part=RAW, passes=[ABOVE | {"aim_mm": list(aim_mm), "skew_mm": [0.0, 0.0]}])
     with pytest.raises(InputError, match=f"{name} edge not in view"):
         segment_raw(scan.cloud, upper_side=UP, z_away=True)
+
+
+@pytest.mark.parametrize(
+    ("z_away", "x_rises", "off_deg"),
+    [(True, True, 20.0), (True, False, -20.0), (False, True, -10.0), (False, False, 0.0)],
+)
+def test_a_rough_direction_is_enough_whatever_the_sensors_axes(
+    scanned: Scans, z_away: bool, x_rises: bool, off_deg: float
+) -> None:
+    scanner = {"columns": 500, "z_away": z_away, "x_rises": x_rises}
+    scan = scanned(part=RAW | {"roughness_mm": 0.2, "end_face_tilt_deg": 3.0}, scanner=scanner, passes=[ABOVE])
+    told = np.cos(off_deg * DEG) * scan.truth.across[0] + np.sin(off_deg * DEG) * scan.truth.normal[0]
+    edge = segment_raw(scan.cloud, upper_side=tuple(told))
+    for name in ("across", "normal"):
+        assert (getattr(edge, name)[edge.seen] * at_stations(scan, edge, name)).sum(axis=1).min() > 0.99
 
 
 def test_a_milled_edge_is_no_raw_edge(scanned: Scans) -> None:

@@ -65,7 +65,6 @@ POORER: dict[str, Change] = {
     "every second frame": lambda r: frames(r, np.arange(0, len(r.time_s), 2)),
     "every second column": lambda r: columns(r, slice(None, None, 2)),
     "0.02 mm more noise": noisier,
-    "no brightness": lambda r: dataclasses.replace(r, intensity=None),
     "the first pass alone": lambda r: frames(r, r.pass_index == r.pass_index[0]),
     "the last pass alone": lambda r: frames(r, r.pass_index == r.pass_index[-1]),
 }
@@ -191,10 +190,7 @@ def change_of(name: str, change: str, quantity: str) -> tuple[float, float]:
 
 def applies(name: str, change: str) -> bool:
     """Whether there is what the change takes away."""
-    r = drawn(name).recording
-    if "pass" in change:
-        return len(np.unique(r.pass_index)) > 1
-    return change != "no brightness" or r.intensity is not None
+    return "pass" not in change or len(np.unique(drawn(name).recording.pass_index)) > 1
 
 
 def table() -> str:

@@ -321,7 +321,7 @@ def test_blind_columns_are_no_gap() -> None:
     z = (plane + np.random.default_rng(1).normal(0.0, 0.01, plane.shape)).astype(np.float32)
     x = np.broadcast_to(np.linspace(-15.0, 15.0, z.shape[1], dtype=np.float32), z.shape)
     seen = np.abs(x) > 1.0
-    plate = dataclasses.replace(cloud, x_mm=x, z_mm=np.where(seen, z, np.float32(np.nan)), keep=seen, brightness=None)
+    plate = dataclasses.replace(cloud, x_mm=x, z_mm=np.where(seen, z, np.float32(np.nan)), keep=seen)
     with pytest.raises(InputError, match="in the same columns of all profiles"):
         segment_groove(plate)
 

@@ -54,7 +54,6 @@ def frames(
         column.astype(np.int64),
         np.zeros(s.size, np.int64),
     )
-    nan = np.full(s.size, np.nan)
     return Ends(
         s,
         freed.low,
@@ -62,10 +61,7 @@ def frames(
         np.maximum(freed.sigma, 1e-3),
         np.full(s.size, max(missing, 0.02)),
         freed.weight,
-        nan,
-        nan,
         freed.doubt,
-        nan,
     )
 
 
@@ -234,10 +230,7 @@ def test_few_frames(count: int) -> None:
                 ends.sigma,
                 ends.missing,
                 ends.weight,
-                ends.fill,
-                ends.fill_sigma,
                 ends.doubt,
-                ends.lit,
             )
         )
     )
@@ -256,8 +249,7 @@ def test_a_long_edge_that_waves_in_step_with_the_columns_is_followed() -> None:
     step, sigma = np.full(s.size, STEP_MM), np.full(s.size, 1e-3)
     still = np.zeros(s.size, np.int64)
     freed = settled(s, low, step, sigma, still, still)
-    nan = np.full(s.size, np.nan)
-    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, nan, nan, 0.0 * s, nan)
+    ends = Ends(s, freed.low, freed.step, freed.sigma, np.full(s.size, 0.02), freed.weight, 0.0 * s)
     course = found(ends).course
     off = course.value(s) - truth
     assert off.std() < 0.15 * STEP_MM  # its shape; where in the step it lies nothing shows

@@ -128,14 +128,13 @@ class Cloud:
     part: Part = UNKNOWN_PART
     rejected: Mapping[str, int] = field(default_factory=dict)  # cause -> number of points
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
-    brightness: Shaped[AnyArray, "N M"] | None = None  # of the returns, as recorded
     sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
     only_end_poses: bool = False  # some pass has the poses of its two ends only: frames do not average their errors
 
     def of_frames(self, frames: slice | Int) -> Cloud:
         """The cloud of some of its frames; of a slice its grid is a view."""
-        named = ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index", "brightness")
-        return replace(self, **{name: one[frames] for name in named if (one := getattr(self, name)) is not None})
+        named = ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index")
+        return replace(self, **{name: getattr(self, name)[frames] for name in named})
 
     def plot(self) -> Any:
         """A PyVista plotter with the kept points in the base."""

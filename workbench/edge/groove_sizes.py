@@ -564,10 +564,7 @@ class GrooveSizes:
             np.full(s.size, sigma),
             missing,
             np.ones(s.size),
-            np.full(s.size, np.nan),
-            np.full(s.size, np.nan),
             np.zeros(s.size),
-            np.full(s.size, np.nan),
         )
         found = find_end(ends, rough)
         hidden = ~self._near(good)

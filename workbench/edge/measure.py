@@ -370,8 +370,5 @@ def _as_ends(
         np.maximum(freed.sigma[on], LEAST_SIGMA_MM),
         ends.missing[on],
         share * freed.weight[on] * weights(upper_s[on], broken.doubt_mm[on]),
-        ends.fill[on],
-        ends.fill_sigma[on],
         freed.doubt[on],
-        broken.lit[on],
     )

@@ -477,7 +477,6 @@ def _found_end(
     freed = settled(side.s, side.low, side.step, side.sigma, column, pass_index)
     on = np.flatnonzero(course.kept & np.isfinite(freed.low) & np.isfinite(freed.sigma))
     on = on[np.argsort(side.s[on], kind="stable")]
-    unknown = np.full(on.size, np.nan)
     known = Ends(
         side.s[on],
         freed.low[on],
@@ -485,10 +484,7 @@ def _found_end(
         np.maximum(freed.sigma[on], 1e-3),
         side.missing[on],
         freed.weight[on],
-        unknown,
-        unknown,
         freed.doubt[on],
-        unknown,
     )
     end = find_end(known, course, shared, orders)
     near = np.abs(side.s[:, None] - end.s[None, end.contradicted]) <= NEAR_MM

@@ -107,7 +107,6 @@ class BrokenEnd:
     beyond_mm: Shaped[Float, " N"]  # of the virtual edge, from where the returns on the line end: its mean
     u_mm: Shaped[Float, " N"]  # and standard uncertainty, common to the frames of a pass
     hidden_u_mm: Shaped[Float, " N"]  # the same by columns that do not show where it ends (`hidden_columns_u`)
-    lit: Shaped[Float, " N"]  # share of a pixel that must be filled to return
     size_mm: float  # radius of a rounding, height of a chamfer, where the edge is proven broken; else 0
     rim_mm: float  # of the face before its last return on the line, or its corner, along x, that is broken
 
@@ -132,7 +131,6 @@ def broken_end(
     averaging, Statistical Science 14 (1999), 382.
     """
     beyond, u = np.zeros((2, here.size))
-    lit = np.full(here.size, 0.5)
     numbers = np.unique(cloud.pass_index[here])
     views = [_view(cloud, rim, here & (cloud.pass_index == p)) for p in numbers]
     prior = PRIORS[condition]
@@ -148,14 +146,14 @@ def broken_end(
         mine = here & (cloud.pass_index == p)
         mean, spread = beyond_of(share, one)
         odd = _odd_columns(view.known, share @ one.fall) * view.step_mm
-        beyond[mine], u[mine], lit[mine] = mean, math.hypot(spread, odd), 0.5 - share @ one.past
+        beyond[mine], u[mine] = mean, math.hypot(spread, odd)
         deep = share @ one.fall > 3.0 * np.sqrt(np.diag(view.known.noise))
         rims.append(float(np.diff(view.edges_mm)[deep].sum()) * math.cos(view.inclination))
     size, rim_mm = (float(share @ templates.size_mm), max(rims)) if proven and seen else (0.0, 0.0)
     if corner is not None:
         size, rim_mm = max(size, corner.radius_mm), max(rim_mm, corner.rim_mm)
     hidden = np.where(here, _hidden_end_u_mm(cloud, rim.face), 0.0)
-    return BrokenEnd(beyond, u, hidden, lit, size, rim_mm)
+    return BrokenEnd(beyond, u, hidden, size, rim_mm)
 
 
 def _posterior(
@@ -208,7 +206,7 @@ def beyond_of(share: Shaped[Float, " t"], seen: SeenEnd) -> tuple[float, float]:
 def whole_end(frames: int) -> BrokenEnd:
     """The end of a face of which nothing is broken."""
     none = np.zeros(frames)
-    return BrokenEnd(none, none, none, np.full(frames, 0.5), 0.0, 0.0)
+    return BrokenEnd(none, none, none, 0.0, 0.0)
 
 
 def together_along(s: Float, doubt_mm: Float, at: Float, *values: Float | Bool) -> tuple[Float, ...]:
@@ -339,7 +337,6 @@ class SeenEnd(NamedTuple):
     log: Shaped[Float, " t"]  # log-likelihood of the depths
     beyond: Shaped[Float, " t"]  # of the virtual edge from where the returns on the line end, mm: mean
     beyond_u: Shaped[Float, " t"]  # and standard deviation, by what the sensor still returns
-    past: Shaped[Float, " t"]  # columns by which the middle of the last pixel lies beyond the end: mean
     fall: Shaped[Float, "t g"]  # depth under the line by groups of columns, mm
 
 
@@ -381,9 +378,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     weight /= total[:, None]
     mean = (weight * beyond).sum(axis=1)
     spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
-    past = (weight * PIXELS[pixel, 0].reshape(shape)).sum(axis=1)
     fall = np.einsum("ti,tig->tg", weight, fall.reshape(*weight.shape, -1))
-    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, past, fall)
+    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, fall)
 
 
 def rendered_end(

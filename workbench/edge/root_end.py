@@ -15,9 +15,6 @@ from workbench.geometry.grids import columns_to_next
 from workbench.geometry.sections import SectionLines, crossing, in_section, section_lines
 from workbench.units import Float, Int, Shaped
 
-SKIPPED, BEFORE, LEAST_BEFORE = 2, 5, 3  # pixels before the last one: left out, looked at, and needed
-MODEL_FILL = 0.1  # standard uncertainty of a fill: a pixel's edges are not sharp
-DARKER = 0.9  # of the pixels before it: the median of last pixels in a pass that shows what is filled of them
 MIXED = 0.5  # probability that a mixed pixel stands in the place of the face's last return
 
 
@@ -29,8 +26,6 @@ class RootEnds:
     step: Shaped[Float, " N"]  # the next column would meet it this much further; 0: a corner with the lower surface, mm
     sigma: Shaped[Float, " N"]  # noise of `low`, mm
     missing: Shaped[Float, " N"]  # probability that a column at the end of the root face has no return on it
-    fill: Shaped[Float, " N"]  # share of the last pixel that the face fills, by its brightness; NaN: not known
-    fill_sigma: Shaped[Float, " N"]  # its standard uncertainty
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,49 +75,7 @@ def root_ends(
         down, step = np.where(at_corner, lower, down), np.where(at_corner, 0.0, step)
         root_share = np.where(at_corner, (1.0 / np.tan(beta) - 1.0 / np.tan(lean)) ** 2, root_share)
     variance = root_share * root.offset_variance + bevel.offset_variance / np.sin(beta) ** 2
-    fill, fill_sigma = last_pixel_fill(cloud, tracked)
-    return RootEnds(
-        corner.up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index), fill, fill_sigma
-    )
-
-
-def last_pixel_fill(cloud: Cloud, tracked: TrackedFaces) -> tuple[Float, Float]:
-    """How much of the pixel of its last return the root face fills (N,), by brightness, and the standard uncertainty.
-
-    The pixel is as bright as those before it, times what the face fills of it, and speckle. NaN: not recorded, too few
-    pixels before, any of them saturated, the pixel sees something behind the face too; and in passes in which it is no
-    darker than they are: a sensor that tells the brightest part of a pixel never shows it darker.
-    """
-    fill, sigma = np.full(len(cloud.keep), np.nan), np.full(len(cloud.keep), np.nan)
-    if cloud.brightness is None:
-        return fill, sigma
-    free = tracked.seen & ~(tracked.end_is_cut | tracked.end_is_burred | tracked.end_is_corner | tracked.end_is_mixed)
-    frames = np.flatnonzero(free)
-    first, last = (tracked.faces[ROOT_FACE].columns[frames, k].astype(np.int64) for k in (0, 1))
-    end = np.abs(tracked.end_column[frames]).astype(np.int64)
-    inwards = np.where(end - first < last - end, 1, -1)
-    before = end[:, None] + inwards[:, None] * np.arange(SKIPPED, SKIPPED + BEFORE)
-    inside = (before >= 0) & (before < cloud.keep.shape[1])
-    before = np.clip(before, 0, cloud.keep.shape[1] - 1)
-    rows = frames[:, None]
-    inside &= (tracked.labels[rows, before] == ROOT_FACE) & cloud.keep[rows, before]
-    bright = np.where(inside, cloud.brightness[rows, before].astype(float), np.nan)
-    most = float(cloud.brightness.max())
-    sound = (inside.sum(axis=1) >= LEAST_BEFORE) & ~(bright >= most).any(axis=1) & (bright > 0.0).any(axis=1)
-    frames, bright, end = frames[sound], bright[sound], end[sound]
-    if not frames.size:
-        return fill, sigma
-    full = np.nanmean(bright, axis=1)
-    count = np.isfinite(bright).sum(axis=1)
-    speckle = float(np.sqrt(np.nanmedian(np.nanvar(bright, axis=1, ddof=1) / full**2)))
-    found = cloud.brightness[frames, end] / full
-    fill[frames] = found
-    sigma[frames] = np.hypot(found * speckle * np.sqrt(1.0 + 1.0 / count), MODEL_FILL)
-    for number in np.unique(cloud.pass_index):
-        mine = cloud.pass_index == number
-        if not np.nanmedian(np.append(fill[mine], 1.0)) < DARKER:
-            fill[mine], sigma[mine] = np.nan, np.nan
-    return fill, sigma
+    return RootEnds(corner.up - down, step, np.sqrt(variance), missing_share(tracked, cloud.pass_index))
 
 
 def _lower_corner(

@@ -113,10 +113,7 @@ class Ends(NamedTuple):
     sigma: Shaped[Float, " n"]  # noise of low
     missing: Shaped[Float, " n"]  # probability that a column of the face is without return
     weight: Shaped[Float, " n"]  # what the frame counts: below 1 where neighbours share their noise
-    fill: Shaped[Float, " n"]  # share of the last pixel that the face fills, by its brightness; NaN: not known
-    fill_sigma: Shaped[Float, " n"]  # its standard uncertainty
     doubt: Shaped[Float, " n"]  # probability that the end waves with `low`, rather than the columns against it
-    lit: Shaped[Float, " n"]  # share of a pixel that the face fills where the end is at `low`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,21 +297,16 @@ def _add_up(cell: Int, ends: Ends, normal: Float, grid: Float, out: Float) -> No
 
     normal: the standard normal distribution function at even steps from -FAR_SIGMAS to FAR_SIGMAS.
     """
-    low, step, sigma, fill, weight = ends.low, ends.step, ends.sigma, ends.fill, ends.weight
+    low, step, sigma, weight = ends.low, ends.step, ends.sigma, ends.weight
     chance = np.empty(grid.size)
     for i in range(cell.size):
-        s, known = sigma[i], fill[i] == fill[i]
+        s = sigma[i]
         if step[i] <= 0.0:
             for g in range(grid.size):
                 z = (low[i] - grid[g]) / s
                 chance[g] = math.exp(-0.5 * z * z)
         else:
             _pass_columns(low[i], step[i], s, ends.missing[i], normal, grid, chance)
-            if known:
-                for g in range(grid.size):
-                    full = min(max((grid[g] - low[i]) / step[i] + ends.lit[i], 0.0), 1.0)
-                    z = (fill[i] - full) / math.hypot(ends.fill_sigma[i], s / step[i])
-                    chance[g] *= math.exp(-0.5 * z * z) + STRAY
         at_last, log_at_last = -1.0, 0.0
         for g in range(grid.size):
             if chance[g] != at_last:

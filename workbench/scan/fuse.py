@@ -72,7 +72,6 @@ def fuse(
         base_from_profiler=flange_poses(recording) @ calibration.flange_from_profiler,
         time_s=recording.time_s,
         pass_index=recording.pass_index,
-        brightness=recording.intensity,
         hand_eye_covariance=calibration.covariance,
         flange_from_profiler=calibration.flange_from_profiler,
         source=recording.source,

@@ -50,7 +50,6 @@ STEPLESS, STEP = 100.0, 0.3  # odds that values of a pass take no step; size of 
 STEP_PRIORS = 8  # one in so many of the priors is asked for steps
 MOST_BINS = 250  # of values that share errors: on longer edges they are longer
 TIE = 0.1234  # which of gaps that are alike wide is taken: the first after this share of a stretch
-MOST_WAVES = 400
 POOLED = (1, 2, 4, 8)  # bins, by whose residuals the course is tested
 ALONE = Shared()
 PRIOR_FREEDOM = 6.0  # weight, in bins, of the stated noise beside the noise that is found
@@ -284,8 +283,6 @@ def _fit(
     else:
         white, spent = np.linalg.solve(np.linalg.cholesky(covariance), left), _spent(problems, found)
         misfit = _misfit(white, np.ones(weight.size), bins.group, spent)
-    if unseen[0] == 0.0 and not process:  # steps between columns make regular waves of what frames know of an end
-        between += _regular_wave(bins.s, left, weight)
     raised = max(1.0, misfit)
     value, slope, by_shared = raised * value + between, raised * slope, None
     if together is not None:
@@ -451,46 +448,6 @@ def _misfit(left: Float, weight: Float, group: Int, spent: float) -> float:
         elif free > PRIOR_FREEDOM:
             out.append((square + PRIOR_FREEDOM) / (free + PRIOR_FREEDOM))
     return float(max(out))
-
-
-def _regular_wave(s: Float, left: Float, weight: Float) -> float:
-    """Variance of the strongest wave of one length in what the course leaves, by how likely it is none of the noise's.
-
-    As likely before as none, its height known to no more than one bin tells (Kass and Wasserman, JASA 90 (1995), 928).
-    Feeds and guides make regular waves. One that is as high as the bins' noise costs a prior of waves of all lengths
-    more than it brings, and stays in the residuals.
-    """
-    length = float(np.ptp(s))
-    count = int(length / (4.0 * max(BIN_MM, length / max(s.size, 1))))
-    if count < 3:
-        return 0.0
-    count = min(count, MOST_WAVES)
-    squares = np.empty((2 * count - 1, left.shape[1]))
-    _waves(as_input(math.pi / length * (s - s.min())), as_input((weight[:, None] * left).T), 2, squares)
-    total, components = float(weight.sum()), left.shape[1]
-    strongest = 2.0 * float(squares.max(axis=0).sum())
-    chance = 2.0 * count * math.exp(-0.5 * strongest / total / components)  # that noise shows as much somewhere
-    return float(strongest / total**2 / components / (1.0 + s.size * chance))
-
-
-@kernel(fastmath={"reassoc", "contract"})
-def _waves(phase: Float, values: Float, first: int, squares: Float) -> None:
-    """Fill `squares` (k, d): of the sums of values (d, n) times exp(i m phase) (n,), m from `first` on."""
-    re, im, turn_re, turn_im = np.empty(phase.size), np.empty(phase.size), np.empty(phase.size), np.empty(phase.size)
-    for i in range(phase.size):
-        turn_re[i], turn_im[i] = math.cos(phase[i]), math.sin(phase[i])
-        re[i], im[i] = math.cos(first * phase[i]), math.sin(first * phase[i])
-    for m in range(squares.shape[0]):
-        for d in range(values.shape[0]):
-            sum_re, sum_im = 0.0, 0.0
-            for i in range(phase.size):
-                sum_re += values[d, i] * re[i]
-                sum_im += values[d, i] * im[i]
-            squares[m, d] = sum_re**2 + sum_im**2
-        for i in range(phase.size):
-            ahead = re[i] * turn_re[i] - im[i] * turn_im[i]
-            im[i] = re[i] * turn_im[i] + im[i] * turn_re[i]
-            re[i] = ahead
 
 
 @dataclass(frozen=True, slots=True, eq=False)

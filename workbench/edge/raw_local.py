@@ -133,4 +133,4 @@ def _means(values: Float, count: int) -> Float:
     """Means of so many in a row of values (n,)."""
     total = np.append(0.0, np.cumsum(values))
     count = min(count, values.size)
-    return (total[count:] - total[:-count]) / count
+    return np.asarray((total[count:] - total[:-count]) / count)

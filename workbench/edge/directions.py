@@ -1,4 +1,4 @@
-"""Small helpers on directions of faces, frame by frame."""
+"""Small helpers on directions of faces, and on what else frames show along the edge."""
 
 from __future__ import annotations
 
@@ -23,6 +23,15 @@ LEG_FRAMES = 2000  # of a pass, by which it is looked at for where it turns back
 def wrapped(angle: Float) -> Float:
     """Angle in (-pi, pi]."""
     return np.asarray(-((-angle + np.pi) % (2.0 * np.pi) - np.pi))
+
+
+def between(s: Float, value: Float, at: Float) -> Float:
+    """Values (N,) of frames at s (N,) mm at places (k,) between them; NaN is left out, without any it is 0."""
+    on = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
+    if not on.size:
+        return np.zeros(np.shape(at))
+    order = on[np.argsort(s[on], kind="stable")]
+    return np.interp(at, s[order], value[order])
 
 
 def width_mm(face: FaceLines) -> float:

@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from workbench.artefacts import DIRECTIONS, FORM, TANGENT
-from workbench.edge.directions import wrapped
+from workbench.edge.directions import between, wrapped
 from workbench.edge.frame_order import scatter
 from workbench.edge.residual_image import FaceForm
 from workbench.geometry.course import Course, fit_course
@@ -58,8 +58,7 @@ class FaceLine:
 
     def direction(self, along: Along) -> Float:
         """At the stations (m,), rad."""
-        at, known = _sorted(along.s, self.turn)
-        return np.asarray(self.course.value(along.at) - np.interp(along.at, at, known))
+        return np.asarray(self.course.value(along.at) - between(along.s, self.turn, along.at))
 
     def direction_u(self, along: Along) -> Float:
         """Its standard uncertainty (m,), rad."""
@@ -94,8 +93,7 @@ def _square(line: FaceLine, meet: Float, s: Float, group: Int) -> FaceLine:
     drift = np.stack([_slope(s, meet[:, k], group) for k in (0, 1)], axis=1)
     change = line.course.slope(safe)
     lever = ((line.place - meet) * along).sum(axis=1)
-    at, known = _sorted(s, section.run * ((drift * across).sum(axis=1) + lever * change))
-    turn = np.interp(safe, at, known) if at.size else np.zeros(s.size)
+    turn = between(s, section.run * ((drift * across).sum(axis=1) + lever * change), safe)
     moved = drift + (lever * change)[:, None] * across  # of the centroid, a mm along the edge
     place = line.place - (change * section.run * section.spread)[:, None] * across
     place = place - (section.s - s)[:, None] * moved
@@ -107,12 +105,6 @@ def _slope(s: Float, value: Float, group: Int) -> Float:
     if good.sum() < 3 or np.ptp(value[good]) == 0.0:
         return np.zeros(s.size)
     return fit_course(s, value, None, group).slope(np.where(np.isfinite(s), s, 0.0))
-
-
-def _sorted(s: Float, value: Float) -> tuple[Float, Float]:
-    good = np.flatnonzero(np.isfinite(s) & np.isfinite(value))
-    good = good[np.argsort(s[good], kind="stable")]
-    return s[good], value[good]
 
 
 def meeting(place: Float, angle: Float, other_place: Float, other_angle: Float) -> Float:

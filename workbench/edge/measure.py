@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
-from workbench.edge.directions import TOGETHER_MM, near_slope, width_mm, wrapped
+from workbench.edge.directions import TOGETHER_MM, between, near_slope, width_mm, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.rim import BrokenEnd, weights, whole_end
 from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
@@ -316,17 +316,8 @@ def _corner(faces: Faces, s: Float, tilt: Float, beta: Float, size: Float, size_
     lever = np.hypot(da - up * along, db - up * ahead)
     bevel_turn = bevel.run * (size_slope * sine + size * turn[0] * cosine + lever * turn[1])
     at = np.where(np.isfinite(s), s, 0.0)
-    tilt, beta = face_angles(faces, at, _near(root.s, root_turn, s), _near(bevel.s, bevel_turn, s))
+    tilt, beta = face_angles(faces, at, between(root.s, root_turn, at), between(bevel.s, bevel_turn, at))
     return FaceCorner(tilt, beta, up, root.s + root.run * up, lever, root_turn, bevel_turn)
-
-
-def _near(s: Float, value: Float, at: Float) -> Float:
-    """A correction's course at the frames: it runs smoothly."""
-    on = np.isfinite(s) & np.isfinite(value)
-    if not on.any():
-        return np.zeros(at.shape)
-    order = np.flatnonzero(on)[np.argsort(s[on], kind="stable")]
-    return np.interp(np.where(np.isfinite(at), at, 0.0), s[order], value[order])
 
 
 def face_angles(

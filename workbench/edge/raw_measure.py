@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from workbench.artefacts import LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
-from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, go_together, near_slope, wrapped
+from workbench.edge.directions import LOCAL_MM, TOGETHER_MM, between, go_together, near_slope, wrapped
 from workbench.edge.measure import check_advance, edge_direction
 from workbench.edge.raw_faces import FaceEnds, RawFaces, middle_of, outward_of
 from workbench.edge.raw_local import local_mean
@@ -278,9 +278,7 @@ def _straightened(face: SectionLines, angle: Float, tilt: Course, mid: Float) ->
 
 def _squared(tilt: Course, stand_out: Course, face: SectionLines) -> Course:
     """Local means of the direction over rectangles of a rough face instead of the parallelograms of oblique frames."""
-    on = np.flatnonzero(np.isfinite(face.s))
-    on = on[np.argsort(face.s[on], kind="stable")]
-    run = np.interp(tilt.at_mm, face.s[on], face.run[on])
+    run = between(face.s, face.run, tilt.at_mm)
     value = tilt.value(tilt.at_mm) - run * stand_out.slope(tilt.at_mm)
     spline = scipy.interpolate.make_interp_spline(tilt.at_mm, value, k=tilt.spline.k)
     return replace(tilt, spline=Spline(spline.t, spline.c, spline.k))
@@ -307,9 +305,7 @@ def _reaching(tilt: Course, found: RawFaces, sigma: float, turned: float, lower:
     step = float(np.median(width / face.count[on]))
     strip = np.full(tilt.at_mm.size, step)
     for end in (lower, upper):
-        here = np.flatnonzero(np.isfinite(end.s))
-        here = here[np.argsort(end.s[here], kind="stable")]
-        strip = np.hypot(strip, np.interp(tilt.at_mm, end.s[here], end.loose_mm[here]))
+        strip = np.hypot(strip, between(end.s, end.loose_mm, tilt.at_mm))
     strip = np.minimum(strip, width)
     turn = 6.0 * strip * _roughness(found, sigma) / width**2
     return replace(tilt, variance=tilt.variance + turn**2 + turned**2 * strip)

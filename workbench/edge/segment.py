@@ -20,7 +20,7 @@ from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
 from workbench.edge.certified import certified, certified_linearity
-from workbench.edge.directions import TOGETHER_MM, width_mm
+from workbench.edge.directions import TOGETHER_MM, between, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.lower_fillet import LIT_COLUMNS, lower_fillet
@@ -289,7 +289,6 @@ def _end_terms(
     """What the course leaves open of the root face's end at arc lengths `at` (m,) of the lower edge."""
     s, end = at + measured.shift, measured.end
     shown = np.where(np.isfinite(measured.ends.low), measured.upper_s, np.nan)
-    on = np.flatnonzero(np.isfinite(shown))
     face = tracked.faces[ROOT_FACE]
     by_break, by_columns, at_corner = together_along(
         shown, broken.doubt_mm, s, broken.u_mm, broken.hidden_u_mm, tracked.end_is_corner
@@ -303,8 +302,7 @@ def _end_terms(
     waves = waves_u(measured.upper_s, left, cloud.pass_index, 0.5 * float(np.nanmedian(frames.step)))
     low = np.where(own, frames.low, np.nan)
     reached = reached_mm(measured.upper_s, low, frames.step, frames.sigma, end.course, s)
-    order = on[np.argsort(measured.upper_s[on], kind="stable")]
-    unsettled = np.interp(s, measured.upper_s[order], measured.unsettled_mm[order])
+    unsettled = between(measured.upper_s, measured.unsettled_mm, s)
     level_u = np.sqrt(np.interp(s, end.course.at_mm, measured.said.u_mm) ** 2 + waves**2 + reached**2 + unsettled**2)
     steep = float(np.abs(np.nanmedian(face.sxz / face.sxx)))
     return EndTerms(level_u, by_break, hidden, lower, declared_u_mm, steep)
@@ -320,9 +318,7 @@ def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:
     place = measured.curve.position(s) + (lines.place * square).sum(axis=1)[:, None] * normal
     face = FaceAlong(lines.s, angle, t, normal, place)
     late = late_of(face, cloud.base_from_profiler, cloud.time_s, cloud.pass_index)
-    on = np.flatnonzero(here)
-    on = on[np.argsort(s[on], kind="stable")]
-    return np.interp(at + measured.shift, s[on], (late.off_s * late.oblique_rate)[on])
+    return between(lines.s, late.off_s * late.oblique_rate, at + measured.shift)
 
 
 def laser_plane_u(cloud: Cloud) -> float:

@@ -31,6 +31,7 @@ from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
+from workbench.edge.directions import between
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
 from workbench.edge.on_table import raw_under_u_mm
@@ -191,12 +192,12 @@ def _edge(
     sparse_mm, sparse_turn = cloud.sparse_poses_u
     only_ends_mm = declared.robot.most_mm if cloud.only_end_poses else 0.0
     tangent_u = np.hypot(turning, sparse_turn)
-    tangent_u = np.hypot(tangent_u, _between(measured.s_face, late.off_s * late.oblique_rate, at))
+    tangent_u = np.hypot(tangent_u, between(measured.s_face, late.off_s * late.oblique_rate, at))
     axis = {
         DIRECTIONS: np.hypot(measured.tilt.u(at), 0.0 if measured.rough else measured.local_turn_u),
         FORM: form.turn_u,
-        CLOCK: _between(measured.s_face, late.turn_u, at),
-        TANGENT: np.abs(_between(measured.s_face, measured.run, at)) * tangent_u,
+        CLOCK: between(measured.s_face, late.turn_u, at),
+        TANGENT: np.abs(between(measured.s_face, measured.run, at)) * tangent_u,
         HAND_EYE: turn,
         SPARSE: np.full(at.size, sparse_turn),
     }
@@ -212,7 +213,7 @@ def _edge(
         DIRECTIONS: measured.lever_mm * seen_turn_u,
         FORM: form.offset_u_mm,
         STEPS: np.full(at.size, math.hypot(apart[0], measured.out.course.step_u)),
-        CLOCK: _between(measured.s_face, late_mm[0], at),
+        CLOCK: between(measured.s_face, late_mm[0], at),
     }
     steep = np.nanmedian(np.abs(found.faces[ROOT_FACE].sxz / found.faces[ROOT_FACE].sxx))
     broken = measured.lower.broken
@@ -227,9 +228,9 @@ def _edge(
         HIDDEN: root_sum_square(at, (*hidden, burred_u_mm(cloud, found))),
         DECLARED: np.full(at.size, declared.end_u_mm),
         STEPS: np.hypot(
-            _between(lower_s, measured.lower.loose_mm, at), math.hypot(apart[1], measured.lower.course.step_u)
+            between(lower_s, measured.lower.loose_mm, at), math.hypot(apart[1], measured.lower.course.step_u)
         ),
-        CLOCK: _between(measured.s_face, late_mm[1], at),
+        CLOCK: between(measured.s_face, late_mm[1], at),
     }
     out = Quantity.of("along_normal_mm", np.einsum("kd,kd->k", position, n), along_n)
     down = Quantity.of("along_across_mm", np.einsum("kd,kd->k", position, m), along_m)
@@ -295,13 +296,6 @@ def _lies_on(found: RawFaces) -> Iterator[Check]:
     if share > 0.0:
         reason = "a lower surface, or a silhouette, tells the edge by itself"
         yield Check("lies_on_share", share, None, True, reason, LIES_ON)
-
-
-def _between(s: Float, value: Float, at: Float) -> Float:
-    """Values (N,) of frames at s (N,) at places between them (k,)."""
-    on = np.flatnonzero(np.isfinite(s))
-    order = on[np.argsort(s[on], kind="stable")]
-    return np.interp(at, s[order], value[order])
 
 
 # What an uncertain hand-eye pose makes of a place and of a direction in the base.

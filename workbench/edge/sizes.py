@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDING, STEPS, TANGENT, Quantity
-from workbench.edge.directions import LOCAL_MM
+from workbench.edge.directions import LOCAL_MM, between
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
 from workbench.units import DEG, Float, Shaped
@@ -42,8 +42,8 @@ def sizes(
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
     _, beta = corrected_angles(measured, s)
     root = measured.end.course.value(s)
-    lever = _along(measured, measured.lever_mm, s)
-    run_root, run_bevel = _along(measured, measured.faces.root.run, s), _along(measured, measured.faces.bevel.run, s)
+    of_frames = measured.lever_mm, measured.faces.root.run, measured.faces.bevel.run
+    lever, run_root, run_bevel = (between(measured.upper_s, of, s) for of in of_frames)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
     # What obliquity makes of the root face's drift.
     drift_u = np.abs(run_bevel) * np.sin(beta) * measured.end.course.slope_u(s)
@@ -91,9 +91,8 @@ def corrected_angles(measured: Measured, s: Float) -> tuple[Float, Float]:
 
     A rough root face turns from place to place: its corner lies where it does, its direction is what 10 mm show.
     """
-    tilt, beta = face_angles(
-        measured.faces, s, _along(measured, measured.root_turn, s), _along(measured, measured.bevel_turn, s)
-    )
+    turns = (between(measured.upper_s, of, s) for of in (measured.root_turn, measured.bevel_turn))
+    tilt, beta = face_angles(measured.faces, s, *turns)
     off = _turned(measured, s)
     return tilt - off, beta - off
 
@@ -107,10 +106,3 @@ def _turned(measured: Measured, s: Float) -> Float:
     """By how much a rough root face is turned at s (m,) beside what 10 mm show, rad."""
     even = measured.faces.even
     return np.zeros(s.size) if even is None else face_angles(measured.faces, s)[0] - even.value(s)
-
-
-def _along(measured: Measured, value: Float, s: Float) -> Float:
-    """What frames (N,) have, at arc lengths s (m,) of the curve."""
-    on = np.isfinite(measured.upper_s) & np.isfinite(value)
-    order = np.flatnonzero(on)[np.argsort(measured.upper_s[on], kind="stable")]
-    return np.interp(s, measured.upper_s[order], value[order])

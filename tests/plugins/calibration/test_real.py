@@ -41,6 +41,7 @@ def test_sphere_of_25_mm() -> None:
     assert "points scatter by 0.12" in said
 
 
+@pytest.mark.slow
 def test_held_out_postures_lie_as_near_as_by_a_direct_fit_of_all_points() -> None:
     """Each posture's points from the sphere that the nine others place, ours and the fit's: docs/calibration.md."""
     rec = read(recording=REAL)

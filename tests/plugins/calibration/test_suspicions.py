@@ -60,7 +60,8 @@ POSES = {
 }
 
 
-CASES = [(by_sphere, words) for words in POSES] + [(by_edge, words) for words in list(POSES)[:3]]
+# What an edge adds is the way to ask; the mistakes are the same.
+CASES = [(by_sphere, words) for words in POSES] + [(by_edge, words) for words in list(POSES)[:1]]
 
 
 @pytest.mark.parametrize(("made", "words"), CASES, ids=lambda one: one[:30] if isinstance(one, str) else one.__name__)

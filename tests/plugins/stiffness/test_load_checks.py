@@ -36,6 +36,7 @@ MISTAKES: list[tuple[str, int, Change, str]] = [
     ("signs", 0, scaled("wrench", slice(None), -1), "opposite signs"),
     ("p3z reversed", 4, scaled("moved", 8, -1), "column p3z_mm is of the wrong sign"),
     ("rx in rad", 0, scaled("moved", 3, np.pi / 180), "column rx_deg is 57.296 times too small: in rad?"),
+    ("ry in mrad", 0, scaled("moved", 4, 1e3 * np.pi / 180), "column ry_deg is 17.453 times too large: in mrad?"),
     ("torques in kgf cm", 0, scaled("wrench", slice(3, 6), 10.1972), "tz_nm are 10.197 times too large: in kgf cm?"),
     ("all points in m", 4, scaled("moved", slice(None), 1e-3), "columns p1x_mm to p4z_mm are 1,000 times"),
     ("displacements in m and rad", 0, in_si, "displacements are in m and rad"),

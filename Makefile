@@ -18,7 +18,7 @@ help:
 	@echo "make metrology-quick  the same over few parts, ten minutes; prints its tables"
 	@echo "make benchmark  every method over the open benchmark, one table, best first; docs/benchmark.md"
 	@echo "make benchmark-quick  the same over 14 recordings a track, five minutes; prints its table"
-	@echo "make bench      speed and memory beside Open3D (long); writes docs/benchmarks.md"
+	@echo "make bench      speed and memory (long); writes docs/benchmarks.md"
 	@echo "make fuzz       mutated files for every reader (long); writes docs/reliability.md"
 	@echo "make mutation   errors put into the code at random, and whether the tests tell them (long)"
 	@echo "make docs       the pages of the stages and their pictures anew, and the site: out/docs/index.html; runs what the pages tell to run"

@@ -139,7 +139,7 @@ def test_what_is_declared_of_the_edge_is_a_prior() -> None:
 
 @pytest.mark.parametrize(("threshold", "footprint"), [(0.05, 1.5), (0.1, 0.8)])
 def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float, footprint: float) -> None:
-    """Not by brightness: it is not recorded. Taken for half a pixel, a quarter of it put the end 0.02 mm too far.
+    """Taken for half a pixel, a quarter of it put the end 0.02 mm too far.
 
     The root face returns a fifth of the median brightness, of which `threshold` is a share.
     """

@@ -19,7 +19,6 @@ from workbench.api import Float, quaternion_from_rotation, rotation_from_quatern
 from workbench.plugins.calibration import tcp, tracker, turntable
 
 TARGETS = np.array([[120.0, 0.0, 80.0], [-60.0, 110.0, 150.0], [-50.0, -90.0, 260.0]])
-Place = Callable[[Float], Float]  # of points (n, 3) in a frame that is moved
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,10 @@ def measured(name: str, folder: Path, parts: int, here: bool) -> Iterator[Row]:
     if name in GROUPS:
         yield from (partial(computing.batches, count=parts) if name == "batch" else GROUPS[name])(folder)
     elif here:
-        yield from ON_ONE_CORE[name](folder)
-    else:
         if hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+        yield from ON_ONE_CORE[name](folder)
+    else:
         command = [sys.executable, "-m", "bench.speed", "--json", "--rows", name]
         alone = {**os.environ, **dict.fromkeys(THREADS, "1")}
         done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=alone, cwd=ROOT)

@@ -106,6 +106,13 @@ def test_requirements_and_guard_band_are_the_callers(edge: Maker) -> None:
     assert verdict(part, **narrow, guard_factor=5.0).verdict == "undecided"
 
 
+def test_failures_between_the_sections_are_told(edge: Maker) -> None:
+    made = sections(edge(root=lambda s: 1.5 - 0.7 * np.exp(-(((s - 45) / 12) ** 2))), sections=2)
+    assert made.verdict == "pass"
+    assert any("between sections" in warning for warning in made.warnings)
+    assert sections(edge()).warnings == ()
+
+
 def test_the_edges_own_warnings_are_handed_on(edge: Maker) -> None:
     part = replace(edge(), warnings=("seen from one side",))
     assert sections(part).warnings == ("seen from one side",)

@@ -55,12 +55,12 @@ def local_mean(s: Float, value: Float, pass_index: Int) -> Course:
     total = cells.over(cells.value)
     mean = total / np.maximum(there, 0.5)
     variance = noise / np.maximum(there, 0.5)
-    in_part = np.flatnonzero((there > 0.0) & (cells.over((~cells.seen).astype(float)) > 0.0))
+    shown = np.flatnonzero(there > 0.0)
+    shown = shown[(shown >= cells.pad) & (shown < cells.place.size - cells.pad)]
+    in_part = shown[cells.over((~cells.seen).astype(float))[shown] > 0.0]
     mean[in_part], unseen_u2 = _with_unseen(cells, course, in_part, there[in_part], total[in_part])
     variance[in_part] += unseen_u2
     variance += 2.0 * (0.5 / np.maximum(there, 0.5)) ** 2 * single  # both ends of the window
-    shown = np.flatnonzero(there > 0.0)
-    shown = shown[(shown >= cells.pad) & (shown < cells.place.size - cells.pad)]
     at_mm = np.asarray(cells.place[shown], dtype=float)
     spline = scipy.interpolate.make_interp_spline(at_mm, cells.line(at_mm) + mean[shown], k=min(3, shown.size - 1))
     return replace(
@@ -115,14 +115,16 @@ def _with_unseen(cells: _Cells, course: Course, at: Int, there: Float, known: Fl
     scatter = np.array([np.mean(_means(rough[cells.seen], k) ** 2) for k in range(1, 2 * cells.pad + 2)])
     number = np.arange(size)
     beyond = np.maximum(cells.pad - number, number - (size - cells.pad - 1))  # cells beyond the scan's end
-    weight = cells.weight(number - at[:, None]) * ~cells.seen
+    reach = np.arange(-cells.pad, cells.pad + 1)
+    near = at[:, None] + reach  # cells of each window
+    weight = cells.weight(reach) * ~cells.seen[near]
     means, variances = [], []
     for goes_on in range(cells.pad + 1):  # any of these as likely
-        part = weight * (beyond <= goes_on)
+        part = weight * (beyond[near] <= goes_on)
         count = part.sum(axis=1)
         whole = there + count
-        means.append((known + part @ told) / whole)  # eq. (16)
-        unseen_u2 = (part @ told_u / np.maximum(count, 1e-9)) ** 2 + np.interp(
+        means.append((known + (part * told[near]).sum(axis=1)) / whole)  # eq. (16)
+        unseen_u2 = ((part * told_u[near]).sum(axis=1) / np.maximum(count, 1e-9)) ** 2 + np.interp(
             count, np.arange(1, scatter.size + 1), scatter
         )
         variances.append((count / whole) ** 2 * unseen_u2)

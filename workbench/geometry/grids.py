@@ -217,9 +217,14 @@ def _telling(grid: AnyArray) -> AnyArray:
     return np.asarray(grid[:: max(-(-len(grid) // TELLING), 1)])
 
 
+def least_live(frames: int) -> int:
+    """Returns of a column that is not blind, of so many frames: of a few, half."""
+    return min(LIVE_RETURNS, -(-frames // 2))
+
+
 def dark_beyond(z_mm: AnyArray, keep: Bool, outwards: Shaped[Int, " N"]) -> Bool:
     """Frames (N,) in which the column `columns_to_next` beyond a face hardly ever measures what is kept, or is none."""
-    dark = np.pad(_telling(keep).sum(axis=0) < LIVE_RETURNS, 1, constant_values=True)
+    dark = np.pad(_telling(keep).sum(axis=0) < least_live(len(keep)), 1, constant_values=True)
     further = np.where(outwards > 0, 1, -1) * columns_to_next(z_mm, outwards)
     return np.asarray(dark[np.abs(outwards) + further + 1])
 
@@ -239,11 +244,11 @@ def _steps_to_next(keep: Bool) -> tuple[Int, Int]:
 
     Blind columns begin and end at once; a shadow beside a face's end moves with it, and is none.
     """
-    count = keep.sum(axis=0)
+    count, live = keep.sum(axis=0), least_live(len(keep))
     up, down = np.ones((2, count.size), np.int64)
     for out, seen, times in ((up, keep, count), (down[::-1], keep[:, ::-1], count[::-1])):
-        for j in np.flatnonzero((times[:-1] >= LIVE_RETURNS) & (times[1:] == 0)).tolist():
-            after = j + 1 + np.flatnonzero(times[j + 1 : j + MOST_BLIND + 2] >= LIVE_RETURNS)
+        for j in np.flatnonzero((times[:-1] >= live) & (times[1:] == 0)).tolist():
+            after = j + 1 + np.flatnonzero(times[j + 1 : j + MOST_BLIND + 2] >= live)
             if len(after) and not _fades(seen, j, j - 1) and not _fades(seen, int(after[0]), int(after[0]) + 1):
                 out[j] = after[0] - j
     return up, down

@@ -12,9 +12,9 @@ from workbench.units import Shaped
 
 
 def test_a_dataclass_with_another_axis_fails() -> None:
-    BrokenEnd(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0)
+    BrokenEnd(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0)
     with pytest.raises(AssertionError, match=r"BrokenEnd, u_mm: expected Shaped\[Float, ' N'\], found \(4,\)"):
-        BrokenEnd(np.zeros(3), np.zeros(4), np.zeros(3), np.zeros(3), 0.0, 0.0)
+        BrokenEnd(np.zeros(3), np.zeros(4), np.zeros(3), 0.0, 0.0)
 
 
 def test_a_function_with_another_axis_fails() -> None:

@@ -120,7 +120,7 @@ def _between(x_mm: AnyArray, z_mm: AnyArray, first: Int, second: Int, poses: Flo
         if len(points) < LEAST:
             continue
         # the other's frames that these points lie in: several, where one of the passes leads
-        behind = points @ normal_b.T - np.einsum("ki,ki->k", normal_b, origin_b)
+        behind = points[:: len(points) // LEAST] @ normal_b.T - np.einsum("ki,ki->k", normal_b, origin_b)
         crossed = second[np.flatnonzero((np.diff(np.sign(behind), axis=1) != 0).any(axis=0))]
         some = crossed[:: len(crossed) // MOST_CROSSED + 1]
         if not len(some):

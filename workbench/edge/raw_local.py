@@ -109,10 +109,9 @@ def _with_unseen(cells: _Cells, course: Course, at: Int, there: Float, known: Fl
     there, known (k,): how many of a window's cells are seen, and the sum of their values.
     """
     size = cells.place.size
-    rough = np.zeros(size)  # about the course
     told, told_u = course.value(cells.place) - cells.line(cells.place), course.u(cells.place)
-    rough[cells.seen] = (cells.value - told)[cells.seen]
-    scatter = np.array([np.mean(_means(rough[cells.seen], k) ** 2) for k in range(1, 2 * cells.pad + 2)])
+    rough = (cells.value - told)[cells.seen]
+    scatter = np.array([np.mean(_means(rough, k) ** 2) for k in range(1, 2 * cells.pad + 2)])
     number = np.arange(size)
     beyond = np.maximum(cells.pad - number, number - (size - cells.pad - 1))  # cells beyond the scan's end
     reach = np.arange(-cells.pad, cells.pad + 1)

@@ -155,10 +155,8 @@ def fixed_end_check(cloud: Cloud, ends: Sequence[Int], frames: int) -> Check:
     share = max(float(dark_beyond(cloud.z_mm, cloud.keep, columns).sum()) for columns in ends) / frames
     told = "the face ends where the part does, or not in one column"
     if share > PINNED:
-        told = (
-            f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end of "
-        )
-        told += "the window, or blind columns, would not show"
+        told = f"in {100 * share:.0f} % of the frames the face ends beside a column that hardly ever returns: an end "
+        told += "of the window, or blind columns, would not show"
     return Check("fixed_end_share", share, None, True, "an end of the part moves in the view as the part does", told)
 
 

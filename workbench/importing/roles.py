@@ -13,7 +13,7 @@ from workbench.units import Float
 UNITS = {unit: unit for unit in ("mm", "m", "um", "inch", "s", "ms", "us", "ns", "deg", "rad")} | {
     **{"µm": "um", "μm": "um", "in": "inch", "sec": "s", "µs": "us", "°": "deg"},
 }
-LENGTHS, TIMES, ANGLES = ("mm", "m", "um", "inch"), ("s", "ms", "us", "ns"), ("deg", "rad")
+LENGTHS, ANGLES = ("mm", "m", "um", "inch"), ("deg", "rad")
 OWN = ("qw", "qx", "qy", "qz", "q1", "q2", "q3", "q4", *"wprabc", "rx", "ry", "rz", "roll", "pitch", "yaw")
 ROLES = {  # names of a column, in small letters without what stands between words
     "x": "x xpos posx lateral",

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter, uniform_filter1d
+from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -216,6 +217,20 @@ def _gauss(columns: float) -> Spoil:
         weight = gaussian_filter1d(seen.astype(float), columns, axis=1)
         total = gaussian_filter1d(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
         return r.x_mm, np.where(seen, total / np.maximum(weight, 1e-9), np.nan)
+
+    return _grid(change)
+
+
+def _savitzky_golay(columns: int) -> Spoil:
+    """Parabolas through the returns beside each one, whatever gaps and jumps lie between."""
+
+    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+        z = r.z_mm.astype(float)
+        for row in z:
+            seen = np.flatnonzero(np.isfinite(row))
+            if len(seen) >= columns:
+                row[seen] = savgol_filter(row[seen], columns, 2)
+        return r.x_mm, z
 
     return _grid(change)
 
@@ -554,6 +569,7 @@ KINDS: dict[str, Kind] = {
     "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
     "Gauss over 1 column": Kind(_gauss(1.0), ("averaged", "filter")),
     "Gauss over 3 columns": Kind(_gauss(3.0), ("averaged", "filter")),
+    "Savitzky-Golay over 7 columns": Kind(_savitzky_golay(7), ("averaged", "filter")),
     "mean over 3 frames": Kind(_frame_mean(3), ("averaged", "filter")),
     "mean over 15 frames": Kind(_frame_mean(15), ("averaged", "filter")),
     "every 2nd column returns": Kind(_every(2, absent=False), ("column",)),

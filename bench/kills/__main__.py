@@ -37,7 +37,7 @@ CORPUS = ROOT / "bench" / "fuzz" / "corpus"
 PAGE_RUNS = 4  # in the page's store
 QUEUE_EVERY = 20  # seeds: its runs are processes
 LASTING, STANDS_STILL = ("full disk", "device lost"), "the queue stands still"
-WAIT_S = 20.0  # for what the page's queue does
+WAIT_S = 120.0  # for what the page's queue does, on a loaded machine too
 
 ALIVE = 2  # exit status of a child that told an error
 KINDS = ("killed", "full disk", "device error", "device lost", "short write", "short read")  # as in faults.c

@@ -279,6 +279,15 @@ def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     assert (found.value, found.passed) == (columns, columns <= 3)
 
 
+@pytest.mark.parametrize("sound", [True, False])
+def test_a_filter_that_leaves_the_noise_alone_is_seen_where_ranges_jump(sound: bool) -> None:
+    """It takes the last columns of the root face in front of a table, and noise alike could be the sensor's own."""
+    r, _ = simulate_recording(random_recipe("straight", 8700))
+    spoilt = r if sound else KINDS["Savitzky-Golay over 7 columns"].spoil(r, np.random.default_rng(0))
+    told = failed(spoilt).get("mean_columns", "")
+    assert told == "" if sound else "averaged its profiles over 4 columns" in told
+
+
 SPHERES = spheres.SOUND | spheres.DEGENERATE
 
 

@@ -47,6 +47,9 @@ PACKED = "returns packed into the first columns, lost ones left out: export ever
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
+# Where ranges jump: returns of a straight side, the least jump (mm), so many jumps, columns from side to side at most,
+# and the share of a jump by which a return that is of no side is off both: more than a rounding or the noise leaves.
+SIDE, JUMP_MM, LEAST_JUMPS, ACROSS, OF_NO_SIDE = 4, 3.0, 20, 24, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +100,42 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if fading(whole, digit) < FILTERED:
         alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
         mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
-    return replace(traces, noise_mm=noise, mean_columns=mean)
+    return replace(traces, noise_mm=noise, mean_columns=max(mean, columns_of_no_side(many)))
+
+
+def columns_of_no_side(z: Float) -> float:
+    """How many returns lie on neither side of a jump in rows of ranges (n, M), in the median; 0: at most one, or few.
+
+    A pixel that sees both sides makes one. A linear filter over the columns, of whatever weights, answers a jump with
+    as many as it is wide, and takes them from the faces on both sides.
+
+    Example:
+        >>> z = np.repeat([[0.0] * 10 + [30.0] * 10], 40, axis=0) + np.random.default_rng(0).normal(0, 0.01, (40, 20))
+        >>> columns_of_no_side(z), columns_of_no_side((z[:, :-4] + z[:, 1:-3] + z[:, 2:-2] + z[:, 3:-1]) / 4)
+        (0.0, 3.0)
+    """
+    bend = np.abs(np.diff(z, n=2, axis=1))
+    straight = bend < OUTLIERS * np.nanmedian(bend) if np.isfinite(bend).any() else np.zeros(bend.shape, bool)
+    side = np.pad(np.lib.stride_tricks.sliding_window_view(straight, SIDE - 2, axis=1).all(axis=2), ((0, 0), (1, 1)))
+    row, last = np.nonzero(side[:, 1:-1] & ~side[:, 2:])
+    rows, first = np.nonzero(side[:, 1:-1] & ~side[:, :-2])
+    size = z.shape[1]
+    after = np.searchsorted(rows * size + first, row * size + last + SIDE)
+    row, last, after = row[after < len(first)], last[after < len(first)] + SIDE - 1, after[after < len(first)]
+    apart = np.where(rows[after] == row, first[after] - last, ACROSS)
+    row, last, apart = row[apart < ACROSS], last[apart < ACROSS], apart[apart < ACROSS]
+    at = np.arange(1 - SIDE, ACROSS + SIDE)
+    values = z[row[:, None], np.minimum(last[:, None] + at, size - 1)]  # from the beginning of the one side
+    line, begins = np.linalg.pinv(np.vander(np.arange(SIDE), 2)).T, SIDE - 1 + apart[:, None]
+    near, far = values[:, :SIDE] @ line, np.take_along_axis(values, begins + np.arange(SIDE), axis=1) @ line
+    near = near[:, :1] * (at + SIDE - 1) + near[:, 1:]
+    jump = far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near
+    between = (at > 0) & (at < apart[:, None])
+    whole = np.where(between, np.isfinite(values) & (np.abs(jump) > JUMP_MM), True).all(axis=1) & (apart > 1)
+    off = np.minimum(np.abs(values - near), np.abs(values - near - jump))
+    found = (between & (off > OF_NO_SIDE * np.abs(jump))).sum(axis=1)[whole]
+    usual = float(np.median(found)) if len(found) >= LEAST_JUMPS else 0.0
+    return usual if usual > 1.0 else 0.0
 
 
 def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:

@@ -517,17 +517,10 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
         )
     if not _sways(recording):
         told += "; it turns evenly, which does not show whether the clocks agree"
-    if _held(recording):
+    if turned == 0.0:
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
     reason = f"a hand-eye pose shows itself where the flange turns against the edge by {TURNS_DEG:g} deg and more"
     return Check("flange_turn_deg", turned, None, True, reason, told)
-
-
-def _held(recording: Recording) -> bool:
-    """Whether every pass has one orientation, bit for bit, at all of its poses."""
-    quaternion, number = recording.robot_quaternion_wxyz, recording.robot_pass
-    alike = ((quaternion[1:] == quaternion[:-1]) | (quaternion[1:] == -quaternion[:-1])).all(axis=1)
-    return bool((alike | (number[1:] != number[:-1])).all())
 
 
 def _sways(recording: Recording) -> bool:
@@ -544,8 +537,9 @@ def _sways(recording: Recording) -> bool:
 
 
 def _turned_deg(quaternion: Float) -> float:
-    """Greatest angle to the first of unit quaternions (k, 4)."""
-    return float(np.degrees(2.0 * np.arccos(np.clip(np.abs(quaternion @ quaternion[0]).min(), 0.0, 1.0))))
+    """Greatest angle to the first of unit quaternions (k, 4); 0 where all are that one to the last digit."""
+    chord = np.linalg.norm(quaternion - np.sign(quaternion @ quaternion[0])[:, None] * quaternion[0], axis=1).max()
+    return float(np.degrees(4.0 * np.arcsin(0.5 * chord)))
 
 
 def _explains(there: Consistency, now: Consistency) -> bool:

@@ -56,7 +56,7 @@ from workbench.stage import InputFile, stage
 from workbench.units import DEG, Float
 
 STATION_MM = 1.0
-HELD_DEG, SEEN_TWIST_DEG = 0.02, 0.3  # one orientation, but for rounding; a twist that is no error of its estimate
+SEEN_TWIST_DEG = 0.3  # a twist of the section that is no error of its estimate
 ROUNDED = (
     "the lower edge is rounded or chamfered, by about {:.2f} mm: sizes are those to the virtual sharp edge, "
     "{:.2f} mm beyond the last return on the root face"
@@ -324,14 +324,14 @@ def _late_u(cloud: Cloud, measured: Measured, at: Float) -> Float:
 def laser_plane_u(cloud: Cloud) -> float:
     """Standard uncertainty (rad) of the laser plane's direction against the robot's motion: that of the hand-eye pose.
 
-    The profiles are turned with it, the way that the edge takes through the base is not. Where the poses tell one
-    orientation all along, and the section turns, the plate may be twisted, or the orientation was not recorded: the
-    laser plane may then have turned across the edge by as much.
+    The profiles are turned with it, the way that the edge takes through the base is not. A measured orientation shows
+    by its scatter that it is one. Where all are alike to the last digit, and the section turns, the plate may be
+    twisted, or the orientation was only commanded: the laser plane may have turned across the edge by as much.
     """
     covariance = cloud.hand_eye_covariance
     u = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)
     told = {check.name: check.value or 0.0 for check in cloud.checks}
-    held = told.get("flange_turn_deg", math.inf) < HELD_DEG and told.get("twist_deg", 0.0) > SEEN_TWIST_DEG
+    held = told.get("flange_turn_deg") == 0.0 and told.get("twist_deg", 0.0) > SEEN_TWIST_DEG
     return math.hypot(u, told["twist_deg"] * DEG) if held else u
 
 

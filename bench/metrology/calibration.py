@@ -160,7 +160,7 @@ def compare_methods(recipe: SphereRecipe, cell: Cell, answer: Answer) -> dict[st
     fit, design = answer.found, design_hand_eye(recipe)
     seen = answer.seen.subset(fit.used)
     P = signed_centres(fit.estimate, linearise(fit.estimate, seen, fit.noise), seen)
-    centres = methods.Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
+    centres = methods.Centres.seen_from(P, seen.here.base_from_flange)
     start = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
     ways = {
         "analytic": methods.analytic(centres),

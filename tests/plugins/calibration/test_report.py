@@ -59,7 +59,7 @@ def test_chapter_tells_everything(parts, chapter):
 def test_html_is_well_formed_and_names_nothing_outside(chapter):
     page = ElementTree.fromstring(f"<div>{chapter.html}</div>")
     pictures = [image.attrib["src"] for image in page.iter("img")]
-    assert len(pictures) == 4
+    assert len(pictures) == 3
     for address in pictures:
         kind, data = address.split(",", 1)
         assert kind == "data:image/svg+xml;base64"

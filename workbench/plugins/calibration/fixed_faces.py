@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
-from workbench.plugins.calibration.observations import Placed, placed
+from workbench.plugins.calibration.observations import Flange, Timed, flange_of
 from workbench.plugins.calibration.profile_lines import Marks, Target
 
 START_ROUNDS = 4  # of the directions of lines, in turn with the translation
@@ -34,15 +34,21 @@ class At:
 class Part:
     """What is measured with: marks of frames on faces of a fixed part. k observations of D distances each."""
 
-    recording: Recording
     marks: Marks
     target: Target
-    time_s: Shaped[Float, " k"]
-    number: Shaped[Int, " k"]  # pass
+    flange: Flange | Timed  # at the marks
     noise: Noise
     scale_u: float
-    with_offset: bool
-    held: Placed | None = None  # where the flange stays, while the clock's offset does
+
+    @property
+    def what(self) -> str:
+        """It is, in words."""
+        return "point" if self.target == "points" else self.target
+
+    @property
+    def with_offset(self) -> bool:
+        """Whether the offset of the profiles' clock is unknown."""
+        return isinstance(self.flange, Timed)
 
     @property
     def faces(self) -> int:
@@ -67,10 +73,6 @@ class Part:
             return [(k, k, axis) for k in range(self.faces) for axis in (0, 1)]
         return [(2 * k + end, k, 2) for k in range(self.faces) for end in (0, 1)]
 
-    def placed(self, offset_s: float) -> Placed:
-        """The flange at the marks, the profiles' clock ahead by `offset_s`."""
-        return self.held or placed(self.recording, self.time_s, self.number, offset_s)
-
     @property
     def middle_mm(self) -> Float:
         """What the scales leave where it is."""
@@ -81,23 +83,17 @@ class Part:
         """With the clock's offset."""
         return at.pose
 
-    def searched(self, most: int, poses: Float | None = None) -> Part:
-        """Of observations spread over all; other poses hold the clock."""
-        some = np.unique(np.linspace(0, len(self.time_s) - 1, min(most, len(self.time_s))).astype(int))
-        marks = self.marks._replace(
-            **{name: getattr(self.marks, name)[some] for name in ("frame", "point_mm", "covariance", "rms_mm")}
-        )
-        held = None if poses is None else placed(self.recording, self.time_s[some], self.number[some])
-        if held is not None and poses is not None:
-            held = held._replace(base_from_flange=poses[some])
-        return replace(
-            self,
-            marks=marks,
-            time_s=self.time_s[some],
-            number=self.number[some],
-            with_offset=self.with_offset and poses is None,
-            held=held,
-        )
+    def shown(self, at: At) -> Float:
+        """The middles of the marks, in the laser plane."""
+        return np.insert(self.marks.point_mm.mean(axis=1), 1, 0.0, axis=1)
+
+    def searched(self, most: int, flange: Flange | None = None) -> Part:
+        """Of observations spread over all; another flange has no clock."""
+        count = len(self.marks.frame)
+        some = np.isin(np.arange(count), np.linspace(0, count - 1, most).astype(int))
+        columns = ("frame", "point_mm", "covariance", "rms_mm")
+        marks = self.marks._replace(**{name: getattr(self.marks, name)[some] for name in columns})
+        return replace(self, marks=marks, flange=(flange or self.flange).subset(some))
 
     def on_flange(self, at: At) -> tuple[Float, Float]:
         """R p (k, Q, 3) of the marks, and the same less what the scales leave: x and z (k, Q, 2) from the middle."""
@@ -107,7 +103,7 @@ class Part:
 
     def rows(self, at: At) -> estimator.Rows:
         """Distances from the faces, all of them 0 as measured."""
-        seen = self.placed(at.pose.offset_s)
+        seen = self.flange.at(at.pose.offset_s)
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
         turned, away = self.on_flange(at)
         lever = turned + at.pose.translation_mm
@@ -140,7 +136,7 @@ class Part:
         spread = np.einsum("kdi,kdij,kej->kde", by_x_z, self.marks.covariance[:, which], by_x_z)
         return np.asarray(np.where(which[:, None] == which[None, :], spread, 0.0))
 
-    def _rows(self, at: At, residual: Float, jacobian: Float, alone: Float, own: Float, seen: Placed) -> estimator.Rows:
+    def _rows(self, at: At, residual: Float, jacobian: Float, alone: Float, own: Float, seen: Flange) -> estimator.Rows:
         prior, away = np.zeros((self.size, self.size)), np.zeros(self.size)
         scales = np.arange(SCALES) + self.size - SCALES - self.with_offset
         prior[scales, scales], away[scales] = self.scale_u**-2, -at.scale
@@ -167,12 +163,13 @@ class Part:
         scale = at.scale + less * step[behind : behind + SCALES]
         return At(pose, np.einsum("fij,faj->fai", turn, at.frame), at.place_mm + shift, scale)
 
-    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, At]]:
+    def starts(self, rotations: Float, offsets_s: Float, most: int) -> list[tuple[float, At]]:
         """Translation and faces by linear least squares."""
-        seen = self.placed(offset_s)
-        return sorted((self.start(R, seen, offset_s) for R in rotations), key=lambda one: one[0])
+        placed = [(offset_s, self.flange.at(offset_s)) for offset_s in offsets_s.tolist()]
+        begun = [self.start(R, seen, offset_s) for offset_s, seen in placed for R in rotations]
+        return sorted(begun, key=lambda one: one[0])
 
-    def start(self, R: Float, seen: Placed, offset_s: float) -> tuple[float, At]:
+    def start(self, R: Float, seen: Flange, offset_s: float) -> tuple[float, At]:
         """The answer from one rotation, and the sum of its squared distances before it."""
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
         turned = self.marks.point_mm @ R[:, [0, 2]].T
@@ -230,6 +227,5 @@ def part_of(
     first = np.array([g[0] for g in groups], int)
     points, covariance, rms = (np.array(one) for one in zip(*means, strict=True))
     joined = marks._replace(frame=marks.frame[first], point_mm=points, covariance=covariance, rms_mm=rms)
-    held = None if search_s else placed(recording, time[first], number[first])
-    part = Part(recording, joined, target, time[first], number[first], noise, scale_u, search_s > 0, held)
-    return part, marks.frame[first]
+    flange = flange_of(recording, time[first], number[first], search_s > 0)
+    return Part(joined, target, flange, noise, scale_u), marks.frame[first]

@@ -25,6 +25,7 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration import methods
+from workbench.plugins.calibration.determinacy import Demand, directions
 from workbench.plugins.calibration.model import (
     SIZE,
     Estimate,
@@ -38,9 +39,9 @@ from workbench.plugins.calibration.model import (
     view_of_points,
     volume_u,
 )
-from workbench.plugins.calibration.observations import Observations, Passes, by_pass
+from workbench.plugins.calibration.observations import Observations, Timed, by_pass
 from workbench.plugins.calibration.shared_errors import Settled, correlated
-from workbench.plugins.calibration.solve import Answer, Demand, asked, check_determined, directions, solve
+from workbench.plugins.calibration.solve import Answer, check_determined, solve
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.values import Calibration, Method, SphereProfiles
 from workbench.plugins.calibration.verdicts import (
@@ -127,7 +128,7 @@ def hand_eye(
     sized = _with_scales(profiles, recording, noise, where, max_u_mm, sensor_scale_u)
     answer, view, systematic_mm = sized.answer, sized.view, None
     found = answer.found
-    if robot_error == "correlated" and answer.seen.scans:
+    if robot_error == "correlated" and answer.seen.here.scans:
         raise InputError(where, "robot_error 'correlated' is for postures held still, found scans over the sphere")
     if robot_error == "correlated":
         found, systematic_mm = correlated(found, answer.seen, noise)
@@ -137,7 +138,7 @@ def hand_eye(
     size = len(found.covariance)
     found = dataclasses.replace(found, covariance=found.covariance + by_scale[:size, :size])
     sized = dataclasses.replace(sized, answer=dataclasses.replace(answer, found=found))
-    check_determined(sized.answer, Demand(view, max_u_mm, where), asked(noise, found.noise))
+    check_determined(sized.answer, Demand(view, max_u_mm, where))
     verdict = serves(
         found.covariance[:6, :6],
         found.estimate.rotation,
@@ -167,7 +168,6 @@ class Sized:
     """The answer by circles from which the errors of the profiler's scales are taken out, and these."""
 
     answer: Answer
-    passes: Passes
     view: View
     scales: Scales
     sensor: Sensor  # taken out
@@ -179,17 +179,9 @@ def _with_scales(
     """Solve; where the residuals contradict the profiler's x or z, free its scale, and solve without its error."""
     free, sensor = (False, False), Sensor(np.zeros(2), np.array(_view(profiles, recording).middle_mm))
     for _ in range(ROUNDS):
-        passes, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
-        answer = solve(
-            passes,
-            noise,
-            recording.flange_from_profiler,
-            with_offset=recording.clock == "own" and len(passes.scans) > 0,
-            where=where,
-            limit_mm=limit_mm,
-            view=view,
-            judged=False,
-        )
+        seen, view = by_pass(rescaled(profiles, recording, sensor), recording), _view(profiles, recording, sensor)
+        design = recording.flange_from_profiler
+        answer = solve(seen, noise, design, where=where, limit_mm=limit_mm, view=view, judged=False)
         scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
         worst = scales.contradicted
         if worst is not None:
@@ -198,7 +190,7 @@ def _with_scales(
         elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * _u(scales)[list(free)]).all():
             break
         sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
-    return Sized(answer, passes, view, scales, sensor)
+    return Sized(answer, view, scales, sensor)
 
 
 def _view(profiles: SphereProfiles, recording: Recording, sensor: Sensor | None = None) -> View:
@@ -217,7 +209,7 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
     fit, seen = answer.found, answer.seen.subset(answer.found.used)
     linear = linearise(fit.estimate, seen, fit.noise)
     P = signed_centres(fit.estimate, linear, seen)
-    centres = methods.Centres(P, seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3])
+    centres = methods.Centres.seen_from(P, seen.here.base_from_flange)
     begin = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
     if method == "analytic":
         pose = methods.analytic(centres, where)
@@ -257,8 +249,9 @@ def _calibration(
     systematic_mm: float | None,
     verdict: tuple[bool, str],
 ) -> Calibration:
-    answer, passes, view, result = sized.answer, sized.passes, sized.view, sized.answer.found
-    estimate, seen, noise, with_offset = result.estimate, answer.seen, result.noise, answer.sphere.with_offset
+    answer, view, result = sized.answer, sized.view, sized.answer.found
+    estimate, seen, noise = result.estimate, answer.seen, result.noise
+    with_offset = isinstance(answer.sphere.flange, Timed)
     linear = linearise(estimate, seen, noise)
     covariance = result.covariance[:6, :6]
     pose = pose_from(estimate.rotation, estimate.translation_mm)
@@ -302,7 +295,7 @@ def _calibration(
         misfit=answer.stated.chi2 / max(answer.stated.freedom, 1),
         systematic_mm=systematic_mm,
         frames_used=tuple(sorted(used)),
-        frames_rejected=rejections(profiles, passes, result.used, seen, linear, off),
+        frames_rejected=rejections(profiles, result.used, seen, linear, off),
         good_enough=verdict[0],
         verdict=verdict[1],
         warnings=warnings(answer, sized.scales, profiles, stated, systematic_mm, method),

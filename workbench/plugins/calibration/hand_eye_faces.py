@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Annotated
 
@@ -24,27 +23,18 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.circles import HARMLESS
+from workbench.plugins.calibration.determinacy import Demand, check_postures, directions
 from workbench.plugins.calibration.fixed_faces import At, Part, part_of
 from workbench.plugins.calibration.model import Noise, View, view_of_points, volume_u
-from workbench.plugins.calibration.observations import distinct_postures
 from workbench.plugins.calibration.profile_lines import MOST_LINES, Marks, Target, marks_of
-from workbench.plugins.calibration.search import answers, only_answer, refuse_unexplained
-from workbench.plugins.calibration.solve import (
-    MIN_POSTURES,
-    Demand,
-    cause_of,
-    check_offset,
-    directions,
-    refuse_undetermined,
-)
+from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
 from workbench.plugins.calibration.verdicts import hand_eye_file, pose_facts, serves
 
-SEEN = {"edge": "edge", "plane": "plane", "points": "point"}
 NO_SUCH = "is the part fixed and flat, and are the poses the flange's, in order?"
-OFFSETS = 3  # from which the clock's offset is sought
+ASK = "turn the flange about two axes, and give the design's pose"
 
 
 @stage("calibrate.hand_eye_faces")
@@ -108,25 +98,12 @@ def hand_eye_faces(
     search_s = clock_search_s if recording.clock == "own" else 0.0
     part, frames = _joined(recording, marks, target, noise, sensor_scale_u, search_s)
     where = f"{recording.source}: /robot"
-    offsets = np.linspace(-search_s / 2, search_s / 2, OFFSETS) if search_s else np.zeros(1)
-    design = recording.flange_from_profiler
-    fits = answers(part, design, offsets)
-    refuse_unexplained(part, fits, part.placed(0.0).base_from_flange, design, where, NO_SUCH)
-    best, alone = only_answer(fits, part, design, where, "turn the flange about two axes, and give the design's pose")
     x_mm, z_mm = marks.point_mm.reshape(-1, 2).T
     view = view_of_points(x_mm, z_mm, np.array([[*part.middle_mm, 0.0]]))
-    demand, covariance = Demand(view, max_u_mm, where), best.covariance
-    placed = part.placed(best.at.pose.offset_s)
-    between = np.insert(part.marks.point_mm.mean(axis=1), 1, 0.0, axis=1)
-    refuse_undetermined(
-        covariance[:6, :6],
-        best.at.pose,
-        demand,
-        lambda: cause_of(placed.base_from_flange, between, search_s > 0, SEEN[target]),
-    )
-    if search_s:
-        speed = float(np.sqrt(np.mean((placed.velocity[:, :3] ** 2).sum(axis=1))))
-        check_offset(math.sqrt(covariance[-1, -1]), speed, where)
+    demand = Demand(view, max_u_mm, where)
+    best, alone = located(part, recording.flange_from_profiler, demand, NO_SUCH, ASK)
+    covariance = best.covariance
+    demand.refuse(undetermined(part, best.at, covariance, demand))
     words = ("the hand-eye pose", "add postures that turn about another axis")
     verdict = serves(
         covariance[:6, :6],
@@ -154,16 +131,9 @@ def _joined(
     place = f"{recording.source}: /profiles"
     cause = f": frame {marks.rejected[0].frame}: {marks.rejected[0].cause}" if marks.rejected else ""
     if not len(marks.frame):
-        raise InputError(place, f"no frame shows the {SEEN[target]}{cause}")
+        raise InputError(place, f"no frame shows the {target.removesuffix('s')}{cause}")
     part, frames = part_of(recording, marks, target, noise, scale_u, search_s)
-    poses = part.placed(0.0).base_from_flange
-    count = distinct_postures(poses[:: max(1, len(poses) // 200)])
-    if count < MIN_POSTURES:
-        raise InputError(
-            place,
-            f"expected at least {MIN_POSTURES} distinct postures that see the {SEEN[target]}, found {count}: the "
-            f"hand-eye pose and where the part lies remain undetermined; turn the flange about two axes{cause}",
-        )
+    check_postures(part.flange.at(0.0), place, part.what, cause)
     return part, frames
 
 

@@ -30,6 +30,11 @@ class Centres:
     r: Float
     t: Float
 
+    @classmethod
+    def seen_from(cls, P: Float, base_from_flange: Float) -> Centres:
+        """Centres (k, 3) that poses (k, 4, 4) of the flange show."""
+        return cls(P, base_from_flange[:, :3, :3], base_from_flange[:, :3, 3])
+
 
 def translation(R: Float, seen: Centres) -> Float:
     """t (3,) given R: linear least squares on r_i t - C = -(r_i R P_i + t_i), equation (8) with C kept."""

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.api import DEG, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
-from workbench.plugins.calibration.observations import Group, Observations, Passes
+from workbench.plugins.calibration.observations import Flange, Group, Observations, Timed
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
 MOST_TURN = 0.5  # rad, of a step
 SIZE = 10  # unknowns: t, w (R_true = exp(w) R), C, R_s; the clock offset is the eleventh
-STARTS, ROUNDS = 8, 5  # rotations from which places are refined; rounds of their weights
+ROUNDS = 5  # of weights, where places are sought
 BLIND, BLIND_STEPS = 1.0, 8  # variance of w where it must tell nothing, over that of any w
 CLEAR = 0.2  # shift along y, in radii, to another start
 POSE = 6  # of these, the first, are the hand-eye pose's
@@ -89,7 +89,8 @@ def cross_matrix(v: Float) -> Float:
 
 def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Linear:
     """Prediction, its derivatives and its noise at an estimate."""
-    A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
+    flange = seen.here
+    A, b = flange.base_from_flange[:, :3, :3], flange.base_from_flange[:, :3, 3]
     R_t = estimate.rotation.T
     A_t = np.swapaxes(A, -1, -2)
     in_flange = (A_t @ (estimate.center_mm - b)[..., None])[..., 0]
@@ -98,14 +99,14 @@ def linearise(estimate: Estimate, seen: Observations, noise: Noise, with_offset:
     by_center = R_t @ A_t
     by_pose = np.concatenate([-by_center, R_t @ cross_matrix(in_flange)], axis=-1)  # of the centre, (k, 3, 6)
     scatter = by_pose * noise.spread
-    y_variance = np.sum(scatter[:, 1] ** 2, axis=-1) * (noise.common + (1 - noise.common) * seen.evened)
+    y_variance = np.sum(scatter[:, 1] ** 2, axis=-1) * (noise.common + (1 - noise.common) * flange.evened)
     predicted = np.stack([centre[:, 0], centre[:, 2], estimate.radius_mm**2 - centre[:, 1] ** 2 - y_variance], axis=1)
     to_circle = np.zeros((len(centre), 3, 3))  # from the centre to (x_c, z_c, w)
     to_circle[:, 0, 0] = to_circle[:, 1, 2] = 1.0
     to_circle[:, 2, 1] = -2 * centre[:, 1]
     columns = [np.broadcast_to(-R_t, A.shape), R_t @ cross_matrix(lever), by_center]
     if with_offset:  # profile time - robot time grows: the pose that belongs to a frame is an earlier one
-        moving = -(R_t @ (cross_matrix(in_flange) @ seen.velocity[:, 3:, None] - seen.velocity[:, :3, None]))
+        moving = -(R_t @ (cross_matrix(in_flange) @ flange.velocity[:, 3:, None] - flange.velocity[:, :3, None]))
         columns.append(moving)
     jacobian = to_circle @ np.concatenate(columns, axis=-1)
     by_radius = np.zeros((len(centre), 3, 1))
@@ -126,8 +127,9 @@ def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Fl
 
 def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
     """Points (k, 3) of the profiler frame in the base."""
-    flange = centre @ estimate.rotation.T + estimate.translation_mm
-    return np.asarray((seen.base_from_flange[:, :3, :3] @ flange[..., None])[..., 0] + seen.base_from_flange[:, :3, 3])
+    at = centre @ estimate.rotation.T + estimate.translation_mm
+    poses = seen.here.base_from_flange
+    return np.asarray((poses[:, :3, :3] @ at[..., None])[..., 0] + poses[:, :3, 3])
 
 
 def shared_of(linear: Linear, scan: Group, noise: Noise) -> estimator.Shared:
@@ -147,10 +149,11 @@ def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) 
     size = linear.jacobian.shape[2]
     prior, away = np.zeros((size, size)), np.zeros(size)
     prior[SIZE - 1, SIZE - 1], away[SIZE - 1] = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
-    shared = tuple(shared_of(linear, scan, noise) for scan in seen.scans)
+    flange = seen.here
+    shared = tuple(shared_of(linear, scan, noise) for scan in flange.scans)
     covariance = linear.covariance.copy()
     for one in shared:
-        evened = seen.evened[one.rows, None, None]
+        evened = flange.evened[one.rows, None, None]
         own, whole = (each @ np.swapaxes(each, 1, 2) for each in (one.own, one.whole))
         covariance[one.rows] = one.alone + evened * own + whole
     values = np.full(len(linear.residual), 3.0)
@@ -158,24 +161,26 @@ def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) 
 
 
 class Sphere:
-    """A sphere's circles: unknown are hand-eye pose, centre and radius, and where asked for the clock's offset.
+    """A sphere's circles: unknown are hand-eye pose, centre and radius, and where it is open the clock's offset.
 
     `known`: what is known of the hand-eye pose before, as information (6, 6) about that of an estimate.
     """
 
-    def __init__(
-        self,
-        seen: Observations | Passes,
-        noise: Noise,
-        with_offset: bool = False,
-        known: tuple[Estimate, Float] | None = None,
-    ) -> None:
-        self.seen, self.noise, self.with_offset, self.known = seen, noise, with_offset, known
+    what = "sphere"
+
+    def __init__(self, seen: Observations, noise: Noise, known: tuple[Estimate, Float] | None = None) -> None:
+        self.seen, self.noise, self.known = seen, noise, known
+
+    @property
+    def flange(self) -> Flange | Timed:
+        """Where it is seen from."""
+        return self.seen.flange
 
     def rows(self, at: Estimate) -> estimator.Rows:
         """With a clock's offset the frames go to the poses of other times."""
         here = self.seen.place(at.offset_s)
-        rows = rows_of(linearise(at, here, self.noise, self.with_offset), here, self.noise, at.radius_mm)
+        linear = linearise(at, here, self.noise, isinstance(self.flange, Timed))
+        rows = rows_of(linear, here, self.noise, at.radius_mm)
         if self.known is not None:
             before, rows.prior[:6, :6] = self.known
             rows.away[:3] = before.translation_mm - at.translation_mm
@@ -191,27 +196,33 @@ class Sphere:
         """The estimate itself."""
         return at
 
+    def shown(self, at: Estimate) -> Float:
+        """Where the centre lies in the profiler frame (k, 3)."""
+        return linearise(at, self.seen.place(at.offset_s), self.noise).centre
+
     def noisy(self, noise: Noise) -> Sphere:
         """With other noise."""
-        return Sphere(self.seen, noise, self.with_offset, self.known)
+        return Sphere(self.seen, noise, self.known)
 
-    def searched(self, most: int, poses: Float | None = None) -> Sphere:
+    def searched(self, most: int, flange: Flange | None = None) -> Sphere:
         """Of observations spread over all."""
-        seen = self.seen if poses is None else replace(self.seen.place(), base_from_flange=poses)
+        seen = self.seen if flange is None else replace(self.seen, flange=flange)
         some = np.isin(np.arange(len(seen)), np.linspace(0, len(seen) - 1, most).astype(int))
-        return Sphere(seen.subset(some), self.noise, self.with_offset and poses is None)
+        return Sphere(seen.subset(some), self.noise)
 
-    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, Estimate]]:
+    def starts(self, rotations: Float, offsets_s: Float, most: int) -> list[tuple[float, Estimate]]:
         """Places by x and z alone, then the side of the laser plane, which w tells: of all that one frame allows."""
-        seen, radius_mm = self.seen.place(offset_s), self.noise.radius_mm
-        blind = seen.covariance.copy()
-        blind[:, 2, 2] += BLIND * radius_mm**4
-        by_place = Sphere(replace(seen, covariance=blind), self.noise)
-        center, t, off = _places(rotations, seen)
+        radius_mm, rough = self.noise.radius_mm, list[tuple[float, Estimate, Observations]]()
+        for offset_s in offsets_s.tolist():
+            seen = self.seen.place(offset_s)
+            for R, center, t, off in zip(rotations, *_places(rotations, seen), strict=True):
+                rough.append((float(off), Estimate(R, t, center, radius_mm, offset_s), seen))
         begun = []
-        for k in np.argsort(off, kind="stable")[:STARTS]:
-            at = Estimate(rotations[k], t[k], center[k], radius_mm, offset_s)
-            at = estimator.fit(by_place, at, estimator.nearest(by_place, at), BLIND_STEPS).at
+        for _, start, seen in sorted(rough, key=lambda one: one[0])[:most]:
+            blind = seen.covariance.copy()
+            blind[:, 2, 2] += BLIND * radius_mm**4
+            by_place = Sphere(replace(seen, covariance=blind), self.noise)
+            at = estimator.fit(by_place, start, estimator.nearest(by_place, start), BLIND_STEPS).at
             begun += [(self._off(one, seen), one) for one in _sides(at, seen)]
         return sorted(begun, key=lambda one: one[0])
 
@@ -227,7 +238,8 @@ def _places(rotations: Float, seen: Observations) -> tuple[Float, Float, Float]:
 
     Linear least squares, in turns with less weight for what is far off: a gross posture does not draw them.
     """
-    A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
+    poses = seen.here.base_from_flange
+    A, b = poses[:, :3, :3], poses[:, :3, 3]
     middle = b.mean(axis=0)
     axes = np.swapaxes((A @ rotations[:, None])[..., [0, 2]], -1, -2)  # (m, k, 2, 3)
     matrix = np.concatenate([axes, np.broadcast_to(-np.eye(2), (*axes.shape[:2], 2, 2))], axis=-1)
@@ -254,25 +266,10 @@ def _sides(at: Estimate, seen: Observations) -> Iterator[Estimate]:
         yield replace(at, translation_mm=at.translation_mm - shift * at.rotation[:, 1])
 
 
-class Ball:
-    """A sphere's circles by a hand-eye pose that stays: unknown are centre and radius."""
-
-    def __init__(self, seen: Observations, noise: Noise) -> None:
-        self.sphere = Sphere(seen, noise)
-
-    def rows(self, at: Estimate) -> estimator.Rows:
-        """Those of the sphere without the pose."""
-        rows, free = self.sphere.rows(at), np.s_[6:SIZE]
-        return replace(rows, jacobian=rows.jacobian[..., free], prior=rows.prior[free, free], away=rows.away[free])
-
-    def moved(self, at: Estimate, step: Float) -> Estimate:
-        """The pose stays."""
-        return at.moved(np.concatenate([np.zeros(6), step]))
-
-
 def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:
     """Fisher information (P, P) of the unknowns, the prior of the radius included: its inverse is the bound."""
-    return Sphere(seen, noise, with_offset).rows(estimate).normal().information
+    linear = linearise(estimate, seen, noise, with_offset)
+    return rows_of(linear, seen, noise, estimate.radius_mm).normal().information
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def report(
         *_residuals(calibration),
         *_profiles(calibration, profiles, recording),
         *(_validation(validation) if validation else ()),
-        *(_plan(calibration, plan) if plan else ()),
+        *(_plan(plan) if plan else ()),
     ]
     return Chapter(
         title="Hand-eye calibration",
@@ -189,7 +189,7 @@ def _pair(error: float, u: float) -> str:
     return f"{error:+.3f}, {u:.3f}" if np.isfinite(error) else "–"
 
 
-def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
+def _plan(plan: PosturePlan) -> Iterable[str]:
     yield pieces.heading("Proposed further postures")
     yield pieces.paragraph(
         f"u over the field of view after the {len(plan.centre_mm)} postures proposed: "
@@ -215,12 +215,6 @@ def _plan(found: Calibration, plan: PosturePlan) -> Iterable[str]:
         "u after it, mm",
     )
     yield pieces.table_html(head, rows)
-    yield pieces.figure_html(
-        plan_picture(found, plan),
-        "Places of the sphere in the field of view",
-        "The field of view; filled: the centre lies beyond the laser plane (y > 0).",
-        ((pieces.BLUE, "measured"), (pieces.ORANGE, "proposed")),
-    )
 
 
 def profiles_picture(calibration: Calibration, profiles: SphereProfiles, recording: Recording) -> bytes:
@@ -323,31 +317,3 @@ def residuals_picture(calibration: Calibration) -> bytes:
         axes.set_ylabel("distance over its u")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         return pieces.svg(figure)
-
-
-def plan_picture(calibration: Calibration, plan: PosturePlan) -> bytes:
-    """The view: where the sphere was, and where the plan puts it; filled: beyond the laser plane (y > 0)."""
-    with pieces.styled():
-        figure = Figure(figsize=(10, 4.2), layout="constrained")
-        _places(figure.subplots(), calibration, plan)
-        return pieces.svg(figure)
-
-
-def _places(axes: Axes, calibration: Calibration, plan: PosturePlan) -> None:
-    for centre, colour, marker in (
-        (calibration.centre_mm[calibration.used], pieces.BLUE, "o"),
-        (plan.centre_mm, pieces.ORANGE, "s"),
-    ):
-        for here, face in ((centre[:, 1] > 0, colour), (centre[:, 1] <= 0, "none")):
-            axes.plot(
-                centre[here, 0], centre[here, 2], marker, markerfacecolor=face, markeredgecolor=colour, markersize=6
-            )
-    for i, (x, _, z) in enumerate(plan.centre_mm, 1):
-        axes.annotate(str(i), (x, z), (5, 4), textcoords="offset points", fontsize=8, color=pieces.ORANGE)
-    (x, z), (w, h) = plan.middle_mm, plan.half_mm
-    axes.plot(
-        [x - w, x + w, x + w, x - w, x - w], [z - h, z - h, z + h, z + h, z - h], color=pieces.PALE, linewidth=1.0
-    )
-    axes.set_xlabel("x in the profiler, mm")
-    axes.set_ylabel("z in the profiler, mm")
-    axes.set_aspect("equal")

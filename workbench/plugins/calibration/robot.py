@@ -36,6 +36,7 @@ from workbench.plugins.calibration.arm_errors import (
     erring_flange,
     robot_results,
 )
+from workbench.plugins.calibration.determinacy import Demand, cause_of, too_open
 from workbench.plugins.calibration.model import (
     SIZE,
     Estimate,
@@ -48,7 +49,7 @@ from workbench.plugins.calibration.model import (
     volume_weight,
 )
 from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.solve import Demand, cause_of, refuse_undetermined, solve
+from workbench.plugins.calibration.solve import solve
 from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves
@@ -83,7 +84,8 @@ class Posed:
     def rows(self, at: Together) -> estimator.Rows:
         """The recorded poses are moved by what the errors move the flange by."""
         flange, by_errors = erring_flange(self.chain, self.arm, at.errors, self.joints)
-        moved = dataclasses.replace(self.seen, base_from_flange=self.seen.base_from_flange @ self.back @ flange)
+        poses = self.seen.here.base_from_flange @ self.back @ flange
+        moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
         slope = np.concatenate([linear.jacobian, linear.by_pose @ by_errors], axis=2)
         prior = np.concatenate([np.zeros(SIZE - 1), [self.noise.radius_u_mm**-2], self.arm.prior**-2])
@@ -175,8 +177,8 @@ def robot(
     used = seen.subset(kept)
     built = together(start, used, angles[kept], noise, chain, NO_ERRORS)
     centre = linearise(estimate, used, noise).centre
-    demand, cause = Demand(view, max_u_mm, where), cause_of(used.base_from_flange, centre, with_offset=False)
-    refuse_undetermined(covariance[:6, :6], estimate, demand, lambda: cause)
+    demand, cause = Demand(view, max_u_mm, where), cause_of(used.here.base_from_flange, centre, False, "sphere")
+    demand.refuse(too_open(covariance[:6, :6], estimate, demand, lambda: cause))
     u, rms = volume_u(covariance[:6, :6], estimate.rotation, view), rms_mm(found.rows.residual[kept, :2])
     slope = found.rows.jacobian[kept, :2]
     place_u2 = float(np.einsum("nij,jk,nik->ni", slope, covariance, slope).mean())
@@ -253,8 +255,8 @@ def as_flange_errors(chain: Chain, arm: ArmErrors, found: estimator.Fit[Together
 
 
 def _postures(profiles: SphereProfiles, recording: Recording, where: str) -> Observations:
-    seen = by_pass(profiles, recording).place()
-    if seen.scans:
+    seen = by_pass(profiles, recording)
+    if seen.here.scans:
         raise InputError(where, "expected postures held still (one pose a pass), found scans over the sphere")
     if len(seen) < LEAST_POSTURES:
         raise InputError(
@@ -277,7 +279,7 @@ def read_joints(path: InputFile, seen: Observations, recording: Recording, chain
     if missing:
         raise InputError(str(path), f"expected the joint angles of pass {missing[0]}, which sees the sphere")
     found = np.array([angles[one] for one in wanted])
-    apart = inverse(erring_flange(chain, NO_ERRORS, np.zeros(0), found)[0]) @ seen.base_from_flange
+    apart = inverse(erring_flange(chain, NO_ERRORS, np.zeros(0), found)[0]) @ seen.here.base_from_flange
     shift = np.linalg.norm(apart[:, :3, 3], axis=1)
     turn = np.linalg.norm(vector_from_rotation(apart[:, :3, :3]), axis=1)
     worst = int(np.argmax(np.maximum(shift / SAME_MM, turn / SAME_RAD)))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.api import Float, HandEye, HandEyeFile, InputError, InputFile, Recording, Shaped, estimator
-from workbench.plugins.calibration.model import Ball, Estimate, Noise, Sphere, linearise, to_base
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise, to_base
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.values import SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
@@ -19,48 +20,67 @@ BELIEVED = "the hand-eye pose is believed: give a handeye.json with its covarian
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """A sphere's centre in the base."""
+class Places:
+    """Centres of p spheres in the base."""
 
-    center_mm: Shaped[Float, " 3"]
-    covariance: Shaped[Float, "3 3"]  # of profiles and robot
-    by_hand_eye: Shaped[Float, "3 6"]  # its change with the hand-eye pose, as HandEye.covariance counts
+    center_mm: Shaped[Float, "p 3"]
+    covariance: Shaped[Float, "p 3 3"]  # of profiles and robot, mm^2
+    shared: Shaped[Float, "p 3 q"]  # what errors of the hand-eye pose move them by, a standard deviation of each
 
 
-def known_hand_eye(path: InputFile | None, recording: Recording) -> HandEye:
-    """The pose from a handeye.json, or the recording's own, of which nobody says how well it is known.
+class Scanner:
+    """A profiler whose hand-eye pose is known, and the spheres that it has seen."""
 
-    Raises:
-        InputError: there is none, or it is no rigid motion.
-    """
-    if path is None:
-        if recording.flange_from_profiler is None:
+    def __init__(
+        self, profiles: SphereProfiles, recording: Recording, path: InputFile | None, pose: tuple[float, float]
+    ) -> None:
+        """By a handeye.json, or the recording's own pose; `pose`: noise of the flange, mm and deg.
+
+        Raises:
+            InputError: there is no hand-eye pose, or it is no rigid motion; the robot moved.
+        """
+        if path is not None:
+            self.eye = HandEyeFile.hand_eye(path)
+        elif recording.flange_from_profiler is not None:
+            self.eye = HandEye(recording.flange_from_profiler, source=recording.source)
+        else:
             raise InputError(f"{recording.source}: /hand_eye", "missing, and no handeye.json is given (hand_eye)")
-        return HandEye(recording.flange_from_profiler, source=recording.source)
-    return HandEyeFile.hand_eye(path)
+        self.radius_mm = profiles.sphere_diameter_mm / 2.0
+        self.noise = Noise(*pose, self.radius_mm)
+        self.seen = by_pass(rescaled(profiles, recording, sensor_of(self.eye)), recording)
+        if self.seen.here.scans:
+            raise InputError(f"{recording.source}: /robot", "expected postures held still (one pose a pass)")
+        self.passes = np.array([recording.pass_index[frames[0]] for frames in self.seen.frames])
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of a pose of which nobody says how well it is known."""
+        return (BELIEVED,) if self.eye.covariance is None else ()
 
-def seen_by(hand_eye: HandEye, profiles: SphereProfiles, recording: Recording) -> Observations:
-    """The circles of a recording's postures, the errors of the profiler's scales taken out."""
-    seen = by_pass(rescaled(profiles, recording, sensor_of(hand_eye)), recording).place()
-    if seen.scans:
-        raise InputError(f"{recording.source}: /robot", "expected postures held still (one pose a pass)")
-    return seen
+    def places(self, groups: Sequence[Float], where: Sequence[str]) -> Places:
+        """Maximum likelihood of the sphere that each group of passes shows; of its radius with the prior too.
 
+        Larger residuals make a larger covariance.
 
-def sphere_place(hand_eye: HandEye, seen: Observations, noise: Noise, where: str) -> Place:
-    """Maximum likelihood of the centre, and of the radius with its prior; larger residuals make a larger covariance.
+        Raises:
+            InputError: too few postures see it.
+        """
+        pose, spread = self.eye.flange_from_profiler, self.eye.covariance
+        own = np.zeros((6, 0)) if spread is None else np.linalg.cholesky(spread)
+        known = Estimate(pose[:3, :3], pose[:3, 3], np.zeros(3), self.radius_mm)
+        found = [self._sphere(known, passes, line) for passes, line in zip(groups, where, strict=True)]
+        carried = [-one.carried(one.rows.jacobian[..., :6])[6:9] for one in found]
+        centers, covariances = [one.at.center_mm for one in found], [one.covariance[6:9, 6:9] for one in found]
+        return Places(np.array(centers), np.array(covariances), np.array(carried) @ own)
 
-    Raises:
-        InputError: too few postures see it.
-    """
-    if len(seen) < LEAST_POSTURES:
-        raise InputError(where, f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}")
-    pose = hand_eye.flange_from_profiler
-    at = start_center(Estimate(pose[:3, :3], pose[:3, 3], np.zeros(3), noise.radius_mm), seen, noise)
-    found = estimator.fit(Ball(seen, noise), at)
-    by_pose = Sphere(seen, noise).rows(found.at).jacobian[..., :6]
-    return Place(found.at.center_mm, found.covariance[:3, :3], -found.carried(by_pose)[:3])
+    def _sphere(self, known: Estimate, passes: Float, where: str) -> estimator.Fit[Estimate]:
+        seen = self.seen.subset(np.isin(self.passes, passes))
+        if len(seen) < LEAST_POSTURES:
+            said = f"expected {LEAST_POSTURES} postures or more that see the sphere, found {len(seen)}"
+            raise InputError(where, said)
+        # a pose that is as good as certain: it stays
+        held = Sphere(seen, self.noise, (known, np.eye(6) / np.finfo(float).eps))
+        return estimator.fit(held, start_center(known, seen, self.noise))
 
 
 def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:

@@ -1,9 +1,10 @@
 """Hand-eye poses from anywhere: where to begin, which answers there are, and what is wrong where there is none.
 
 For a rotation of the profiler all else follows by linear least squares, whatever is seen: rotations all about and the
-design's are tried, the likeliest are fitted (`estimator`), and the same answer counts once. An answer that explains the
-profiles as well as the best one is a rival; the design's pose may exclude it. Where none explains them, the known
-mistakes in a recording's poses are tried in turn.
+design's are tried, the likeliest are fitted (`estimator`), and the same answer counts once. What is open at every
+start, wherever it lies, no fit will tell: it is refused before. An answer that explains the profiles as well as the
+best one is a rival; the design's pose may exclude it. Where none explains them, the known mistakes in a recording's
+poses are tried in turn.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Protocol, TypeVar
@@ -19,15 +21,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from workbench.api import DEG, Float, InputError, estimator, rotation_from_vector, vector_from_rotation
+from workbench.plugins.calibration.determinacy import Demand, cause_of, offset_open, speed_of, too_open
 from workbench.plugins.calibration.model import Estimate
+from workbench.plugins.calibration.observations import Flange, Timed
 from workbench.plugins.calibration.suspicions import suspected
 
 S = TypeVar("S")
 
 NEAR = 20 * DEG  # by which the design's pose may be off: it is turned so far each way
-TRIED, REFINED = 12, 8  # starts, and answers of these, the likeliest
-ROUGH_STEPS = 12
+TRIED, REFINED = 12, 8  # starts, and answers of these, the likeliest; half as many where little is to be told
+ROUGH_STEPS = 6  # before and after what is hopeless is left out
 HOPELESS = (4.0, 100.0)  # times the best's chi-square, and more: none of these will be the best, nor its rival
+OFFSET_GRID_MM, MAX_OFFSETS = 3.0, 60  # how finely clock offsets are searched
+CLEARLY = 2.0  # times what is allowed: no fit will tell it where it is as uncertain at every start
 THINNED = 200  # observations that a search looks at
 LOOKED_AT = 60  # likewise, where a mistake in the poses is sought
 SAME = np.repeat([0.5, 0.02], 3)  # mm and rad, within which two answers are one
@@ -38,45 +44,127 @@ REACH_MM, REACH_RAD = 100.0, 35 * DEG  # beyond it the design excludes an answer
 
 
 class Target(estimator.Instrument[S], Protocol[S]):
-    """What stands still in the base and is seen by the profiler; among its unknowns is the hand-eye pose."""
+    """What stands still in the base and is seen by the profiler; among its unknowns is the hand-eye pose.
 
-    def searched(self, most: int, poses: Float | None = None) -> Target[S]:
-        """Of so many observations at most; from other poses (k, 4, 4) of all, if given."""
+    Where it is seen by a clock whose offset is unknown (`Timed`), the last of them is the offset.
+    """
 
-    def starts(self, rotations: Float, offset_s: float) -> list[tuple[float, S]]:
-        """What fits best beside rotations (m, 3, 3), or near the likeliest of them, and how far off it is."""
+    @property
+    def what(self) -> str:
+        """It is, in words."""
+
+    @property
+    def flange(self) -> Flange | Timed:
+        """Where it is seen from."""
+
+    def searched(self, most: int, flange: Flange | None = None) -> Target[S]:
+        """Of so many observations at most; from another flange of all, if given."""
+
+    def starts(self, rotations: Float, offsets_s: Float, most: int) -> list[tuple[float, S]]:
+        """What fits best beside rotations (m, 3, 3) and offsets (o,), the likeliest first, and how far off it is.
+
+        `most`: of these rotations and offsets that are looked into, where that takes a fit.
+        """
+
+    def shown(self, at: S) -> Float:
+        """Where it lies in the profiler frame (k, 3)."""
 
     @staticmethod
     def pose(at: S) -> Estimate:
         """The hand-eye pose of an estimate."""
 
 
-def answers(target: Target[S], design: Float | None, offsets_s: Float) -> list[estimator.Fit[S]]:
+def located(
+    target: Target[S], design: Float | None, demand: Demand, mistaken: str, ask: str
+) -> tuple[estimator.Fit[S], bool]:
+    """The likeliest answer, and whether it is the only one.
+
+    Args:
+        target: that is seen.
+        design: flange_from_profiler (4, 4) to begin with, off by up to 20 deg and 50 mm; None: unknown.
+        demand: what the answer must be good for.
+        mistaken: what may be wrong where no pose explains the profiles.
+        ask: what tells two answers apart.
+
+    Raises:
+        InputError: an undetermined direction, two answers that fit equally, or none that fits.
+    """
+    fits = _all_answers(target, design, demand)
+    _refuse_unexplained(target, fits, design, demand.where, mistaken)
+    demand.refuse(undetermined(target, fits[0].at, fits[0].inverse, demand))  # before rivals: where nothing is are many
+    return _only_answer(fits, target, design, demand.where, ask)
+
+
+def undetermined(target: Target[S], at: S, covariance: Float, demand: Demand, times: float = 1.0, why: str = "") -> str:
+    """What an answer with this covariance (P, P) leaves more uncertain than is demanded; empty: nothing.
+
+    times: the demand; why: it does so, where that is known.
+    """
+    pose = target.pose(at)
+    flange, own_clock = target.flange.at(pose.offset_s), isinstance(target.flange, Timed)
+
+    def cause() -> str:
+        return why or cause_of(flange.base_from_flange, target.shown(at), own_clock, target.what)
+
+    said = too_open(covariance[:6, :6] / times**2, pose, demand, cause)
+    if said or not own_clock:
+        return said
+    return offset_open(math.sqrt(covariance[-1, -1]), flange, times)
+
+
+def _all_answers(target: Target[S], design: Float | None, demand: Demand) -> list[estimator.Fit[S]]:
     """The likeliest answers, each once and without what contradicts it, the best first; none where all run away.
 
     About the design's pose; from rotations all about, where there is none, or none near it explains what is seen.
     """
+    offsets_s = _offsets(target.flange, demand.where)
     if design is not None:
         turns = np.concatenate([np.zeros((1, 3)), NEAR * np.eye(3), -NEAR * np.eye(3)])
-        near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s)
+        near = _answers(target, rotation_from_vector(turns) @ design[:3, :3], offsets_s, demand)
         if near and off(near[0]) <= UNUSUAL:
             return near
-    return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s)
+    return _answers(target, Rotation.create_group("I").as_matrix(), offsets_s, demand)
 
 
-def _answers(target: Target[S], rotations: Float, offsets_s: Float) -> list[estimator.Fit[S]]:
+def _offsets(flange: Flange | Timed, where: str) -> Float:
+    """Clock offsets to begin with, so near to each other that one is right enough."""
+    if not isinstance(flange, Timed):
+        return np.zeros(1)
+    low, high = flange.range_s
+    if low > high:
+        raise InputError(
+            where.replace("/robot", "/profiles/time"),
+            "no clock offset puts the frames of all scans within the robot's poses",
+        )
+    count = int(np.clip((high - low) * speed_of(flange.at((low + high) / 2)) / OFFSET_GRID_MM, 0, MAX_OFFSETS - 1)) + 1
+    return np.asarray(low + (np.arange(count) + 0.5) / count * (high - low))
+
+
+def _answers(target: Target[S], rotations: Float, offsets_s: Float, demand: Demand) -> list[estimator.Fit[S]]:
     few = target.searched(THINNED)
-    begun = [one for offset_s in offsets_s for one in few.starts(rotations, offset_s)]
-    likely = _distinct((at for _, at in sorted(begun, key=lambda one: one[0])), target)
-    rough = sorted(_solved(partial(_rough, few), islice(likely, TRIED)), key=lambda one: one.chi2)
-    best = _distinct((one.at for one in rough if one.chi2 <= HOPELESS[0] * rough[0].chi2 + HOPELESS[1]), target)
-    fits = sorted(_solved(partial(estimator.sound, target, halves=0), islice(best, REFINED)), key=cost)
+    starts = list(islice(_distinct((at for _, at in few.starts(rotations, offsets_s, TRIED)), target), TRIED))
+    if isinstance(target.flange, Timed) and _open_everywhere(target, starts, demand):  # a valley is long to walk
+        told = _solved(partial(_rough, few, steps=2 * ROUGH_STEPS), starts[: REFINED // 2])
+        if all(undetermined(target, one.at, one.inverse, demand) for one in told):
+            return sorted(told, key=lambda one: one.chi2)
+    for _ in range(2):
+        rough = sorted(_solved(partial(_rough, few), starts), key=lambda one: one.chi2)
+        starts = [one.at for one in rough if one.chi2 <= HOPELESS[0] * rough[0].chi2 + HOPELESS[1]]
+    explained = bool(rough) and off(rough[0]) <= UNUSUAL
+    best = islice(_distinct(starts, target), REFINED if explained else REFINED // 2)
+    fits = sorted(_solved(partial(estimator.sound, target, halves=0), best), key=cost)
     again = _solved(partial(estimator.sound, target), (one.at for one in fits[:1]))
     return sorted([*again, *fits[1:]], key=cost)
 
 
-def _rough(target: Target[S], at: S) -> estimator.Fit[S]:
-    return estimator.fit(target, at, estimator.nearest(target, at), ROUGH_STEPS)
+def _open_everywhere(target: Target[S], starts: list[S], demand: Demand) -> bool:
+    """Whether the information at every start leaves the same open, clearly."""
+    told = ((at, estimator.inverse_information(target.rows(at).normal().information)) for at in starts)
+    return all(undetermined(target, at, covariance, demand, CLEARLY) for at, covariance in told)
+
+
+def _rough(target: Target[S], at: S, steps: int = ROUGH_STEPS) -> estimator.Fit[S]:
+    return estimator.fit(target, at, estimator.nearest(target, at), steps)
 
 
 def _solved(fit: Callable[[S], estimator.Fit[S]], starts: Iterable[S]) -> list[estimator.Fit[S]]:
@@ -114,7 +202,7 @@ def off(one: estimator.Fit[S]) -> float:
     return max(one.usual, math.sqrt(one.misfit))
 
 
-def only_answer(
+def _only_answer(
     fits: list[estimator.Fit[S]], target: Target[S], design: Float | None, where: str, ask: str
 ) -> tuple[estimator.Fit[S], bool]:
     """The best answer, and whether it is the only one: one that the design's pose excludes is told, others refused."""
@@ -145,25 +233,26 @@ def _within_reach(pose: Estimate, design: Float) -> bool:
     return bool(np.linalg.norm(d[:3]) < REACH_MM and np.linalg.norm(d[3:]) < REACH_RAD)
 
 
-def refuse_unexplained(
-    target: Target[S], fits: list[estimator.Fit[S]], flange: Float, design: Float | None, where: str, ask: str
+def _refuse_unexplained(
+    target: Target[S], fits: list[estimator.Fit[S]], design: Float | None, where: str, ask: str
 ) -> None:
-    """Refuse profiles that no pose explains, with the mistake in the flange's poses (k, 4, 4) without which one would.
+    """Refuse profiles that no pose explains, with the mistake in the flange's poses without which one would.
 
     The misfit is that of three quarters of what is seen: it has to reach beyond what every answer explains.
     """
     left = off(fits[0]) if fits else np.inf
     if fits and (fits[0].freedom < estimator.LEAST_FREEDOM or left <= UNUSUAL / 2.0):
         return
+    flange = target.flange.at(target.pose(fits[0].at).offset_s if fits else 0.0)
 
     def misfit(poses: Float) -> float:
-        read = target.searched(LOOKED_AT, poses)
+        read = target.searched(LOOKED_AT, replace(flange, base_from_flange=poses))
         turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
-        fits = _solved(partial(_rough, read), (at for _, at in read.starts(turns, 0.0)[:2]))
-        return min((off(one) for one in fits), default=np.inf)
+        starts = (at for _, at in read.starts(turns, np.zeros(1), REFINED // 2)[:2])
+        return min((off(one) for one in _solved(partial(_rough, read, steps=2 * ROUGH_STEPS), starts)), default=np.inf)
 
     found = f"the best leaves {left:.0f} times the noise" if fits else "every one runs away"
-    mistake = suspected(flange, misfit, min(UNUSUAL, left / 4.0))
+    mistake = suspected(flange.base_from_flange, misfit, min(UNUSUAL, left / 4.0))
     if not mistake and left <= UNUSUAL:
         return
     said = f"suspicion: {mistake}" if mistake else ask

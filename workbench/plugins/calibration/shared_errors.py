@@ -29,7 +29,7 @@ import scipy
 
 from workbench.api import Bool, Float, Shaped, estimator, inverse, vector_from_rotation
 from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, Sphere, linearise
-from workbench.plugins.calibration.observations import Observations
+from workbench.plugins.calibration.observations import Observations, Timed
 
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 MATCHED = 10  # rounds of noise that comes as large as the residuals
@@ -69,7 +69,7 @@ def settled(found: estimator.Fit[Estimate], sphere: Sphere) -> Settled:
         found: with the noise as stated, errors new in each recorded pose.
         sphere: what it was fitted to.
     """
-    if not sphere.seen.place(found.at.offset_s).scans:
+    if not sphere.seen.place(found.at.offset_s).here.scans:
         beyond = bool(found.freedom > 0 and scipy.special.chdtrc(found.freedom, found.chi2) < NO_CHANCE)
         noise = sphere.noise
         for _ in range(MATCHED if beyond else 0):  # profiles keep their due weight
@@ -146,7 +146,7 @@ class _Likelihood:
     def __init__(self, estimate: Estimate, sphere: Sphere, used: Bool) -> None:
         stated = sphere.noise
         self._here, self._stated = sphere.seen.place(estimate.offset_s).subset(used), stated
-        self._linear = linearise(estimate, self._here, replace(stated, common=1.0), sphere.with_offset)
+        self._linear = linearise(estimate, self._here, replace(stated, common=1.0), isinstance(sphere.flange, Timed))
         self._off_mm = stated.radius_mm - estimate.radius_mm
         self._spread = self._linear.by_pose * stated.spread
         self._square = np.zeros((len(self._here), 3, 1))  # of a stated error of c_y, in w
@@ -203,13 +203,13 @@ class _Likelihood:
 
         A posture held still is a scan of one frame. With them the logarithm of the size of what the frames have alone.
         """
-        seen, linear = self._here, self._linear
+        seen, linear = self._here.here, self._linear
         square = own**2 * seen.evened[:, None, None] * self._square
         residual = linear.residual[..., None] - self._square + square
         columns = np.concatenate([linear.jacobian, residual, self._square, self._spread], axis=-1)
         alone = self._alone + 2.0 * square @ np.swapaxes(square, 1, 2)
-        still = columns[seen.still]
-        at_rest = alone[seen.still] + own**2 * self._spread[seen.still] @ np.swapaxes(self._spread[seen.still], 1, 2)
+        still, spread = columns[seen.still], self._spread[seen.still]
+        at_rest = alone[seen.still] + own**2 * spread @ np.swapaxes(spread, 1, 2)
         joined = [np.swapaxes(still, 1, 2) @ np.linalg.solve(at_rest, still)]
         log_size = float(np.linalg.slogdet(at_rest)[1].sum())
         for scan in seen.scans:
@@ -298,7 +298,7 @@ def _covariance(linear: Linear, kernel: Float) -> Float:
 
 def _distances(here: Observations) -> Float:
     """How far apart the postures are (k, k), as rotations in rad."""
-    poses = here.base_from_flange
+    poses = here.here.base_from_flange
     between = inverse(poses)[:, None] @ poses[None]
     turn = vector_from_rotation(between[..., :3, :3])
     return np.asarray(np.sqrt(np.sum(turn**2, axis=-1) + np.sum((RAD_PER_MM * between[..., :3, 3]) ** 2, axis=-1)))

@@ -17,7 +17,6 @@ from workbench.api import (
     Chapter,
     Document,
     Float,
-    HandEye,
     InputError,
     InputFile,
     Int,
@@ -30,17 +29,7 @@ from workbench.api import (
     pieces,
     stage,
 )
-from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.observations import Observations
-from workbench.plugins.calibration.scanned import (
-    BELIEVED,
-    LEAST_POSTURES,
-    UNSAID,
-    Place,
-    known_hand_eye,
-    seen_by,
-    sphere_place,
-)
+from workbench.plugins.calibration.scanned import LEAST_POSTURES, UNSAID, Scanner
 from workbench.plugins.calibration.tables import (
     POSE,
     check_misfit,
@@ -143,11 +132,10 @@ def tcp(
     if references is not None:
         if profiles is None or recording is None:
             raise InputError(str(references), "expected a recording that shows them (scan.read, calibrate.circles)")
-        eye = known_hand_eye(hand_eye, recording)
-        shown = Noise(robot_noise_mm, robot_noise_deg, profiles.sphere_diameter_mm / 2)
-        _check_stand_off(every, profiles.sphere_diameter_mm / 2.0, str(touches))
-        every = with_scanned(every, references, seen_by(eye, profiles, recording), recording, eye, shown)
-        believed = () if eye.covariance is not None else (BELIEVED,)
+        scanner = Scanner(profiles, recording, hand_eye, (robot_noise_mm, robot_noise_deg))
+        _check_stand_off(every, scanner.radius_mm, str(touches))
+        every = with_scanned(every, references, scanner)
+        believed = scanner.warnings
     noise = math.hypot(robot_noise_mm, touch_noise_mm), robot_noise_deg * DEG
     labels = estimator.Labels(str(touches), every.lines, ask=ASKED)
     found, left_out = estimator.without_blunders(_Touching(every, noise), _begun(every, noise), labels)
@@ -192,29 +180,20 @@ def tcp(
     return results(ToolFile, "Tool calibration", UNKNOWN_PART.with_names(part), document, html)
 
 
-def with_scanned(
-    touches: Touches, path: InputFile, seen: Observations, recording: Recording, hand_eye: HandEye, noise: Noise
-) -> Touches:
+def with_scanned(touches: Touches, path: InputFile, scanner: Scanner) -> Touches:
     """The touches with the references that the scanner saw in the place of those that are typed."""
     table = Table(path, ("reference", "pass"), LEAST_POSTURES)
     names, which = table.labels("reference", "?")
-    number, passes = table.numbers(("pass",))[:, 0], np.array([recording.pass_index[f[0]] for f in seen.frames])
-    unknown = [name for name in names if name not in touches.reference_names]
-    if unknown:
-        raise InputError(
-            str(path), f"'{unknown[0]}' is no reference of the touches{nearest(unknown[0], touches.reference_names)}"
-        )
-    known_mm = np.full_like(touches.known_mm, np.nan)
-    blocks: dict[int, Place] = {}
-    for k, name in enumerate(names):
-        r, line = touches.reference_names.index(name), table.lines[int(np.flatnonzero(which == k)[0])]
-        shown = seen.subset(np.isin(passes, number[which == k]))
-        blocks[r] = sphere_place(hand_eye, shown, noise, f"{path}: line {line}")
-        known_mm[r] = blocks[r].center_mm
-    places = [blocks[r] for r in sorted(blocks)]
-    moved = np.concatenate([one.by_hand_eye for one in places])
-    shared = 0.0 if hand_eye.covariance is None else moved @ hand_eye.covariance @ moved.T
-    covariance = scipy.linalg.block_diag(*(one.covariance for one in places)) + shared
+    passes, every = table.numbers(("pass",))[:, 0], touches.reference_names
+    for name in names:
+        if name not in every:
+            raise InputError(str(path), f"'{name}' is no reference of the touches{nearest(name, every)}")
+    order = sorted(range(len(names)), key=lambda k: every.index(names[k]))
+    lines = [f"{path}: line {table.lines[int(np.argmax(which == k))]}" for k in order]
+    places = scanner.places([passes[which == k] for k in order], lines)
+    known_mm, moved = np.full_like(touches.known_mm, np.nan), places.shared.reshape(3 * len(order), -1)
+    known_mm[[every.index(names[k]) for k in order]] = places.center_mm
+    covariance = scipy.linalg.block_diag(*places.covariance) + moved @ moved.T
     return replace(touches, known_mm=known_mm, known_covariance=covariance)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import scipy
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from workbench.api import (
     DEG,
@@ -17,7 +18,6 @@ from workbench.api import (
     Chapter,
     Document,
     Float,
-    HandEye,
     InputError,
     InputFile,
     Int,
@@ -31,8 +31,7 @@ from workbench.api import (
     rotation_from_vector,
     stage,
 )
-from workbench.plugins.calibration.model import Noise
-from workbench.plugins.calibration.scanned import BELIEVED, UNSAID, known_hand_eye, seen_by, sphere_place
+from workbench.plugins.calibration.scanned import UNSAID, Places, Scanner
 from workbench.plugins.calibration.tables import (
     check_misfit,
     enough,
@@ -51,7 +50,8 @@ POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
-STARTS, TRIED = 40, 4  # directions from which the axis is sought, and the likeliest, which are refined
+EVERYWHERE = Rotation.create_group("I").as_matrix() @ np.arange(3.0) / math.sqrt(5.0)  # directions to begin with
+TRIED = 4  # of these, the likeliest, which are refined
 STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
@@ -63,15 +63,16 @@ CHANCE = 0.01  # that markers at rest count as drifting
 class Marks:
     """n measured points: marker k at a table angle."""
 
-    point_mm: Shaped[Float, "n 3"]  # in the base
+    places: Places
     angle: Shaped[Float, " n"]  # rad, as the table counts
     marker: Shaped[Int, " n"]
     lines: tuple[int, ...]
     markers: int
-    covariance: Shaped[Float, "n 3 3"]  # of the points, mm^2
-    shared: (
-        Float  # (n, 3, q): what one error for all of them moves them by, per standard deviation of each of its parts
-    )
+
+    @property
+    def point_mm(self) -> Float:
+        """In the base (n, 3)."""
+        return self.places.center_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +105,7 @@ class _Turning:
     def rows(self, at: Axis) -> estimator.Rows:
         n, size = len(self.alike), 4 + 3 * self.marks.markers
         sway = self.angle_noise * self.sway(at)
-        covariance = (self.marks.covariance + sway[:, :, None] * sway[:, None, :]) * self.alike[:, None, None]
+        covariance = (self.marks.places.covariance + sway[:, :, None] * sway[:, None, :]) * self.alike[:, None, None]
         slope = np.zeros((n, 3, size))
         slope[:, :, :2] = at.frame[:2].T
         slope[:, :, 2:4] = estimator.jacobian_of(lambda turn: self.predicted(_turned(at, turn)), np.full(2, STEP))
@@ -123,7 +124,7 @@ class _Turning:
     def begun(self) -> Axis:
         """The best of fits from directions all about: for one direction point and markers follow at once."""
         zero = np.zeros((self.marks.markers, 3))
-        starts = [Axis(self.middle, _frame(one, np.eye(3)[np.argmin(np.abs(one))]), zero) for one in _sphere(STARTS)]
+        starts = [Axis(self.middle, _frame(one, np.eye(3)[np.argmin(np.abs(one))]), zero) for one in EVERYWHERE]
         rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
         return min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
 
@@ -176,16 +177,11 @@ def turntable(
         >>> chapter.title
         'Turntable calibration'
     """
-    believed: tuple[str, ...] = ()
-    if profiles is None or recording is None:
-        every = read_marks(marks, noise_mm)
-    else:
-        noise, eye = (
-            Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2),
-            known_hand_eye(hand_eye, recording),
-        )
-        every = scanned_marks(marks, profiles, recording, eye, noise)
-        believed = () if eye.covariance is not None else (BELIEVED,)
+    scanner = None
+    if profiles is not None and recording is not None:
+        scanner = Scanner(profiles, recording, hand_eye, (pose_noise_mm, pose_noise_deg))
+    every = read_marks(marks, noise_mm, scanner)
+    believed = () if scanner is None else scanner.warnings
     labels = estimator.Labels(str(marks), every.lines, ask=ASKED)
     table = _Turning(every, angle_noise_deg * DEG)
     _check_count(every, table.alike, str(marks))
@@ -193,7 +189,7 @@ def turntable(
     check_misfit(found, labels)
     if not np.isin(np.arange(every.markers), every.marker[found.used]).all():
         raise InputError(str(marks), "a marker was measured at one angle only, and contradicts the others")
-    axis, shift = found.at, found.carried(every.shared)[:4]
+    axis, shift = found.at, found.carried(every.places.shared)[:4]
     covariance = found.covariance[:4, :4] + shift @ shift.T
     drift_mm, apart = _drift(found, every.lines)
     covariance[:2, :2] += np.outer(drift_mm, drift_mm) / 12.0  # any time between first and last row is as likely
@@ -204,7 +200,7 @@ def turntable(
     apart += noisy(found, "the points", "is each marker the same point at all angles, does the table wobble?")
     u, direction = worst(axis, covariance, every.point_mm[found.used], reach_mm)
     ask = [*(apart or ("measure at angles farther apart, or markers farther from the axis",))]
-    ask += ["or know the hand-eye pose better"] if every.shared.size else []
+    ask += ["or know the hand-eye pose better"] if every.places.shared.size else []
     refuse_open(str(marks), "the axis", u, direction, f"base, over a reach of {reach_mm:g} mm", max_u_mm, ask)
     but = [UNSAID] if believed else []
     warnings = tuple(left_out.values()) + apart + believed
@@ -251,52 +247,31 @@ def _drift(found: estimator.Fit[Axis], lines: tuple[int, ...]) -> tuple[Float, t
     return drift, (f"{said}: the uncertainties hold that; did base, table or what measures them move or warm up?",)
 
 
-def scanned_marks(
-    path: InputFile, profiles: SphereProfiles, recording: Recording, hand_eye: HandEye, noise: Noise
-) -> Marks:
-    """The table of scanned spheres: marker, angle_deg, pass; a sphere's passes at one angle are one point."""
-    table = Table(path, ("angle_deg", "pass"), 2)
-    angle, number = table.numbers(("angle_deg", "pass")).T
-    names, marker = table.labels("marker", "sphere")
-    _check_turn(angle, path)
-    seen = seen_by(hand_eye, profiles, recording)
-    passes = np.array([recording.pass_index[frames[0]] for frames in seen.frames])
-    groups = sorted({(int(m), float(a)) for m, a in zip(marker, angle, strict=True)})
-    members = [np.flatnonzero((marker == m) & (angle == a)) for m, a in groups]
-    lines = tuple(table.lines[rows[0]] for rows in members)
-    places = [
-        sphere_place(hand_eye, seen.subset(np.isin(passes, number[rows])), noise, f"{path}: line {line}")
-        for rows, line in zip(members, lines, strict=True)
-    ]
-    own = np.zeros((6, 0)) if hand_eye.covariance is None else np.linalg.cholesky(hand_eye.covariance)
-    return Marks(
-        np.array([one.center_mm for one in places]),
-        np.array([a for _, a in groups]) * DEG,
-        np.array([m for m, _ in groups]),
-        lines,
-        len(names),
-        np.array([one.covariance for one in places]),
-        np.array([one.by_hand_eye for one in places]) @ own,
-    )
+def read_marks(path: InputFile, noise_mm: float, scanner: Scanner | None) -> Marks:
+    """The table: marker, angle_deg, x_mm, y_mm, z_mm; of scanned spheres marker, angle_deg, pass.
 
-
-def read_marks(path: InputFile, noise_mm: float) -> Marks:
-    """The table: marker, angle_deg, x_mm, y_mm, z_mm."""
-    table = Table(path, ("marker", "angle_deg", *POINT), 2)
-    values = table.numbers(("angle_deg", *POINT))
-    names, marker = table.labels("marker", "?")
-    _check_turn(values[:, 0], path)
-    own = np.tile(noise_mm**2 * np.eye(3), (len(values), 1, 1))
-    shared = np.zeros((len(values), 3, 0))
-    return Marks(values[:, 1:], values[:, 0] * DEG, marker, tuple(table.lines), len(names), own, shared)
-
-
-def _check_turn(angle_deg: Float, path: InputFile) -> None:
-    if np.ptp(angle_deg) < LEAST_TURN_DEG:
+    A sphere's passes at one angle are one point.
+    """
+    columns = ("angle_deg", *POINT) if scanner is None else ("angle_deg", "pass")
+    table = Table(path, ("marker", *columns) if scanner is None else columns, 2)
+    values = table.numbers(columns)
+    names, marker = table.labels("marker", "?" if scanner is None else "sphere")
+    angle, lines = values[:, 0], np.array(table.lines)
+    if np.ptp(angle) < LEAST_TURN_DEG:
         raise InputError(
             str(path),
-            f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found {np.ptp(angle_deg):.3g} deg: no axis shows",
+            f"expected angles {LEAST_TURN_DEG:g} deg or more apart, found {np.ptp(angle):.3g} deg: no axis shows",
         )
+    if scanner is None:
+        own, point = np.tile(noise_mm**2 * np.eye(3), (len(values), 1, 1)), values[:, 1:]
+        places = Places(point, own, np.zeros((len(values), 3, 0)))
+    else:
+        pairs, which = np.unique(np.column_stack([marker, angle]), axis=0, return_inverse=True)
+        members = [np.flatnonzero(which.reshape(-1) == k) for k in range(len(pairs))]
+        marker, angle = pairs[:, 0].astype(int), pairs[:, 1]
+        lines = lines[[rows[0] for rows in members]]
+        places = scanner.places([values[rows, 1] for rows in members], [f"{path}: line {line}" for line in lines])
+    return Marks(places, angle * DEG, marker, tuple(lines.tolist()), len(names))
 
 
 def _check_count(marks: Marks, alike: Float, where: str) -> None:
@@ -335,11 +310,3 @@ def _frame(direction: Float, near: Float) -> Float:
 def _turned(at: Axis, turn: Float) -> Axis:
     direction = at.frame[2] + turn @ at.frame[:2]
     return replace(at, frame=_frame(direction / np.linalg.norm(direction), at.frame[0]))
-
-
-def _sphere(count: int) -> Float:
-    """Directions (count, 3) spread evenly (Fibonacci)."""
-    k = np.arange(count) + 0.5
-    z, turn = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
-    r = np.sqrt(1.0 - z**2)
-    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)

@@ -21,12 +21,12 @@ from workbench.api import (
     stage,
     strict_json,
 )
+from workbench.plugins.calibration.determinacy import MIN_POSTURES
 from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise
 from workbench.plugins.calibration.observations import Observations, by_pass
 from workbench.plugins.calibration.plan import estimate_of
 from workbench.plugins.calibration.scanned import start_center
 from workbench.plugins.calibration.shared_errors import settled
-from workbench.plugins.calibration.solve import MIN_POSTURES
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
@@ -46,7 +46,7 @@ class HeldOut:
 
 def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, source: str) -> tuple[str, HeldOut]:
     """Leave parts out in turn, whole passes together: each is predicted from a fit of all the others."""
-    passes = [*seen.still[:, None], *(scan.rows for scan in seen.scans)]  # each posture, each scan
+    passes = [*seen.here.still[:, None], *(scan.rows for scan in seen.here.scans)]  # each posture, each scan
     count = len(passes)
     parts = min(folds, count) if folds > 1 else count
     if count - math.ceil(count / parts) < MIN_POSTURES:

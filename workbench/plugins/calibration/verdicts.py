@@ -25,7 +25,7 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.circles import fit_arc
 from workbench.plugins.calibration.model import Linear, Noise, View, place_u
-from workbench.plugins.calibration.observations import Observations, Passes
+from workbench.plugins.calibration.observations import Observations
 from workbench.plugins.calibration.solve import Answer
 from workbench.plugins.calibration.tables import enough
 from workbench.plugins.calibration.values import Method, Rejected, SphereProfiles
@@ -205,7 +205,7 @@ NOISY = 2.0  # over the stated noise of the profile's points
 
 
 def rejections(
-    profiles: SphereProfiles, passes: Passes, used: Bool, seen: Observations, linear: Linear, off: Float
+    profiles: SphereProfiles, used: Bool, seen: Observations, linear: Linear, off: Float
 ) -> tuple[Rejected, ...]:
     """Frames that do not count: without an arc, repeats that contradict, gross postures."""
     gross = [
@@ -218,7 +218,7 @@ def rejections(
         if not good
         for frame in frames
     ]
-    return tuple(sorted([*profiles.rejected, *passes.rejected, *gross], key=lambda one: one.frame))
+    return tuple(sorted([*profiles.rejected, *seen.rejected, *gross], key=lambda one: one.frame))
 
 
 def warnings(

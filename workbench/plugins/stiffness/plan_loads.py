@@ -28,6 +28,7 @@ from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, moved_columns
+from workbench.plugins.table import csv_bytes
 
 # Postures and loads that a loading test could use, and what each would tell.
 
@@ -212,14 +213,13 @@ def _plan(offered: Candidates, chosen: list[tuple[int, int]], target: float) -> 
 def _csv(plan: LoadPlan) -> bytes:
     """A table for the shop floor: where to load, which way, and the wrench that the sensor should then show."""
     names = ("px_mm", "py_mm", "pz_mm", "force_x_n", "force_y_n", "force_z_n")
-    lines = [
+    comment = (
         "# point and force in the flange frame; wrench as the sensor sees it (nominal). Joints known to (standard): "
-        + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u),
-        ",".join(["posture", *ANGLES, *names, *WRENCH]),
-    ]
-    rows = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
-    lines += [",".join([label, *(f"{v + 0.0:.4f}" for v in row)]) for label, row in zip(plan.labels, rows, strict=True)]
-    return ("\n".join(lines) + "\n").encode()
+        + ", ".join(f"{100 * u:.2f} %" for u in plan.relative_u)
+    )
+    values = np.hstack([plan.joints / DEG, plan.points_mm, plan.force_n, plan.wrench])
+    rows = ([label, *(f"{v + 0.0:.4f}" for v in row)] for label, row in zip(plan.labels, values, strict=True))
+    return f"{comment}\n".encode() + csv_bytes(["posture", *ANGLES, *names, *WRENCH], rows)
 
 
 # Optimal choice of loads for the worst joint: greedy, then exchange (Fedorov 1972).

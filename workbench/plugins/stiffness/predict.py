@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 
 from workbench.api import (
@@ -22,6 +19,7 @@ from workbench.api import (
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import Load, turn_about_z
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
+from workbench.plugins.table import csv_bytes
 
 
 @stage("stiffness.predict")
@@ -81,9 +79,9 @@ def base_from_point(cell: Cell, postures: Postures, radius_mm: float) -> Float:
 
 
 def _table(found: dict[int, Float]) -> bytes:
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["layer", "point", "dx_mm", "dy_mm", "dz_mm"])
-    for index, moved in found.items():
-        rows.writerows([index, i, *(f"{x:.6f}" for x in row)] for i, row in enumerate((moved + 0.0).tolist()))
-    return text.getvalue().encode("ascii")
+    rows = (
+        [index, i, *(f"{x:.6f}" for x in row)]
+        for index, moved in found.items()
+        for i, row in enumerate((moved + 0.0).tolist())
+    )
+    return csv_bytes(["layer", "point", "dx_mm", "dy_mm", "dz_mm"], rows)

@@ -23,6 +23,7 @@ from workbench.plugins.stiffness.elastic import balance, wrench_at
 from workbench.plugins.stiffness.equations import row_noise
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
+from workbench.plugins.table import csv_bytes
 
 
 @stage("stiffness.simulate_loads")
@@ -123,10 +124,10 @@ def _moved(chain: Chain, setup: LoadingSetup, stiffness: Float, q: Float, wrench
 
 def loads_csv(tests: LoadingTests, comment: str = "") -> bytes:
     """The tests as a `loads.csv`."""
-    header = ",".join(["posture", *ANGLES, *WRENCH, *tests.columns])
-    lines = [*(f"# {line}" for line in comment.splitlines()), header]
     columns = tests.labels, np.degrees(tests.joints), tests.wrench, tests.moved / tests.units
-    for label, q, w, m in zip(*columns, strict=True):
-        cells = [f"{v:.6f}" for v in q] + [f"{v:.4f}" for v in w]
-        lines.append(",".join([label, *cells, *("" if np.isnan(v) else f"{v:.6f}" for v in m)]))
-    return ("\n".join(lines) + "\n").encode()
+    rows = (
+        [label, *(f"{v:.6f}" for v in q), *(f"{v:.4f}" for v in w), *("" if np.isnan(v) else f"{v:.6f}" for v in m)]
+        for label, q, w, m in zip(*columns, strict=True)
+    )
+    said = "".join(f"# {line}\n" for line in comment.splitlines())
+    return said.encode() + csv_bytes(["posture", *ANGLES, *WRENCH, *tests.columns], rows)

@@ -25,6 +25,7 @@ from workbench.units import DEG, AnyArray, Float, Int, Shaped
 LABELS = ((1, 2), (3, 4))  # upper surface and the face below it, of the left and of the right plate
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
 LEAST_FACE = 0.34  # share of the profiles that show a root face, for its lean to be told
+SHOWS = 0.5  # and for it to be measured
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
@@ -61,12 +62,34 @@ class Plate:
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
 
-    def corner(self, places: Sequence[Float], angles: Sequence[Float]) -> Float:
+    def corner(self, places: Sequence[Float], angles: Sequence[Float], beyond_mm: float = 0.0) -> Float:
         """Upper corners (n, 2) by its lines; where nothing is seen below, half a column beyond the last return."""
         if len(places) > 1:
             return meeting(places[0], angles[0], places[1], angles[1])
         along = np.stack([np.cos(angles[0]), np.sin(angles[0])], axis=1)
-        return on_line(places[0], angles[0], ((self.end - places[0]) * along).sum(axis=1) + 0.5 * self.edge_step)
+        end = ((self.end - places[0]) * along).sum(axis=1) + 0.5 * self.edge_step + beyond_mm
+        return on_line(places[0], angles[0], end)
+
+    @property
+    def shows_root_face(self) -> bool:
+        """Whether most profiles do."""
+        return bool(np.isfinite(self.root_a).mean() > SHOWS)
+
+    def reach(self, corner: Float, angle: Float) -> Float:
+        """How far the face below reaches from the corners (n, 2) in direction `angle` (n,); above a fillet: inwards."""
+        if self.kind != "bevel":
+            return np.asarray(self.last[:, 0] - corner[:, 0])
+        if self.shows_root_face:  # where it meets that
+            return np.asarray((self.root_a - corner[:, 0]) / np.cos(angle))
+        return np.asarray(
+            (self.last[:, 0] - corner[:, 0]) * np.cos(angle) + (self.last[:, 1] - corner[:, 1]) * np.sin(angle)
+        )
+
+    def root(self, corner: Float, angle: Float, reach: Float, lift_mm: float) -> Float:
+        """Upper edges (n, 2) of the root, where the face reaches so far; of a fillet that lies so much higher."""
+        if self.kind == "bevel":
+            return on_line(corner, angle, reach)
+        return np.stack([corner[:, 0] + reach, self.fillets.bottom + lift_mm], axis=1)
 
     @property
     def fall(self) -> Float:

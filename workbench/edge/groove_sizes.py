@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from workbench.artefacts import FORM, Corner, Quantity, Term, kind_of
+from workbench.edge.directions import between
 from workbench.edge.fillet import FORM_U_MM
-from workbench.edge.groove_plates import UNSEEN, Plate
+from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
-from workbench.edge.joint_lines import RETURNS, Along, JointLines, Smooth, Values, typical
+from workbench.edge.joint_lines import RETURNS, STEP_MM, Along, JointLines, Smooth, Values, typical
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.steps import readings
 from workbench.errors import InputError
@@ -44,7 +46,6 @@ TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a wel
 JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LOST_PROFILES, LEAST_LOST, MOST_LOST = 31, 0.05, 0.6  # that are taken together; share of their columns without return
-SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SELDOM = 0.01  # probability below which a difference of depths is taken for noise
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
@@ -55,6 +56,49 @@ EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates 
 UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, is not told
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 NAMES = ("left", "right")
+LEAST_MOVE = 0.05  # mm a mm, by which a size moves with a place, for it to rest on that
+
+
+EDGE, REACH, LEVEL, FOOT = range(4)  # places of a plate that returns tell, or its fillet, and not its lines
+STILL = np.zeros((2, 4))  # by how much those of both plates are moved, mm
+
+
+class Section(NamedTuple):
+    """The corners of a groove in n profiles."""
+
+    at: dict[str, Float]  # (n, 2) right and up
+    down: dict[str, Float]  # (n, 2) by plate: square to its upper surface
+    reach: dict[str, Float]  # (n,) by plate: see `Plate.reach`
+
+    def apart(self, corner: str) -> Float:
+        """From the left plate's corner to the right one's (n, 2); of a plate without a root its upper one."""
+        left, right = (self.at.get(f"{one}_{corner}", self.at[f"{one}_upper"]) for one in NAMES)
+        return np.asarray(right - left)
+
+    def below(self, plate: str, corner: str, first: str = "upper") -> Float:
+        """How far a corner lies below the first one, square to the plate's upper surface (n,)."""
+        off = self.at[f"{plate}_{corner}"] - self.at[f"{plate}_{first}"]
+        return np.asarray((off * self.down[plate]).sum(axis=1))
+
+
+# Every length is this function of the corners; those that it needs must have been seen.
+LENGTHS: Mapping[str, tuple[Callable[[Section], Float], tuple[str, ...]]] = {
+    "width_mm": (lambda of: of.apart("upper")[:, 0], ()),
+    "misalignment_mm": (lambda of: of.apart("upper")[:, 1], ()),
+    "gap_mm": (lambda of: of.apart("root")[:, 0], ()),
+    "depth_mm": (lambda of: np.mean([of.below(plate, "root") for plate in of.reach], axis=0), ("root",)),
+    "root_face_left_mm": (lambda of: of.below("left", "lower", "root"), ("left_lower",)),
+    "root_face_right_mm": (lambda of: of.below("right", "lower", "root"), ("right_lower",)),
+}
+
+
+class FaceEnd(NamedTuple):
+    """Where a face ends, as far as returns tell, at m stations; nothing is left open of one that is not there."""
+
+    value: Float  # mm; NaN: not told
+    u: Float
+    returns_u: float = 0.0  # by how columns see an end
+    unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
 
 class GrooveSizes:
@@ -82,13 +126,17 @@ class GrooveSizes:
             for one in forms(images, self.at, sensor)
         ]
         self.right = len(plates[0].lines)  # number of the right plate's upper surface among all lines
-        self.each = self._values([one.place for one in lines], [one.angle for one in lines])
+        self.places, self.angles = [one.place for one in lines], [one.angle for one in lines]
+        self.feet: dict[str, Float] = {}  # of root faces that are measured: how deep they reach in each profile (n,)
         self._leave_false_ends()
-        self.each = self._values([one.place for one in lines], [one.angle for one in lines])
-        apart = max(typical(self.each["gap_mm"], typical(self.each["width_mm"], 0.0)), 0.0)
-        self.joint = JointLines(lines, face_forms, along, apart)
-        self.slopes = self.joint.slopes(self._values)
-        self.corner = [np.stack([self.each[f"{name}_upper:{k}"] for k in "ab"], axis=1) for name in NAMES]
+        self.seen = self._section(self.places, self.angles)  # as each profile shows it, then with the ends' courses
+        self.corner = [
+            one.corner(self.places[mine], self.angles[mine]) for one, mine in zip(self.plates, self._mine, strict=True)
+        ]
+        width, gap = (typical(self.seen.apart(corner)[:, 0]) for corner in ("upper", "root"))
+        self.joint = JointLines(lines, face_forms, along, max(width if math.isnan(gap) else gap, 0.0))
+        self.slopes = self.joint.slopes(self._followed)
+        self.misalignment = typical(self.seen.apart("upper")[:, 1])
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
         self.root_face_seen = self.root_face_excluded = False
@@ -96,50 +144,61 @@ class GrooveSizes:
         self.high = 0.0  # mm by which the right root's upper edge lies above the left one's
         self.uneven = math.nan  # that, over the greater depth; NaN: one plate is not prepared, or a root not seen
 
+    @property
+    def _mine(self) -> tuple[slice, slice]:
+        """The lines of either plate."""
+        return slice(0, self.right), slice(self.right, None)
+
     def _leave_false_ends(self) -> None:
         """Forget the upper surfaces' ends in profiles where a tack weld, or lost returns, hide one."""
-        towards = self.each["left_upper:a"] + self.each["right_upper:a"]  # the sections' origin follows half an end
+        # the sections' origin follows half an end
+        towards = -self._section(self.places, self.angles).apart("upper")[:, 0]
         for k, one in enumerate(self.plates):
             if one.kind in UNSEEN:
                 column = typical(one.edge_step)
                 near = self._together(towards, np.isfinite(towards), 2.0 * column, column)
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
-    def _values(self, places: Sequence[Float], angles: Sequence[Float]) -> Values:
-        """Lengths in every profile; corners of each plate as a left one, inwards (a) and up (b)."""
-        out: Values = {}
-        tilt, k = 0.5 * (angles[0] - angles[self.right]), 0
-        gap = np.zeros(self.s.size)
-        for one, name, mirror in zip(self.plates, NAMES, (1.0, -1.0), strict=True):
-            mine = slice(k, k + len(one.lines))
-            corner, k = one.corner(places[mine], angles[mine]), mine.stop
+    def _section(
+        self,
+        places: Sequence[Float],
+        angles: Sequence[Float],
+        reach: Mapping[str, Float] | None = None,
+        moved: Float = STILL,
+    ) -> Section:
+        """The corners by the lines, and by how far the faces reach (n,); None: as each profile shows it."""
+        found = Section({}, {}, {})
+        tilt = 0.5 * (angles[0] - angles[self.right])
+        cosine, sine = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
+        for one, name, mirror, mine, move in zip(self.plates, NAMES, (1.0, -1.0), self._mine, moved, strict=True):
+            upper, face = angles[mine][0], angles[mine][-1]
+            down = np.stack([np.sin(upper), -np.cos(upper)], axis=1)
+            corners = {"upper": one.corner(places[mine], angles[mine], move[EDGE])}
+            if one.kind in PREPARED:
+                found.reach[name] = one.reach(corners["upper"], face) if reach is None else reach[name]
+                corners["root"] = one.root(corners["upper"], face, found.reach[name] + move[REACH], move[LEVEL])
+            if name in self.feet:
+                deep = ((corners["root"] - corners["upper"]) * down).sum(axis=1)
+                corners["lower"] = corners["root"] + (self.feet[name] + move[FOOT] - deep)[:, None] * down
             turn = np.array([[0.0, -1.0], [1.0, 0.0]]) * mirror  # of the sections' axes, with the plates
-            upper = corner + tilt[:, None] * (corner @ turn)
-            out |= {f"{name}_upper:a": upper[:, 0], f"{name}_upper:b": upper[:, 1]}
-            gap -= upper[:, 0]
-            if one.kind not in PREPARED:
-                continue
-            low = depth = corner[:, 1] - one.fillets.bottom
-            root = np.stack([one.last[:, 0], one.fillets.bottom], axis=1)
-            if one.kind == "bevel":
-                way = np.stack([np.cos(angles[mine][1]), np.sin(angles[mine][1])], axis=1)
-                low = ((one.last - corner) * way).sum(axis=1)
-                if self._shows_root_face(one):  # the bevel ends where it meets that
-                    low = (one.root_a - corner[:, 0]) / way[:, 0]
-                root, depth = corner + low[:, None] * way, low * np.sin(angles[mine][0] - angles[mine][1])
-            root = root + tilt[:, None] * (root @ turn)
-            out |= {f"{name}:low": low, f"{name}:run": root[:, 0] - upper[:, 0], f"{name}:depth": depth}
-            out |= {f"{name}_root:a": root[:, 0], f"{name}_root:b": root[:, 1]}
-        out["width_mm"] = gap
-        out["misalignment_mm"] = out["right_upper:b"] - out["left_upper:b"]
-        out["gap_mm"] = gap - sum(out[f"{name}:run"] for name in NAMES if f"{name}:run" in out)
-        depths = [out[f"{name}:depth"] for name in NAMES if f"{name}:depth" in out]
-        out["depth_mm"] = np.mean(depths, axis=0) if depths else np.full(gap.size, np.nan)
-        return out
+            found.at.update(
+                {f"{name}_{k}": (place * cosine + place @ turn * sine) * [mirror, 1.0] for k, place in corners.items()}
+            )
+            found.down[name] = (down * cosine + down @ turn * sine) * [mirror, 1.0]
+        return found
 
-    @staticmethod
-    def _shows_root_face(one: Plate) -> bool:
-        return bool(np.isfinite(one.root_a).mean() > SHOWS)
+    def _values(self, section: Section) -> Values:
+        """Every length, and right (a) and up (b) of every corner, in each profile."""
+        there = {*section.at, *(["root"] if section.reach else [])}
+        out = {name: of(section) for name, (of, needs) in LENGTHS.items() if there.issuperset(needs)}
+        return out | {
+            f"{name}:{axis}": place[:, k] for name, place in section.at.items() for k, axis in enumerate("ab")
+        }
+
+    def _followed(self, places: Sequence[Float], angles: Sequence[Float]) -> Values:
+        """With the ends where each profile's returns are, however its lines lie."""
+        section = self._section(places, angles)
+        return self._values(section) | {f"{name}:reach": reach for name, reach in section.reach.items()}
 
     @property
     def hidden_deg(self) -> float:
@@ -176,44 +235,94 @@ class GrooveSizes:
 
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
-        edge_u = math.hypot(*map(self._edge_u, self.plates))
-        ends = sum(one.edge_step**2 / 12.0 for one in self.plates if one.kind in UNSEEN)
-        width = self._course("width_mm", ends)
-        self._mm("width_mm", width.value, width.u, edge_u)
-        step = self._course("misalignment_mm")
-        self._mm("misalignment_mm", step.value, step.u, 0.0)
-        self.misalignment = step.value
-        falls = [self._fall(k) for k in (0, 1)]
-        both = [fall for fall in falls if fall is not None]
-        if len(both) == 2:
-            angle = math.pi + np.add(*(self.joint.lines[k].direction(self.along) for k in (1, self.right + 1)))
-            self.sizes["included_deg"] = Quantity.of(
-                "included_deg", self._shown(width, angle / DEG), self._turns(1, self.right + 1)
-            )
-        elif both and "hidden" not in [one.kind for one in self.plates] and not (doubtful and self.hides_bevels):
-            bevel = self.sizes[f"bevel_{NAMES[0 if falls[1] is None else 1]}_deg"]
-            self.sizes["included_deg"] = replace(bevel, name="included_deg")
-        roots = [self._root(k, fall) for k, fall in enumerate(falls)]
-        roots = self._unlit(self._lit(roots, typical(width.value), typical(step.value)))
-        depths = [root for root, one in zip(roots, self.plates, strict=True) if one.kind in PREPARED]
-        if depths:
-            n = len(depths)
-            own = np.sqrt(sum(d.depth_u**2 for d in depths)) / n
-            end = sum(d.depth_end for d in depths) / n  # by one sensor, alike at both
-            self._mm("depth_mm", np.asarray(sum(d.depth for d in depths)) / n, own, end)
+        ends = {name: self._end_of(k) for k, name in enumerate(NAMES) if self.plates[k].kind in PREPARED}
+        self.seen = self._section(self.places, self.angles, self._reach(ends))
+        ends = self._unlit(self._lit(ends))
+        self.seen = self._section(self.places, self.angles, self._reach(ends))
+        deep = {name: self._deep(k, ends[name]) for k, name in enumerate(NAMES) if name in ends}
+        feet = {name: foot for k, name in enumerate(NAMES) if (foot := self._foot(k, deep)) is not None}
+        self._lengths(ends, feet)
+        self._bevels(doubtful)
         square = [typical(self._down(k)) for k, one in enumerate(self.plates) if one.kind == "square"]
-        told = [depth for depth in (*square, *(typical(d.depth) for d in depths)) if math.isfinite(depth)]
+        told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
         self.depth = max(told, default=LEAST_DEPTH_MM)
-        self._mm(
-            "gap_mm",
-            width.value - sum(r.run for r in roots),
-            np.sqrt(width.u**2 + sum(r.run_u**2 for r in roots)),
-            math.hypot(sum(r.run_end for r in roots), edge_u),
-        )
-        self._unseen(roots, falls, max(told, default=math.inf), typical(width.value), doubtful)
+        self._unseen(ends, max(told, default=math.inf), doubtful)
         self._radius()
-        self._corners(roots)
-        self._root_faces(roots)
+
+    def _fall(self, k: int) -> float:
+        """How much a plate's bevel falls, rad; that above a fillet, which counts inwards, not at all; NaN: no bevel."""
+        return typical(self.plates[k].fall) if self.plates[k].kind == "bevel" else math.nan
+
+    def _deep(self, k: int, end: FaceEnd) -> float:
+        """How far a plate's root lies below its upper surface, mm."""
+        if self.plates[k].kind == "bevel":
+            return typical(end.value) * math.sin(self._fall(k))
+        return (
+            math.nan
+            if self.shadowed and not np.isfinite(end.value).any()
+            else typical(self.seen.below(NAMES[k], "root"))
+        )
+
+    def _reach(self, ends: Mapping[str, FaceEnd]) -> dict[str, Float]:
+        """Where ends are in the profiles (n,)."""
+        return {name: between(self.at, end.value, self.along.safe) for name, end in ends.items()}
+
+    def _lengths(self, ends: Mapping[str, FaceEnd], feet: Mapping[str, FaceEnd]) -> None:
+        """All lengths and corners: what the lines leave open, and what moves with the ends."""
+        reach, follow = self._reach(ends), self.joint.slopes(self._followed)
+        self.feet |= self._reach(feet)
+
+        def values(places: Sequence[Float], angles: Sequence[Float], moved: Float = STILL) -> Values:
+            return self._values(self._section(places, angles, reach, moved))
+
+        each, own = values(self.places, self.angles), self.joint.slopes(values)
+        moves = {name: np.zeros((2, 4)) for name in each}
+        for k, place in np.ndindex(2, 4):
+            moved = STILL.copy()
+            moved[k, place] = STEP_MM
+            for name, value in values(self.places, self.angles, moved).items():
+                moves[name][k, place] = typical(value - each[name], 0.0) / STEP_MM
+        found = {
+            name: self._length(name, value, own[name], follow[name], moves[name], (ends, feet))
+            for name, value in each.items()
+        }
+        self.sizes |= {name: found[name] for name in LENGTHS if name in found}
+        for name in dict.fromkeys(name.split(":")[0] for name in found if ":" in name):
+            a, b = found[f"{name}:a"], found[f"{name}:b"]
+            self.corners[name] = Corner(np.stack([a.value, b.value], axis=1), np.stack([a.u, b.u], axis=1))
+
+    def _length(
+        self,
+        name: str,
+        value: Float,
+        own: list[tuple[float, float]],
+        follow: list[tuple[float, float]],
+        moves: Float,
+        faces: tuple[Mapping[str, FaceEnd], Mapping[str, FaceEnd]],
+    ) -> Quantity:
+        """A length, of its values (n,); slopes by the lines, the ends kept and followed; `moves` (2, 4) by the ends."""
+        variance, squares, returns, roots, unlit = np.zeros(self.s.size), np.zeros(self.at.size), 0.0, 0.0, 0.0
+        known = np.ones(self.at.size, bool)
+        for one, plate, by in zip(self.plates, NAMES, np.abs(moves), strict=True):
+            if by[EDGE] > LEAST_MOVE:
+                variance = variance + by[EDGE] ** 2 * one.edge_step**2 / 12.0
+                returns = math.hypot(returns, by[EDGE] * self._edge_u(one))
+            if by[LEVEL] > LEAST_MOVE:
+                variance = variance + by[LEVEL] ** 2 * one.fillets.variances()[1]
+                squares = squares + (by[LEVEL] * one.fillets.form_u()[1]) ** 2
+                known &= not self.shadowed or bool(np.isfinite(faces[0][plate].value).any())
+            for end, move in zip((of.get(plate) for of in faces), by[[REACH, FOOT]], strict=True):
+                if end is not None and move > LEAST_MOVE:
+                    variance = variance + (move * one.sigma) ** 2
+                    squares, known = squares + (move * end.u) ** 2, known & np.isfinite(end.value)
+                    unlit = math.hypot(unlit, move * end.unlit)
+            roots += by[REACH] * faces[0][plate].returns_u if plate in faces[0] else 0.0  # by one sensor, alike at both
+            returns = math.hypot(returns, by[FOOT] * faces[1][plate].returns_u if plate in faces[1] else 0.0)
+        found = self._fitted(name, value, own, variance)
+        terms = self.joint.terms(found.value, np.sqrt(found.u**2 + squares), follow)
+        terms[RETURNS] = np.full(self.at.size, math.hypot(returns, roots))
+        size = Quantity.of(name, np.where(known, found.value, np.nan), terms)
+        return self._with_hidden(size, unlit) if unlit else size
 
     def _radius(self) -> None:
         """The fillets' radius: of two the mean."""
@@ -241,10 +350,7 @@ class GrooveSizes:
 
     def level_share(self) -> float:
         """How much higher one plate stands than the other, over the groove's depth."""
-        return typical(np.abs(self.misalignment)) / max(self.depth, 1e-3)
-
-    def _course(self, name: str, variance: Float | float = 0.0) -> Smooth:
-        return self._fitted(name, self.each[name], self.slopes[name], variance)
+        return abs(self.misalignment) / max(self.depth, 1e-3)
 
     def _fitted(self, name: str, value: Float, slopes: list[tuple[float, float]], variance: Float | float) -> Smooth:
         """The course of single profiles' values, as `JointLines.course`; NaN where none that agrees with it is near."""
@@ -262,23 +368,22 @@ class GrooveSizes:
         """Stations (k,) near profiles that are `shown` (n,)."""
         return covered(np.where(shown, self.s, np.nan), self.group, self.at)
 
-    def _shown(self, like: Smooth, value: Float) -> Float:
-        return np.where(np.isfinite(like.value), value, np.nan)
+    def _bevels(self, doubtful: bool) -> None:
+        """Angles of bevels and flanks: with the plates' own upper surfaces, and between both."""
+        told = {name: k for k, name in enumerate(NAMES) if self.plates[k].kind in ("bevel", "round")}
+        for name, k in told.items():
+            self._angle(f"bevel_{name}_deg", -math.pi / 2, (0, self.right)[k], -1.0, (0, self.right)[k] + 1)
+        if len(told) == 2:
+            self._angle("included_deg", -math.pi, 1, 1.0, self.right + 1)
+        elif told and "hidden" not in [one.kind for one in self.plates] and not (doubtful and self.hides_bevels):
+            self.sizes["included_deg"] = replace(self.sizes[f"bevel_{next(iter(told))}_deg"], name="included_deg")
 
-    def _mm(self, name: str, value: Float, own: Float, returns: float) -> None:
-        terms = self.joint.terms(value, own, self.slopes[name])
-        self.sizes[name] = Quantity.of(name, value, terms | {RETURNS: np.full(value.size, returns)})
-
-    def _fall(self, k: int) -> Float | None:
-        """Angle of a plate's bevel or flank below its upper surface (m,), rad; fills in its size. None: it has none."""
-        if self.plates[k].kind not in ("bevel", "round"):
-            return None
-        first, name = (0, self.right)[k], f"bevel_{NAMES[k]}_deg"
-        upper, face = (self.joint.lines[first + i].direction(self.along) for i in (0, 1))
-        near = self._near(np.isfinite(self.joint.lines[first + 1].section.angle))
-        value = np.where(near, (math.pi / 2 - upper + face) / DEG, np.nan)
-        self.sizes[name] = Quantity.of(name, value, self._turns(first, first + 1))
-        return np.asarray(upper - face)
+    def _angle(self, name: str, zero: float, first: int, sign: float, second: int) -> None:
+        """An angle between two of the lines, from `zero` on."""
+        one, other = (self.joint.lines[k] for k in (first, second))
+        near = self._near(np.isfinite(one.section.angle + other.section.angle))
+        value = (other.direction(self.along) + sign * one.direction(self.along) - zero) / DEG
+        self.sizes[name] = Quantity.of(name, np.where(near, value, np.nan), self._turns(first, second))
 
     def _turns(self, first: int, second: int) -> dict[str, Float]:
         """Uncertainties of an angle, deg: the joint's, and of faces whose last returns are chosen by their own errors.
@@ -293,41 +398,21 @@ class GrooveSizes:
             terms[FORM] = np.hypot(terms[FORM], ends * CHOSEN * lever * typical(line.section.angle_variance) / DEG)
         return terms
 
-    def _root(self, k: int, fall: Float | None) -> _Root:
-        """The root's upper edge, from the upper corner: how far below and how far inwards."""
-        zero, one, name = np.zeros(self.at.size), self.plates[k], NAMES[k]
-        if one.kind not in PREPARED:
-            return _Root(zero, zero, 0.0, zero, zero, 0.0, zero)
-        joined, step = self._joined(one), typical(one.step)
-        end_of = math.hypot(JOINED_SHARE * step, joined or 0.0)
-        if one.kind != "bevel" or fall is None:
-            depth = self._course(f"{name}:depth", one.fillets.variances()[1])
-            run, run_u = self._end(self.each[f"{name}:run"], one.step, one)
-            depth_u = np.hypot(depth.u, one.fillets.form_u()[1])
-            end = self._column_u(STEP_SHARE) * step if joined is None else end_of
-            return _Root(depth.value, depth_u, 0.0, run, run_u, end, depth.value)
-        low, share = self.each[f"{name}:low"], STEP_SHARE
-        if self._shows_root_face(one):
-            found = self._fitted("a root face", low, self.slopes[f"{name}:low"], one.sigma**2)
-            far, far_u = found.value, found.u
+    def _end_of(self, k: int) -> FaceEnd:
+        """How far a plate's face reaches, from its upper corner."""
+        one, name = self.plates[k], NAMES[k]
+        reach, step, share, beyond = self.seen.reach[name], typical(one.step), STEP_SHARE, 0.0
+        if one.kind == "bevel" and one.shows_root_face:
+            found = self._fitted("a root face", reach, self.slopes[f"{name}:reach"], one.sigma**2)
+            value, u = found.value, found.u
         else:
-            far, far_u = self._end(low, one.step, one)
-            beyond, share = self._seen_in_part(one, one.last - self.corner[k])
-            far = far - (beyond if joined is None else 0.0) * step
-        end, mean = self._column_u(share) * step if joined is None else end_of, typical(fall)
-        # The run in the section plane: where the plates do not stand level with each other, no plate's own is that.
-        tilt = 0.5 * (self.joint.lines[0].direction(self.along) - self.joint.lines[self.right].direction(self.along))
-        face = self.joint.lines[(0, self.right)[k] + 1].direction(self.along) - (1.0, -1.0)[k] * tilt
-        c, d = np.cos(face), -np.sin(face)
-        return _Root(
-            far * np.sin(fall),
-            np.sin(fall) * far_u,
-            end * math.sin(mean),
-            far * c,
-            c * far_u,
-            end * math.cos(mean),
-            far * d,
-        )
+            value, u = self._end(reach, one.step, one)
+            if one.kind == "bevel":
+                beyond, share = self._seen_in_part(one, one.last - self.corner[k])
+        joined = self._joined(one)
+        if joined is not None:
+            return FaceEnd(value, u, math.hypot(JOINED_SHARE * step, joined))
+        return FaceEnd(value - beyond * step, u, self._column_u(share) * step)
 
     def _column_u(self, share: float) -> float:
         """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
@@ -345,43 +430,34 @@ class GrooveSizes:
             self._column_u(END_SHARE) * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0)
         )
 
-    def _unseen(
-        self,
-        roots: list[_Root],
-        falls: list[Float | None],
-        depth_mm: float,
-        width_mm: float,
-        doubtful: bool,
-    ) -> None:
+    def _unseen(self, ends: Mapping[str, FaceEnd], depth_mm: float, doubtful: bool) -> None:
         """Put into depth and gap what faces may do that are not seen; doubtful: as `measure`."""
-        told = [fall for fall in falls if fall is not None]
-        unlit = [root for root in roots if root.unlit_depth]
-        for root in unlit:
-            self._hidden("depth_mm", 0.5 * root.unlit_depth)  # the mean of two
-            self._hidden("gap_mm", root.unlit_run)
-        gap = typical(self.sizes["gap_mm"].value)
+        gap, width = (typical(self.sizes[name].value) for name in ("gap_mm", "width_mm"))
         if doubtful and self.hides_bevels:
-            reach = min(depth_mm * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN), width_mm)  # inwards
+            reach = min(depth_mm * (math.tan(self.hidden_deg * DEG) + SHADOW_FAN), width)  # inwards
             self._hidden("gap_mm", reach)
             if "depth_mm" in self.sizes and not gap > reach:  # it may hide the root that is seen
                 self._untold("depth_mm")
             if not gap > UNTOLD * reach:
                 self._untold("gap_mm")
-        elif doubtful and not unlit:
+        elif doubtful and not any(end.unlit for end in ends.values()):
             beneath = self._beneath()
             if any(beneath):
                 self._hidden("depth_mm", beneath[0])
                 self._hidden("gap_mm", beneath[1])
-        if gap > 0.0 and len(told) == 2 and any(self._joined(one) is not None for one in self.plates):
+        falls = [typical(one.fall) for one in self.plates if one.kind in ("bevel", "round")]
+        if gap > 0.0 and len(falls) == 2 and any(self._joined(one) is not None for one in self.plates):
             # A thin weld between the ends: without it the bevels go on until they meet.
             self._hidden("gap_mm", gap)
-            self._hidden("depth_mm", gap / sum(1.0 / math.tan(typical(fall)) for fall in told))
+            self._hidden("depth_mm", gap / sum(1.0 / math.tan(fall) for fall in falls))
 
     def _hidden(self, name: str, reach_mm: float) -> None:
-        """Put into a size's u that a face which is not seen may reach so far."""
-        size = self.sizes[name]
-        hidden = Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0))
-        self.sizes[name] = replace(size, terms=(*size.terms, hidden))
+        self.sizes[name] = self._with_hidden(self.sizes[name], reach_mm)
+
+    @staticmethod
+    def _with_hidden(size: Quantity, reach_mm: float) -> Quantity:
+        """The size, with in its u that a face which is not seen may reach so far."""
+        return replace(size, terms=(*size.terms, Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0))))
 
     def _untold(self, name: str) -> None:
         self.sizes[name] = replace(self.sizes[name], value=np.full(self.at.size, np.nan))
@@ -396,7 +472,7 @@ class GrooveSizes:
         upper = 1 if self.high > 0.0 else 0
         high, one = abs(self.high), self.plates[upper]
         hidden = math.atan(max(self.leans[upper], 0.0)) + min(math.atan(one.missing / high), GRAZING_DEG * DEG)
-        seen = bool(np.isfinite(one.root_a).mean() > SHOWS) or hidden < STEEP_DEG * DEG
+        seen = one.shows_root_face or hidden < STEEP_DEG * DEG
         return (0.0, 0.0) if seen else (0.5 * high, high * math.tan(hidden))
 
     def _seen_in_part(self, one: Plate, off: Float) -> tuple[float, float]:
@@ -441,61 +517,51 @@ class GrooveSizes:
         """Levels of last returns that differ by less may be those of neighbouring columns on one surface."""
         return JOINED_STEPS * max(typical(one.step) for one in self.plates)
 
-    def _lit(self, roots: list[_Root], width_mm: float, step_mm: float) -> list[_Root]:
-        """The roots, less a lower one that the other plate may hide: its returns end beside a higher one of that.
+    def _lit(self, ends: dict[str, FaceEnd]) -> dict[str, FaceEnd]:
+        """The ends, less a lower one that the other plate may hide: its returns end beside a higher one of that.
 
         Or the upper root at (b, h) from the lower one lies on the line of sight that ends there, or beyond, or above
         it; (lean, 1) is the view's.
         """
-        left, right = roots
-        self.high = high = step_mm + typical(left.down) - typical(right.down)
-        if all(one.kind in PREPARED for one in self.plates):
-            self.uneven = abs(high) / max(typical(left.down), typical(right.down), 1e-3)
-        apart = width_mm - typical(left.run) - typical(right.run)
+        apart, high = (typical(of) for of in self.seen.apart("root").T)
+        self.high = high
+        if len(ends) == 2:
+            down = [typical(self.seen.at[f"{name}_upper"][:, 1] - self.seen.at[f"{name}_root"][:, 1]) for name in NAMES]
+            self.uneven = abs(high) / max(*down, 1e-3)
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.plates)
         beyond = abs(high) > SHADOW_MM and apart - max(self.lean * high, 0.0) < columns + SHADOW_FAN * abs(high)
-        for k, one in enumerate(self.plates):
-            if one.kind in PREPARED and (
-                self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))
-            ):
-                unknown = np.full(self.at.size, np.nan)
-                roots[k] = _Root(unknown, unknown, 0.0, unknown, unknown, 0.0, unknown)
+        for k, (one, name) in enumerate(zip(self.plates, NAMES, strict=True)):
+            if name in ends and (self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))):
+                ends[name] = FaceEnd(np.full(self.at.size, np.nan), np.zeros(self.at.size))
                 self.shadowed = True
-        return roots
+        return ends
 
-    def _unlit(self, roots: list[_Root]) -> list[_Root]:
-        """The roots; of two bevels the shorter one ends where it is seen to, or in a shadow as deep as the other.
+    def _unlit(self, ends: dict[str, FaceEnd]) -> dict[str, FaceEnd]:
+        """The ends; of two bevels the shorter one ends where it is seen to, or in a shadow as deep as the other.
 
         Both are alike likely where no column returns as far as it would go on, and where the depths differ: that noise
         alone makes such a difference of equal ones is weighed against differences up to the depth itself.
         """
-        depths = [typical(root.depth) for root in roots]
+        if any(each.kind != "bevel" or self._joined(each) is not None for each in self.plates):
+            return ends
+        depths, sines = (
+            [self._deep(k, ends[name]) for k, name in enumerate(NAMES)],
+            [math.sin(self._fall(k)) for k in (0, 1)],
+        )
         k = int(np.argmin(depths))
-        short, one, lower = roots[k], self.plates[k], abs(depths[0] - depths[1])
-        known = math.hypot(*(typical(root.depth_u) + root.depth_end for root in roots))
-        inwards = lower * typical(short.run) / max(depths[k], 1e-3)
-        if (
-            any(each.kind != "bevel" or self._joined(each) is not None for each in self.plates)
-            or np.isfinite(one.root_a).mean() > SHOWS
-            or not lower > 0.0
-            or not inwards < one.missing
-        ):
-            return roots
+        one, lower = self.plates[k], abs(depths[0] - depths[1])
+        known = math.hypot(
+            *((typical(ends[name].u) + ends[name].returns_u) * sine for name, sine in zip(NAMES, sines, strict=True))
+        )
+        if one.shows_root_face or not lower > 0.0 or not lower / math.tan(self._fall(k)) < one.missing:
+            return ends
         equal = math.exp(-0.5 * (lower / known) ** 2) / (known * math.sqrt(2.0 * math.pi)) * max(depths)
         differ = 1.0 / (1.0 + equal)
         if differ < SELDOM:
-            return roots
+            return ends
         mean, spread = 0.5 * differ, math.sqrt(differ * (1.0 - 0.75 * differ))  # of none, or all alike likely up to 1
-        out = list(roots)
-        out[k] = replace(
-            short,
-            depth=short.depth + mean * lower,
-            down=short.down + mean * lower,
-            run=short.run + mean * inwards,
-            unlit_depth=spread * lower,
-            unlit_run=spread * inwards,
-        )
-        return out
+        short, farther = ends[NAMES[k]], lower / sines[k]
+        return ends | {NAMES[k]: short._replace(value=short.value + mean * farther, unlit=spread * farther)}
 
     def _end(self, low: Float, steps: Float, one: Plate) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
@@ -574,89 +640,40 @@ class GrooveSizes:
         said = readings(found.s, found.middle, found.middle_u, found.course, self.at)
         return value + said.shift_mm, np.hypot(found.course.u(self.at), said.u_mm)
 
-    def _corners(self, roots: list[_Root]) -> None:
-        """Upper corners from their own courses; roots from these."""
-        for name, one, root, mirror in zip(NAMES, self.plates, roots, (1.0, -1.0), strict=True):
-            ends = one.edge_step**2 / 12.0 if one.kind in UNSEEN else 0.0
-            a, b = self._course(f"{name}_upper:a", ends), self._course(f"{name}_upper:b")
-            place = np.stack([a.value, b.value], axis=1)
-            u = np.stack([self._u(f"{name}_upper:a", a.u, self._edge_u(one)), self._u(f"{name}_upper:b", b.u)], axis=1)
-            self.corners[f"{name}_upper"] = Corner(place * [mirror, 1.0], u)
-            if one.kind in PREPARED:
-                low = place + np.stack([root.run, -root.down], axis=1)
-                inwards = self._u(f"{name}_root:a", np.hypot(a.u, root.run_u), root.run_end, root.unlit_run)
-                down = self._u(f"{name}_root:b", np.hypot(b.u, root.depth_u), root.depth_end, root.unlit_depth)
-                self.corners[f"{name}_root"] = Corner(low * [mirror, 1.0], np.stack([inwards, down], axis=1))
-
-    def _u(self, name: str, own: Float, returns: float = 0.0, unlit: float = 0.0) -> Float:
-        """Standard uncertainty (k,) of a corner's coordinate, mm."""
-        terms = self.joint.terms(np.zeros(self.at.size), own, self.slopes[name])
-        return np.asarray(np.hypot(np.hypot.reduce(list(terms.values())), math.hypot(returns, unlit / math.sqrt(3.0))))
-
-    def _root_faces(self, roots: list[_Root]) -> None:
-        """Root faces that the sensor sees down to their lower edge past the other plate."""
-        if self.shadowed:
-            return  # what is seen below the upper root may be the other plate
-        gap = typical(self.sizes["gap_mm"].value)
-        for k, (name, one, root) in enumerate(zip(("left", "right"), self.plates, roots, strict=True)):
-            if one.kind not in ("bevel", "round"):
-                continue
-            towards = self.lean if k == 0 else -self.lean  # > 0: the sensor looks at this root face
-            column = typical(one.step) * abs(math.cos(typical(one.lines[-1].angle)))
-            shown = np.isfinite(one.root_a) & np.isfinite(self.s)
-            if (
-                one.kind == "bevel"
-                and not one.is_covered
-                and towards > SURE_LEAN
-                and SURE_FACE_MM * towards > SURE_STEPS * column
-                and shown.mean() < 0.05
-            ):
-                self.root_face_excluded = True
-            if shown.sum() < 3 or shown.mean() < SHOWS:
-                continue
-            # Square to the plate's own upper surface, as the depth is: plates need not stand level.
-            level = one.lines[0].angle
-            drop = ((self.corner[k] - one.lowest) * np.stack([-np.sin(level), np.cos(level)], axis=1)).sum(axis=1)
-            if gap < 2.0 * BELOW_MM and typical(drop) - typical(root.depth) < abs(self.high) + 2.0 * BELOW_MM:
-                continue  # without a gap, what is seen below the upper root is the other plate
-            self.root_face_seen = True
-            if one.is_covered:
-                continue
-            good = shown & (
-                np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing)
-            )
-            if good.sum() < 3 or towards <= 0.0:
-                continue
-            far, far_u = self._silhouette(drop, one.spacing, one.lost[:, 1], one.sigma, good)
-            face = far - root.depth
-            clear = gap / towards - typical(np.abs(self.misalignment))
-            if typical(face) < 2.0 * BELOW_MM or typical(face) + CLEAR_MM > clear:
-                continue
-            size = f"root_face_{name}_mm"
-            self.slopes[size] = self.slopes[f"{name}:depth"]
-            end = STEP_SHARE * typical(one.spacing)
-            self._mm(size, face, np.hypot(far_u, root.depth_u), math.hypot(end, root.depth_end))
-            upper = self.corners[f"{name}_root"]
-            u = np.stack([upper.u_mm[:, 0], np.hypot(upper.u_mm[:, 1], self.sizes[size].u)], axis=1)
-            self.corners[f"{name}_lower"] = Corner(upper.section_mm - np.stack([0.0 * face, face], axis=1), u)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Root:
-    """A root's upper edge below and inwards of the upper corner (k,), mm: value, u, and u of where the returns end.
-
-    depth: square to the plate's own upper surface; run, down: in the section plane.
-    """
-
-    depth: Float
-    depth_u: Float
-    depth_end: float
-    run: Float
-    run_u: Float
-    run_end: float
-    down: Float
-    unlit_depth: float = 0.0  # mm, by which it may lie deeper or less deep: it ends in the shadow, or does not
-    unlit_run: float = 0.0
+    def _foot(self, k: int, deep: Mapping[str, float]) -> FaceEnd | None:
+        """How deep a root face reaches that the sensor sees down to its lower edge past the other plate; else None."""
+        one, name = self.plates[k], NAMES[k]
+        if self.shadowed or one.kind not in ("bevel", "round"):
+            return None  # what is seen below the upper root may be the other plate
+        gap = typical(self.seen.apart("root")[:, 0])
+        towards = self.leans[1 - k]  # > 0: the sensor looks at this root face
+        column = typical(one.step) * abs(math.cos(typical(one.lines[-1].angle)))
+        shown = np.isfinite(one.root_a) & np.isfinite(self.s)
+        if (
+            one.kind == "bevel"
+            and not one.is_covered
+            and towards > SURE_LEAN
+            and SURE_FACE_MM * towards > SURE_STEPS * column
+            and shown.mean() < 0.05
+        ):
+            self.root_face_excluded = True
+        if shown.sum() < 3 or shown.mean() < SHOWS:
+            return None
+        # Square to the plate's own upper surface, as the depth is: plates need not stand level.
+        level = one.lines[0].angle
+        drop = ((self.corner[k] - one.lowest) * np.stack([-np.sin(level), np.cos(level)], axis=1)).sum(axis=1)
+        if gap < 2.0 * BELOW_MM and typical(drop) - deep[name] < abs(self.high) + 2.0 * BELOW_MM:
+            return None  # without a gap, what is seen below the upper root is the other plate
+        self.root_face_seen = True
+        good = shown & (np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing))
+        if one.is_covered or good.sum() < 3 or towards <= 0.0:
+            return None
+        far, far_u = self._silhouette(drop, one.spacing, one.lost[:, 1], one.sigma, good)
+        face, clear = typical(far) - deep[name], gap / towards - abs(self.misalignment)
+        if face < 2.0 * BELOW_MM or face + CLEAR_MM > clear:
+            return None
+        self.feet[name] = drop
+        return FaceEnd(far, far_u, STEP_SHARE * typical(one.spacing))
 
 
 def _nearby(lost: Float) -> Float:

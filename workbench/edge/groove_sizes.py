@@ -264,12 +264,14 @@ class GrooveSizes:
         )
 
     def _reach(self, ends: Mapping[str, FaceEnd]) -> dict[str, Float]:
-        """Where ends are in the profiles (n,)."""
-        return {name: between(self.at, end.value, self.along.safe) for name, end in ends.items()}
+        """Where ends are in the profiles (n,); NaN where none is told."""
+        told = {name: 0.0 if np.isfinite(end.value).any() else math.nan for name, end in ends.items()}
+        return {name: between(self.at, end.value, self.along.safe) + told[name] for name, end in ends.items()}
 
     def _lengths(self, ends: Mapping[str, FaceEnd], feet: Mapping[str, FaceEnd]) -> None:
         """All lengths and corners: what the lines leave open, and what moves with the ends."""
-        reach, follow = self._reach(ends), self.joint.slopes(self._followed)
+        reach = {name: np.nan_to_num(of) for name, of in self._reach(ends).items()}  # of none no size is told
+        follow = self.joint.slopes(self._followed)
         self.feet |= self._reach(feet)
 
         def values(places: Sequence[Float], angles: Sequence[Float], moved: Float = STILL) -> Values:

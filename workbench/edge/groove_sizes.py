@@ -43,7 +43,6 @@ SURELY = 1.4
 CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
 LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
-JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LOST_PROFILES, LEAST_LOST, MOST_LOST = 31, 0.05, 0.6  # that are taken together; share of their columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
@@ -156,7 +155,7 @@ class GrooveSizes:
         for k, one in enumerate(self.plates):
             if one.kind in UNSEEN:
                 column = typical(one.edge_step)
-                near = self._together(towards, np.isfinite(towards), 2.0 * column, column)
+                near = self._together(towards, np.isfinite(towards), 2.0 * column)
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
     def _section(
@@ -568,19 +567,18 @@ class GrooveSizes:
     def _end(self, low: Float, steps: Float, one: Plate) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
         step = typical(steps)
-        good = self._together(low, np.isfinite(low) & np.isfinite(steps), step, step)
+        good = self._together(low, np.isfinite(low) & np.isfinite(steps), step)
         if good.sum() < LEAST_ENDS:
             return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
         return self._silhouette(low, steps, one.lost[:, 0], one.sigma, good)
 
-    def _together(self, low: Float, good: Bool, step: float, column: float) -> Bool:
-        """Profiles (n,) of `good` whose ends follow one smooth course: a tack weld, or lost returns, end one earlier.
+    def _together(self, low: Float, good: Bool, step: float) -> Bool:
+        """Profiles (n,) of `good` whose ends follow one smooth course, each about it by a step, mm.
 
-        Single ends lie about it by a step, those of many profiles by a column, mm.
+        A tack weld, or lost returns, end some far earlier; what ends a little earlier is left to the readings.
         """
         if good.sum() < LEAST_ENDS:
             return good
-        good = good & ~self._cut_off(low, good, TOGETHER_STEPS * column)
         wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
         off, near = low - np.median(low[good]), good
         for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0), (wave, TOGETHER_STEPS)):
@@ -589,35 +587,6 @@ class GrooveSizes:
                 break
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
         return near
-
-    def _cut_off(self, low: Float, good: Bool, jump: float) -> Bool:
-        """Profiles (n,) of stretches that begin or end where a face suddenly ends earlier, by more than `jump` mm.
-
-        Plates end in smooth curves; returns that are lost over a block of profiles and columns do not. The larger part
-        of a pass stays: beside spatter that makes a face longer it is what ends earlier.
-        """
-        found = np.zeros(good.size, bool)
-        for one in np.unique(self.group[good]):
-            mine = np.flatnonzero(good & (self.group == one))
-            mine = mine[np.argsort(self.s[mine], kind="stable")]
-            if mine.size < 2 * JUMP_PROFILES:
-                continue
-            even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
-            change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
-            way = self.s[mine][JUMP_PROFILES:] - self.s[mine][:-JUMP_PROFILES]
-            apart = float(np.median(change / np.maximum(way, 1e-6)))  # of plates that run together or apart
-            change -= apart * way
-            steep = np.abs(change) > jump
-            first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
-            last = np.flatnonzero(steep & ~np.r_[steep[1:], False])
-            cuts = [a + int(np.argmax(np.abs(change[a : b + 1]))) for a, b in zip(first, last, strict=True)]
-            pieces = np.split(np.arange(mine.size), [cut + JUMP_PROFILES // 2 + 1 for cut in cuts])
-            level = np.append(0.0, np.cumsum(change[cuts]))
-            for k, piece in enumerate(pieces):
-                beside = float(level[max(k - 1, 0) : k + 2].max())
-                if level[k] < beside - jump and piece.size <= mine.size / 2:
-                    found[mine[piece]] = True
-        return found
 
     def _silhouette(self, low: Float, step: Float, lost: Float, sigma: float, good: Bool) -> tuple[Float, Float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from workbench.artefacts import FORM, Corner, Quantity, Term, kind_of
 from workbench.edge.directions import between
@@ -44,7 +43,7 @@ CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in t
 LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
 WAVE_MM = 20.0  # of length, for each degree of a rough course
-LOST_PROFILES, LEAST_LOST, MOST_LOST = 31, 0.05, 0.6  # that are taken together; share of their columns without return
+LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SELDOM = 0.01  # probability below which a difference of depths is taken for noise
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
@@ -591,9 +590,9 @@ class GrooveSizes:
     def _silhouette(self, low: Float, step: Float, lost: Float, sigma: float, good: Bool) -> tuple[Float, Float]:
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step = self.s[order], low[order], step[order]
-        missing = _nearby(lost[order])
-        short = missing / (1.0 - missing)  # columns without return before the end, in the mean
-        rough = fit_course(s, low + (0.5 + short) * step, (1.0 / 12.0 + short) * step**2 + sigma**2, self.group[order])
+        share = float(np.nanmean(lost[order])) if np.isfinite(lost[order]).any() else 0.0
+        missing = np.full(s.size, np.clip(share, LEAST_LOST, MOST_LOST))
+        rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
         ends = Ends(
             s,
             low,
@@ -645,13 +644,3 @@ class GrooveSizes:
             return None
         self.feet[name] = drop
         return FaceEnd(far, far_u, STEP_SHARE * typical(one.spacing))
-
-
-def _nearby(lost: Float) -> Float:
-    """Probability (m,) that a column has no return, from the share of single profiles, in the order of the groove."""
-    told = np.isfinite(lost)
-    near = np.ones(LOST_PROFILES)  # of which there may be more than profiles
-    total, count = (
-        scipy.ndimage.convolve1d(of, near, mode="constant") for of in (np.where(told, lost, 0.0), told.astype(float))
-    )
-    return np.clip(np.where(count > 0, total / np.maximum(count, 1), LEAST_LOST), LEAST_LOST, MOST_LOST)

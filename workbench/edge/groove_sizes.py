@@ -16,7 +16,7 @@ from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
 from workbench.edge.joint_lines import RETURNS, STEP_MM, Along, JointLines, Smooth, Values, typical
 from workbench.edge.residual_image import Linearity, forms
-from workbench.edge.steps import readings
+from workbench.edge.steps import own_places, readings
 from workbench.errors import InputError
 from workbench.geometry.course import fit_course
 from workbench.geometry.curves import covered
@@ -43,7 +43,7 @@ CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in t
 LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
 WAVE_MM = 20.0  # of length, for each degree of a rough course
-LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of columns without return
+LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
 SELDOM = 0.01  # probability below which a difference of depths is taken for noise
 SURE_STEPS, SURE_FACE_MM, SURE_LEAN = 3.0, 0.5, 0.14  # a root face of this height would return so many columns
@@ -55,8 +55,6 @@ UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, i
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 NAMES = ("left", "right")
 LEAST_MOVE = 0.05  # mm a mm, by which a size moves with a place, for it to rest on that
-
-
 EDGE, REACH, LEVEL, FOOT = range(4)  # places of a plate that returns tell, or its fillet, and not its lines
 STILL = np.zeros((2, 4))  # by how much those of both plates are moved, mm
 
@@ -155,6 +153,8 @@ class GrooveSizes:
             if one.kind in UNSEEN:
                 column = typical(one.edge_step)
                 near = self._together(towards, np.isfinite(towards), 2.0 * column)
+                own = own_places(self.s, np.where(near, towards, np.nan), one.edge_step**2 / 6.0)
+                near &= own > 0.5
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
     def _section(

@@ -257,15 +257,21 @@ def own_directions(s: Float, angle: Float, variance: Float, width_mm: float) -> 
     What stands on either end of a face `width_mm` wide, over a stretch of the edge, turns its line by six times its
     height and its foot over the width's square, whether or not it is told as a burr; `readings` weigh that height.
     """
-    out, on = np.ones(s.size), np.isfinite(s + angle + variance)
+    by_mm = width_mm**2 / (6.0 * FOOT_MM)
+    return own_places(s, by_mm * angle, by_mm**2 * variance)
+
+
+def own_places(s: Float, value: Float, variance: Float) -> Float:
+    """Probability (n,) that frames at s (n,) mm show where a face itself ends, value (n,) mm of such variance (n,)."""
+    out, on = np.ones(s.size), np.isfinite(s + value + variance)
     _, cell = np.unique(stretches(s[on], BIN_MM), return_inverse=True)
     weight = 1.0 / variance[on]
     total = np.bincount(cell, weight)
-    place, value = (np.bincount(cell, weight * of[on]) / total for of in (s, angle))
-    order, by_mm = np.argsort(place), width_mm**2 / (6.0 * FOOT_MM)
-    place, value, u = place[order], by_mm * value[order], by_mm / np.sqrt(total[order])
+    place, mean = (np.bincount(cell, weight * of[on]) / total for of in (s, value))
+    order = np.argsort(place)
+    place, mean, u = place[order], mean[order], 1.0 / np.sqrt(total[order])
     if place.size >= LEAST_CELLS:
-        own = readings(place, value, u, fit_course(place, value, u**2), place).own
+        own = readings(place, mean, u, fit_course(place, mean, u**2), place).own
         out[on] = np.interp(s[on], place, np.maximum(own, STRAY))
     return out
 

@@ -62,7 +62,7 @@ class Plate:
     below: Shaped[Float, "n 2"]  # from the last return of the bevel to that of the root face, inwards and down; NaN
     is_covered: bool  # whether a third of the profiles show something that joins the last return: a weld, a strip
 
-    def corner(self, places: Sequence[Float], angles: Sequence[Float], beyond_mm: float = 0.0) -> Float:
+    def corner(self, places: Sequence[Float], angles: Sequence[Float], beyond_mm: Float | float = 0.0) -> Float:
         """Upper corners (n, 2) by its lines; where nothing is seen below, half a column beyond the last return."""
         if len(places) > 1:
             return meeting(places[0], angles[0], places[1], angles[1])
@@ -85,7 +85,7 @@ class Plate:
             (self.last[:, 0] - corner[:, 0]) * np.cos(angle) + (self.last[:, 1] - corner[:, 1]) * np.sin(angle)
         )
 
-    def root(self, corner: Float, angle: Float, reach: Float, lift_mm: float) -> Float:
+    def root(self, corner: Float, angle: Float, reach: Float, lift_mm: Float | float) -> Float:
         """Upper edges (n, 2) of the root, where the face reaches so far; of a fillet that lies so much higher."""
         if self.kind == "bevel":
             return on_line(corner, angle, reach)

@@ -55,8 +55,9 @@ UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, i
 PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
 NAMES = ("left", "right")
 LEAST_MOVE = 0.05  # mm a mm, by which a size moves with a place, for it to rest on that
-EDGE, REACH, LEVEL, FOOT = range(4)  # places of a plate that returns tell, or its fillet, and not its lines
-STILL = np.zeros((2, 4))  # by how much those of both plates are moved, mm
+
+
+EMPTY: Mapping[str, Float | float] = {}
 
 
 class Section(NamedTuple):
@@ -64,7 +65,7 @@ class Section(NamedTuple):
 
     at: dict[str, Float]  # (n, 2) right and up
     down: dict[str, Float]  # (n, 2) by plate: square to its upper surface
-    reach: dict[str, Float]  # (n,) by plate: see `Plate.reach`
+    reach: dict[str, Float]  # (n,) by plate that has a root: see `Plate.reach`
 
     def apart(self, corner: str) -> Float:
         """From the left plate's corner to the right one's (n, 2); of a plate without a root its upper one."""
@@ -89,11 +90,13 @@ LENGTHS: Mapping[str, tuple[Callable[[Section], Float], tuple[str, ...]]] = {
 
 
 class FaceEnd(NamedTuple):
-    """Where a face ends, as far as returns tell, at m stations; nothing is left open of one that is not there."""
+    """A place on a plate that returns tell, or its fillet, and not its lines: at m stations."""
 
     value: Float  # mm; NaN: not told
-    u: Float
-    returns_u: float = 0.0  # by how columns see an end
+    u: Float  # by noise, and by its form
+    variance: Float | float = 0.0  # of single profiles (n,), mm^2
+    returns_u: float = 0.0  # by where the returns end
+    alike_u: float = 0.0  # by how columns see an end, alike at all of them
     unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
 
@@ -123,7 +126,7 @@ class GrooveSizes:
         ]
         self.right = len(plates[0].lines)  # number of the right plate's upper surface among all lines
         self.places, self.angles = [one.place for one in lines], [one.angle for one in lines]
-        self.feet: dict[str, Float] = {}  # of root faces that are measured: how deep they reach in each profile (n,)
+        self.feet: dict[str, Float] = {}  # root faces that are measured: how deep they reach in each profile (n,)
         self._leave_false_ends()
         self.seen = self._section(self.places, self.angles)  # as each profile shows it, then with the ends' courses
         self.corner = [
@@ -131,7 +134,6 @@ class GrooveSizes:
         ]
         width, gap = (typical(self.seen.apart(corner)[:, 0]) for corner in ("upper", "root"))
         self.joint = JointLines(lines, face_forms, along, max(width if math.isnan(gap) else gap, 0.0))
-        self.slopes = self.joint.slopes(self._followed)
         self.misalignment = typical(self.seen.apart("upper")[:, 1])
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
@@ -158,26 +160,27 @@ class GrooveSizes:
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
 
     def _section(
-        self,
-        places: Sequence[Float],
-        angles: Sequence[Float],
-        reach: Mapping[str, Float] | None = None,
-        moved: Float = STILL,
+        self, places: Sequence[Float], angles: Sequence[Float], told: Mapping[str, Float | float] = EMPTY
     ) -> Section:
-        """The corners by the lines, and by how far the faces reach (n,); None: as each profile shows it."""
+        """The corners by the lines, and by what else is `told` of each plate.
+
+        That is how far an upper surface ends beyond its edge and a fillet lies above its level (0 where nothing is
+        told), how far the face below reaches and how deep the root face does (as each profile shows it).
+        """
         found = Section({}, {}, {})
         tilt = 0.5 * (angles[0] - angles[self.right])
         cosine, sine = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
-        for one, name, mirror, mine, move in zip(self.plates, NAMES, (1.0, -1.0), self._mine, moved, strict=True):
-            upper, face = angles[mine][0], angles[mine][-1]
-            down = np.stack([np.sin(upper), -np.cos(upper)], axis=1)
-            corners = {"upper": one.corner(places[mine], angles[mine], move[EDGE])}
+        for one, name, mirror, mine in zip(self.plates, NAMES, (1.0, -1.0), self._mine, strict=True):
+            level, face = angles[mine][0], angles[mine][-1]
+            down = np.stack([np.sin(level), -np.cos(level)], axis=1)
+            upper = one.corner(places[mine], angles[mine], told.get(f"{name}:edge", 0.0))
+            corners = {"upper": upper}
             if one.kind in PREPARED:
-                found.reach[name] = one.reach(corners["upper"], face) if reach is None else reach[name]
-                corners["root"] = one.root(corners["upper"], face, found.reach[name] + move[REACH], move[LEVEL])
-            if name in self.feet:
-                deep = ((corners["root"] - corners["upper"]) * down).sum(axis=1)
-                corners["lower"] = corners["root"] + (self.feet[name] + move[FOOT] - deep)[:, None] * down
+                reach = found.reach[name] = np.asarray(told.get(f"{name}:reach", one.reach(upper, face)))
+                root = corners["root"] = one.root(upper, face, reach, told.get(f"{name}:level", 0.0))
+                foot = told.get(f"{name}:foot", self.feet.get(name))
+                if foot is not None:
+                    corners["lower"] = root + (foot - ((root - upper) * down).sum(axis=1))[:, None] * down
             turn = np.array([[0.0, -1.0], [1.0, 0.0]]) * mirror  # of the sections' axes, with the plates
             found.at.update(
                 {f"{name}_{k}": (place * cosine + place @ turn * sine) * [mirror, 1.0] for k, place in corners.items()}
@@ -233,13 +236,14 @@ class GrooveSizes:
 
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
-        ends = {name: self._end_of(k) for k, name in enumerate(NAMES) if self.plates[k].kind in PREPARED}
-        self.seen = self._section(self.places, self.angles, self._reach(ends))
+        ends = self._ends()
+        self.seen = self._section(self.places, self.angles, self._told(ends))
+        self.seen = self._section(self.places, self.angles, self._told(ends))
         ends = self._unlit(self._lit(ends))
-        self.seen = self._section(self.places, self.angles, self._reach(ends))
-        deep = {name: self._deep(k, ends[name]) for k, name in enumerate(NAMES) if name in ends}
-        feet = {name: foot for k, name in enumerate(NAMES) if (foot := self._foot(k, deep)) is not None}
-        self._lengths(ends, feet)
+        self.seen = self._section(self.places, self.angles, self._told(ends))
+        deep = {name: typical(self.seen.below(name, "root")) for name in self.seen.reach}
+        ends |= {f"{name}:foot": foot for k, name in enumerate(NAMES) if (foot := self._foot(k, deep)) is not None}
+        self._lengths(ends)
         self._bevels(doubtful)
         square = [typical(self._down(k)) for k, one in enumerate(self.plates) if one.kind == "square"]
         told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
@@ -247,81 +251,57 @@ class GrooveSizes:
         self._unseen(ends, max(told, default=math.inf), doubtful)
         self._radius()
 
-    def _fall(self, k: int) -> float:
-        """How much a plate's bevel falls, rad; that above a fillet, which counts inwards, not at all; NaN: no bevel."""
-        return typical(self.plates[k].fall) if self.plates[k].kind == "bevel" else math.nan
+    def _ends(self) -> dict[str, FaceEnd]:
+        """What returns tell of each plate, and its fillet: as `_section` takes it, less the root faces."""
+        ends, none = {}, np.zeros(self.at.size)
+        for k, (name, one) in enumerate(zip(NAMES, self.plates, strict=True)):
+            if one.kind in UNSEEN:
+                ends[f"{name}:edge"] = FaceEnd(none, none, one.edge_step**2 / 12.0, self._edge_u(one))
+            if one.kind in PREPARED:
+                ends[f"{name}:reach"] = self._end_of(k)
+            if one.kind in ("round", "hidden"):
+                ends[f"{name}:level"] = FaceEnd(none, none + one.fillets.form_u()[1], one.fillets.variances()[1])
+        return ends
 
-    def _deep(self, k: int, end: FaceEnd) -> float:
-        """How far a plate's root lies below its upper surface, mm."""
-        if self.plates[k].kind == "bevel":
-            return typical(end.value) * math.sin(self._fall(k))
-        return (
-            math.nan
-            if self.shadowed and not np.isfinite(end.value).any()
-            else typical(self.seen.below(NAMES[k], "root"))
-        )
+    def _told(self, ends: Mapping[str, FaceEnd]) -> dict[str, Float]:
+        """Where ends are in the profiles (n,); NaN where no station tells it."""
+        known = {key: 0.0 if np.isfinite(end.value).any() else math.nan for key, end in ends.items()}
+        return {key: between(self.at, end.value, self.along.safe) + known[key] for key, end in ends.items()}
 
-    def _reach(self, ends: Mapping[str, FaceEnd]) -> dict[str, Float]:
-        """Where ends are in the profiles (n,); NaN where none is told."""
-        told = {name: 0.0 if np.isfinite(end.value).any() else math.nan for name, end in ends.items()}
-        return {name: between(self.at, end.value, self.along.safe) + told[name] for name, end in ends.items()}
-
-    def _lengths(self, ends: Mapping[str, FaceEnd], feet: Mapping[str, FaceEnd]) -> None:
+    def _lengths(self, ends: Mapping[str, FaceEnd]) -> None:
         """All lengths and corners: what the lines leave open, and what moves with the ends."""
-        reach = {name: np.nan_to_num(of) for name, of in self._reach(ends).items()}  # of none no size is told
-        follow = self.joint.slopes(self._followed)
-        self.feet |= self._reach(feet)
+        told = {key: np.nan_to_num(value) for key, value in self._told(ends).items()}  # of none no size is told
 
-        def values(places: Sequence[Float], angles: Sequence[Float], moved: Float = STILL) -> Values:
-            return self._values(self._section(places, angles, reach, moved))
+        def values(places: Sequence[Float], angles: Sequence[Float]) -> Values:
+            return self._values(self._section(places, angles, told))
 
         each, own = values(self.places, self.angles), self.joint.slopes(values)
-        moves = {name: np.zeros((2, 4)) for name in each}
-        for k, place in np.ndindex(2, 4):
-            moved = STILL.copy()
-            moved[k, place] = STEP_MM
-            for name, value in values(self.places, self.angles, moved).items():
-                moves[name][k, place] = typical(value - each[name], 0.0) / STEP_MM
-        found = {
-            name: self._length(name, value, own[name], follow[name], moves[name], (ends, feet))
-            for name, value in each.items()
-        }
-        self.sizes |= {name: found[name] for name in LENGTHS if name in found}
-        for name in dict.fromkeys(name.split(":")[0] for name in found if ":" in name):
-            a, b = found[f"{name}:a"], found[f"{name}:b"]
+        follow = self.joint.slopes(self._followed)
+        moves: dict[str, dict[str, float]] = {name: {} for name in each}
+        for key, value in told.items():
+            moved = self._values(self._section(self.places, self.angles, told | {key: value + STEP_MM}))
+            for name, before in each.items():
+                by = abs(typical(moved[name] - before, 0.0)) / STEP_MM
+                moves[name] |= {key: by} if by > LEAST_MOVE else {}
+        for name, value in each.items():
+            variance = sum((by**2 * ends[key].variance for key, by in moves[name].items()), np.zeros(self.s.size))
+            found = self._fitted(name, value, own[name], variance)
+            self.sizes[name] = self._length(name, found, follow[name], [(ends[k], by) for k, by in moves[name].items()])
+        for name in self.seen.at | dict.fromkeys(f"{plate}_lower" for plate in self.feet):
+            a, b = (self.sizes.pop(f"{name}:{axis}") for axis in "ab")
             self.corners[name] = Corner(np.stack([a.value, b.value], axis=1), np.stack([a.u, b.u], axis=1))
 
     def _length(
-        self,
-        name: str,
-        value: Float,
-        own: list[tuple[float, float]],
-        follow: list[tuple[float, float]],
-        moves: Float,
-        faces: tuple[Mapping[str, FaceEnd], Mapping[str, FaceEnd]],
+        self, name: str, found: Smooth, slopes: list[tuple[float, float]], moves: Sequence[tuple[FaceEnd, float]]
     ) -> Quantity:
-        """A length, of its values (n,); slopes by the lines, the ends kept and followed; `moves` (2, 4) by the ends."""
-        variance, squares, returns, roots, unlit = np.zeros(self.s.size), np.zeros(self.at.size), 0.0, 0.0, 0.0
-        known = np.ones(self.at.size, bool)
-        for one, plate, by in zip(self.plates, NAMES, np.abs(moves), strict=True):
-            if by[EDGE] > LEAST_MOVE:
-                variance = variance + by[EDGE] ** 2 * one.edge_step**2 / 12.0
-                returns = math.hypot(returns, by[EDGE] * self._edge_u(one))
-            if by[LEVEL] > LEAST_MOVE:
-                variance = variance + by[LEVEL] ** 2 * one.fillets.variances()[1]
-                squares = squares + (by[LEVEL] * one.fillets.form_u()[1]) ** 2
-                known &= not self.shadowed or bool(np.isfinite(faces[0][plate].value).any())
-            for end, move in zip((of.get(plate) for of in faces), by[[REACH, FOOT]], strict=True):
-                if end is not None and move > LEAST_MOVE:
-                    variance = variance + (move * one.sigma) ** 2
-                    squares, known = squares + (move * end.u) ** 2, known & np.isfinite(end.value)
-                    unlit = math.hypot(unlit, move * end.unlit)
-            roots += by[REACH] * faces[0][plate].returns_u if plate in faces[0] else 0.0  # by one sensor, alike at both
-            returns = math.hypot(returns, by[FOOT] * faces[1][plate].returns_u if plate in faces[1] else 0.0)
-        found = self._fitted(name, value, own, variance)
-        terms = self.joint.terms(found.value, np.sqrt(found.u**2 + squares), follow)
-        terms[RETURNS] = np.full(self.at.size, math.hypot(returns, roots))
+        """A length, its course `found`; slopes by the lines, the ends following; moves: by the ends, mm a mm."""
+        own = np.sqrt(found.u**2 + sum((by * end.u) ** 2 for end, by in moves))
+        known = np.isfinite(found.value + sum(end.value for end, _ in moves))
+        terms = self.joint.terms(found.value, own, slopes)
+        alike = sum(by * end.alike_u for end, by in moves)
+        terms[RETURNS] = np.full(self.at.size, math.hypot(alike, *(by * end.returns_u for end, by in moves)))
         size = Quantity.of(name, np.where(known, found.value, np.nan), terms)
+        unlit = math.hypot(*(by * end.unlit for end, by in moves))
         return self._with_hidden(size, unlit) if unlit else size
 
     def _radius(self) -> None:
@@ -403,7 +383,7 @@ class GrooveSizes:
         one, name = self.plates[k], NAMES[k]
         reach, step, share, beyond = self.seen.reach[name], typical(one.step), STEP_SHARE, 0.0
         if one.kind == "bevel" and one.shows_root_face:
-            found = self._fitted("a root face", reach, self.slopes[f"{name}:reach"], one.sigma**2)
+            found = self._fitted("a root face", reach, self.joint.slopes(self._followed)[f"{name}:reach"], one.sigma**2)
             value, u = found.value, found.u
         else:
             value, u = self._end(reach, one.step, one)
@@ -411,8 +391,8 @@ class GrooveSizes:
                 beyond, share = self._seen_in_part(one, one.last - self.corner[k])
         joined = self._joined(one)
         if joined is not None:
-            return FaceEnd(value, u, math.hypot(JOINED_SHARE * step, joined))
-        return FaceEnd(value - beyond * step, u, self._column_u(share) * step)
+            return FaceEnd(value, u, one.sigma**2, alike_u=math.hypot(JOINED_SHARE * step, joined))
+        return FaceEnd(value - beyond * step, u, one.sigma**2, alike_u=self._column_u(share) * step)
 
     def _column_u(self, share: float) -> float:
         """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
@@ -525,14 +505,17 @@ class GrooveSizes:
         """
         apart, high = (typical(of) for of in self.seen.apart("root").T)
         self.high = high
-        if len(ends) == 2:
+        if len(self.seen.reach) == 2:
             down = [typical(self.seen.at[f"{name}_upper"][:, 1] - self.seen.at[f"{name}_root"][:, 1]) for name in NAMES]
             self.uneven = abs(high) / max(*down, 1e-3)
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.plates)
         beyond = abs(high) > SHADOW_MM and apart - max(self.lean * high, 0.0) < columns + SHADOW_FAN * abs(high)
         for k, (one, name) in enumerate(zip(self.plates, NAMES, strict=True)):
-            if name in ends and (self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))):
-                ends[name] = FaceEnd(np.full(self.at.size, np.nan), np.zeros(self.at.size))
+            if one.kind in PREPARED and (
+                self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))
+            ):
+                unknown = FaceEnd(np.full(self.at.size, np.nan), np.zeros(self.at.size))
+                ends |= {key: unknown for key in (f"{name}:reach", f"{name}:level") if key in ends}
                 self.shadowed = True
         return ends
 
@@ -542,26 +525,25 @@ class GrooveSizes:
         Both are alike likely where no column returns as far as it would go on, and where the depths differ: that noise
         alone makes such a difference of equal ones is weighed against differences up to the depth itself.
         """
-        if any(each.kind != "bevel" or self._joined(each) is not None for each in self.plates):
+        if self.shadowed or any(each.kind != "bevel" or self._joined(each) is not None for each in self.plates):
             return ends
-        depths, sines = (
-            [self._deep(k, ends[name]) for k, name in enumerate(NAMES)],
-            [math.sin(self._fall(k)) for k in (0, 1)],
-        )
+        depths = [typical(self.seen.below(name, "root")) for name in NAMES]
         k = int(np.argmin(depths))
         one, lower = self.plates[k], abs(depths[0] - depths[1])
+        falls, own = [typical(each.fall) for each in self.plates], [ends[f"{name}:reach"] for name in NAMES]
         known = math.hypot(
-            *((typical(ends[name].u) + ends[name].returns_u) * sine for name, sine in zip(NAMES, sines, strict=True))
+            *((typical(end.u) + end.returns_u) * math.sin(fall) for end, fall in zip(own, falls, strict=True))
         )
-        if one.shows_root_face or not lower > 0.0 or not lower / math.tan(self._fall(k)) < one.missing:
+        if one.shows_root_face or not lower > 0.0 or not lower / math.tan(falls[k]) < one.missing:
             return ends
         equal = math.exp(-0.5 * (lower / known) ** 2) / (known * math.sqrt(2.0 * math.pi)) * max(depths)
         differ = 1.0 / (1.0 + equal)
         if differ < SELDOM:
             return ends
         mean, spread = 0.5 * differ, math.sqrt(differ * (1.0 - 0.75 * differ))  # of none, or all alike likely up to 1
-        short, farther = ends[NAMES[k]], lower / sines[k]
-        return ends | {NAMES[k]: short._replace(value=short.value + mean * farther, unlit=spread * farther)}
+        farther = lower / math.sin(falls[k])
+        moved = own[k]._replace(value=own[k].value + mean * farther, unlit=spread * farther)
+        return ends | {f"{NAMES[k]}:reach": moved}
 
     def _end(self, low: Float, steps: Float, one: Plate) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
@@ -643,4 +625,4 @@ class GrooveSizes:
         if face < 2.0 * BELOW_MM or face + CLEAR_MM > clear:
             return None
         self.feet[name] = drop
-        return FaceEnd(far, far_u, STEP_SHARE * typical(one.spacing))
+        return FaceEnd(far, far_u, one.sigma**2, STEP_SHARE * typical(one.spacing))

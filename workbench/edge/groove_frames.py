@@ -11,8 +11,6 @@ from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
 from workbench.checks.limits import most
 from workbench.edge.groove_profile import (
-    DROP_POINTS,
-    SHARED,
     Kind,
     Side,
     is_read,
@@ -32,14 +30,6 @@ LOOKED_AT = 100  # and eight times as many profiles, among which these are
 LEAST_RETURNS = 50  # of a profile
 LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
-LEAST_SIGMA_MM = 1e-3
-COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
-STRAY_SIGMAS = 3.5
-LEAST_ACROSS = 0.5  # of an error along the rays, that counts across a face: steeper ones show other errors
-ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
-MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper
-LAST_COLUMNS = 20  # of a face, among which those without return are counted
-THIRD = 3  # return beyond an upper surface's end
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,23 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import FORM, Corner, Quantity, Term, kind_of
-from workbench.edge.directions import between
+from workbench.artefacts import FORM, Corner, Quantity
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
-from workbench.edge.joint_lines import RETURNS, STEP_MM, Along, JointLines, Smooth, Values, typical
+from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, hidden, typical
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.steps import own_places, readings
-from workbench.errors import InputError
 from workbench.geometry.course import fit_course
-from workbench.geometry.curves import covered
 from workbench.geometry.silhouette import CELL_MM, Ends, find_end
 from workbench.units import DEG, Bool, Float
 
 LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the levels of its plates
-# A source of uncertainty (GUM 4.2, 4.3), beside those of every joint.
-HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
 # Of a column's step: where in it a return is lost depends on the sensor and on what lies behind; less where the last
 # returns tell how a column sees an end.
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
@@ -52,9 +47,8 @@ GRAZING_DEG = 18.0  # between face and ray, below which a sensor may return noth
 STEEP_DEG = 5.0  # bevels begin there (ISO 9692-1, steep-flanked V)
 EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates are not prepared alike
 UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, is not told
-PREPARED = ("bevel", "round", "hidden")  # kinds with a root below and inwards of the upper corner
+PREPARED, ROUND = ("bevel", "round", "hidden"), ("round", "hidden")  # kinds with a root, with a fillet
 NAMES = ("left", "right")
-LEAST_MOVE = 0.05  # mm a mm, by which a size moves with a place, for it to rest on that
 
 
 EMPTY: Mapping[str, Float | float] = {}
@@ -66,6 +60,7 @@ class Section(NamedTuple):
     at: dict[str, Float]  # (n, 2) right and up
     down: dict[str, Float]  # (n, 2) by plate: square to its upper surface
     reach: dict[str, Float]  # (n,) by plate that has a root: see `Plate.reach`
+    radius: dict[str, Float]  # (n,) of fillets
 
     def apart(self, corner: str) -> Float:
         """From the left plate's corner to the right one's (n, 2); of a plate without a root its upper one."""
@@ -84,20 +79,10 @@ LENGTHS: Mapping[str, tuple[Callable[[Section], Float], tuple[str, ...]]] = {
     "misalignment_mm": (lambda of: of.apart("upper")[:, 1], ()),
     "gap_mm": (lambda of: of.apart("root")[:, 0], ()),
     "depth_mm": (lambda of: np.mean([of.below(plate, "root") for plate in of.reach], axis=0), ("root",)),
+    "root_radius_mm": (lambda of: np.mean([*of.radius.values()], axis=0), ("radius",)),
     "root_face_left_mm": (lambda of: of.below("left", "lower", "root"), ("left_lower",)),
     "root_face_right_mm": (lambda of: of.below("right", "lower", "root"), ("right_lower",)),
 }
-
-
-class FaceEnd(NamedTuple):
-    """A place on a plate that returns tell, or its fillet, and not its lines: at m stations."""
-
-    value: Float  # mm; NaN: not told
-    u: Float  # by noise, and by its form
-    variance: Float | float = 0.0  # of single profiles (n,), mm^2
-    returns_u: float = 0.0  # by where the returns end
-    alike_u: float = 0.0  # by how columns see an end, alike at all of them
-    unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
 
 class GrooveSizes:
@@ -114,7 +99,7 @@ class GrooveSizes:
     ) -> None:
         """Lean: how far the range axis goes right a mm upwards; hidden_columns: standard uncertainty of all ends."""
         self.hidden_columns = hidden_columns
-        self.source, self.plates, self.along, self.lean = source, list(plates), along, lean
+        self.plates, self.along, self.lean = list(plates), along, lean
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
         images = tuple(image for one in plates for image in one.images)
@@ -133,7 +118,7 @@ class GrooveSizes:
             one.corner(self.places[mine], self.angles[mine]) for one, mine in zip(self.plates, self._mine, strict=True)
         ]
         width, gap = (typical(self.seen.apart(corner)[:, 0]) for corner in ("upper", "root"))
-        self.joint = JointLines(lines, face_forms, along, max(width if math.isnan(gap) else gap, 0.0))
+        self.joint = JointLines(source, lines, face_forms, along, max(width if math.isnan(gap) else gap, 0.0))
         self.misalignment = typical(self.seen.apart("upper")[:, 1])
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
@@ -167,7 +152,7 @@ class GrooveSizes:
         That is how far an upper surface ends beyond its edge and a fillet lies above its level (0 where nothing is
         told), how far the face below reaches and how deep the root face does (as each profile shows it).
         """
-        found = Section({}, {}, {})
+        found = Section({}, {}, {}, {})
         tilt = 0.5 * (angles[0] - angles[self.right])
         cosine, sine = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
         for one, name, mirror, mine in zip(self.plates, NAMES, (1.0, -1.0), self._mine, strict=True):
@@ -181,6 +166,8 @@ class GrooveSizes:
                 foot = told.get(f"{name}:foot", self.feet.get(name))
                 if foot is not None:
                     corners["lower"] = root + (foot - ((root - upper) * down).sum(axis=1))[:, None] * down
+            if one.kind in ROUND:
+                found.radius[name] = one.fillets.radius + told.get(f"{name}:radius", 0.0)
             turn = np.array([[0.0, -1.0], [1.0, 0.0]]) * mirror  # of the sections' axes, with the plates
             found.at.update(
                 {f"{name}_{k}": (place * cosine + place @ turn * sine) * [mirror, 1.0] for k, place in corners.items()}
@@ -190,7 +177,7 @@ class GrooveSizes:
 
     def _values(self, section: Section) -> Values:
         """Every length, and right (a) and up (b) of every corner, in each profile."""
-        there = {*section.at, *(["root"] if section.reach else [])}
+        there = {*section.at, *(["root"] if section.reach else []), *(["radius"] if section.radius else [])}
         out = {name: of(section) for name, (of, needs) in LENGTHS.items() if there.issuperset(needs)}
         return out | {
             f"{name}:{axis}": place[:, k] for name, place in section.at.items() for k, axis in enumerate("ab")
@@ -237,10 +224,10 @@ class GrooveSizes:
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
         ends = self._ends()
-        self.seen = self._section(self.places, self.angles, self._told(ends))
-        self.seen = self._section(self.places, self.angles, self._told(ends))
+        self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))
+        self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))
         ends = self._unlit(self._lit(ends))
-        self.seen = self._section(self.places, self.angles, self._told(ends))
+        self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))
         deep = {name: typical(self.seen.below(name, "root")) for name in self.seen.reach}
         ends |= {f"{name}:foot": foot for k, name in enumerate(NAMES) if (foot := self._foot(k, deep)) is not None}
         self._lengths(ends)
@@ -249,80 +236,32 @@ class GrooveSizes:
         told = [depth for depth in (*square, *deep.values()) if math.isfinite(depth)]
         self.depth = max(told, default=LEAST_DEPTH_MM)
         self._unseen(ends, max(told, default=math.inf), doubtful)
-        self._radius()
 
-    def _ends(self) -> dict[str, FaceEnd]:
+    def _ends(self) -> dict[str, Place]:
         """What returns tell of each plate, and its fillet: as `_section` takes it, less the root faces."""
         ends, none = {}, np.zeros(self.at.size)
         for k, (name, one) in enumerate(zip(NAMES, self.plates, strict=True)):
             if one.kind in UNSEEN:
-                ends[f"{name}:edge"] = FaceEnd(none, none, one.edge_step**2 / 12.0, self._edge_u(one))
+                ends[f"{name}:edge"] = Place(none, none, one.edge_step**2 / 12.0, returns_u=self._edge_u(one))
             if one.kind in PREPARED:
                 ends[f"{name}:reach"] = self._end_of(k)
-            if one.kind in ("round", "hidden"):
-                ends[f"{name}:level"] = FaceEnd(none, none + one.fillets.form_u()[1], one.fillets.variances()[1])
+            if one.kind in ROUND:
+                by_noise, (radius, level) = one.fillets.variances(), one.fillets.form_u()
+                radius = math.hypot(radius, FORM_U_MM * typical(one.radius_lever) if one.kind == "hidden" else 0.0)
+                ends[f"{name}:radius"] = Place(none, none, by_noise[0], radius)
+                ends[f"{name}:level"] = Place(none, none, by_noise[1], level)
         return ends
 
-    def _told(self, ends: Mapping[str, FaceEnd]) -> dict[str, Float]:
-        """Where ends are in the profiles (n,); NaN where no station tells it."""
-        known = {key: 0.0 if np.isfinite(end.value).any() else math.nan for key, end in ends.items()}
-        return {key: between(self.at, end.value, self.along.safe) + known[key] for key, end in ends.items()}
-
-    def _lengths(self, ends: Mapping[str, FaceEnd]) -> None:
+    def _lengths(self, ends: Mapping[str, Place]) -> None:
         """All lengths and corners: what the lines leave open, and what moves with the ends."""
-        told = {key: np.nan_to_num(value) for key, value in self._told(ends).items()}  # of none no size is told
 
-        def values(places: Sequence[Float], angles: Sequence[Float]) -> Values:
-            return self._values(self._section(places, angles, told))
+        def values(told: Mapping[str, Float]) -> Values:
+            return self._values(self._section(self.places, self.angles, told))
 
-        each, own = values(self.places, self.angles), self.joint.slopes(values)
-        follow = self.joint.slopes(self._followed)
-        moves: dict[str, dict[str, float]] = {name: {} for name in each}
-        for key, value in told.items():
-            moved = self._values(self._section(self.places, self.angles, told | {key: value + STEP_MM}))
-            for name, before in each.items():
-                by = abs(typical(moved[name] - before, 0.0)) / STEP_MM
-                moves[name] |= {key: by} if by > LEAST_MOVE else {}
-        for name, value in each.items():
-            variance = sum((by**2 * ends[key].variance for key, by in moves[name].items()), np.zeros(self.s.size))
-            found = self._fitted(name, value, own[name], variance)
-            self.sizes[name] = self._length(name, found, follow[name], [(ends[k], by) for k, by in moves[name].items()])
-        for name in self.seen.at | dict.fromkeys(f"{plate}_lower" for plate in self.feet):
-            a, b = (self.sizes.pop(f"{name}:{axis}") for axis in "ab")
-            self.corners[name] = Corner(np.stack([a.value, b.value], axis=1), np.stack([a.u, b.u], axis=1))
-
-    def _length(
-        self, name: str, found: Smooth, slopes: list[tuple[float, float]], moves: Sequence[tuple[FaceEnd, float]]
-    ) -> Quantity:
-        """A length, its course `found`; slopes by the lines, the ends following; moves: by the ends, mm a mm."""
-        own = np.sqrt(found.u**2 + sum((by * end.u) ** 2 for end, by in moves))
-        known = np.isfinite(found.value + sum(end.value for end, _ in moves))
-        terms = self.joint.terms(found.value, own, slopes)
-        alike = sum(by * end.alike_u for end, by in moves)
-        terms[RETURNS] = np.full(self.at.size, math.hypot(alike, *(by * end.returns_u for end, by in moves)))
-        size = Quantity.of(name, np.where(known, found.value, np.nan), terms)
-        unlit = math.hypot(*(by * end.unlit for end, by in moves))
-        return self._with_hidden(size, unlit) if unlit else size
-
-    def _radius(self) -> None:
-        """The fillets' radius: of two the mean."""
-        round_ = [one for one in self.plates if one.kind in ("round", "hidden")]
-        if not round_:
-            return
-        none = [(0.0, 0.0)] * len(self.joint.lines)
-        found = [self._fitted("a fillet", one.fillets.radius, none, one.fillets.variances()[0]) for one in round_]
-        n = len(round_)
-        lever = max(typical(one.radius_lever) if one.kind == "hidden" else 0.0 for one in round_)
-        self.sizes["root_radius_mm"] = Quantity.of(
-            "root_radius_mm",
-            np.asarray(sum(one.value for one in found)) / n,
-            self.joint.terms(
-                np.zeros(self.at.size),
-                np.sqrt(sum(one.u**2 for one in found)) / n,
-                none,
-                math.hypot(FORM_U_MM * lever, *(one.fillets.form_u()[0] / n for one in round_)),
-            ),
-        )
+        told = {key: np.nan_to_num(place) for key, place in self.joint.in_frames(ends).items()}
+        own = self.joint.slopes(lambda places, angles: self._values(self._section(places, angles, told)))
+        self.sizes |= self.joint.lengths(values, own, self.joint.slopes(self._followed), ends)
+        self.corners = corners(self.sizes)
 
     def _down(self, k: int) -> Float:
         """How far a plate's last return lies below its upper corner (n,), mm."""
@@ -331,22 +270,6 @@ class GrooveSizes:
     def level_share(self) -> float:
         """How much higher one plate stands than the other, over the groove's depth."""
         return abs(self.misalignment) / max(self.depth, 1e-3)
-
-    def _fitted(self, name: str, value: Float, slopes: list[tuple[float, float]], variance: Float | float) -> Smooth:
-        """The course of single profiles' values, as `JointLines.course`; NaN where none that agrees with it is near."""
-        if np.isfinite(value + variance).sum() < LEAST_ENDS:
-            raise InputError(
-                self.source,
-                f"groove: expected at least {LEAST_ENDS} profiles that show {name}, found {np.isfinite(value).sum()}",
-            )
-        found = self.joint.course(value, slopes, variance)
-        if found.kept.sum() < LEAST_ENDS:
-            raise InputError(self.source, f"groove: {name} is another one in every profile: no groove?")
-        return found._replace(value=np.where(self._near(found.kept), found.value, np.nan))
-
-    def _near(self, shown: Bool) -> Bool:
-        """Stations (k,) near profiles that are `shown` (n,)."""
-        return covered(np.where(shown, self.s, np.nan), self.group, self.at)
 
     def _bevels(self, doubtful: bool) -> None:
         """Angles of bevels and flanks: with the plates' own upper surfaces, and between both."""
@@ -361,7 +284,7 @@ class GrooveSizes:
     def _angle(self, name: str, zero: float, first: int, sign: float, second: int) -> None:
         """An angle between two of the lines, from `zero` on."""
         one, other = (self.joint.lines[k] for k in (first, second))
-        near = self._near(np.isfinite(one.section.angle + other.section.angle))
+        near = self.joint.near(np.isfinite(one.section.angle + other.section.angle))
         value = (other.direction(self.along) + sign * one.direction(self.along) - zero) / DEG
         self.sizes[name] = Quantity.of(name, np.where(near, value, np.nan), self._turns(first, second))
 
@@ -378,12 +301,13 @@ class GrooveSizes:
             terms[FORM] = np.hypot(terms[FORM], ends * CHOSEN * lever * typical(line.section.angle_variance) / DEG)
         return terms
 
-    def _end_of(self, k: int) -> FaceEnd:
+    def _end_of(self, k: int) -> Place:
         """How far a plate's face reaches, from its upper corner."""
         one, name = self.plates[k], NAMES[k]
         reach, step, share, beyond = self.seen.reach[name], typical(one.step), STEP_SHARE, 0.0
         if one.kind == "bevel" and one.shows_root_face:
-            found = self._fitted("a root face", reach, self.joint.slopes(self._followed)[f"{name}:reach"], one.sigma**2)
+            slopes = self.joint.slopes(self._followed)[f"{name}:reach"]
+            found = self.joint.course("a root face", reach, slopes, one.sigma**2)
             value, u = found.value, found.u
         else:
             value, u = self._end(reach, one.step, one)
@@ -391,8 +315,8 @@ class GrooveSizes:
                 beyond, share = self._seen_in_part(one, one.last - self.corner[k])
         joined = self._joined(one)
         if joined is not None:
-            return FaceEnd(value, u, one.sigma**2, alike_u=math.hypot(JOINED_SHARE * step, joined))
-        return FaceEnd(value - beyond * step, u, one.sigma**2, alike_u=self._column_u(share) * step)
+            return Place(value, u, one.sigma**2, alike_u=math.hypot(JOINED_SHARE * step, joined))
+        return Place(value - beyond * step, u, one.sigma**2, alike_u=self._column_u(share) * step)
 
     def _column_u(self, share: float) -> float:
         """Standard uncertainty of an end, in columns: how a column sees it, and what columns do not show."""
@@ -410,7 +334,7 @@ class GrooveSizes:
             self._column_u(END_SHARE) * typical(one.edge_step), ROUNDED_U_MM, one.rounded / math.sqrt(3.0)
         )
 
-    def _unseen(self, ends: Mapping[str, FaceEnd], depth_mm: float, doubtful: bool) -> None:
+    def _unseen(self, ends: Mapping[str, Place], depth_mm: float, doubtful: bool) -> None:
         """Put into depth and gap what faces may do that are not seen; doubtful: as `measure`."""
         gap, width = (typical(self.sizes[name].value) for name in ("gap_mm", "width_mm"))
         if doubtful and self.hides_bevels:
@@ -432,12 +356,7 @@ class GrooveSizes:
             self._hidden("depth_mm", gap / sum(1.0 / math.tan(fall) for fall in falls))
 
     def _hidden(self, name: str, reach_mm: float) -> None:
-        self.sizes[name] = self._with_hidden(self.sizes[name], reach_mm)
-
-    @staticmethod
-    def _with_hidden(size: Quantity, reach_mm: float) -> Quantity:
-        """The size, with in its u that a face which is not seen may reach so far."""
-        return replace(size, terms=(*size.terms, Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0))))
+        self.sizes[name] = hidden(self.sizes[name], reach_mm)
 
     def _untold(self, name: str) -> None:
         self.sizes[name] = replace(self.sizes[name], value=np.full(self.at.size, np.nan))
@@ -497,7 +416,7 @@ class GrooveSizes:
         """Levels of last returns that differ by less may be those of neighbouring columns on one surface."""
         return JOINED_STEPS * max(typical(one.step) for one in self.plates)
 
-    def _lit(self, ends: dict[str, FaceEnd]) -> dict[str, FaceEnd]:
+    def _lit(self, ends: dict[str, Place]) -> dict[str, Place]:
         """The ends, less a lower one that the other plate may hide: its returns end beside a higher one of that.
 
         Or the upper root at (b, h) from the lower one lies on the line of sight that ends there, or beyond, or above
@@ -511,15 +430,15 @@ class GrooveSizes:
         columns = SHADOW_COLUMNS * max(typical(one.edge_step) for one in self.plates)
         beyond = abs(high) > SHADOW_MM and apart - max(self.lean * high, 0.0) < columns + SHADOW_FAN * abs(high)
         for k, (one, name) in enumerate(zip(self.plates, NAMES, strict=True)):
-            if one.kind in PREPARED and (
-                self._next_up(one) > self._joins_mm() or (beyond and k == (0 if high > 0.0 else 1))
+            if name in self.seen.reach and (
+                self._next_up(one) > self._joins_mm() or (beyond and k == int(high <= 0.0))
             ):
-                unknown = FaceEnd(np.full(self.at.size, np.nan), np.zeros(self.at.size))
-                ends |= {key: unknown for key in (f"{name}:reach", f"{name}:level") if key in ends}
+                unknown = Place(np.full(self.at.size, np.nan), np.zeros(self.at.size))
+                ends |= dict.fromkeys({f"{name}:reach", f"{name}:level"} & ends.keys(), unknown)
                 self.shadowed = True
         return ends
 
-    def _unlit(self, ends: dict[str, FaceEnd]) -> dict[str, FaceEnd]:
+    def _unlit(self, ends: dict[str, Place]) -> dict[str, Place]:
         """The ends; of two bevels the shorter one ends where it is seen to, or in a shadow as deep as the other.
 
         Both are alike likely where no column returns as far as it would go on, and where the depths differ: that noise
@@ -585,14 +504,14 @@ class GrooveSizes:
             np.zeros(s.size),
         )
         found = find_end(ends, rough)
-        hidden = ~self._near(good)
+        hidden = ~self.joint.near(good)
         for place in found.s[found.contradicted]:
             hidden |= np.abs(self.at - place) < CELL_MM
         value = np.where(hidden, np.nan, found.course.value(self.at))
         said = readings(found.s, found.middle, found.middle_u, found.course, self.at)
         return value + said.shift_mm, np.hypot(found.course.u(self.at), said.u_mm)
 
-    def _foot(self, k: int, deep: Mapping[str, float]) -> FaceEnd | None:
+    def _foot(self, k: int, deep: Mapping[str, float]) -> Place | None:
         """How deep a root face reaches that the sensor sees down to its lower edge past the other plate; else None."""
         one, name = self.plates[k], NAMES[k]
         if self.shadowed or one.kind not in ("bevel", "round"):
@@ -625,4 +544,4 @@ class GrooveSizes:
         if face < 2.0 * BELOW_MM or face + CLEAR_MM > clear:
             return None
         self.feet[name] = drop
-        return FaceEnd(far, far_u, one.sigma**2, STEP_SHARE * typical(one.spacing))
+        return Place(far, far_u, one.sigma**2, returns_u=STEP_SHARE * typical(one.spacing))

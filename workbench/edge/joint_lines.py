@@ -1,31 +1,36 @@
 """The faces of a joint as lines in the section planes of its course, and what lengths and angles between them rest on.
 
-A template says which faces follow each other and gives every length as a function of their lines; how a length moves
-with each line's direction and place, and so what it owes to them, is found from that function alone.
+A template says which faces follow each other and gives every length as a function of their lines, and of what else
+is told of the joint; how a length moves with each, and so what it owes to them, is found from that function alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from workbench.artefacts import DIRECTIONS, FORM, TANGENT
+from workbench.artefacts import DIRECTIONS, FORM, TANGENT, Corner, Quantity, Term, kind_of
 from workbench.edge.directions import between, wrapped
 from workbench.edge.frame_order import scatter
 from workbench.edge.residual_image import FaceForm
+from workbench.errors import InputError
 from workbench.geometry.course import Course, fit_course
+from workbench.geometry.curves import covered
 from workbench.geometry.sections import SectionLines, crossing, on_line
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
 CORNERS = "corners of the faces: range noise and robot position noise"
 RETURNS = "where the returns end: step and footprint of the columns"
+HIDDEN = "a face that the view hides: square, or up to a bevel along the line of sight"
 LEAST_U_MM, LEAST_U_DEG = 1e-3, 2e-3
 STEP_RAD, STEP_MM = 1e-4, 1e-3  # by which lines are moved, to see what follows of it
+LEAST_MOVE = 0.05  # mm a mm, by which a length moves with a place, for it to rest on that
+LEAST_FRAMES = 6  # that show a length
 
 Values: TypeAlias = dict[str, Float]  # by name: (N,)
 Slopes: TypeAlias = dict[str, list[tuple[float, float]]]  # of a length by each line's direction (mm/rad) and place
@@ -44,6 +49,18 @@ class Along(NamedTuple):
     def safe(self) -> Float:
         """The frames' arc lengths (N,), 0 where they are not known."""
         return np.where(np.isfinite(self.s), self.s, 0.0)
+
+
+class Place(NamedTuple):
+    """What is told of a joint beside its lines: where returns end on a face, or a fillet lies."""
+
+    value: Shaped[Float, " m"]  # mm, at the stations; NaN: not told
+    u: Float  # by noise
+    variance: Float | float = 0.0  # of single frames (N,), mm^2
+    form_u: float = 0.0  # by the form of a fillet
+    returns_u: float = 0.0  # by where the returns end
+    alike_u: float = 0.0  # by how columns see an end, alike at all of them
+    unlit: float = 0.0  # it may lie so much farther or nearer, in a shadow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +133,54 @@ class JointLines:
     """All faces of a joint, with their forms."""
 
     def __init__(
-        self, lines: Sequence[FaceLine], forms: Sequence[FaceForm], along: Along, between_mm: float = 0.0
+        self,
+        source: str,
+        lines: Sequence[FaceLine],
+        forms: Sequence[FaceForm],
+        along: Along,
+        between_mm: float = 0.0,
     ) -> None:
         """Between: how far the faces stand apart, where they do not all meet."""
-        self.lines, self.forms, self.along, self.between_mm = tuple(lines), tuple(forms), along, between_mm
+        self.source, self.along, self.between_mm = source, along, between_mm
+        self.lines, self.forms = tuple(lines), tuple(forms)
+
+    def in_frames(self, told: Mapping[str, Place]) -> dict[str, Float]:
+        """Places in the frames (N,); NaN where no station tells it."""
+        known = {key: 0.0 if np.isfinite(one.value).any() else math.nan for key, one in told.items()}
+        safe = self.along.safe
+        return {key: between(self.along.at, one.value, safe) + known[key] for key, one in told.items()}
+
+    def lengths(
+        self, values: Callable[[Mapping[str, Float]], Values], own: Slopes, follow: Slopes, told: Mapping[str, Place]
+    ) -> dict[str, Quantity]:
+        """All lengths, `values` of the places in the frames.
+
+        Slopes by the lines: `own` where the places stay, and `follow` where they go with the lines, as returns do.
+        """
+        at = {key: np.nan_to_num(place) for key, place in self.in_frames(told).items()}  # of none no length is told
+        each = values(at)
+        moved = {key: values(at | {key: place + STEP_MM}) for key, place in at.items()}
+        out = {}
+        for name, value in each.items():
+            by = {key: abs(typical(other[name] - value, 0.0)) / STEP_MM for key, other in moved.items()}
+            moves = [(told[key], move) for key, move in by.items() if move > LEAST_MOVE]
+            variance = sum(move**2 * one.variance for one, move in moves)
+            found = self.course(name, value, own[name], variance)
+            out[name] = self._length(name, found, follow[name], moves)
+        return out
+
+    def _length(
+        self, name: str, found: Smooth, slopes: list[tuple[float, float]], moves: Sequence[tuple[Place, float]]
+    ) -> Quantity:
+        """A length by its course; moves: by how much it moves with each place, mm a mm."""
+        square = sum((by * one.u) ** 2 for one, by in moves)
+        terms = self.terms(found.value, np.sqrt(found.u**2 + square), slopes)
+        terms[FORM] = np.hypot(terms[FORM], math.hypot(*(by * one.form_u for one, by in moves)))
+        ends = math.hypot(sum(by * one.alike_u for one, by in moves), *(by * one.returns_u for one, by in moves))
+        if ends:
+            terms[RETURNS] = np.full(found.value.size, ends)
+        value = np.where(np.isfinite(sum(one.value for one, _ in moves)), found.value, np.nan)
+        return hidden(Quantity.of(name, value, terms), math.hypot(*(by * one.unlit for one, by in moves)))
 
     def slopes(self, values: Callable[[list[Float], list[Float]], Values]) -> Slopes:
         """How lengths, a function of the lines' places (N, 2) and directions (N,), move with each line: medians."""
@@ -136,19 +197,39 @@ class JointLines:
                 out[name].append((typical(pair[0], 0.0), typical(pair[1], 0.0)))
         return out
 
-    def course(self, value: Float, slopes: list[tuple[float, float]], variance: Float | float = 0.0) -> Smooth:
-        """A length's values (N,) along the joint; variance (N,): what they have beside that of the faces' places."""
+    def course(
+        self, name: str, value: Float, slopes: list[tuple[float, float]], variance: Float | float = 0.0
+    ) -> Smooth:
+        """A length's values (N,) along the joint; variance (N,): what they have beside that of the faces' places.
+
+        NaN where no frame that agrees with it is near.
+
+        Raises:
+            InputError: too few frames show it, or agree on it.
+        """
         own = sum(
             by_move**2 * one.section.offset_variance for one, (_, by_move) in zip(self.lines, slopes, strict=True)
         )
         total = np.asarray(own) + variance + 1e-10
+        shown = int(np.isfinite(value + total).sum())
+        if shown < LEAST_FRAMES:
+            raise InputError(
+                self.source, f"expected at least {LEAST_FRAMES} profiles that show {name}, found {shown}: no joint?"
+            )
         course = fit_course(self.along.s, value, total, self.along.group)
+        if course.kept.sum() < LEAST_FRAMES:
+            raise InputError(self.source, f"{name} is another one in every profile: no joint?")
         left = value - course.value(self.along.safe)
         unordered = 0.0 if self.along.ordered else scatter(left, total)
-        return Smooth(course.value(self.along.at), np.hypot(course.u(self.along.at), unordered), course.kept, course)
+        at = np.where(self.near(course.kept), course.value(self.along.at), np.nan)
+        return Smooth(at, np.hypot(course.u(self.along.at), unordered))
 
-    def terms(self, value: Float, u: Float, slopes: list[tuple[float, float]], form_mm: float = 0) -> dict[str, Float]:
-        """Standard uncertainties (m,) by source of a length (m,) whose course leaves u; form_mm: by other forms."""
+    def near(self, shown: Bool) -> Bool:
+        """Stations (m,) near frames that are `shown` (N,)."""
+        return covered(np.where(shown, self.along.s, np.nan), self.along.group, self.along.at)
+
+    def terms(self, value: Float, u: Float, slopes: list[tuple[float, float]]) -> dict[str, Float]:
+        """Standard uncertainties (m,) by source of a length (m,) whose course leaves u."""
         turned = [by_turn * one.course.u(self.along.at) for one, (by_turn, _) in zip(self.lines, slopes, strict=True)]
         whole = (
             sum(one.width_mm for one in self.forms) + self.between_mm
@@ -162,7 +243,7 @@ class JointLines:
             CORNERS: np.hypot(u, LEAST_U_MM),
             DIRECTIONS: np.hypot.reduce(turned),
             TANGENT: self.along.tangent_u * run * np.abs(value),
-            FORM: np.hypot(np.hypot.reduce(bent), form_mm),
+            FORM: np.hypot.reduce(bent),
         }
 
     def turns(self, first: int, second: int) -> dict[str, Float]:
@@ -186,8 +267,21 @@ class Smooth(NamedTuple):
 
     value: Float
     u: Float
-    kept: Bool  # (N,) frames that agree
-    course: Course
+
+
+def hidden(size: Quantity, reach_mm: float) -> Quantity:
+    """The size, with in its u that a face which is not seen may reach so far."""
+    more = (Term(HIDDEN, kind_of(HIDDEN), reach_mm / math.sqrt(3.0)),) if reach_mm else ()
+    return replace(size, terms=(*size.terms, *more))
+
+
+def corners(lengths: dict[str, Quantity]) -> dict[str, Corner]:
+    """The corners, whose coordinates stand among the lengths as `left_root:a` and `left_root:b`, and leave them."""
+    out = {}
+    for name in [key.removesuffix(":a") for key in lengths if key.endswith(":a")]:
+        a, b = lengths.pop(f"{name}:a"), lengths.pop(f"{name}:b")
+        out[name] = Corner(np.stack([a.value, b.value], axis=1), np.stack([a.u, b.u], axis=1))
+    return out
 
 
 def typical(value: Float, nothing: float = math.nan) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -29,7 +29,7 @@ from workbench.edge.directions import near_slope, width_mm, wrapped
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import two_plates_share
-from workbench.edge.joint_lines import Along, JointLines, Values, joined, meeting, typical
+from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, joined, meeting, typical
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
 from workbench.edge.parameters import USUAL_NOISE_MM, EndU, Limits, RobotNoiseLength, RobotNoiseOrUsual, usual_noise_mm
 from workbench.edge.prepared_frames import (
@@ -222,25 +222,20 @@ class _Chain:
         ]
         # the root face hangs on the lower edge, which the curve follows
         lines = joined(sections, self.s, self.group, np.zeros((self.s.size, 2)))
-        self.joint = JointLines(lines, self._forms(sensor), along)
+        self.joint = JointLines(cloud.source, lines, self._forms(sensor), along)
         self.lines = self.joint.lines
         self.corners: dict[str, Corner] = {}
 
     def sizes(self) -> dict[str, Quantity]:
         """Every size along the edge; fills `corners`."""
         places, angles = self._places(), self._angles()
-        value = self._values(places, angles, self.fillets if self.kind == "J" else None)
+        fillets = self.fillets if self.kind == "J" else None
         slopes = self.joint.slopes(self._few_values)
-        form = self._fillet_form_mm(typical(value["width_mm"]))
-        found = {name: self._length(name, one, slopes[name], form.get(name, 0.0)) for name, one in value.items()}
-        self.corners = {
-            name: Corner(
-                np.stack([found[f"{name}:{axis}"].value for axis in "nm"], axis=1),
-                np.stack([found[f"{name}:{axis}"].u for axis in "nm"], axis=1),
-            )
-            for name in dict.fromkeys(key.split(":")[0] for key in value if ":" in key)
-        }
-        sizes = {name: one for name, one in found.items() if ":" not in name} | self._bevels()
+        values = partial(self._values, places, angles, fillets)
+        found = self.joint.lengths(values, slopes, slopes, self._fillet_places(values({})["width_mm"]))
+        found = {name: one.where(self.edge.seen) for name, one in found.items()}
+        self.corners = corners(found)
+        sizes = found | self._bevels()
         sizes["root_face_mm"] = self._root_face(sizes["depth_mm"])
         low_u = np.stack([self.corners["root"].u_mm[:, 0], sizes["root_face_mm"].u], axis=1)
         self.corners["lower"] = Corner(np.where(self.edge.seen[:, None], np.zeros((self.at.size, 2)), np.nan), low_u)
@@ -264,22 +259,23 @@ class _Chain:
             check("land_tilt_deg", tilt, falls, given=given),
         )
 
-    def _fillet_form_mm(self, width_mm: float) -> dict[str, float]:
-        """Standard uncertainty of lengths by the form of the fillets, alike in all frames; width of the preparation.
+    def _fillet_places(self, width_mm: Float) -> dict[str, Place]:
+        """What fillets leave open of radius, level and land; width (N,) of the preparation.
 
-        Where no land is seen, nothing tells its tilt, which moves the place where the fillet ends along the circle.
+        Their form is alike in all frames. Where no land is seen, nothing tells its tilt, which moves the place where
+        the fillet ends along the circle.
         """
         if self.kind != "J":
             return {}
         seen = [one for one in self.fillets if one is not None]
-        middle = seen[len(seen) // 2]
-        radius, level, tilt = (misfit_mm(seen) * u for u in middle.form_u(width_mm))
+        middle, none = seen[len(seen) // 2], np.zeros(self.at.size)
+        radius, level, tilt = (misfit_mm(seen) * u for u in middle.form_u(typical(width_mm)))
         unseen = typical(np.array([one.radius_mm * math.sqrt(one.covariance[2, 2]) for one in seen]))
+        by_noise = np.array([[math.nan] * 2 if one is None else np.diag(one.covariance)[:2] for one in self.fillets]).T
         return {
-            "depth_mm": level,
-            "root:m": level,
-            "land_mm": math.hypot(unseen, middle.radius_mm * tilt),
-            "root_radius_mm": math.hypot(FILLET_U_MM, radius),
+            "radius": Place(none, none, by_noise[0], math.hypot(FILLET_U_MM, radius)),
+            "level": Place(none, none, by_noise[1], level),
+            "land": Place(none, none, form_u=math.hypot(unseen, middle.radius_mm * tilt)),
         }
 
     def flank_mm(self) -> float:
@@ -300,7 +296,7 @@ class _Chain:
 
     def _few_values(self, places: list[Float], angles: list[Float]) -> Values:
         """With the fillets of few frames: they take long."""
-        return self._values(places, angles, self._fillets(places, angles, FEW) if self.kind == "J" else None)
+        return self._values(places, angles, self._fillets(places, angles, FEW) if self.kind == "J" else None, {})
 
     def _places(self) -> list[Float]:
         return [one.place for one in self.lines]
@@ -308,31 +304,44 @@ class _Chain:
     def _angles(self) -> list[Float]:
         return [one.angle for one in self.lines]
 
-    def _values(self, places: list[Float], angles: list[Float], fillets: list[Fillet | None] | None) -> Values:
-        """Lengths in every frame; and corners along normal (n) and across (m) of the section's axes."""
+    def _values(
+        self,
+        places: list[Float],
+        angles: list[Float],
+        fillets: list[Fillet | None] | None,
+        told: Mapping[str, Float],
+    ) -> Values:
+        """Lengths in every frame; and corners along normal (a) and across (b) of the section's axes.
+
+        told: by how much more than its fillet says the radius is, the level lies higher, the land is longer.
+        """
         upper = np.stack([np.cos(angles[0]), np.sin(angles[0])], axis=1)  # into the plate
         out = np.stack([upper[:, 1], -upper[:, 0]], axis=1)
         root = np.stack([np.cos(angles[-1]), np.sin(angles[-1])], axis=1)
         out *= np.sign((out * root).sum(axis=1))[:, None]  # out of the plate
         meets = [meeting(places[k], angles[k], places[k + 1], angles[k + 1]) for k in range(len(places) - 1)]
-        corners = {"upper": meets[0]}
+        found_at = {"upper": meets[0]}
         found: Values = {}
         if fillets is not None:
-            corners["root"], found = self._below_fillets(fillets, meets[0], places, angles)
+            found_at["root"], found = self._below_fillets(fillets, meets[0], places, angles)
+            found_at["root"] = found_at["root"] + np.asarray(told.get("level", 0.0))[..., None] * out
+
+            found["root_radius_mm"] = found["root_radius_mm"] + told.get("radius", 0.0)
+            found["land_mm"] = found["land_mm"] + told.get("land", 0.0)
         else:
             if len(meets) > 2:
-                corners["middle"] = meets[1]
-            corners["root"] = meets[-1]
-        off = corners["root"] - corners["upper"]
+                found_at["middle"] = meets[1]
+            found_at["root"] = meets[-1]
+        off = found_at["root"] - found_at["upper"]
         found["depth_mm"] = -(off * out).sum(axis=1)
         found["width_mm"] = -(off * upper).sum(axis=1)
         if self.kind == "compound":
-            found["lower_bevel_mm"] = ((corners["middle"] - corners["root"]) * out).sum(axis=1)
+            found["lower_bevel_mm"] = ((found_at["middle"] - found_at["root"]) * out).sum(axis=1)
         if self.kind == "nose":
-            found["land_mm"] = np.hypot(*(corners["middle"] - corners["root"]).T)
-        for name, place in corners.items():
-            found[f"{name}:n"] = -place[:, 0] * root[:, 1] + place[:, 1] * root[:, 0]
-            found[f"{name}:m"] = (place * root).sum(axis=1)
+            found["land_mm"] = np.hypot(*(found_at["middle"] - found_at["root"]).T)
+        for name, place in found_at.items():
+            found[f"{name}:a"] = -place[:, 0] * root[:, 1] + place[:, 1] * root[:, 0]
+            found[f"{name}:b"] = (place * root).sum(axis=1)
         return found
 
     def _below_fillets(
@@ -373,19 +382,6 @@ class _Chain:
             out[int(i)] = found
             start = start if found is None else found
         return out
-
-    def _length(self, name: str, value: Float, slopes: list[tuple[float, float]], fillet_form_mm: float) -> Quantity:
-        """A length along the edge."""
-        found = self.joint.course(value, slopes, self._fillet_variance(name) if self.kind == "J" else 0.0)
-        hidden = np.where(self.edge.seen, 0.0, np.nan)
-        return Quantity.of(name, found.value + hidden, self.joint.terms(found.value, found.u, slopes, fillet_form_mm))
-
-    def _fillet_variance(self, name: str) -> Float:
-        """What the fit of the fillet leaves open of a length, mm^2."""
-        which = {"root_radius_mm": 0, "depth_mm": 1, "root:m": 1}.get(name)
-        if which is None:
-            return np.zeros(len(self.fillets))
-        return np.array([math.nan if one is None else one.covariance[which, which] for one in self.fillets])
 
     def _bevels(self) -> dict[str, Quantity]:
         """Bevel angles, from the normal of the upper surface."""

@@ -24,18 +24,16 @@ from workbench.kernels import kernel
 from workbench.units import Bool, Float, Int, Shaped
 
 # Of a cell: that a stretch off the face begins, and ends, with ragged heights and with one height.
-BEGIN, END = np.array([0.03, 0.01]), np.array([0.2, 0.2])
-OFF_MM = 0.2  # usual height off the face
-RAGGED_MM = (0.02, 0.08)  # by which ragged heights change from cell to cell, along an edge: either
+BEGIN, END = np.array([0.1, 0.01]), np.array([0.3, 0.2])
+OFF_MM, RAGGED_MM = 0.1, 0.02  # usual height off the face; by which ragged ones change from cell to cell
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
-ODDS = 0.15  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
+ODDS = 0.3  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
 NEAR, LOW = 10, 0.25  # cells on each side, of which so many are taken for the face's own at first
 LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 8, 0.01
 LONGEST = 200  # cells of a stretch
 LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
 FAR, FULL = 30.0, math.sqrt(2.0 * math.pi)  # standard deviations, from which on a share is told by its series
-NOISIER = 2.0  # variance of cells over the stated one, by which heights off the face are not told from noise
 FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
 NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
 LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
@@ -64,17 +62,21 @@ class _Reading(NamedTuple):
     sense: float
 
 
-def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Readings:
-    """Of ends (c,), outwards, of cells at rising s (c,) mm, u (c,) of one, whose `course` takes all for the face's."""
+def readings(s: Float, value: Float, u: Float, course: Course, at: Float, *, is_all: bool = True) -> Readings:
+    """Of ends (c,), outwards, of cells at rising s (c,) mm, u (c,) of one, whose `course` takes all for the face's.
+
+    is_all: `u` is all by which a face's own end scatters, as what columns leave open is; else it may scatter by more.
+    """
     nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size))
     if s.size < LEAST_CELLS:
         return nothing
-    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sense)]
+    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sense, is_all)]
     if not found:
         return nothing
     plain = fit_course(s, value, u**2)
-    sigma = u * math.sqrt(plain.noise_factor)
-    log = plain.log_evidence - np.log(FULL * sigma[plain.kept]).sum() + math.log(STRAY) * (~plain.kept).sum()
+    scatter = 1.0 if is_all else plain.noise_factor
+    own = np.log(FULL * math.sqrt(scatter) * u[plain.kept]) + 0.5 * (plain.noise_factor / scatter - 1.0)
+    log = plain.log_evidence - own.sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
     share /= share.sum()
@@ -87,38 +89,36 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float) -> Rea
     return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
 
 
-def _off_the_face(s: Float, value: Float, u: Float, sense: float) -> list[_Reading]:
-    """The best reading of each raggedness by which cells lie above the face's own end; none where none does."""
+def _off_the_face(s: Float, value: Float, u: Float, sense: float, is_all: bool) -> list[_Reading]:
+    """The readings by which cells lie above the face's own end, from each start; none where none does."""
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
     around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)]
-    if (_told(value - around, u, RAGGED_MM[0]).own > 0.5).all():
+    if (_told(value - around, u).own > 0.5).all():
         return []
     whole = np.full(value.size, np.quantile(value, LOW))  # a stretch may be longer than what is near
     step = np.diff(value, prepend=value[0])
     jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
     starts = around, whole, value - jumped + np.quantile(jumped, LOW)
-    settled = ([_settled(s, value, u, start, sense, ragged) for start in starts] for ragged in RAGGED_MM)
-    found = ([one for one in each if one is not None] for each in settled)
-    return [max(each, key=lambda one: one.evidence) for each in found if each]
+    settled = [_settled(s, value, u, start, sense, is_all) for start in starts]
+    return [one._replace(evidence=one.evidence - math.log(len(starts))) for one in settled if one is not None]
 
 
-def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, ragged_mm: float) -> _Reading | None:
+def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, is_all: bool) -> _Reading | None:
     """The reading to which the face's own end `face` (c,) leads (expectation maximisation).
 
     Cells that stand off by one height tell the face's shape with its own.
     """
-    told = _told(value - face, u, ragged_mm)
+    told = _told(value - face, u)
     for _ in range(MOST_ROUNDS):
         known = np.maximum(told.own, told.even)
         if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
             return None
         shown = np.where(told.even > told.own, value - told.height, value)
         course = fit_course(s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN))
-        before, sigma = told.own, u * math.sqrt(min(course.noise_factor, NOISIER))
-        told = _told(value - course.value(s), u, ragged_mm)
+        sigma = u if is_all else u * math.sqrt(course.noise_factor)
+        before, told = told.own, _told(value - course.value(s), sigma)
         if np.abs(told.own - before).max() < SETTLED:
             break
-    told = _told(value - course.value(s), sigma, ragged_mm)
     if (told.own > 0.5).all() or (told.own > 0.5).mean() < LEAST_SHARE:
         return None
     # What its freedom costs a course, by Schwarz's criterion with the cells' worth it takes.
@@ -153,11 +153,11 @@ class _Told(NamedTuple):
     height: Shaped[Float, " c"]  # that height then, mm
 
 
-def _told(off: Float, u: Float, ragged_mm: float) -> _Told:
+def _told(off: Float, u: Float) -> _Told:
     """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
     below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
     change, beside = np.diff(off, prepend=off[0]), np.sqrt(u**2 + np.append(u[:1], u[:-1]) ** 2)
-    apart = np.hypot(ragged_mm, beside)
+    apart = np.hypot(RAGGED_MM, beside)
     ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
@@ -271,7 +271,7 @@ def own_places(s: Float, value: Float, variance: Float) -> Float:
     order = np.argsort(place)
     place, mean, u = place[order], mean[order], 1.0 / np.sqrt(total[order])
     if place.size >= LEAST_CELLS:
-        own = readings(place, mean, u, fit_course(place, mean, u**2), place).own
+        own = readings(place, mean, u, fit_course(place, mean, u**2), place, is_all=False).own
         out[on] = np.interp(s[on], place, np.maximum(own, STRAY))
     return out
 

@@ -24,7 +24,7 @@ from workbench.api import DEG, Float, InputError, estimator, rotation_from_vecto
 from workbench.plugins.calibration.determinacy import Demand, cause_of, offset_open, speed_of, too_open
 from workbench.plugins.calibration.model import Estimate
 from workbench.plugins.calibration.observations import Flange, Timed
-from workbench.plugins.calibration.suspicions import suspected
+from workbench.plugins.calibration.suspicions import Fitted, suspected
 
 S = TypeVar("S")
 
@@ -245,14 +245,20 @@ def _refuse_unexplained(
         return
     flange = target.flange.at(target.pose(fits[0].at).offset_s if fits else 0.0)
 
-    def misfit(poses: Float) -> float:
+    turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
+
+    def begin(poses: Float) -> tuple[float, Fitted]:
         read = target.searched(LOOKED_AT, replace(flange, base_from_flange=poses))
-        turns = Rotation.create_group("I").as_matrix() if design is None else design[None, :3, :3]
-        starts = (at for _, at in read.starts(turns, np.zeros(1), REFINED // 2)[:2])
-        return min((off(one) for one in _solved(partial(_rough, read, steps=2 * ROUGH_STEPS), starts)), default=np.inf)
+        begun = read.starts(turns, np.zeros(1), REFINED // 2)[:2]
+
+        def misfit() -> float:
+            fits = _solved(partial(_rough, read, steps=2 * ROUGH_STEPS), (at for _, at in begun))
+            return min((off(one) for one in fits), default=np.inf)
+
+        return begun[0][0], misfit
 
     found = f"the best leaves {left:.0f} times the noise" if fits else "every one runs away"
-    mistake = suspected(flange.base_from_flange, misfit, min(UNUSUAL, left / 4.0))
+    mistake = suspected(flange.base_from_flange, begin, min(UNUSUAL, left / 4.0))
     if not mistake and left <= UNUSUAL:
         return
     said = f"suspicion: {mistake}" if mistake else ask

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,18 +19,19 @@ from workbench.api import (
     vector_from_rotation,
 )
 
-NAMED = 3  # suspicions in a sentence
+Fitted: TypeAlias = Callable[[], float]
+NAMED = 3  # suspicions in a sentence; of so many times as many, the likeliest, the misfit is fitted
 ALIKE = 4.0  # times the least misfit: explains nearly as well
 DESIGN_DEG = 20.0  # by which a design's pose may be off
 TURNED_DEG = 30.0  # beyond it nobody took it for the same pose
 
 
-def suspected(base_from_flange: Float, misfit: Callable[[Float], float], most: float) -> str:
-    """The known mistakes in flange poses (k, 4, 4) without which `misfit` of them is at most `most`; empty: none.
+def suspected(base_from_flange: Float, begin: Callable[[Float], tuple[float, Fitted]], most: float) -> str:
+    """The known mistakes in flange poses (k, 4, 4) without which their misfit is at most `most`; empty: none.
 
     Args:
         base_from_flange: as read.
-        misfit: of the poses as they would be (k, 4, 4); smaller is better.
+        begin: of the poses as they would be (k, 4, 4) a rough misfit, and what tells it well; smaller is better.
         most: of a misfit that noise explains.
     """
     turns, position = base_from_flange[:, :3, :3], base_from_flange[:, :3, 3]
@@ -45,7 +47,8 @@ def suspected(base_from_flange: Float, misfit: Callable[[Float], float], most: f
     otherwise.append(("rotations are by half of their angles", pose_from((turn * turn).as_matrix(), position)))
     for shift in (-1, 1):
         otherwise.append(("poses are those of the posture beside", np.roll(base_from_flange, shift, axis=0)))
-    tried = sorted((misfit(poses), name) for name, poses in otherwise)
+    begun = sorted(((*begin(poses), name) for name, poses in otherwise), key=lambda one: one[0])
+    tried = sorted((fitted(), name) for _, fitted, name in begun[: NAMED * NAMED])
     named = dict.fromkeys(name for left, name in tried if left <= min(most, ALIKE * tried[0][0]))
     return " or ".join(list(named)[:NAMED])
 

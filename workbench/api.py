@@ -6,7 +6,7 @@ module that defines its stages (docs/pipelines.md).
 
 from typing import TYPE_CHECKING, Any
 
-from workbench import pieces
+from workbench import pieces, plot
 from workbench.artefacts import (
     NO_NAMES,
     UNKNOWN_PART,
@@ -296,6 +296,7 @@ __all__ = [  # noqa: RUF022  (as Python sorts)
     "nearest",
     "numbered_lines",
     "pieces",
+    "plot",
     "pose_from",
     "posture_key",
     "posture_picture",

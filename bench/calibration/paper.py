@@ -20,9 +20,9 @@ from matplotlib.figure import Figure
 from bench.peers.genetic import evolve
 from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.marks import FACES, GREY, MEASURED
 from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres, _Pairs, translation
-from workbench.report.marks import FACES, GREY, MEASURED
 from workbench.units import DEG, Float
 
 TRUE = pose_from(rotation_from_rpy(*(np.array([60.489, -3.813, -2.024]) * DEG)), np.array([126.92, 9.44, 41.48]))

@@ -21,7 +21,7 @@ from scripts.stage_pages import DIRECTORY, PICTURES
 from workbench import pieces
 from workbench.artefacts import Chapter, Document
 from workbench.pipeline.catalogue import every_stage
-from workbench.report.plot import FONT
+from workbench.plot import FONT
 
 MOST_BYTES = 60_000  # of a picture
 HEAD_LINES, HEAD_WIDTH = 8, 96  # of a text

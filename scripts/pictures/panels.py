@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench.marks import LIMIT, Lettering
 from workbench.pieces import BLUE, GREEN, INK, ORANGE, PURPLE, SKY
-from workbench.report.marks import LIMIT, Lettering
-from workbench.report.plot import PAD, SIZE, TICK, TICKS_EACH_PT, Axes, Figure, nice_ticks
+from workbench.plot import PAD, SIZE, TICK, TICKS_EACH_PT, Axes, Figure, nice_ticks
 
 WIDTH_IN, HIGH_IN, LOW_IN = 6.6, 3.2, 1.45  # of the picture; of a chart alone, and of one of several
 LEFT_IN, RIGHT_IN, TOP_IN, TIGHT_IN = 0.95, 0.15, 0.32, 0.14  # beside the charts; above one with and without a key

@@ -35,7 +35,7 @@ from workbench.artefacts import (
     Toolpath,
     Travel,
 )
-from workbench.report.plot import Figure
+from workbench.plot import Figure
 from workbench.units import DEG
 
 THICKNESS_MM, ROOT_MM, BEVEL_DEG = 10.0, 1.5, 40.0

@@ -21,8 +21,8 @@ from workbench.batch.control import LEAST, RULES, Capability, ControlChart, capa
 from workbench.batch.part import OUTCOMES, Record
 from workbench.errors import one_line
 from workbench.extras import Extra
-from workbench.report.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
-from workbench.report.plot import Axes, Figure
+from workbench.marks import GREY, INK, LIMIT, MEASURED, REJECTED, TOLERANCE
+from workbench.plot import Axes, Figure
 from workbench.units import Float, Int, Shaped
 
 ROWS = 2000  # parts in the table of the page; the rest are in fleet.parquet

@@ -303,8 +303,8 @@ def _foreign(file: Path, mapping: Mapping) -> Seen:
 
 def profile_drawing(profile: Profile) -> bytes:
     """SVG of a profile: its points, the lines through them, the corners by number; x and z each to their own scale."""
-    from workbench.report.marks import LIMIT, MEASURED, REJECTED
-    from workbench.report.plot import Figure
+    from workbench.marks import LIMIT, MEASURED, REJECTED
+    from workbench.plot import Figure
 
     figure = Figure(figsize=(10.0, 3.8))
     axes = figure.add_axes((0.07, 0.13, 0.91, 0.84))
@@ -359,7 +359,7 @@ def scene_of(found: Seen) -> Scene | None:
 
 
 def _shading(shade: Shade) -> Shading:
-    from workbench.report.marks import ramp
+    from workbench.marks import ramp
 
     low, high = np.percentile(shade.values, SHARE)
     if not high > low:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
-from workbench.report.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
-from workbench.report.plot import Axes, Figure
+from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
+from workbench.plot import Axes, Figure
 from workbench.report.scene import Points, frame_arc_length_mm, overview, rejected
 from workbench.report.text import COVERAGE, alike
 from workbench.units import Bool, Float, Int

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.report.marks import GREY, INK
-from workbench.report.plot import Axes
+from workbench.marks import GREY, INK
+from workbench.plot import Axes
 from workbench.units import DEG, Float
 
 TEXT_SIZE = 8.5

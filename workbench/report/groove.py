@@ -20,10 +20,10 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import ALL_TERMS, Joint, RecognisedInspection
 from workbench.errors import one_line
+from workbench.marks import INK, MEASURED
+from workbench.plot import Axes, Figure
 from workbench.report.along import size_chart
 from workbench.report.dimensions import ACROSS, TEXT_SIZE, dimension, dimension_angle
-from workbench.report.marks import INK, MEASURED
-from workbench.report.plot import Axes, Figure
 from workbench.report.section_drawing import of_interest
 from workbench.report.tables import NOT_JUDGED, certificate_html, check_rows, head, section_rows
 from workbench.report.text import data_address, decimals, measured, render

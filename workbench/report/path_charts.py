@@ -6,10 +6,10 @@ import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Engagement, RawEdge, Toolpath
 from workbench.geometry import moves
+from workbench.marks import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
+from workbench.plot import Axes, Figure
 from workbench.report.along import hatch_hidden, hidden_stretches, label_level
-from workbench.report.marks import GREY, INK, LIMIT, LOWER_EDGE, MEASURED, UPPER_EDGE, Lettering
 from workbench.report.planned import layer_colours
-from workbench.report.plot import Axes, Figure
 from workbench.report.scene import face_ends
 from workbench.report.views import shown_stretch
 from workbench.units import Bool, Float

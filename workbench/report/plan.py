@@ -11,9 +11,10 @@ from pydantic import Field
 
 from workbench.artefacts import Chapter, Cloud, Edge, Engagement, Gate, Layer, Moves, RawEdge, Toolpath
 from workbench.errors import InputError, one_line
+from workbench.marks import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
+from workbench.plot import Axes, Figure
 from workbench.report.along import axes_at, developed
 from workbench.report.dimensions import dimension, dimension_angle, dimension_radius
-from workbench.report.marks import FACES, GREY, INK, LOWER_EDGE, TOOL_AXES, UPPER_EDGE, Lettering
 from workbench.report.path_charts import edges_in_plane, engagement_chart, feed_chart
 from workbench.report.planned import (
     LOCAL_MM,
@@ -36,7 +37,6 @@ from workbench.report.planned import (
     thickness_mm,
     whole_run,
 )
-from workbench.report.plot import Axes, Figure
 from workbench.report.scene import around, frame_arc_length_mm, pictures
 from workbench.report.scenes import TOOL_AXIS_MM, plan_scene
 from workbench.report.tables import faces_seen, facts

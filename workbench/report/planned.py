@@ -11,9 +11,9 @@ from workbench.artefacts import Edge, Gate, Inspection, Layer, Moves, RawEdge, S
 from workbench.errors import one_line
 from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
+from workbench.marks import AIR, ramp, rgb
+from workbench.plot import Figure
 from workbench.report.along import axes_at, developed, hidden_stretches
-from workbench.report.marks import AIR, ramp, rgb
-from workbench.report.plot import Figure
 from workbench.report.text import COVERAGE, alike, decimals, span
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 

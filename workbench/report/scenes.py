@@ -27,8 +27,8 @@ from workbench.artefacts import (
     u_name,
 )
 from workbench.artefacts.edges import BEVEL_TERMS
+from workbench.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
 from workbench.report.along import developed
-from workbench.report.marks import GREY, INK, LOWER_EDGE, SIGNS, TOOL_AXES, UPPER_EDGE, VERDICTS, face_shades, rgb
 from workbench.report.planned import (
     Compared,
     Run,

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, Edge, Inspection, JointInspection, Section
+from workbench.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering
+from workbench.plot import Axes, Figure
 from workbench.report.along import in_section
 from workbench.report.dimensions import dimension, dimension_angle
-from workbench.report.marks import FACES, GREY, INK, SIGNS, VERDICTS, Lettering
-from workbench.report.plot import Axes, Figure
 from workbench.report.scene import frame_arc_length_mm, of_section
 from workbench.report.text import decimals, measured
 from workbench.units import DEG, AnyArray, Bool, Float, Shaped

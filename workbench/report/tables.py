@@ -27,8 +27,8 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.edges import RecognisedInspection
 from workbench.errors import one_line
+from workbench.marks import FACES, REJECTED, VERDICTS
 from workbench.report.along import PlanView, hidden_stretches
-from workbench.report.marks import FACES, REJECTED, VERDICTS
 from workbench.report.section_drawing import of_interest
 from workbench.report.text import COVERAGE, alike, data_address, decimals, measured, render, source
 from workbench.units import Float

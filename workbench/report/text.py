@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.report.marks import SIGNS
+from workbench.marks import SIGNS
 from workbench.units import Float
 
 if TYPE_CHECKING:

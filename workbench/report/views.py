@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, Cloud, Edge, Inspection, RawEdge, Scene, Shading, Strokes, Toolpath
-from workbench.report.marks import FACES, INK, LOWER_EDGE, PALE, UPPER_EDGE, rgb
+from workbench.marks import FACES, INK, LOWER_EDGE, PALE, UPPER_EDGE, rgb
 from workbench.report.planned import Run, feed_colours, layer_colours, middle_of_cut_mm
 from workbench.report.scene import Points, View, around, face_ends, overview
 from workbench.report.scenes import (

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench.marks import GREY, INK, TOLERANCE, Lettering
+from workbench.plot import Figure
 from workbench.report.html import policy
-from workbench.report.marks import GREY, INK, TOLERANCE, Lettering
-from workbench.report.plot import Figure
 from workbench.report.text import source
 from workbench.score.judge import points
 

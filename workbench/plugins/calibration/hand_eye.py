@@ -323,11 +323,7 @@ def _point_rms(
 
 def hand_eye_document(found: Calibration) -> Document:
     """The calibration as `handeye.json`."""
-    more = {
-        "sensor_scale": found.hand_eye.sensor_scale,
-        "sensor_middle_mm": found.hand_eye.sensor_middle_mm,
-        "sphere_diameter_mm": 2 * found.sphere_radius_mm,
-    }
     names = ("sensor_scale_u", "sphere_center_mm", "time_offset_s", "time_offset_u_s", "residual_rms_mm", "method")
-    more |= {name: getattr(found, name) for name in (*names, "frames_used", "warnings")}
+    more = {name: getattr(found, name) for name in (*names, "frames_used", "warnings")}
+    more["sphere_diameter_mm"] = 2.0 * found.sphere_radius_mm
     return hand_eye_file(found.hand_eye, found.part, (found.good_enough, found.verdict), found.frames_rejected, more)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -150,19 +149,14 @@ def _results(
     frames, left_out = of_frames
     volume = volume_u(covariance, best.at.pose.rotation, view)
     first = best.covariance.shape[0] - 2 - part.with_offset
-    eye = HandEye(frozen(pose), frozen(covariance), recording.source, recording.part.recorded_at, volume)
-    eye = replace(eye, sensor_scale=(1.0, 1.0), sensor_middle_mm=(float(part.middle_mm[0]), float(part.middle_mm[1])))
-    offset_u = float(np.sqrt(best.covariance[-1, -1])) if part.with_offset else None
+    middle = (float(part.middle_mm[0]), float(part.middle_mm[1]))
+    dated = recording.part.recorded_at
+    eye = HandEye(frozen(pose), frozen(covariance), recording.source, dated, volume, sensor_middle_mm=middle)
+    clock = (best.at.pose.offset_s, float(np.sqrt(best.covariance[-1, -1]))) if part.with_offset else None
     residual = float(np.sqrt(np.mean(best.rows.residual[best.used] ** 2)))
-    clock = None if offset_u is None else (best.at.pose.offset_s, offset_u)
     more = {
-        "sensor_scale": eye.sensor_scale,
-        "sensor_middle_mm": eye.sensor_middle_mm,
         "sensor_scale_u": np.sqrt(np.diagonal(best.covariance)[first : first + 2]),
-        "sphere_center_mm": None,  # of no sphere
-        "sphere_diameter_mm": None,
-        "time_offset_s": None if clock is None else clock[0],
-        "time_offset_u_s": offset_u,
+        **dict(zip(("time_offset_s", "time_offset_u_s"), clock or (), strict=False)),
         "residual_rms_mm": residual,
         "method": part.target,
         "frames_used": np.delete(frames, left_out),

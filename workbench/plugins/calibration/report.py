@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from workbench.api import DEG, Chapter, Float, Part, Recording, pieces, rpy_from_rotation, stage
+from workbench.api import DEG, Chapter, Part, Recording, pieces, plot, rpy_from_rotation, stage
 from workbench.plugins.calibration.tables import sentence
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
 from workbench.plugins.calibration.verdicts import pose_facts
@@ -18,6 +16,8 @@ from workbench.plugins.calibration.verdicts import pose_facts
 MOST_ROWS = 40  # of the table of postures
 MOST_PROFILES = 12
 AROUND = 1.8  # of a profile's picture: half its width, in sphere radii
+EDGES = (0.07, 0.14, 0.98, 0.9)  # of the charts on their sheets: left, bottom, right, top
+MOST_TICKS = 5  # of a chart
 LARGE = 3.0  # standard deviations: a posture beyond is marked
 
 
@@ -220,43 +220,36 @@ def _plan(plan: PosturePlan) -> Iterable[str]:
 def profiles_picture(calibration: Calibration, profiles: SphereProfiles, recording: Recording) -> bytes:
     """Up to twelve profiles, those that fit worst first: points on the arc, points left out, the fitted circle."""
     worst = np.argsort(-calibration.distance, kind="stable")[:MOST_PROFILES]
-    shown = sorted(int(i) for i in worst)
-    columns = min(4, len(shown))
-    rows = -(-len(shown) // columns)
-    with pieces.styled():
-        figure = Figure(figsize=(10, 2.45 * rows), layout="constrained")
-        grid = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
-        for axes, posture in zip(grid, shown, strict=False):
+    columns = min(4, len(worst))
+    figure = plot.Figure((10.0, 2.6 * -(-len(worst) // columns)))
+    grid = figure.subplots(-(-len(worst) // columns), columns)
+    figure.subplots_adjust(*EDGES, wspace=0.2, hspace=0.3)
+    for axes, posture in zip_longest(grid, sorted(worst.tolist())):
+        axes.visible = posture is not None
+        if axes.visible:
             _profile(axes, calibration, profiles, recording, posture)
-        for axes in grid[len(shown) :]:
-            axes.set_axis_off()
-        return pieces.svg(figure)
+    return figure.svg()
 
 
 def _profile(
-    axes: Axes, calibration: Calibration, profiles: SphereProfiles, recording: Recording, posture: int
+    axes: plot.Axes, calibration: Calibration, profiles: SphereProfiles, recording: Recording, posture: int
 ) -> None:
-    frame = calibration.frames[posture][0]
-    circle = profiles.circle[int(np.flatnonzero(profiles.frame == frame)[0])]
+    frame, used = calibration.frames[posture][0], calibration.used[posture]
+    middle_x, middle_z, w = profiles.circle[int(np.flatnonzero(profiles.frame == frame)[0])]
     x, z, on = recording.x_mm[frame], recording.z_mm[frame], profiles.on_arc[frame]
-    half = AROUND * profiles.sphere_diameter_mm / 2
-    near = (np.abs(x - circle[0]) < half) & (np.abs(z - circle[1]) < half)
-    with np.errstate(invalid="ignore"):
-        axes.plot(x[near & ~on], z[near & ~on], ".", color=pieces.PURPLE, markersize=2.5)
-        axes.plot(x[near & on], z[near & on], ".", color=pieces.BLUE, markersize=2.5)
-    angle = np.linspace(0, 2 * np.pi, 200)
-    r = np.sqrt(circle[2])
-    axes.plot(circle[0] + r * np.cos(angle), circle[1] + r * np.sin(angle), color=pieces.ORANGE, linewidth=0.8)
-    axes.plot(circle[0], circle[1], "+", color=pieces.ORANGE, markersize=6)
-    axes.set_xlim(circle[0] - half, circle[0] + half)
-    axes.set_ylim(circle[1] - half, circle[1] + half)
-    axes.set_aspect("equal")
-    if profiles.sense < 0:  # drawn as the sensor sees it: from above
-        axes.invert_yaxis()
-    state = "" if calibration.used[posture] else ", rejected"
-    axes.set_title(
-        f"posture {posture + 1}{state}", fontsize=9, color=pieces.INK if calibration.used[posture] else pieces.PURPLE
-    )
+    half, up = AROUND * profiles.sphere_diameter_mm / 2, profiles.sense  # drawn as the sensor sees it: from above
+    near = (np.abs(x - middle_x) < half) & (np.abs(z - middle_z) < half)
+    for chosen, colour in ((near & ~on, pieces.PURPLE), (near & on, pieces.BLUE)):
+        axes.points(x[chosen], up * z[chosen], ".", color=colour, markersize=2.5)
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    r = np.sqrt(w)
+    axes.plot(middle_x + r * np.cos(angle), up * middle_z + r * np.sin(angle), color=pieces.ORANGE, linewidth=0.8)
+    axes.points([middle_x], [up * middle_z], "x", color=pieces.ORANGE, markersize=4.0)
+    axes.set(xlim=(middle_x - half, middle_x + half), ylim=(up * middle_z - half, up * middle_z + half), aspect="equal")
+    ticks, names = plot.nice_ticks((middle_z - half, middle_z + half), MOST_TICKS)
+    axes.set(yticks=([up * one for one in ticks], names))
+    words = f"posture {posture + 1}{'' if used else ', rejected'}"
+    axes.annotate(words, (0.0, 1.0), (0.0, 4.0), xycoords="axes fraction")
 
 
 def centres_picture(calibration: Calibration) -> bytes:
@@ -264,56 +257,41 @@ def centres_picture(calibration: Calibration) -> bytes:
     sets = [("with the calibrated pose", calibration.center_base_mm, pieces.BLUE)]
     if np.isfinite(calibration.center_base_before_mm).all():
         sets.insert(0, ("with the nominal pose", calibration.center_base_before_mm, pieces.GREY))
-    with pieces.styled():
-        figure = Figure(figsize=(10, 3.1 * len(sets)), layout="constrained")
-        grid = figure.subplots(len(sets), 3, squeeze=False)
-        for row, (name, centre, colour) in zip(grid, sets, strict=True):
-            mean = centre[calibration.used].mean(axis=0)
-            for axes, (a, b) in zip(row, ((0, 1), (0, 2), (1, 2)), strict=True):
-                _draw_centres(axes, centre - mean, calibration, (a, b), colour)
-            row[0].set_title(f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)})", loc="left", fontsize=9)
-        return pieces.svg(figure)
-
-
-def _draw_centres(axes: Axes, off: Float, calibration: Calibration, pair: tuple[int, int], colour: str) -> None:
-    a, b = pair
-    axes.axhline(0, color=pieces.PALE, linewidth=0.7)
-    axes.axvline(0, color=pieces.PALE, linewidth=0.7)
-    axes.plot(off[calibration.used, a], off[calibration.used, b], "o", color=colour, markersize=4)
-    axes.plot(off[~calibration.used, a], off[~calibration.used, b], "x", color=pieces.PURPLE, markersize=6)
-    for i in np.flatnonzero(calibration.used) if len(off) <= 2 * MOST_PROFILES else ():
-        axes.annotate(
-            str(i + 1), (off[i, a], off[i, b]), (3, 3), textcoords="offset points", fontsize=7, color=pieces.GREY
-        )
-    reach = 1.25 * max(float(np.abs(off[calibration.used]).max()), 1e-3)  # one scale for the row
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(-reach, reach)
-    axes.set_xlabel(f"{'xyz'[a]} less its mean, mm")
-    axes.set_ylabel(f"{'xyz'[b]}, mm")
-    axes.set_aspect("equal")
+    used = calibration.used
+    figure = plot.Figure((10.0, 3.1 * len(sets)))
+    grid = figure.subplots(len(sets), 3, squeeze=False)
+    figure.subplots_adjust(*EDGES, wspace=0.25, hspace=0.35)
+    for row, (name, centre, colour) in zip(grid, sets, strict=True):
+        mean = centre[used].mean(axis=0)
+        off = centre - mean
+        reach = 1.25 * max(float(np.abs(off[used]).max()), 1e-3)  # one scale for the row
+        ticks = plot.nice_ticks((-reach, reach), MOST_TICKS)
+        for axes, (a, b) in zip(row, ((0, 1), (0, 2), (1, 2)), strict=True):
+            axes.axhline(0.0, color=pieces.PALE, linewidth=0.7)
+            axes.axvline(0.0, color=pieces.PALE, linewidth=0.7)
+            axes.points(off[used, a], off[used, b], "o", color=colour, markersize=4.0)
+            axes.points(off[~used, a], off[~used, b], "x", color=pieces.PURPLE)
+            for i in np.flatnonzero(used) if len(off) <= 2 * MOST_PROFILES else ():
+                axes.annotate(f"{i + 1}", (off[i, a], off[i, b]), (3.0, 3.0), fontsize=7.0)
+            axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xticks=ticks, yticks=ticks, aspect="equal")
+            axes.set(xlabel=f"{'xyz'[a]} less its mean, mm", ylabel=f"{'xyz'[b]}, mm")
+        said = f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)})"
+        row[0].annotate(said, (0.0, 1.0), (0.0, 6.0), xycoords="axes fraction")
+    return figure.svg()
 
 
 def residuals_picture(calibration: Calibration) -> bytes:
     """How far each posture lies from the fit of the others, in standard deviations."""
-    count = len(calibration.distance)
-    with pieces.styled():
-        figure = Figure(figsize=(10, 2.6), layout="constrained")
-        axes = figure.subplots()
-        number = np.arange(1, count + 1)
-        large = calibration.distance > LARGE
-        for which, colour in (
-            (calibration.used & ~large, pieces.BLUE),
-            (calibration.used & large, pieces.ORANGE),
-            (~calibration.used, pieces.PURPLE),
-        ):
-            axes.bar(number[which], np.minimum(calibration.distance[which], 12), color=colour, width=0.7)
-        axes.axhline(np.sqrt(3), color=pieces.GREY, linewidth=0.8, dashes=(4, 2))
-        axes.annotate(
-            "expected", (count + 0.5, np.sqrt(3)), (2, 2), textcoords="offset points", fontsize=8, color=pieces.GREY
-        )
-        axes.set_xlim(0.4, count + 0.6)
-        axes.set_ylim(0, min(12.5, max(4.0, 1.1 * float(calibration.distance.max()))))
-        axes.set_xlabel("posture" if count < 40 else "posture, or frame of a scan")
-        axes.set_ylabel("distance over its u")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        return pieces.svg(figure)
+    count, highest = len(calibration.distance), min(12.5, max(4.0, 1.1 * float(calibration.distance.max())))
+    figure = plot.Figure((10.0, 2.6))
+    axes = figure.add_axes((0.07, 0.22, 0.91, 0.7))
+    for number, (off, used) in enumerate(zip(calibration.distance, calibration.used, strict=True), 1):
+        colour = pieces.PURPLE if not used else pieces.ORANGE if off > LARGE else pieces.BLUE
+        x = number + 0.35 * np.array([-1.0, -1.0, 1.0, 1.0])
+        axes.fill(x, min(off, highest) * np.array([0.0, 1.0, 1.0, 0.0]), facecolor=colour)
+    axes.axhline(np.sqrt(3.0), color=pieces.GREY, linewidth=0.8, dashes=(4.0, 2.0))
+    axes.annotate("expected", (1.0, np.sqrt(3.0)), (-2.0, 3.0), xycoords=("axes fraction", "data"), ha="right")
+    axes.integer = "x"
+    axes.set(xlim=(0.4, count + 0.6), ylim=(0.0, highest), ylabel="distance over its u")
+    axes.set(xlabel="posture" if count < MOST_ROWS else "posture, or frame of a scan")
+    return figure.svg()

@@ -220,8 +220,6 @@ def robot(
     how = f"beside {len(arm)} joint offsets and lengths: u = {seen_u:.3f} mm of a place with both (robot.json)"
     of_pose = {
         **{name: more[name] for name in ("sphere_center_mm", "sphere_diameter_mm", "residual_rms_mm")},
-        "time_offset_s": None,
-        "time_offset_u_s": None,
         "method": how,
         "frames_used": sorted(frame for frames in used.frames for frame in frames),
         "warnings": [*warnings, *([CORRECTED] if len(arm) else [])],

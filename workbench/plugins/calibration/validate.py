@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
-from typing import Annotated
+from dataclasses import asdict, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -33,8 +33,7 @@ from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 # Postures that a calibration is not made from: left out in turn, or a second recording.
 
 
-@dataclass(frozen=True)
-class HeldOut:
+class HeldOut(NamedTuple):
     """Postures predicted, not fitted: residuals of (x_c, z_c, w) and their covariance."""
 
     residual: Shaped[Float, "k 3"]
@@ -58,26 +57,23 @@ def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, s
     sphere = Sphere(seen, noise)
     whole = settled(estimator.fit(sphere, estimate), sphere)
     start, noise = whole.estimate, whole.noise
-    residual, covariance, y = np.empty((len(seen), 3)), np.empty((len(seen), 3, 3)), np.empty(len(seen))
-    chi2 = 0.0
-    for part in range(parts):
-        rows = np.concatenate(passes[part::parts])
-        out = np.isin(np.arange(len(seen)), rows)
-        fitted = estimator.fit(Sphere(seen, noise), start, ~out)
-        residual[out], covariance[out], y[out], one = _predicted(fitted, seen.subset(out), noise)
-        chi2 += one
+    outs = [np.isin(np.arange(len(seen)), np.concatenate(passes[part::parts])) for part in range(parts)]
+    each = [_predicted(estimator.fit(Sphere(seen, noise), start, ~out), seen.subset(out), noise) for out in outs]
+    order = np.argsort(np.concatenate([np.flatnonzero(out) for out in outs]))
+    residual, covariance, y = (np.concatenate(part)[order] for part in list(zip(*each, strict=True))[:3])
     how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
-    return how, HeldOut(residual, covariance, y, chi2, 3 * len(seen))
+    return how, HeldOut(residual, covariance, y, sum(one.chi2 for one in each), 3 * len(seen))
 
 
-def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> tuple[Float, Float, Float, float]:
-    """Residuals of held-out postures, their covariances, y, and chi-square with all correlations."""
+def _predicted(fitted: estimator.Fit[Estimate], out: Observations, noise: Noise) -> HeldOut:
+    """Held-out postures by a fit to others; chi-square with all correlations."""
     rows, spread = Sphere(out, noise).rows(fitted.at), fitted.inverse
     joined = rows.product(np.concatenate([rows.jacobian, rows.residual[..., None]], axis=2))
     matrix, side = joined[:-1, :-1], joined[:-1, -1]
     chi2 = joined[-1, -1] - side @ np.linalg.solve(np.linalg.inv(spread) + matrix, side)  # Woodbury's identity
     covariance = rows.covariance + rows.jacobian @ spread @ np.swapaxes(rows.jacobian, 1, 2)
-    return rows.residual, covariance, linearise(fitted.at, out, noise).centre[:, 1], float(chi2)
+    y_mm = linearise(fitted.at, out, noise).centre[:, 1]
+    return HeldOut(rows.residual, covariance, y_mm, float(chi2), rows.residual.size)
 
 
 def second_recording(

@@ -12,6 +12,7 @@ from workbench.api import (
     Inspection,
     PathDeflection,
     pieces,
+    plot,
     stage,
     strict_json,
 )
@@ -82,18 +83,15 @@ def _errors(inspection: Inspection) -> dict[str, float]:
 
 def _picture(without: Inspection, compensated: Inspection) -> bytes:
     """Root and bevel angle along the edge, of both parts (SVG)."""
-    from matplotlib.figure import Figure
-
-    wanted = without.requirements
-    with pieces.styled():
-        figure = Figure(figsize=(10, 4.2), layout="constrained")
-        top, below = figure.subplots(2, 1, sharex=True)
-        for name, one in (("without", without), ("compensated", compensated)):
-            top.plot(one.profile.arc_length_mm, one.profile.root_mm, lw=1, label=name)
-            below.plot(one.profile.arc_length_mm, one.profile.bevel_deg, lw=1)
-        top.axhline(wanted.root_nominal_mm, color=pieces.GREY, lw=0.8, ls=":")
-        below.axhline(wanted.bevel_nominal_deg, color=pieces.GREY, lw=0.8, ls=":")
-        top.set_ylabel("root face, mm")
-        below.set(xlabel="arc length, mm", ylabel="bevel angle, °")
-        top.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-        return pieces.svg(figure)
+    wanted, figure = without.requirements, plot.Figure((10.0, 4.2))
+    top, below = figure.subplots(2, 1, sharex=True)
+    figure.subplots_adjust(0.07, 0.13, 0.98, 0.92)
+    for (name, one), colour in zip((("without", without), ("compensated", compensated)), pieces.SERIES, strict=False):
+        top.plot(one.profile.arc_length_mm, one.profile.root_mm, color=colour, linewidth=1.0, label=name)
+        below.plot(one.profile.arc_length_mm, one.profile.bevel_deg, color=colour, linewidth=1.0)
+    for axes, nominal in ((top, wanted.root_nominal_mm), (below, wanted.bevel_nominal_deg)):
+        axes.axhline(nominal, color=pieces.GREY, linewidth=0.8, dashes=(1.0, 2.0))
+    top.set(ylabel="root face, mm")
+    below.set(xlabel="arc length, mm", ylabel="bevel angle, °")
+    top.legend()
+    return figure.svg()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import cycle
 from typing import Annotated, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from workbench.api import (
     abb_angles,
     estimator,
     pieces,
+    plot,
     stage,
 )
 from workbench.plugins.stiffness.beyond_springs import LackOfFit, lack_of_fit
@@ -249,6 +251,7 @@ def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dic
             _picture(labels, notes["residual_over_noise_of_load"], notes["load_used"]),
             "Residual of each load over its noise",
             "Residual of each load over its standard uncertainty; ×: left out.",
+            [(colour, f"posture {name}") for colour, name in zip(pieces.SERIES, dict.fromkeys(labels), strict=False)],
         )
     )
     return Chapter("Joint stiffness", text, summary=summary)
@@ -256,20 +259,13 @@ def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dic
 
 def _picture(labels: tuple[str, ...], residual: Float, used: list[bool]) -> bytes:
     """Residual of each load over its noise, by posture; loads left out as crosses."""
-    from matplotlib.figure import Figure
-
-    names = list(dict.fromkeys(labels))
-    with pieces.styled():
-        figure = Figure(figsize=(10, 2.8), layout="constrained")
-        axes = figure.subplots()
-        at, kept = np.arange(1, len(labels) + 1), np.array(used)
-        for name in names:
-            here = np.array([label == name for label in labels])
-            (drawn,) = axes.plot(at[here & kept], residual[here & kept], "o", ms=3, label=f"posture {name}")
-            axes.plot(at[here & ~kept], residual[here & ~kept], "x", color=drawn.get_color())
-        axes.axhline(1.0, color=pieces.GREY, lw=0.8)
-        axes.set(xlabel="load", ylabel="residual / noise")
-        axes.set_ylim(bottom=0)
-        if len(names) <= 8:
-            axes.legend(ncols=8, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-        return pieces.svg(figure)
+    figure = plot.Figure((10.0, 2.8))
+    axes = figure.add_axes((0.06, 0.2, 0.92, 0.66))
+    at, kept = np.arange(1, len(labels) + 1), np.array(used)
+    for name, colour in zip(dict.fromkeys(labels), cycle(pieces.SERIES), strict=False):
+        here = np.array([label == name for label in labels])
+        axes.points(at[here & kept], residual[here & kept], "o", color=colour, markersize=3.0)
+        axes.points(at[here & ~kept], residual[here & ~kept], "x", color=colour)
+    axes.axhline(1.0, color=pieces.GREY, linewidth=0.8)
+    axes.set(xlabel="load", ylabel="residual / noise", ylim=(0.0, None))
+    return figure.svg()

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from workbench.report.marks import (
+from workbench.marks import (
     GREY,
     INK,
     PALE,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.report.marks import Lettering
-from workbench.report.plot import Figure, nice_ticks
+from workbench.marks import Lettering
+from workbench.plot import Figure, nice_ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -117,6 +117,20 @@ def test_a_tool_that_touches_scanned_references(tmp_path: Path) -> None:
     assert 4.0 < np.mean(chi) < 8.2  # six degrees of freedom, sixteen tools: 6 +- 0.9
 
 
+def test_the_order_of_the_references_changes_nothing(tmp_path: Path) -> None:
+    """One of them is seen by all of its passes, the other by three: their covariances differ."""
+    rng = np.random.default_rng(3)
+    seen, given = scanned(rng, REFERENCES), files(tmp_path, rng)
+    rows = [f"ball {k},{k * EACH + i}" for k in range(2) for i in range(EACH if k else 3)]
+    touches, found = on_centres(touch_file(tmp_path, touch_rows(rng))), []
+    for ordered in (rows, rows[::-1]):
+        (tmp_path / "references.csv").write_text("\n".join(["reference,pass", *ordered]) + "\n")
+        more = {"references": tmp_path / "references.csv", "hand_eye": given["hand_eye"]}
+        document, _ = tcp_stage(circles(seen), seen, touches=touches, max_u_mm=10.0, **more)
+        found.append(json.loads(document.content)["covariance_mm2"])
+    assert np.allclose(*found, rtol=1e-9)
+
+
 def on_centres(touches: Path, said: str = "0") -> Path:
     """The table, which says how far from the spheres' centres the tool point stays."""
     lines = touches.read_text().splitlines()

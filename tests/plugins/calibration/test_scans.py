@@ -10,7 +10,7 @@ import pytest
 from bench.drawn.spheres import random_sphere_recipe
 from tests.plugins.calibration.conftest import TRUE, off_design, scan_recording, scans_over
 from tests.seldom import seldom
-from workbench.api import InputError, vector_from_rotation
+from workbench.api import InputError, estimator, vector_from_rotation
 from workbench.plugins.calibration import circles, hand_eye
 from workbench.synthetic import simulate_sphere
 
@@ -81,8 +81,9 @@ def test_weaved_scans() -> None:
     assert np.degrees(np.linalg.norm(vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))) < 0.2
 
 
-@pytest.mark.slow
-def test_scans_that_move_alike_do_not_tell_the_offset() -> None:
+def test_scans_that_move_alike_do_not_tell_the_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said at the starts: nobody walks the valley in which every answer fits."""
+    monkeypatch.setattr(estimator, "sound", None)
     rng = np.random.default_rng(1)
     scans = scans_over(rng, 6)
     for scan in scans:

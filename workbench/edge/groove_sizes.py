@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import FORM, Corner, Quantity
+from workbench.artefacts import Corner, Quantity
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
@@ -31,10 +31,6 @@ MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is o
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
 JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
-# Times u of what lasts on a face, whose strength a few places tell: of Student's t with eight freedoms three of these
-# hold what three of a known one do.
-SURELY = 1.4
-CHOSEN = 0.7  # of the noise, by which the last return of a face may be off in the mean: mixed, or let in by its error
 LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
 WAVE_MM = 20.0  # of length, for each degree of a rough course
@@ -103,12 +99,6 @@ class GrooveSizes:
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
         images = tuple(image for one in plates for image in one.images)
-        face_forms = [
-            replace(
-                one, turn_u=SURELY * one.turn_u, lower_u_mm=SURELY * one.lower_u_mm, upper_u_mm=SURELY * one.upper_u_mm
-            )
-            for one in forms(images, self.at, sensor)
-        ]
         self.right = len(plates[0].lines)  # number of the right plate's upper surface among all lines
         self.places, self.angles = [one.place for one in lines], [one.angle for one in lines]
         self.feet: dict[str, Float] = {}  # root faces that are measured: how deep they reach in each profile (n,)
@@ -118,7 +108,8 @@ class GrooveSizes:
             one.corner(self.places[mine], self.angles[mine]) for one, mine in zip(self.plates, self._mine, strict=True)
         ]
         width, gap = (typical(self.seen.apart(corner)[:, 0]) for corner in ("upper", "root"))
-        self.joint = JointLines(source, lines, face_forms, along, max(width if math.isnan(gap) else gap, 0.0))
+        apart = max(width if math.isnan(gap) else gap, 0.0)
+        self.joint = JointLines(source, lines, forms(images, self.at, sensor), along, apart)
         self.misalignment = typical(self.seen.apart("upper")[:, 1])
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}
@@ -286,20 +277,7 @@ class GrooveSizes:
         one, other = (self.joint.lines[k] for k in (first, second))
         near = self.joint.near(np.isfinite(one.section.angle + other.section.angle))
         value = (other.direction(self.along) + sign * one.direction(self.along) - zero) / DEG
-        self.sizes[name] = Quantity.of(name, np.where(near, value, np.nan), self._turns(first, second))
-
-    def _turns(self, first: int, second: int) -> dict[str, Float]:
-        """Uncertainties of an angle, deg: the joint's, and of faces whose last returns are chosen by their own errors.
-
-        One at either end; a flank goes over into its fillet, its lower end is none.
-        """
-        terms = self.joint.turns(first, second)
-        for k in {first, second} & {1, self.right + 1}:
-            one, line = self.plates[int(k > 1)], self.joint.lines[k]
-            ends = math.sqrt(1.0 if one.kind == "round" else 2.0)
-            lever = 0.5 * self.joint.forms[k].width_mm / one.sigma
-            terms[FORM] = np.hypot(terms[FORM], ends * CHOSEN * lever * typical(line.section.angle_variance) / DEG)
-        return terms
+        self.sizes[name] = Quantity.of(name, np.where(near, value, np.nan), self.joint.turns(first, second))
 
     def _end_of(self, k: int) -> Place:
         """How far a plate's face reaches, from its upper corner."""

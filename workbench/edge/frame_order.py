@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from workbench.artefacts import Cloud
 from workbench.units import Float, Int
 
 LEAST_FRAMES = 30  # of a pass, that tell
@@ -49,3 +50,26 @@ def scatter(left: Float, variance: Float) -> float:
         return 0.0
     found = 1.4826 * float(np.median(np.abs(left[good])))
     return math.sqrt(max(found**2 - float(np.median(variance[good])), 0.0))
+
+
+def profile(cloud: Cloud, i: int, flip: float = 1.0) -> tuple[Float, Float, Int]:
+    """x (times `flip`) and z of the returns of frame i, and their columns, in whose order they are; x mostly rises.
+
+    Under a fan, what lies far below a face that stands upright may have a smaller x than that.
+    """
+    column = np.flatnonzero(cloud.keep[i])
+    x, z = flip * cloud.x_mm[i, column].astype(np.float64), cloud.z_mm[i, column].astype(np.float64)
+    order = slice(None, None, -1 if x.size and x[-1] < x[0] else 1)
+    return x[order], z[order], column[order]
+
+
+def flips(cloud: Cloud) -> Float:
+    """1 for each frame whose x runs as that of the first frame does, else -1."""
+    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
+    out = np.ones(len(ex))
+    for p in np.unique(cloud.pass_index):
+        mine = cloud.pass_index == p
+        # The normal of the laser plane, x from left to right and z both as in the first frame, keeps its sense.
+        same = float((np.cross(ez[mine], ex[mine]) @ np.cross(ez[0], ex[0])).mean())
+        out[mine] = 1.0 if same >= 0 else -1.0
+    return out

@@ -10,6 +10,7 @@ import numpy as np
 from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
 from workbench.checks.limits import most
+from workbench.edge.frame_order import flips, profile
 from workbench.edge.groove_profile import (
     Kind,
     Side,
@@ -60,7 +61,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
     Raises:
         InputError: profiles have too few returns; most do not show two plates.
     """
-    frames, profiles, flips = _profiles(cloud, np.arange(len(cloud.keep)))
+    frames, profiles, way = _profiles(cloud)
     returns = int(np.median([x.size for x, _, _ in profiles])) if profiles else 0
     if 0 < returns < LEAST_TOLD:
         raise InputError(
@@ -104,7 +105,7 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         numbers,
         ([one[0] for one in kept], [one[1] for one in kept]),
         [profiles[k][2] for k in good],
-        flips[numbers],
+        way[numbers],
         (left, right),
         up,
         share,
@@ -133,7 +134,7 @@ def two_plates_share(cloud: Cloud) -> float:
     if not shows.size:
         return 0.0
     some = cloud.of_frames(shows[np.unique(np.linspace(0, shows.size - 1, FEW).astype(int))])
-    _, profiles, _ = _profiles(some, np.arange(len(some.keep)))
+    _, profiles, _ = _profiles(some)
     thin = [(x[:: 1 + x.size // COLUMNS], z[:: 1 + z.size // COLUMNS]) for x, z, _ in profiles]
     up = upwards([x for x, _ in thin[::3]], [z for _, z in thin[::3]])
     return float(np.mean([_is_groove(x, up * z) for x, z in thin])) if up else 0.0
@@ -150,31 +151,11 @@ def _is_groove(x: Float, y: Float) -> bool:
     return abs(float(right.corner[1] - left.corner[1])) < most("groove_level") * depth
 
 
-def _profiles(cloud: Cloud, of: Int) -> tuple[list[int], list[tuple[Float, Float, Int]], Float]:
-    """Frames with enough returns; x from left to right, z and columns of each; and `_flips` of all."""
-    frames, profiles, flips = [], [], _flips(cloud)
-    for i in of:
-        column = np.flatnonzero(cloud.keep[i])
-        if column.size < LEAST_RETURNS:
-            continue
-        x = flips[i] * cloud.x_mm[i, column].astype(np.float64)
-        # In the order of the columns: under a fan, what lies far below a root face may have a smaller x than that.
-        order = slice(None) if x[-1] >= x[0] else slice(None, None, -1)
-        frames.append(int(i))
-        profiles.append((x[order], cloud.z_mm[i, column].astype(np.float64)[order], column[order]))
-    return frames, profiles, flips
-
-
-def _flips(cloud: Cloud) -> Float:
-    """1 for each frame whose x runs as that of the first frame does, else -1."""
-    ex, ez = cloud.base_from_profiler[:, :3, 0], cloud.base_from_profiler[:, :3, 2]
-    out = np.ones(len(ex))
-    for p in np.unique(cloud.pass_index):
-        mine = cloud.pass_index == p
-        # The normal of the laser plane, x from left to right and z both as in the first frame, keeps its sense.
-        same = float((np.cross(ez[mine], ex[mine]) @ np.cross(ez[0], ex[0])).mean())
-        out[mine] = 1.0 if same >= 0 else -1.0
-    return out
+def _profiles(cloud: Cloud) -> tuple[list[int], list[tuple[Float, Float, Int]], Float]:
+    """Frames with enough returns; x from left to right, z and columns of each; and `flips` of all."""
+    way = flips(cloud)
+    frames = np.flatnonzero(cloud.keep.sum(axis=1) >= LEAST_RETURNS).tolist()
+    return frames, [profile(cloud, i, way[i]) for i in frames], way
 
 
 def _kind(sides: list[Side]) -> tuple[Kind, float]:

@@ -13,6 +13,7 @@ from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURF
 from workbench.artefacts.edges import PreparationType
 from workbench.edge.faces import MAX_LINES, TrackedFaces
 from workbench.edge.fillet import SHARP_MM, fit_on_land
+from workbench.edge.frame_order import flips, profile
 from workbench.edge.identify import crossing, lies_on, whole_faces, width_mm
 from workbench.edge.prepared_profile import Reading, readings
 from workbench.errors import InputError
@@ -145,7 +146,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
     shows = [i for i, one in enumerate(noses) if one is not None]
     found = []
     for i in [shows[k] for k in np.unique(np.linspace(0, len(shows) - 1, FEW_FRAMES).round().astype(int))]:
-        one, (x, z, _) = noses[i], _profile(cloud, i)
+        one, (x, z, _) = noses[i], profile(cloud, i)
         if one is None:
             raise AssertionError("chosen above")
         upper, flank, land, _ = one.faces
@@ -163,7 +164,7 @@ def _foot_radius_mm(cloud: Cloud, noses: list[Reading | None]) -> float:
 
 
 def _readings(cloud: Cloud, i: int) -> list[Reading]:
-    x, z, column = _profile(cloud, i)
+    x, z, column = profile(cloud, i)
     if x.size < LEAST_RETURNS:
         return []
     chain = whole_faces(straight_faces(x, z)[:MAX_LINES])
@@ -172,21 +173,12 @@ def _readings(cloud: Cloud, i: int) -> list[Reading]:
 
 def _stands_on(cloud: Cloud, i: int) -> bool:
     """Whether the last face in frame i joins an upright one, is parallel to the first and goes on to the view's end."""
-    x, z, _ = _profile(cloud, i)
+    x, z, _ = profile(cloud, i)
     if x.size < LEAST_RETURNS:
         return False
     chain = whole_faces(straight_faces(x, z)[:MAX_LINES])
     last = len(chain) - 1
     return last > 1 and (lies_on(chain, last - 1, last, chain[0]) or lies_on(chain, 1, 0, chain[last]))
-
-
-def _profile(cloud: Cloud, i: int) -> tuple[Float, Float, Int]:
-    """x and z of the returns of frame i in the order of rising x, and their columns."""
-    column = np.flatnonzero(cloud.keep[i])
-    x, z = cloud.x_mm[i, column].astype(np.float64), cloud.z_mm[i, column].astype(np.float64)
-    if x.size and x[-1] < x[0]:
-        return x[::-1], z[::-1], column[::-1]
-    return x, z, column
 
 
 def _cut(cloud: Cloud, one: Reading, column: Int) -> bool:
@@ -208,9 +200,10 @@ def _plate(
             cause = "it lies on a table or right above it? lift it"
         raise InputError(cloud.source, f"{refused}, found none: {cause}")
     best: list[tuple[float, int, Int]] = []
+    way = flips(cloud).astype(np.int64)
     for sense in (1, -1):
         for first in (1, -1):
-            sides = _sides(cloud, first)
+            sides = first * way
             roots = [
                 width_mm(one.faces[-1])
                 for i in shows
@@ -230,16 +223,6 @@ def _plate(
             "give upper_side, a vector in the base that points to the plate's upper side",
         )
     return best[0][2], best[0][1]
-
-
-def _sides(cloud: Cloud, first: int) -> Int:
-    """Side (N,) of the plate in each frame, if it is `first` in the first one: a pass may look the other way."""
-    ex = cloud.base_from_profiler[:, :3, 0]
-    out = np.full(len(ex), first, np.int64)
-    for p in np.unique(cloud.pass_index):
-        mine = np.flatnonzero(cloud.pass_index == p)
-        out[mine] = first if float(ex[mine[0]] @ ex[0]) > 0.0 else -first
-    return out
 
 
 def _is_upper(cloud: Cloud, i: int, one: Reading, upper_side: Float | None) -> bool:
@@ -271,7 +254,7 @@ def frames_of(cloud: Cloud, plates: Plates, rim_mm: float = 0.0, flank_mm: float
             continue
         if has_below and one.below is not None:
             one = one._replace(faces=[*one.faces, one.below])
-        x, _, column = _profile(cloud, i)
+        x, _, column = profile(cloud, i)
         for k, label in enumerate(found):
             labels[i, column[_on_face(x, one, k, 0.0 if has_below else rim_mm, flank_mm)]] = label
         if one.arc:

@@ -288,7 +288,7 @@ class GrooveSizes:
             found = self.joint.course("a root face", reach, slopes, one.sigma**2)
             value, u = found.value, found.u
         else:
-            value, u = self._end(reach, one.step, one)
+            value, u = self._end(reach, one.step, one.lost[:, 0], one.sigma)
             if one.kind == "bevel":
                 beyond, share = self._seen_in_part(one, one.last - self.corner[k])
         joined = self._joined(one)
@@ -429,7 +429,7 @@ class GrooveSizes:
         one, lower = self.plates[k], abs(depths[0] - depths[1])
         falls, own = [typical(each.fall) for each in self.plates], [ends[f"{name}:reach"] for name in NAMES]
         known = math.hypot(
-            *((typical(end.u) + end.returns_u) * math.sin(fall) for end, fall in zip(own, falls, strict=True))
+            *((typical(end.u) + end.alike_u) * math.sin(fall) for end, fall in zip(own, falls, strict=True))
         )
         if one.shows_root_face or not lower > 0.0 or not lower / math.tan(falls[k]) < one.missing:
             return ends
@@ -441,14 +441,6 @@ class GrooveSizes:
         farther = lower / math.sin(falls[k])
         moved = own[k]._replace(value=own[k].value + mean * farther, unlit=spread * farther)
         return ends | {f"{NAMES[k]}:reach": moved}
-
-    def _end(self, low: Float, steps: Float, one: Plate) -> tuple[Float, Float]:
-        """Where returns end: value and u (k,), NaN where nothing tells it."""
-        step = typical(steps)
-        good = self._together(low, np.isfinite(low) & np.isfinite(steps), step)
-        if good.sum() < LEAST_ENDS:
-            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
-        return self._silhouette(low, steps, one.lost[:, 0], one.sigma, good)
 
     def _together(self, low: Float, good: Bool, step: float) -> Bool:
         """Profiles (n,) of `good` whose ends follow one smooth course, each about it by a step, mm.
@@ -466,28 +458,23 @@ class GrooveSizes:
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
         return near
 
-    def _silhouette(self, low: Float, step: Float, lost: Float, sigma: float, good: Bool) -> tuple[Float, Float]:
+    def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
+        """Where returns end: value and u (k,), NaN where nothing tells it."""
+        good = self._together(low, np.isfinite(low + step + self.s), typical(step))
+        if good.sum() < LEAST_ENDS:
+            return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
-        s, low, step = self.s[order], low[order], step[order]
-        share = float(np.nanmean(lost[order])) if np.isfinite(lost[order]).any() else 0.0
-        missing = np.full(s.size, np.clip(share, LEAST_LOST, MOST_LOST))
+        s, low, step, one = self.s[order], low[order], step[order], np.ones(order.size)
+        known = lost[order][np.isfinite(lost[order])]
+        share = min(max(float(known.mean()) if known.size else 0.0, LEAST_LOST), MOST_LOST)
         rough = fit_course(s, low + 0.5 * step, step**2 / 12.0 + sigma**2, self.group[order])
-        ends = Ends(
-            s,
-            low,
-            step,
-            np.full(s.size, sigma),
-            missing,
-            np.ones(s.size),
-            np.zeros(s.size),
-        )
-        found = find_end(ends, rough)
-        hidden = ~self.joint.near(good)
+        found = find_end(Ends(s, low, step, sigma * one, share * one, one, 0.0 * one), rough)
+        told = self.joint.near(good)
         for place in found.s[found.contradicted]:
-            hidden |= np.abs(self.at - place) < CELL_MM
-        value = np.where(hidden, np.nan, found.course.value(self.at))
+            told &= np.abs(self.at - place) >= CELL_MM
         said = readings(found.s, found.middle, found.middle_u, found.course, self.at)
-        return value + said.shift_mm, np.hypot(found.course.u(self.at), said.u_mm)
+        value = np.where(told, found.course.value(self.at) + said.shift_mm, np.nan)
+        return value, np.hypot(found.course.u(self.at), said.u_mm)
 
     def _foot(self, k: int, deep: Mapping[str, float]) -> Place | None:
         """How deep a root face reaches that the sensor sees down to its lower edge past the other plate; else None."""
@@ -514,12 +501,11 @@ class GrooveSizes:
         if gap < 2.0 * BELOW_MM and typical(drop) - deep[name] < abs(self.high) + 2.0 * BELOW_MM:
             return None  # without a gap, what is seen below the upper root is the other plate
         self.root_face_seen = True
-        good = shown & (np.abs(drop - np.nanmedian(drop)) < 0.15 * np.nanmedian(drop) + 4.0 * np.nanmedian(one.spacing))
-        if one.is_covered or good.sum() < 3 or towards <= 0.0:
+        if one.is_covered or towards <= 0.0:
             return None
-        far, far_u = self._silhouette(drop, one.spacing, one.lost[:, 1], one.sigma, good)
+        far, far_u = self._end(np.where(shown, drop, np.nan), one.spacing, one.lost[:, 1], one.sigma)
         face, clear = typical(far) - deep[name], gap / towards - abs(self.misalignment)
-        if face < 2.0 * BELOW_MM or face + CLEAR_MM > clear:
+        if not 2.0 * BELOW_MM <= face <= clear - CLEAR_MM:
             return None
         self.feet[name] = drop
         return Place(far, far_u, one.sigma**2, returns_u=STEP_SHARE * typical(one.spacing))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import Cloud
 from workbench.checks.corners import thinning
@@ -30,6 +31,7 @@ FEW, COLUMNS = 10, 400  # profiles that show whether there are two plates, and a
 LOOKED_AT = 100  # and eight times as many profiles, among which these are
 LEAST_RETURNS = 50  # of a profile
 LEAST_TOLD = 150  # of most profiles, for a type: of 98, a fillet of 4 mm had seven, and a U was measured as an HV
+NEIGHBOURS, STEADY_SIGMAS, STEADY_MM = 31, 5.0, 0.3  # profiles; corners further off their running median are false
 LEAST_FACE = 0.34  # share of the profiles that show a face, for a plate to have it
 
 
@@ -92,6 +94,11 @@ def read_frames(cloud: Cloud) -> ReadFrames:
         raise InputError(
             cloud.source, f"no profile shows the plates as most do ({left} left, {right} right): no groove?"
         )
+    steady = _steady(
+        np.array([[*one[0].corner, *one[1].corner] for k in good if (one := read[k]) is not None]),
+        cloud.pass_index[[frames[k] for k in good]],
+    )
+    good = [k for k, on in zip(good, steady, strict=True) if on]
     kept = [one for k in good if (one := read[k]) is not None]
     ends = np.array([profiles[k][2][[a.last, b.last]] for k, (a, b) in zip(good, kept, strict=True)])
     if left == right == "edge" and (ends == np.median(ends, axis=0)).all(axis=1).mean() > BLIND_SHARE:
@@ -156,6 +163,19 @@ def _profiles(cloud: Cloud) -> tuple[list[int], list[tuple[Float, Float, Int]], 
     way = flips(cloud)
     frames = np.flatnonzero(cloud.keep.sum(axis=1) >= LEAST_RETURNS).tolist()
     return frames, [profile(cloud, i, way[i]) for i in frames], way
+
+
+def _steady(corners: Float, group: Int) -> Bool:
+    """Profiles (n,) whose corners (n, 4) lie where those of their neighbours do: lost returns make false ends."""
+    out = np.ones(len(corners), bool)
+    for p in np.unique(group):
+        mine = np.flatnonzero(group == p)
+        for _ in range(2):
+            near = mine[out[mine]]
+            off = np.abs(corners[near] - scipy.ndimage.median_filter(corners[near], (NEIGHBOURS, 1), mode="nearest"))
+            wide = np.maximum(STEADY_SIGMAS * np.median(off, axis=0) / 0.6745, STEADY_MM)
+            out[near] = (off < wide).all(axis=1)
+    return out
 
 
 def _kind(sides: list[Side]) -> tuple[Kind, float]:

@@ -31,6 +31,9 @@ MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is o
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet
 JOINED_SHARE = 1.0  # where the other plate's returns follow at once: the last one or two may be of either
 END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a face that is not seen: its rounding too
+# Times u of what lasts on a face, whose strength a few places tell: of Student's t with eight freedoms three of these
+# hold what three of a known one do.
+SURELY = 1.4
 LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
 WAVE_MM = 20.0  # of length, for each degree of a rough course
@@ -99,6 +102,12 @@ class GrooveSizes:
         self.s, self.group, self.at = along.s, along.group, along.at
         lines = [line for one in plates for line in one.lines]
         images = tuple(image for one in plates for image in one.images)
+        face_forms = [
+            replace(
+                one, turn_u=SURELY * one.turn_u, lower_u_mm=SURELY * one.lower_u_mm, upper_u_mm=SURELY * one.upper_u_mm
+            )
+            for one in forms(images, self.at, sensor)
+        ]
         self.right = len(plates[0].lines)  # number of the right plate's upper surface among all lines
         self.places, self.angles = [one.place for one in lines], [one.angle for one in lines]
         self.feet: dict[str, Float] = {}  # root faces that are measured: how deep they reach in each profile (n,)
@@ -109,7 +118,7 @@ class GrooveSizes:
         ]
         width, gap = (typical(self.seen.apart(corner)[:, 0]) for corner in ("upper", "root"))
         apart = max(width if math.isnan(gap) else gap, 0.0)
-        self.joint = JointLines(source, lines, forms(images, self.at, sensor), along, apart)
+        self.joint = JointLines(source, lines, face_forms, along, apart)
         self.misalignment = typical(self.seen.apart("upper")[:, 1])
         self.sizes: dict[str, Quantity] = {}
         self.corners: dict[str, Corner] = {}

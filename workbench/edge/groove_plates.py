@@ -11,7 +11,7 @@ import numpy as np
 from workbench.artefacts import Cloud
 from workbench.edge.directions import wrapped
 from workbench.edge.fillet import Fillets, fit_below_flank, fit_circle
-from workbench.edge.groove_frames import ReadFrames
+from workbench.edge.groove_frames import LEAST_FACE, ReadFrames
 from workbench.edge.groove_profile import DROP_MM, DROP_POINTS, SHARED, Kind, Side
 from workbench.edge.joint_lines import FaceLine, joined, meeting, typical
 from workbench.edge.residual_image import FaceImage, face_image
@@ -24,8 +24,7 @@ from workbench.units import DEG, AnyArray, Float, Int, Shaped
 
 LABELS = ((1, 2), (3, 4))  # upper surface and the face below it, of the left and of the right plate
 UNSEEN = ("edge", "hidden")  # kinds of plates of whose faces nothing, or a fillet only, is seen
-LEAST_FACE = 0.34  # share of the profiles that show a root face, for its lean to be told
-SHOWS = 0.5  # and for it to be measured
+SHOWS = 0.5  # share of the profiles that show a root face, for it to be measured
 COVERED = 0.34  # of profiles in which something joins a plate's end, from which on nothing tells where it is
 ADJOINS_COLUMNS, ADJOINS_RETURNS = 2, 3  # at most between the plates' ends, where these lie side by side in the view
 MOST_BETWEEN = DROP_POINTS + SHARED + 1  # as few do not tell a weld; they join the ends where none lies deeper

@@ -13,7 +13,7 @@ from workbench.artefacts import Corner, Quantity
 from workbench.edge.fillet import FORM_U_MM
 from workbench.edge.groove_plates import SHOWS, UNSEEN, Plate
 from workbench.edge.groove_profile import BELOW_MM
-from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, hidden, typical
+from workbench.edge.joint_lines import LEAST_FRAMES, Along, JointLines, Place, Values, corners, hidden, typical
 from workbench.edge.residual_image import Linearity, forms
 from workbench.edge.steps import own_places, readings
 from workbench.geometry.course import fit_course
@@ -34,7 +34,6 @@ END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a fac
 # Times u of what lasts on a face, whose strength a few places tell: of Student's t with eight freedoms three of these
 # hold what three of a known one do.
 SURELY = 1.4
-LEAST_ENDS = 6  # profiles that show an end
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
@@ -379,7 +378,7 @@ class GrooveSizes:
         column = one.step * sine * cosine
         mixed = above / column
         told = mixed[np.abs(mixed) < MOST_MIXED]
-        if told.size < LEAST_ENDS:
+        if told.size < LEAST_FRAMES:
             return 0.0, STEP_SHARE
         form = self.joint.forms[1 if one is self.plates[0] else -1]
         doubt = math.hypot(float(told.std()) / math.sqrt(told.size), typical(form.offset_u_mm) / typical(column))
@@ -456,13 +455,13 @@ class GrooveSizes:
 
         A tack weld, or lost returns, end some far earlier; what ends a little earlier is left to the readings.
         """
-        if good.sum() < LEAST_ENDS:
+        if good.sum() < LEAST_FRAMES:
             return good
         wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
         off, near = low - np.median(low[good]), good
         for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0), (wave, TOGETHER_STEPS)):
             near = good & (np.abs(off) < wide * max(step, 0.02))
-            if near.sum() < max(LEAST_ENDS, 2 * degree):
+            if near.sum() < max(LEAST_FRAMES, 2 * degree):
                 break
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
         return near
@@ -470,7 +469,7 @@ class GrooveSizes:
     def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
         good = self._together(low, np.isfinite(low + step + self.s), typical(step))
-        if good.sum() < LEAST_ENDS:
+        if good.sum() < LEAST_FRAMES:
             return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]
         s, low, step, one = self.s[order], low[order], step[order], np.ones(order.size)

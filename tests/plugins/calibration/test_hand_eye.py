@@ -157,7 +157,8 @@ def _rotations(rec: Recording) -> Any:
 def test_a_wrong_scale_is_named_and_taken_out(axis: str, factor: float) -> None:
     rec, _ = made(8, k=12)
     bad = dataclasses.replace(rec, **{f"{axis}_mm": getattr(rec, f"{axis}_mm") * np.float32(factor)})
-    right, found = (hand_eye(circles(one), one)[1] for one in (rec, bad))
+    right, (_, found, document) = hand_eye(circles(rec), rec)[1], hand_eye(circles(bad), bad)
+    assert json.loads(document.content)["sensor_scale"] == list(found.hand_eye.sensor_scale)
     which = "xz".index(axis)
     assert right.hand_eye.sensor_scale == (1.0, 1.0)
     assert found.hand_eye.sensor_scale[1 - which] == 1.0

@@ -16,6 +16,14 @@ from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.solve import solve
 
 
+def test_a_subset_counts_its_own_rows(rng: Any) -> None:
+    made = cell(rng, *postures(rng, 6))
+    part = from_arrays(*circles(rng, made), made.poses).subset(np.arange(6) % 2 == 1)
+    assert part.here.still.tolist() == [0, 1, 2]
+    assert (part.here.base_from_flange == made.poses[1::2]).all()
+    assert part.frames == ((1,), (3,), (5,))
+
+
 def same_orientation(rng: Any, turns: Any, centre: Any) -> Any:
     return np.repeat(turns[:1], len(turns), axis=0), centre
 

@@ -57,7 +57,7 @@ def require_bevel(
     shown: Shown,
     limits: Mapping[str, Bound] | None = None,
 ) -> tuple[Check, ...]:
-    """As `judge_faces`, and two plates with a groove between them are no bevel, nor are faces that the view cuts off.
+    """As `judge_faces`; nor are faces a bevel that the view cuts off, or whose mirror image in view fits as well.
 
     Args:
         cloud, labels: see there.
@@ -84,13 +84,16 @@ def require_bevel(
     told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
     beside = [abs(angle - shown.bevel_nominal_deg) for angle in (shown.bevel_deg, 90.0 - shown.bevel_deg)]
     right = check("complement_nearer_deg", beside[0] - beside[1] if alone else None, told, given=limits)
+    plates = plates_check(shown.two_plates_share if alone else 0.0, limits)
+    other = alone or shown.two_plates_share > most("two_plates_share")
     told = "read the other way, bevel face as root face, the profiles fit as well: both are about as wide as the "
-    told += "nominal root face, and neither upper nor lower surface is in view: give upper_side, or widen the view"
-    told = told if alone else "the upper or the lower surface is in view, and tells the faces apart"
-    apart = check("readings_apart", shown.readings_apart if alone else None, told, given=limits)
+    told += "nominal root face, and neither upper nor lower surface is in view, or another plate is: give upper_side, "
+    told += "widen the view, or is it a weld groove, for inspect_groove.json?"
+    told = told if other else "the upper or the lower surface is in view, and tells the faces apart"
+    apart = check("readings_apart", shown.readings_apart if other else None, told, given=limits)
     judged = judge_faces(cloud, labels, limits, shown.lies_on, shown.rim_mm)
     stepped = beside_check(cloud, labels, limits)
-    checks = (plates_check(shown.two_plates_share, limits), seen, wide, *judged, stepped, right, apart)
+    checks = (plates, seen, wide, *judged, stepped, right, apart)
     refuse_failed(checks, f"{cloud.source}: no bevel", "edge.segment.limits")
     return checks
 

@@ -177,7 +177,8 @@ LIMITS: dict[str, Limit] = {
     "readings_apart": Limit(
         (0.25, 1e5),
         "by how much root face and bevel face, read the other way round, fit worse, where neither upper nor lower "
-        "surface is in view: half the square of the logarithm of a width over its nominal one, in units of 0.6",
+        "surface is in view, or two plates are: half the square of the logarithm of a width over its nominal one, in "
+        "units of 0.6",
         "where both faces are as wide, nothing tells them apart; 0.25 is a bevel face 1.5 times as wide as the nominal "
         "root face",
     ),
@@ -246,8 +247,10 @@ LIMITS: dict[str, Limit] = {
     ),
     "two_plates_share": Limit(
         0.4,
-        "share of some profiles in which two level plates with a groove between them were found, of a single edge",
-        "grooves show them in 0.9 and more, edges beside a table or a fixture in less than 0.1",
+        "share of some profiles in which two level plates with a groove between them were found, of a single edge that "
+        "shows no other surface",
+        "grooves show them in 0.9 and more, edges beside a table in less than 0.1; beside a rail as high as the plate "
+        "in all: there its upper surface tells the one edge that has a root face and a bevel",
     ),
     "groove_compound": Limit(
         0.2,

@@ -28,7 +28,6 @@ GHOST_MM, SAME_MM, SAME_ANGLE = 1.0, 0.1, 4.0 * DEG  # a face goes on beyond ret
 # Of what a plate lies on: angle to the upper surface, width in view, what the view may show beyond it, and columns of
 # the root face that noise puts below it.
 TABLE_ANGLE, TABLE_MM, TABLE_END_MM, BELOW_COLUMNS = 3.0 * DEG, 5.0, 1.0, 2.0
-PIECES_APART = 4  # places in the chain, at most, between two pieces of one face
 SURFACE_MM = 1.0  # of an upper or lower surface, in view
 CUT_OFF = 4.0  # what it costs that the field of view cuts the root face off: its width then says nothing
 
@@ -88,7 +87,7 @@ def whole_faces(chain: Float) -> Float:
     """
     first = 0
     while True:
-        found = [(*_of_one_face(chain, apart), apart) for apart in range(2, min(len(chain), PIECES_APART + 1))]
+        found = [(*_of_one_face(chain, apart), apart) for apart in range(2, len(chain))]
         pairs = [(i, -apart, line[i]) for one, line, apart in found for i in np.flatnonzero(one).tolist() if i >= first]
         if not pairs:
             return chain

@@ -320,7 +320,16 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 @kernel
 def _follow_frame(
-    x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float, sums: Float, end: Float
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    own: Bool,
+    side: float,
+    state: Float,
+    sigma: Float,
+    rim_mm: float,
+    sums: Float,
+    end: Float,
 ) -> bool:
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
@@ -338,20 +347,20 @@ def _follow_frame(
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        _sums(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
+        _sums(x, z, own, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
         moved = _refit(state, sums, sigma, step > 0)
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
         if step == GATES_MM.size - 1:
-            _leave_ghosts(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
+            _leave_ghosts(x, z, own, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
             plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))
     limits = _limits(state, side, margin, rim_mm)
     if moved > STILL:
-        _sums(x, z, keep, spans, side, state, limits, gates, sums)
-    _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
+        _sums(x, z, own, spans, side, state, limits, gates, sums)
+    _mark_ends(x, z, own, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
     for k, value in enumerate(root_end(x, z, keep, side, state, sums, gates[ROOT])):
@@ -409,6 +418,7 @@ class Profiles(NamedTuple):
     x: Shaped[Float32, "r M"]  # one row for all frames, or each frame's own
     z: Shaped[Float32, "n M"]
     keep: Shaped[Bool, "n M"]
+    own: Shaped[Bool, "n M"]  # of these, what may be a face's; where the root face ends, all that is kept tells
 
 
 class KeyFrames(NamedTuple):
@@ -454,12 +464,12 @@ def _follow_from(
             for f in range(4):
                 for k in range(4):
                     state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
-        trial, x, z, keep = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.keep[frame]
-        seen[frame] = _follow_frame(x, z, keep, side, trial, sigma, rim_mm, sums[frame], end[frame])
+        trial, x, z, own = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.own[frame]
+        seen[frame] = _follow_frame(x, z, grid.keep[frame], own, side, trial, sigma, rim_mm, sums[frame], end[frame])
         if seen[frame]:
             _copy(trial, state)
             lost = 0
-            _label(x, z, keep, side, state, sigma, names, labels[frame])
+            _label(x, z, own, side, state, sigma, names, labels[frame])
         else:
             for f in range(4):
                 for k in range(8):
@@ -494,7 +504,7 @@ def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: flo
 
     names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
     """
-    profiles = Profiles(as_rows(grid.x), as_input(grid.z), as_input(grid.keep))
+    profiles = Profiles(as_rows(grid.x), *(as_input(of) for of in grid[1:]))
     frames, states = as_input(keys.frames), as_input(keys.states)
     faces = KnownFaces(side, as_input(keys.sigma), as_input(names), rim_mm)
 

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.drawn.plates import random_recipe
+from bench.metrology.users import inspect_as_a_user
 from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_rim import measured
 from workbench.artefacts import FORM
 from workbench.edge.residual_image import FaceImage, Linearity, forms
 from workbench.errors import WorkbenchError
+from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Int
 
 WALKING = (45, 51, 58, 60, 67, 71, 77, 79)  # those of seeds 40 to 79 whose sensor walks
@@ -45,6 +48,20 @@ def test_a_sensor_without_an_error_leaves_little_in_u() -> None:
     for seed in QUIET:
         form = measured(walking(seed, 0.0), edge_condition="sharp").bevel.u_by_source[FORM]
         assert np.nanmedian(form) < 0.05
+
+
+def test_a_pattern_that_a_narrow_face_takes_for_its_slope_is_told_by_wide_ones() -> None:
+    """A wave of 16 columns turns a root face of eight: eight u while wide faces were read by twenty columns at once."""
+    recording, truth = simulate_recording(random_recipe("oblique", 8704))
+    wave = 0.02 * np.sin(2.0 * np.pi * np.arange(recording.z_mm.shape[1]) / 16.0)
+    spoilt = replace(recording, z_mm=(recording.z_mm + wave).astype(np.float32))
+    inspection = inspect_as_a_user(spoilt, truth)
+    at = truth.arc_length_mm_at(np.array([one.origin_mm for one in inspection.sections]))
+    off = np.array([one.bevel_deg for one in inspection.sections])
+    off -= np.interp(at, truth.arc_length_mm, truth.bevel_deg)
+    u = np.array([one.bevel_u_deg for one in inspection.sections])
+    assert np.abs(off).min() > 0.5
+    assert np.abs(off / u).max() < 3.5
 
 
 def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:

@@ -47,9 +47,10 @@ PACKED = "returns packed into the first columns, lost ones left out: export ever
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
-# Where ranges jump: returns of a straight side, the least jump (mm), so many jumps, columns from side to side at most,
+# Where ranges jump: returns of a straight side, the least jump (mm; times what the slopes of
+# its sides rise), so many jumps, columns from side to side at most,
 # and the share of a jump by which a return that is of no side is off both: more than a rounding or the noise leaves.
-SIDE, JUMP_MM, LEAST_JUMPS, ACROSS, OF_NO_SIDE = 4, 3.0, 20, 24, 0.05
+SIDE, JUMP_MM, STEEPER, LEAST_JUMPS, ACROSS, OF_NO_SIDE = 4, 3.0, 3.0, 20, 24, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +129,15 @@ def columns_of_no_side(z: Float) -> float:
     values = z[row[:, None], np.minimum(last[:, None] + at, size - 1)]  # from the beginning of the one side
     line, begins = np.linalg.pinv(np.vander(np.arange(SIDE), 2)).T, SIDE - 1 + apart[:, None]
     near, far = values[:, :SIDE] @ line, np.take_along_axis(values, begins + np.arange(SIDE), axis=1) @ line
+    rise = np.abs(near[:, 0]) + np.abs(far[:, 0])  # from side to side, as far as the sides' own slopes go
+    least = np.maximum(JUMP_MM, STEEPER * rise * apart)[:, None]
     near = near[:, :1] * (at + SIDE - 1) + near[:, 1:]
-    jump = far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near
+    jump = np.abs(far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near)
     between = (at > 0) & (at < apart[:, None])
-    whole = np.where(between, np.isfinite(values) & (np.abs(jump) > JUMP_MM), True).all(axis=1) & (apart > 1)
-    off = np.minimum(np.abs(values - near), np.abs(values - near - jump))
-    found = (between & (off > OF_NO_SIDE * np.abs(jump))).sum(axis=1)[whole]
+    abrupt = np.where(between, jump > least, True).all(axis=1) & (apart > 1)
+    off = np.abs(values - near)
+    off = np.minimum(off, np.abs(off - jump))
+    found = (between & (off > OF_NO_SIDE * jump)).sum(axis=1)[abrupt]
     usual = float(np.median(found)) if len(found) >= LEAST_JUMPS else 0.0
     return usual if usual > 1.0 else 0.0
 

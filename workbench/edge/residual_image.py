@@ -9,8 +9,9 @@ their restricted likelihood (Harville, JASA 72 (1977), 320), and their part in t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from workbench.units import AnyArray, Float, Shaped
 FRAMES, LEAST_FRAMES = 480, 4  # evenly over the recording; of a stretch at the least
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
 PLACES, LEAST_PLACES = 16, 5  # on a face, along it
+OFTEN = 0.1  # of the frames, that a column sees a face
 SHRUNK = 0.2  # of the covariance between places towards none: a few frames tell it badly
 # Strengths that are alike likely before: of the walk of the range, rms over 1 lateral mm, and of single places; mm.
 WALKS = np.concatenate([[0.0], np.geomspace(1e-4, 0.1, 21)])
@@ -82,7 +84,9 @@ class FaceImage(NamedTuple):
     noise: Shaped[Float, "k p p"]  # its covariance, mm^2
     place_mm: Shaped[Float, " p"]  # along the face from its middle, towards its lower end
     lean: float  # mm along the face by mm of the sensor's lateral axis
-    of_columns: FaceImage | None = None  # the same by the sensor's columns, less what the places say: one stretch
+    wide: int = 1  # columns a place
+    # What places leave by the sensor's columns, as wide as the places of the image that is given; None: too few.
+    by_columns: Callable[[FaceImage], FaceImage | None] = lambda _: None
 
 
 def face_image(
@@ -124,18 +128,32 @@ def face_image(
     if image is None:
         return None
     mean = np.stack([np.interp(s_frames[frames], image.s, of) for of in image.mean.T], axis=1)
-    left = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
+    left = np.full(on.shape, np.nan)
+    left[frame, column] = off[frame, column] - mean[frame, place[frame, column].astype(np.int64)]
+    often = on.sum(axis=0) >= OFTEN * frames.size
     wide = max(1, round(float(np.median(on.sum(axis=1))) / places))
-    bins = on.shape[1] // wide + 1
-    key = frame * bins + column // wide
-    count = np.bincount(key, minlength=frames.size * bins).reshape(-1, bins)
-    total = np.bincount(key, left, minlength=frames.size * bins).reshape(-1, bins)
-    often = (count > 0).sum(axis=0) >= max(2 * LEAST_FRAMES, 0.1 * frames.size)
-    value = np.where(count > 0, total / np.maximum(count, 1), np.nan)[:, often]
-    if value.shape[1] < LEAST_PLACES:
-        return image
-    at_mm = (np.flatnonzero(often) - 0.5 * bins) * width
-    return image._replace(of_columns=_pooled(value, s_frames[frames], at_mm - at_mm.mean(), image.lean, 1))
+    return image._replace(wide=wide, by_columns=partial(_patches, left[:, often], width / wide, image.lean))
+
+
+def _patches(left: Float, column_mm: float, lean: float, asked: FaceImage) -> FaceImage | None:
+    """Patches of what places leave in frames by columns (f, n), with places as wide as those of the face asked about.
+
+    It is fixed to the sensor: places of a wide face average out what turns a narrow one, and those of a face that moves
+    in the view what stays in its column.
+    """
+    places = min(PLACES, left.shape[1] // asked.wide)
+    if places < LEAST_PLACES:
+        return None
+    size = places * asked.wide
+    begins = np.linspace(0, left.shape[1] - size, min(PLACES, left.shape[1] // size)).astype(np.int64)
+    place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
+    values = (left[:, begin : begin + size].reshape(-1, places, asked.wide) for begin in begins)
+    found = [_pooled(_mean(value), np.arange(len(value), dtype=float), place, lean, 1) for value in values]
+    known = [one for one in found if one is not None]
+    if not known:
+        return None
+    mean, noise = (np.concatenate(parts) for parts in zip(*((one.mean, one.noise) for one in known), strict=True))
+    return FaceImage(np.zeros(len(mean)), mean, noise, place, lean)
 
 
 def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 1000) -> FaceImage | None:
@@ -155,6 +173,12 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 10
     counted = np.array([np.isfinite(value[stretch == k]).sum(axis=0).mean() for k in keep]) / _together(left)
     at = np.array([s[stretch == k].mean() for k in keep])
     return FaceImage(at, middle, covariance[None] / counted[:, None, None], place_mm, lean)
+
+
+def _mean(value: Float) -> Float:
+    """Means (f, p) of what is known of (f, p, w)."""
+    known = np.isfinite(value)
+    return np.asarray(np.where(known, value, 0.0).sum(axis=2) / np.where(known.any(axis=2), known.sum(axis=2), np.nan))
 
 
 def _trimmed(value: Float) -> Float:
@@ -183,19 +207,14 @@ def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> t
     each that a scan shows tells it, a wide one most; or each face's own: weighed by what the images say.
     """
     tables = [None if one is None else _likelihoods(one) for one in images]
-    columns = [None if one is None or one.of_columns is None else _likelihoods(one.of_columns) for one in images]
     nothing, out = np.zeros(at.size), []
-    for image, table, walk, by_column, column_walk in zip(
-        images, tables, _walks(tables), columns, _walks(columns), strict=True
-    ):
+    for f, (image, table, walk) in enumerate(zip(images, tables, _walks(tables), strict=True)):
         if image is None or table is None:
             out.append(FaceForm(nothing, nothing, nothing, 1.0))
             continue
-        lasting = [_lasting(image, one, walk) for one in table]
-        if by_column is not None:
-            beside = _lasting(image, by_column[0], column_walk)
-            lasting = [one + beside for one in lasting]
-        out.append(_form(image, lasting, at, sensor))
+        columns = [None if one is None else one.by_columns(image) for one in images]
+        fixed = _walks([None if one is None else _likelihoods(one) for one in columns])[f] @ WALKS**2 * _walk(image)
+        out.append(_form(image, [_lasting(image, one, walk) + fixed for one in table], at, sensor))
     return tuple(out)
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.edge.lower_fillet import LIT_COLUMNS
-from workbench.edge.residual_image import PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
+from workbench.edge.residual_image import LEAST_PLACES, PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
 from workbench.edge.rim import (
     DEEP_MM,
     DEPTH_U_MM,
@@ -264,12 +264,22 @@ def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) 
     line = np.stack([np.ones(places), place / place[-1]], axis=1)
     left = np.eye(places) - line @ np.linalg.pinv(line)  # each frame's residuals are those beside its own line
     variance, lean = face.noise_mm**2 * places / face.free, 1.0 / math.cos(face.incidence)
-    frames, all_frames = min(length_mm, STRETCH_MM) / view.frame_pitch_mm, length_mm / view.frame_pitch_mm
-    mean, beside = (math.sqrt(variance / n) * (left @ rng.normal(size=places))[None] for n in (frames, all_frames))
-    noise = variance * left[None]
-    middle = np.zeros(1)
-    columns = FaceImage(middle, beside, noise / all_frames, place, lean)
-    return FaceImage(middle, mean, noise / frames, place, lean, columns)
+    frames = min(length_mm, STRETCH_MM) / view.frame_pitch_mm
+    mean = math.sqrt(variance / frames) * (left @ rng.normal(size=places))[None]
+    wide = max(1, round(face.columns / places))
+
+    def by_columns(asked: FaceImage) -> FaceImage | None:
+        count = int(min(face.columns // asked.wide, PLACES))
+        if count < LEAST_PLACES:
+            return None
+        patches = max(int(min(face.columns // (count * asked.wide), PLACES)), 1)
+        one = min(face.noise_mm**2 * face.columns / asked.wide / face.free, face.noise_mm**2)
+        one /= length_mm / view.frame_pitch_mm
+        at = np.asarray((np.arange(count) + 0.5 - 0.5 * count) * asked.wide * face.width_mm / face.columns)
+        noise = np.broadcast_to(one * np.eye(count), (patches, count, count))
+        return FaceImage(np.zeros(patches), math.sqrt(one) * rng.normal(size=(patches, count)), noise, at, lean)
+
+    return FaceImage(np.zeros(1), mean, variance * left[None] / frames, place, lean, wide, by_columns)
 
 
 # The broken end: edges of the prior, as a pass would see them.

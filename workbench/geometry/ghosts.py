@@ -10,10 +10,7 @@ from workbench.geometry import tracking
 from workbench.geometry.medians import medians
 from workbench.units import Bool, Float, Float32, Int
 
-BLOCKS, BLOCK = (
-    60,
-    16,
-)  # stretches of a pass that are judged each by itself, at most; frames of each that are looked at, about
+BLOCKS, BLOCK = 60, 16  # stretches of a pass that are judged each by itself, at most; frames looked at of each, about
 PLACES = 16  # on a face, along it
 NEAR_MM = 0.6  # of a face's line: returns further off are another surface's
 ON, ASIDE, WIDER = 0.5, 2.0, 2.0  # times a return's noise: places on the face, and off it, with a jump; their scatter

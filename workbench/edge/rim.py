@@ -48,7 +48,8 @@ PRIORS: dict[EdgeCondition, EdgePrior] = {
 }
 SIZES, TURNS = 24, np.radians(np.arange(15.0, 80.0, 10.0))  # templates: sizes of each kind, turns of chamfers
 # Greatest angle of incidence at which a return is kept: below 60 deg where the camera looks away from the lobe.
-INCIDENCES = np.radians(np.arange(44.0, 89.0, 6.0))
+STEP = math.radians(6.0)
+INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
 # A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on: columns by
@@ -365,7 +366,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     fall, fall_u = fall - raised, QUARTER * fall[order]
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
     log[order] = score
-    log += np.log(PIXEL_PRIOR)[pixel] + np.log(INCIDENCES.size * INCIDENCE_PRIOR)[limit]
+    kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
+    log += np.log(PIXEL_PRIOR)[pixel] + np.log(kept / kept.mean())[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
     beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm

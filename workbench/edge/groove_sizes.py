@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy.ndimage
 
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.fillet import FORM_U_MM
@@ -35,6 +36,7 @@ END_SHARE, ROUNDED_U_MM = 0.6, 0.03  # of an upper surface that ends above a fac
 # hold what three of a known one do.
 SURELY = 1.4
 TOGETHER_STEPS = 2.0  # ends further off the others are lost, or hidden by a weld
+JUMP_PROFILES = 5  # that a sudden change of an end takes at most, and whose median noise does not move
 WAVE_MM = 20.0  # of length, for each degree of a rough course
 LEAST_LOST, MOST_LOST = 0.05, 0.6  # share of a face's columns without return
 CLEAR_MM = 0.3  # by which the line of sight must clear the other plate
@@ -138,7 +140,7 @@ class GrooveSizes:
         for k, one in enumerate(self.plates):
             if one.kind in UNSEEN:
                 column = typical(one.edge_step)
-                near = self._together(towards, np.isfinite(towards), 2.0 * column)
+                near = self._together(towards, np.isfinite(towards), 2.0 * column, column)
                 own = own_places(self.s, np.where(near, towards, np.nan), one.edge_step**2 / 6.0)
                 near &= own > 0.5
                 self.plates[k] = replace(one, end=np.where(near[:, None], one.end, np.nan))
@@ -450,13 +452,14 @@ class GrooveSizes:
         moved = own[k]._replace(value=own[k].value + mean * farther, unlit=spread * farther)
         return ends | {f"{NAMES[k]}:reach": moved}
 
-    def _together(self, low: Float, good: Bool, step: float) -> Bool:
-        """Profiles (n,) of `good` whose ends follow one smooth course, each about it by a step, mm.
+    def _together(self, low: Float, good: Bool, step: float, column: float) -> Bool:
+        """Profiles (n,) of `good` whose ends follow one smooth course: a tack weld, or lost returns, end one earlier.
 
-        A tack weld, or lost returns, end some far earlier; what ends a little earlier is left to the readings.
+        Single ends lie about it by a step, those of many profiles by a column, mm.
         """
         if good.sum() < LEAST_FRAMES:
             return good
+        good = good & ~self._cut_off(low, good, TOGETHER_STEPS * column)
         wave = 3 + round(min(6.0, float(np.ptp(self.s[good])) / WAVE_MM))
         off, near = low - np.median(low[good]), good
         for degree, wide in ((0, 12.0), (1, 8.0), (3, 6.0), (wave, 4.0), (wave, 3.0), (wave, TOGETHER_STEPS)):
@@ -466,9 +469,38 @@ class GrooveSizes:
             off = low - np.polynomial.Polynomial.fit(self.s[near], low[near], degree)(self.s)
         return near
 
+    def _cut_off(self, low: Float, good: Bool, jump: float) -> Bool:
+        """Profiles (n,) of stretches that begin or end where a face suddenly ends earlier, by more than `jump` mm.
+
+        Plates end in smooth curves; returns that are lost over a block of profiles and columns do not. The larger part
+        of a pass stays: beside spatter that makes a face longer it is what ends earlier.
+        """
+        found = np.zeros(good.size, bool)
+        for one in np.unique(self.group[good]):
+            mine = np.flatnonzero(good & (self.group == one))
+            mine = mine[np.argsort(self.s[mine], kind="stable")]
+            if mine.size < 2 * JUMP_PROFILES:
+                continue
+            even = scipy.ndimage.median_filter(low[mine], JUMP_PROFILES, mode="nearest")
+            change = even[JUMP_PROFILES:] - even[:-JUMP_PROFILES]  # between places on both sides of a profile
+            way = self.s[mine][JUMP_PROFILES:] - self.s[mine][:-JUMP_PROFILES]
+            apart = float(np.median(change / np.maximum(way, 1e-6)))  # of plates that run together or apart
+            change -= apart * way
+            steep = np.abs(change) > jump
+            first = np.flatnonzero(steep & ~np.r_[False, steep[:-1]])
+            last = np.flatnonzero(steep & ~np.r_[steep[1:], False])
+            cuts = [a + int(np.argmax(np.abs(change[a : b + 1]))) for a, b in zip(first, last, strict=True)]
+            pieces = np.split(np.arange(mine.size), [cut + JUMP_PROFILES // 2 + 1 for cut in cuts])
+            level = np.append(0.0, np.cumsum(change[cuts]))
+            for k, piece in enumerate(pieces):
+                beside = float(level[max(k - 1, 0) : k + 2].max())
+                if level[k] < beside - jump and piece.size <= mine.size / 2:
+                    found[mine[piece]] = True
+        return found
+
     def _end(self, low: Float, step: Float, lost: Float, sigma: float) -> tuple[Float, Float]:
         """Where returns end: value and u (k,), NaN where nothing tells it."""
-        good = self._together(low, np.isfinite(low + step + self.s), typical(step))
+        good = self._together(low, np.isfinite(low + step + self.s), typical(step), typical(step))
         if good.sum() < LEAST_FRAMES:
             return np.full(self.at.size, np.nan), np.full(self.at.size, np.nan)
         order = np.flatnonzero(good)[np.argsort(self.s[good], kind="stable")]

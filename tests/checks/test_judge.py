@@ -16,11 +16,12 @@ from scipy.spatial.transform import Rotation
 from bench import outside
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import spheres
+from bench.drawn.grooves import odd_groove
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
 from bench.metrology.users import inspect_as_a_user
 from bench.score.named import mixed_recipe
-from bench.simulators.swept import simulate_swept
+from bench.simulators.swept import simulate_groove, simulate_swept
 from scripts.checks_table import limits_table
 from tests.checks.conftest import good, pooled
 from workbench.artefacts import Check, Recording
@@ -105,7 +106,9 @@ def test_one_orientation_to_the_last_digit_is_told() -> None:
     recording = good("robot_error", 11)
     first = np.repeat(recording.robot_quaternion_wxyz[:1], len(recording.robot_quaternion_wxyz), axis=0)
     held = spoilt(recording, robot_quaternion_wxyz=first)
-    for one, is_told in ((recording, False), (held, True)):
+    rounded = np.round(first + np.random.default_rng(0).uniform(-6e-7, 6e-7, first.shape), 6)  # as a driver writes it
+    rounded /= np.linalg.norm(rounded, axis=1, keepdims=True)
+    for one, is_told in ((recording, False), (held, True), (spoilt(recording, robot_quaternion_wxyz=rounded), True)):
         found = {check.name: check.finding for check in judge_recording(one)}
         assert ("same to the last digit" in found["flange_turn_deg"]) == is_told
 
@@ -286,6 +289,12 @@ def test_a_filter_that_leaves_the_noise_alone_is_seen_where_ranges_jump(sound: b
     spoilt = r if sound else KINDS["Savitzky-Golay over 7 columns"].spoil(r, np.random.default_rng(0))
     told = failed(spoilt).get("mean_columns", "")
     assert told == "" if sound else "averaged its profiles over 4 columns" in told
+
+
+def test_a_steep_face_of_few_columns_is_no_filter() -> None:
+    """A flank between a floor and an upper surface, at 2 mm a column."""
+    recording, _ = simulate_groove(odd_groove("HV", 8_741_000))
+    assert "mean_columns" not in failed(recording)
 
 
 SPHERES = spheres.SOUND | spheres.DEGENERATE

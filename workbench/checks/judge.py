@@ -51,6 +51,7 @@ SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
 SWAYING_DEG_S, LEAST_S = 2.0, 1e-3  # of the turning's rate; with less 5 ms turn the section by 0.01 deg
+LAST_DIGITS_DEG = 2e-4  # between quaternions of six digits that differ in the last; servos follow no better than 1e-3
 TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 CONVENTION_TWIST_DEG = 0.25  # likewise, of a scan that is oblique
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
@@ -537,9 +538,10 @@ def _sways(recording: Recording) -> bool:
 
 
 def _turned_deg(quaternion: Float) -> float:
-    """Greatest angle to the first of unit quaternions (k, 4); 0 where all are that one to the last digit."""
-    chord = np.linalg.norm(quaternion - np.sign(quaternion @ quaternion[0])[:, None] * quaternion[0], axis=1).max()
-    return float(np.degrees(4.0 * np.arcsin(0.5 * chord)))
+    """Greatest angle to the first of unit quaternions (k, 4); 0 where all are that one but for their last digits."""
+    near = np.where(quaternion @ quaternion[0] < 0.0, -1.0, 1.0)[:, None] * quaternion
+    turned = np.degrees(4.0 * np.arcsin(0.5 * np.linalg.norm(near - quaternion[0], axis=1).max()))
+    return float(turned) if turned > LAST_DIGITS_DEG else 0.0
 
 
 def _explains(there: Consistency, now: Consistency) -> bool:

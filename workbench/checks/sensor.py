@@ -47,10 +47,9 @@ PACKED = "returns packed into the first columns, lost ones left out: export ever
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
-# Where ranges jump: returns of a straight side, the least jump (mm; times what the slopes of
-# its sides rise), so many jumps, columns from side to side at most,
-# and the share of a jump by which a return that is of no side is off both: more than a rounding or the noise leaves.
-SIDE, JUMP_MM, STEEPER, LEAST_JUMPS, ACROSS, OF_NO_SIDE = 4, 3.0, 3.0, 20, 24, 0.05
+SIDE, ACROSS = 4, 24  # returns of a straight side of a jump; columns from side to side at most
+JUMP_MM, LEAST_JUMPS = 3.0, 20  # of the ranges, and so many of them
+OF_NO_SIDE = 0.05  # of a jump, by which returns of no side are off both: more than a rounding or the noise leaves
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +82,8 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     pieces_z = pieces_z[enough]
     off, used = _off_line(pieces_x[enough], pieces_z)
     straight = used.mean(axis=1) >= LEAST_SHARE
-    mean = moving_mean(z)
-    traces = SensorTraces(np.nan, mean, mean_frames, held, step_z, step_x, pitch)
+    mean, overshoot = moving_mean(z), overshoot_columns(many)
+    traces = SensorTraces(np.nan, max(mean, overshoot), mean_frames, held, step_z, step_x, pitch)
     if straight.sum() < LEAST_PIECES:
         return traces
     off, used, pieces_z = off[straight], used[straight], pieces_z[straight]
@@ -101,19 +100,21 @@ def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTrac
     if fading(whole, digit) < FILTERED:
         alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
         mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
-    return replace(traces, noise_mm=noise, mean_columns=max(mean, columns_of_no_side(many)))
+    return replace(traces, noise_mm=noise, mean_columns=max(mean, overshoot))
 
 
-def columns_of_no_side(z: Float) -> float:
-    """How many returns lie on neither side of a jump in rows of ranges (n, M), in the median; 0: at most one, or few.
+def overshoot_columns(z: Float) -> float:
+    """How many returns lie on neither side of a jump in rows of ranges (n, M), in the median; 0: none overshoots.
 
-    A pixel that sees both sides makes one. A linear filter over the columns, of whatever weights, answers a jump with
-    as many as it is wide, and takes them from the faces on both sides.
+    A smoothing filter that leaves much of the noise alone has weights below 0 beside those above: it overshoots a jump
+    on both sides, and takes as many returns from the faces as it is wide. A steep face lies between the sides, and so
+    does what a pixel returns that sees both.
 
     Example:
         >>> z = np.repeat([[0.0] * 10 + [30.0] * 10], 40, axis=0) + np.random.default_rng(0).normal(0, 0.01, (40, 20))
-        >>> columns_of_no_side(z), columns_of_no_side((z[:, :-4] + z[:, 1:-3] + z[:, 2:-2] + z[:, 3:-1]) / 4)
-        (0.0, 3.0)
+        >>> filtered = np.apply_along_axis(np.convolve, 1, z, np.array([-3, 12, 17, 12, -3]) / 35, "valid")
+        >>> overshoot_columns(z), overshoot_columns(filtered)
+        (0.0, 4.0)
     """
     bend = np.abs(np.diff(z, n=2, axis=1))
     straight = bend < OUTLIERS * np.nanmedian(bend) if np.isfinite(bend).any() else np.zeros(bend.shape, bool)
@@ -129,17 +130,16 @@ def columns_of_no_side(z: Float) -> float:
     values = z[row[:, None], np.minimum(last[:, None] + at, size - 1)]  # from the beginning of the one side
     line, begins = np.linalg.pinv(np.vander(np.arange(SIDE), 2)).T, SIDE - 1 + apart[:, None]
     near, far = values[:, :SIDE] @ line, np.take_along_axis(values, begins + np.arange(SIDE), axis=1) @ line
-    rise = np.abs(near[:, 0]) + np.abs(far[:, 0])  # from side to side, as far as the sides' own slopes go
-    least = np.maximum(JUMP_MM, STEEPER * rise * apart)[:, None]
     near = near[:, :1] * (at + SIDE - 1) + near[:, 1:]
-    jump = np.abs(far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near)
+    jump = far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near
     between = (at > 0) & (at < apart[:, None])
-    abrupt = np.where(between, jump > least, True).all(axis=1) & (apart > 1)
-    off = np.abs(values - near)
-    off = np.minimum(off, np.abs(off - jump))
-    found = (between & (off > OF_NO_SIDE * jump)).sum(axis=1)[abrupt]
-    usual = float(np.median(found)) if len(found) >= LEAST_JUMPS else 0.0
-    return usual if usual > 1.0 else 0.0
+    jumps = np.where(between, np.abs(jump) > JUMP_MM, True).all(axis=1) & (apart > 1)
+    share = np.full(values.shape, np.nan)
+    np.divide(values - near, jump, out=share, where=between & jumps[:, None])
+    below, beyond = share < -OF_NO_SIDE, share > 1.0 + OF_NO_SIDE
+    of_none = below | beyond | ((share > OF_NO_SIDE) & (share < 1.0 - OF_NO_SIDE))
+    found = (of_none.sum(axis=1) * below.any(axis=1) * beyond.any(axis=1))[jumps]
+    return float(np.median(found)) if len(found) >= LEAST_JUMPS else 0.0
 
 
 def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:

@@ -49,8 +49,6 @@ EVEN = 0.1  # of the depth: the levels of two roots differ by more where plates 
 UNTOLD = 2.0  # a gap of which a face that is not seen may take half, or more, is not told
 PREPARED, ROUND = ("bevel", "round", "hidden"), ("round", "hidden")  # kinds with a root, with a fillet
 NAMES = ("left", "right")
-
-
 EMPTY: Mapping[str, Float | float] = {}
 
 
@@ -225,7 +223,6 @@ class GrooveSizes:
     def measure(self, doubtful: bool) -> None:
         """Fill `sizes` and `corners`; doubtful: nobody said that a face which is not seen is square."""
         ends = self._ends()
-        self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))
         self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))
         ends = self._unlit(self._lit(ends))
         self.seen = self._section(self.places, self.angles, self.joint.in_frames(ends))

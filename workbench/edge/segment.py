@@ -325,8 +325,8 @@ def laser_plane_u(cloud: Cloud) -> float:
     """Standard uncertainty (rad) of the laser plane's direction against the robot's motion: that of the hand-eye pose.
 
     The profiles are turned with it, the way that the edge takes through the base is not. A measured orientation shows
-    by its scatter that it is one. Where all are alike to the last digit, and the section turns, the plate may be
-    twisted, or the orientation was only commanded: the laser plane may have turned across the edge by as much.
+    by its scatter that it is one. Where all are alike but for their last digits, and the section turns, the plate may
+    be twisted, or the orientation was only commanded: the laser plane may have turned across the edge by as much.
     """
     covariance = cloud.hand_eye_covariance
     u = 0.0 if covariance is None else math.sqrt(float(np.trace(covariance[3:, 3:])) / 3.0)

@@ -325,7 +325,6 @@ class _Chain:
         if fillets is not None:
             found_at["root"], found = self._below_fillets(fillets, meets[0], places, angles)
             found_at["root"] = found_at["root"] + np.asarray(told.get("level", 0.0))[..., None] * out
-
             found["root_radius_mm"] = found["root_radius_mm"] + told.get("radius", 0.0)
             found["land_mm"] = found["land_mm"] + told.get("land", 0.0)
         else:

@@ -275,7 +275,7 @@ def centres_picture(calibration: Calibration) -> bytes:
                 axes.annotate(f"{i + 1}", (off[i, a], off[i, b]), (3.0, 3.0), fontsize=7.0)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xticks=ticks, yticks=ticks, aspect="equal")
             axes.set(xlabel=f"{'xyz'[a]} less its mean, mm", ylabel=f"{'xyz'[b]}, mm")
-        said = f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)})"
+        said = f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)}) mm"
         row[0].annotate(said, (0.0, 1.0), (0.0, 6.0), xycoords="axes fraction")
     return figure.svg()
 

@@ -242,6 +242,12 @@ def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dic
         (f"{j}", f"{k / 1e6:.4f} ± {2 * u / 1e6:.4f}", f"{100 * (2 * u / k):.1f} %")
         for j, (k, u) in enumerate(zip(found.nm_per_rad, found.u_nm_per_rad, strict=True), 1)
     ]
+    names = list(dict.fromkeys(labels))
+    key = (
+        zip(pieces.SERIES, (f"posture {name}" for name in names), strict=False)
+        if len(names) <= len(pieces.SERIES)
+        else ()
+    )
     text = (
         pieces.table_html(("Joint", "Stiffness ± U, 10⁶ N·m/rad", "U / value"), rows)
         + pieces.note(f"U: expanded uncertainty, U = 2 u. Condition number {found.condition_number:.1f}. Not in U is:")
@@ -250,8 +256,8 @@ def stiffness_chapter(found: JointStiffness, labels: tuple[str, ...], notes: dic
         + pieces.figure_html(
             _picture(labels, notes["residual_over_noise_of_load"], notes["load_used"]),
             "Residual of each load over its noise",
-            "Residual of each load over its standard uncertainty; ×: left out.",
-            [(colour, f"posture {name}") for colour, name in zip(pieces.SERIES, dict.fromkeys(labels), strict=False)],
+            "Residual of each load over its standard uncertainty, a colour a posture; ×: left out.",
+            key,
         )
     )
     return Chapter("Joint stiffness", text, summary=summary)

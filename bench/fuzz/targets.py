@@ -168,10 +168,10 @@ def _forces(path: Path) -> object:
 
 
 def _seven_corners(path: Path) -> object:
-    from workbench.importing.text import decoded
+    from workbench.importing.text import read_text
     from workbench.look.seven_corners import read_corners
 
-    return read_corners(decoded(path.read_bytes()), str(path))
+    return read_corners(read_text(path), str(path))
 
 
 def _bag(path: Path) -> object:

@@ -112,7 +112,12 @@ def swapped(path: Path, old: str, new: str) -> Path:
 
 REFUSED: dict[str, tuple[Callable[[Path], Path], str, str, str]] = {
     "a number that is none": (makers.write_scancontrol, "-4,500", "-4,5x0", r"line 1, cell 3: expected a number"),
-    "a point for a comma": (makers.write_scancontrol, "-4,500", "-4.500", r"line 1, cell 3: expected a decimal comma"),
+    "a point for a comma": (
+        makers.write_scancontrol,
+        "-4,500",
+        "-4.500",
+        r"cell 3: expected a number with decimal mark ','",
+    ),
     "y that changes": (makers.write_scancontrol, "0,500;0,500", "0,500;0,700", r"line 9: expected one y"),
     "a row too short": (makers.write_scancontrol, ";80,100;", ";", r"line \d+: expected \d+ numbers as in x"),
     "another version": (makers.write_gocator, "2,1,0", "1,1,0", r"line 3: expected CSV Version 2, found '1'"),
@@ -121,8 +126,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str, str, str]] = {
     "no column count": (makers.write_gocator, f",{makers.COLUMNS},", ",,", r"expected 'Row Count' and 'Column Count'"),
     "an infinity": (makers.write_gocator, "80.05000", "inf", r"cell \d+: expected a finite number, found 'inf'"),
     "no y": (makers.write_gocator, "\n0.00000,", "\n,", r"line 15: expected a coordinate"),
-    "valid 2": (makers.write_gopxl, ",100,1", ",100,2", r"line 2: expected Valid 0 or 1"),
-    "index back": (makers.write_gopxl, "\n5,", "\n3,", r"line 7: expected an index that rises"),
+    "valid 2": (makers.write_gopxl, ",100,1", ",100,2", r"line 2: column 'Valid': expected a whole number from 0 to 1"),
     "intensity": (makers.write_gopxl, ",105,", ",70000,", r"line 7: column 'Intensity': expected a whole number"),
     "a cell lost": (makers.write_gopxl, ",105,", ",", r"line 7: expected 5 cells, found 4"),
 }

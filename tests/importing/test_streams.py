@@ -67,5 +67,5 @@ def test_a_time_that_changes_within_a_frame_names_its_line(
 def test_line_ends(end: str, tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_bytes(end.join(["a", "", "b", "cc", "", ""]).encode())
     for size in (1, 2, 3, 100):
-        text = b"".join(stretches(tmp_path / "a.txt", size, 1))
-        assert text.rstrip(b"\n") == b"a\n\nb\ncc"
+        text = "".join(stretches(tmp_path / "a.txt", size, 1))
+        assert text.rstrip("\n") == "a\n\nb\ncc"

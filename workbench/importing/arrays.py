@@ -10,7 +10,7 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
 from workbench.importing.joints import moved
-from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
 from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames, bounded, without
 from workbench.scan.checks import normalised
@@ -49,7 +49,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: not such a file, arrays of other shapes, none that is understood.
     """
     part = mapping.arrays
-    if part is None or not (part.files is None or claims(part, path)):
+    if part is None or not (part.files is None or part.claims(path)):
         part = ArraysPart()
     found, values = told(path, part)
     if POSES & set(values):

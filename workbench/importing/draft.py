@@ -31,7 +31,7 @@ from workbench.importing.roles import (
 )
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
-from workbench.importing.text import SAMPLE_BYTES, Form, as_utf8, first_bytes, sniffed
+from workbench.importing.text import SAMPLE_BYTES, Form, first_bytes, sniffed
 from workbench.importing.tracker import joined as joined_with_postures
 from workbench.storage import regular_file, write_whole
 from workbench.units import AnyArray, Float
@@ -147,7 +147,7 @@ def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
     form = (
         None
         if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff")
-        else sniffed(as_utf8(content, str(source)) if size <= SAMPLE_BYTES else content, size <= SAMPLE_BYTES)
+        else sniffed(content, size <= SAMPLE_BYTES)
     )
     if form is None:
         raise error

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames, bounded
-from workbench.importing.text import cells, head_text, numbered, numbers, read_lines_as_bytes
+from workbench.importing.text import cells, head_text, numbered, numbers, read_text
 from workbench.units import Float, Shaped
 
 NAME = "Gocator CSV surface"
@@ -45,9 +45,8 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: another version, no surface, a grid that is not as large as it says, a cell that is no number.
     """
     where = str(path)
-    content = read_lines_as_bytes(path)
     version, model, surfaces = "", "", []
-    lines = numbered(content)
+    lines = numbered(read_text(path))
     for number, line in lines:
         titles = cells(line, ",")
         if titles[0] == "CSV Version":

@@ -15,10 +15,10 @@ import numpy as np
 from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
-from workbench.importing.mapping import Mapping, claims
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, RobotPart
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_parts import LENGTH_MM, RobotPart
 from workbench.importing.neutral import Imported, JointStream, PoseStream
-from workbench.importing.text import header_names, read_table
+from workbench.importing.text import read_table, recognised
 from workbench.units import DEG, Float
 
 pin = Extra("pinocchio")
@@ -123,12 +123,7 @@ NO_ROBOT = (
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the mapping names the file, or all columns of its joints stand in the header."""
-    part = mapping.joints
-    if part is None:
-        return False
-    if part.files is not None:
-        return claims(part, path)
-    return set(part.columns) <= set(header_names(head, part))
+    return recognised(mapping.joints, path, head)
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -139,19 +134,12 @@ def read(path: Path, mapping: Mapping) -> Imported:
     """
     part = mapping.joints
     assert part is not None
-    wanted = {f"joint {k}": column for k, column in enumerate(part.columns)}
-    optional = {"time": part.time, "number": part.number}
-    table = read_table(path, part, wanted | {role: one for role, one in optional.items() if one is not None})
-    values = np.stack([table.present(role) for role in wanted], axis=1)
-    time_s = table.present("time") * TIME_S[part.time_unit or "s"] if part.time is not None else None
-    numbers = table.whole("number") if part.number is not None else None
-    names = tuple(table.names[role] for role in wanted)
-    stream = JointStream(table.where, values, names, time_s, numbers, part.angle_unit)
-
-    def line(row: int) -> str:
-        return f"{table.where}: line {table.line[row]}"
-
-    return moved(stream, part, mapping.base_dir, LENGTH_MM[part.length_unit], line)
+    table = read_table(path, part)
+    roles = [f"joint {k}" for k in range(len(part.columns))]
+    values = np.stack([table.present(role) for role in roles], axis=1)
+    names, times = tuple(table.names[role] for role in roles), table.times(part.time_unit)
+    stream = JointStream(table.where, values, names, times, table.whole("number"), part.angle_unit)
+    return moved(stream, part, mapping.base_dir, LENGTH_MM[part.length_unit], table.place)
 
 
 def moved(stream: JointStream, robot: RobotPart, folder: Path, unit_mm: float, place: Callable[[int], str]) -> Imported:

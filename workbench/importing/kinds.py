@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
@@ -12,7 +11,7 @@ from workbench import force_file
 from workbench.errors import InputError
 from workbench.importing import joints, poses, tables, tracker
 from workbench.importing.mapping import Mapping, claimed_by
-from workbench.importing.mapping_parts import Column, TextPart
+from workbench.importing.mapping_parts import TextPart
 from workbench.importing.neutral import Imported
 from workbench.importing.text import first_bytes, head_text, otherwise_separated
 from workbench.storage import regular_file
@@ -20,7 +19,6 @@ from workbench.storage import regular_file
 KINDS = (  # modules of workbench.importing
     "bags",
     "gocator",
-    "gopxl",
     "scancontrol",
     "sick",
     "arrays",
@@ -89,18 +87,9 @@ def _other(path: Path, head: bytes) -> str:
 
 def _otherwise_separated(head: bytes, mapping: Mapping) -> str:
     """What to say where a table would be one that the mapping, or a known header, means but for its delimiter."""
-    wanted: list[tuple[TextPart, Iterable[Column]]] = []
-    if mapping.profiles is not None and mapping.profiles.columns is not None:
-        wanted.append((mapping.profiles, tables.wanted_columns(mapping.profiles).values()))
-    if mapping.poses is not None:
-        wanted.append((mapping.poses, poses.wanted_columns(mapping.poses).values()))
-    if mapping.joints is not None:
-        wanted.append((mapping.joints, mapping.joints.columns))
-    if not wanted:
-        known = TextPart(length_unit="mm")
-        headers = (tables.HEADER, *(("time_s", *poses.POSITION, *names) for names in poses.ORIENTATIONS.values()))
-        wanted += [(known, header) for header in headers]
-    return next((told for part, columns in wanted if (told := otherwise_separated(head, part, columns))), "")
+    meant = [part for part in (mapping.profiles, mapping.poses, mapping.joints) if part is not None]
+    known: list[TextPart] = [*meant] or [*tables.KNOWN.values(), *poses.KNOWN.values()]
+    return next((told for part in known if part.wanted and (told := otherwise_separated(head, part))), "")
 
 
 def _head(path: Path) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeGuard, get_args
 
@@ -23,6 +22,7 @@ from workbench.importing.mapping_parts import (
     LENGTH_MM,
     ArraysPart,
     BagPart,
+    FilesPart,
     JointsPart,
     LengthUnit,
     Part,
@@ -304,17 +304,9 @@ def _path(place: Place) -> str:
     return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
 
 
-Named = ProfilesPart | PosesPart | ArraysPart | JointsPart | TrackerPart | ProgramPart
-
-
-def claims(part: Named | None, path: Path) -> bool:
-    """Whether the part names the file by its pattern."""
-    return part is not None and part.files is not None and fnmatchcase(path.name, part.files)
-
-
 def claimed_by(path: Path, mapping: Mapping) -> list[str]:
     """Modules of workbench.importing whose part of the mapping names the file."""
-    parts: dict[str, Named | None] = {
+    parts: dict[str, FilesPart | None] = {
         "tables": mapping.profiles,
         "poses": mapping.poses,
         "arrays": mapping.arrays,
@@ -322,4 +314,4 @@ def claimed_by(path: Path, mapping: Mapping) -> list[str]:
         "tracker": mapping.tracker,
         "programs": mapping.program,
     }
-    return [name for name, part in parts.items() if claims(part, path)]
+    return [name for name, part in parts.items() if part is not None and part.claims(path)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -56,10 +58,19 @@ class RobotPart(Part):
         return self
 
 
-class TextPart(Part):
-    """How a text file is written."""
+class FilesPart(Part):
+    """What may be about some of the sources alone."""
 
     files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
+
+    def claims(self, path: Path) -> bool:
+        """Whether it names the file by its pattern."""
+        return self.files is not None and fnmatchcase(path.name, self.files)
+
+
+class TextPart(FilesPart):
+    """How a text file is written."""
+
     delimiter: Literal[",", ";", "\t", " "] = Field(default=",", description="between the cells; ' ': any white space")
     decimal: Literal[".", ","] = Field(default=".", description="decimal mark")
     skip_lines: int = Field(default=0, ge=0, le=1000, description="lines before the header, or before the numbers")
@@ -73,6 +84,11 @@ class TextPart(Part):
             raise ValueError("expected a delimiter that is not the decimal mark")
         return self
 
+    @property
+    def wanted(self) -> dict[str, Column]:
+        """The columns by role; of a table without, a row is a frame of ranges."""
+        return {}
+
 
 class TimedPart(TextPart):
     """A table that may tell times."""
@@ -85,6 +101,10 @@ class TimedPart(TextPart):
             raise ValueError("expected time_unit with time and only there")
         return self
 
+    def _with_time(self, columns: dict[str, Column], **optional: Column | None) -> dict[str, Column]:
+        """Columns by role, and of the others those that are named."""
+        return columns | {role: one for role, one in {"time": self.time, **optional}.items() if one is not None}
+
 
 class ProfileColumns(Part):
     """Which column of a table holds what: one row a point."""
@@ -95,6 +115,7 @@ class ProfileColumns(Part):
     frame: Column | None = Field(default=None, description="a number that changes from frame to frame")
     time: Column | None = Field(default=None, description="the frame's time, the same in all its rows")
     travel: Column | None = Field(default=None, description="way along the scan (encoder), the same in all its rows")
+    valid: Column | None = Field(default=None, description="0 where the point means no return")
 
 
 class ProfilesPart(TextPart):
@@ -129,6 +150,10 @@ class ProfilesPart(TextPart):
             raise ValueError("expected time_unit with columns.time and only there")
         return self
 
+    @property
+    def wanted(self) -> dict[str, Column]:
+        return self.columns.model_dump(exclude_none=True) if self.columns else {}
+
 
 class PosesPart(TimedPart, FramesPart):
     """A table of flange poses: one row a pose."""
@@ -146,6 +171,12 @@ class PosesPart(TimedPart, FramesPart):
         check_convention(self.convention, len(self.orientation), self.angle_unit, "orientation columns")
         return self
 
+    @property
+    def wanted(self) -> dict[str, Column]:
+        columns = {f"position {i}": column for i, column in enumerate(self.position)}
+        turn = {f"orientation {i}": column for i, column in enumerate(self.orientation)}
+        return self._with_time(columns | turn, scan_pass=self.scan_pass)
+
 
 def check_convention(convention: str, count: int, angle_unit: str | None, what: str) -> None:
     """Refuse (ValueError) an unknown convention, another count of numbers than it has, an angle unit out of place."""
@@ -160,10 +191,9 @@ def check_convention(convention: str, count: int, angle_unit: str | None, what: 
         raise ValueError(f"expected angle_unit for {convention}")
 
 
-class ArraysPart(RobotPart):
+class ArraysPart(FilesPart, RobotPart):
     """Arrays of a .npz file by name, where their own names do not tell what they are."""
 
-    files: str | None = Field(default=None, description="file name pattern (*, ?) of the sources that this is about")
     length_unit: LengthUnit = Field(default="mm", description="of every length in the file")
     time_unit: TimeUnit = Field(default="s", description="of every time in the file")
     x: str | None = Field(default=None, description="(N, M) or (M,) lateral coordinates")
@@ -186,7 +216,7 @@ class ArraysPart(RobotPart):
         return self
 
 
-class ProgramPart(FramesPart):
+class ProgramPart(FilesPart, FramesPart):
     """A robot's program of which the taught positions are the poses: what its tool and its frame are."""
 
     files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
@@ -201,6 +231,10 @@ class JointsPart(TimedPart, RobotPart):
     )
     angle_unit: Literal["deg", "rad"] = Field(description="of the joints")
     number: Column | None = Field(default=None, description="number of the posture")
+
+    @property
+    def wanted(self) -> dict[str, Column]:
+        return self._with_time({f"joint {k}": one for k, one in enumerate(self.columns)}, number=self.number)
 
 
 class TrackerPart(TimedPart):
@@ -221,6 +255,12 @@ class TrackerPart(TimedPart):
         if self.targets is None and (self.number is not None or self.time is not None):
             raise ValueError("expected number and time with targets only: other forms tell them")
         return self
+
+    @property
+    def wanted(self) -> dict[str, Column]:
+        targets = enumerate(self.targets or ())
+        places = {f"{k} {axis}": one for k, three in targets for axis, one in zip("xyz", three, strict=True)}
+        return self._with_time(places, number=self.number)
 
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames, bounded
-from workbench.importing.text import head_text, read_lines_as_bytes
+from workbench.importing.text import head_text, read_text
 from workbench.units import Float
 
 NAME = "OpenCV file storage (YAML)"
@@ -28,7 +28,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     Raises:
         InputError: no list of numbers, one that is not points of two or three, or y that changes.
     """
-    text = read_lines_as_bytes(path).decode("utf-8", "replace")
+    text = read_text(path)
     lists = re.findall(r"^\s*([^\s:#]+)\s*:\s*\[([^\]]*)\]", text, re.M)
     if not lists:
         raise InputError(str(path), "expected a list of points, `name: [ x, 0., z, ... ]`, found none")

@@ -17,11 +17,11 @@ from workbench.geometry.poses import (
     quaternions,
     rotation_from_quaternion,
 )
-from workbench.importing.mapping import Mapping, claims
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, FramesPart, PosesPart
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_parts import LENGTH_MM, FramesPart, PosesPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.suspicions import check_angles
-from workbench.importing.text import Table, first_bytes, header_names, read_table
+from workbench.importing.text import Table, first_bytes, part_of, read_table
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.units import DEG, Float
 
@@ -34,30 +34,22 @@ ORIENTATIONS = {  # by their own names; A B C and rx ry rz mean several things a
 }
 
 
-def known_form(head: bytes) -> PosesPart | None:
-    """The form of a table whose header is one of the known ones, time_s first: no mapping is needed."""
-    for convention, names in ORIENTATIONS.items():
-        part = PosesPart(
-            length_unit="mm",
-            time_unit="s",
-            position=POSITION,
-            orientation=list(names),
-            convention=convention,
-            time="time_s",
-        )
-        if header_names(head, part) == ["time_s", *POSITION, *names]:
-            return part
-    return None
+KNOWN = {
+    ("time_s", *POSITION, *names): PosesPart(
+        length_unit="mm",
+        time_unit="s",
+        position=POSITION,
+        orientation=list(names),
+        convention=convention,
+        time="time_s",
+    )
+    for convention, names in ORIENTATIONS.items()
+}
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether the mapping names the file, all its columns stand in the header, or the header is a known one."""
-    part = mapping.poses
-    if part is None:
-        return known_form(head) is not None
-    if part.files is not None:
-        return claims(part, path)
-    return set(wanted_columns(part).values()) <= set(header_names(head, part))
+    return part_of(mapping.poses, KNOWN, path, head) is not None
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -67,18 +59,17 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: a column is missing, a cell is no number or empty, a quaternion not of unit length, angles that
             look like the other unit.
     """
-    part = mapping.poses or known_form(first_bytes(path))
+    part = part_of(mapping.poses, KNOWN, path, first_bytes(path))
     assert part is not None
-    table = read_table(path, part, wanted_columns(part))
+    table = read_table(path, part)
     position_mm = _columns(table, "position", 3) * LENGTH_MM[part.length_unit]
     position_mm, quaternion_wxyz = of_flange_in_base(position_mm, _orientations(table, part, mapping), part)
-    time_s = table.present("time") * TIME_S[part.time_unit or "s"] if part.time is not None else None
     stream = PoseStream(
         table.where,
         position_mm,
         quaternion_wxyz,
-        time_s,
-        _passes(table),
+        table.times(part.time_unit),
+        table.whole("scan_pass"),
         length_unit=part.length_unit,
         time_unit=part.time_unit or "s",
     )
@@ -96,14 +87,6 @@ def of_flange_in_base(position_mm: Float, quaternion_wxyz: Float, part: FramesPa
     return base_from_flange[:, :3, 3], quaternion_from_rotation(base_from_flange[:, :3, :3])
 
 
-def wanted_columns(part: PosesPart) -> dict[str, str | int]:
-    """Columns by role."""
-    wanted = {f"position {i}": column for i, column in enumerate(part.position)}
-    wanted |= {f"orientation {i}": column for i, column in enumerate(part.orientation)}
-    optional = {"time": part.time, "pass": part.scan_pass}
-    return wanted | {role: column for role, column in optional.items() if column is not None}
-
-
 def _columns(table: Table, role: str, count: int) -> Float:
     return np.stack([table.present(f"{role} {i}") for i in range(count)], axis=1)
 
@@ -114,7 +97,7 @@ def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
     unit = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention, "rad")
     if components(part.convention) == 3 and "angle_unit" not in mapping.accept:
         check_angles(values, unit, table.where)
-    return turned(values, part.convention, unit, lambda row: f"{table.where}: line {table.line[row]}")
+    return turned(values, part.convention, unit, table.place)
 
 
 def turned(values: Float, convention: str, angle_unit: str, place: Callable[[int], str]) -> Float:
@@ -131,13 +114,6 @@ def turned(values: Float, convention: str, angle_unit: str, place: Callable[[int
     if len(wrong):
         raise InputError(place(int(wrong[0])), f"expected a quaternion of norm 1, found {norm[wrong[0]]:.4g}")
     return np.asarray(quaternion / norm[:, None])
-
-
-def _passes(table: Table) -> np.ndarray | None:
-    """Numbers of the scanning passes."""
-    if "pass" not in table.columns:
-        return None
-    return table.whole("pass")
 
 
 def _note(part: PosesPart, table: Table) -> str:

@@ -16,11 +16,11 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.geometry.poses import USUAL_ANGLE_UNIT, components
-from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.poses import of_flange_in_base, turned
-from workbench.importing.text import read_lines_as_bytes
+from workbench.importing.text import read_text
 from workbench.language import NUMBER, Language, Said, row
 from workbench.program.fanuc import SPACE
 from workbench.program.krl import FRAME
@@ -183,7 +183,8 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     if suffix not in MAKERS:
         return False
     text = head.decode("utf-8", "replace")
-    return claims(mapping.program, path) or re.search(MARKS[suffix], text, re.M | re.I) is not None
+    named = mapping.program is not None and mapping.program.claims(path)
+    return named or re.search(MARKS[suffix], text, re.M | re.I) is not None
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -193,7 +194,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: no taught position, a position in joints, or a tool or a frame that the mapping does not tell.
     """
     maker = MAKERS[path.suffix.lower()]
-    found = maker.positions(read_lines_as_bytes(path).decode("utf-8", "replace"))
+    found = maker.positions(read_text(path))
     count = 3 + components(maker.convention)
     if not len(found.values) or found.values.shape[1] != count:
         expected = f"expected taught positions of {maker.name}, x, y, z and {maker.convention}"
@@ -215,7 +216,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
 def drafted(path: Path, error: InputError) -> tuple[dict[str, object], list[str]]:
     """The part `program`, as if tool and frame were flange and base, with its doubts; `error` where it is none."""
     maker = MAKERS[path.suffix.lower()]
-    found = maker.positions(read_lines_as_bytes(path).decode("utf-8", "replace"))
+    found = maker.positions(read_text(path))
     if not len(found.values):
         raise error
     identity = np.eye(4).tolist()

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
 from workbench.importing.neutral import Imported, ProfileFrames, gridded
-from workbench.importing.text import cells, decoded, head_text, numbers, read_lines_as_bytes
+from workbench.importing.text import cells, head_text, numbers, read_text
 from workbench.units import Float, Int
 
 NAME = "scanCONTROL profiles"
@@ -60,7 +60,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
 def _blocks(path: Path) -> list[list[Row]]:
     """The three blocks of rows."""
     where = str(path)
-    lines = decoded(read_lines_as_bytes(path)).split("\n")
+    lines = read_text(path).split("\n")
     blank = np.array([not line.strip(" ;\t") for line in lines])
     starts: Int = np.flatnonzero(~blank & np.append(True, blank[:-1]))
     ends: Int = np.flatnonzero(~blank & np.append(blank[1:], True)) + 1

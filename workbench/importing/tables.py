@@ -7,44 +7,31 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.gopxl import intensities
-from workbench.importing.mapping import Mapping, claims
+from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ProfileColumns, ProfilesPart
 from workbench.importing.neutral import Imported, Points, ProfileFrames, bounded, without
-from workbench.importing.text import (
-    Table,
-    cells,
-    first_bytes,
-    header_names,
-    numbered,
-    numbers,
-    read_lines_as_bytes,
-    slabs,
-)
-from workbench.units import Bool, Float
+from workbench.importing.text import Table, first_bytes, part_of, slabs
+from workbench.units import AnyArray, Bool, Float
 
 NAME = "table of profiles (by the mapping)"
-HEADER = ["frame", "time_s", "x_mm", "z_mm"]
-
-
-def known_form(head: bytes) -> ProfilesPart | None:
-    """The form of a table whose header leaves no doubt: frame,time_s,x_mm,z_mm and perhaps intensity."""
-    columns = ProfileColumns(x="x_mm", z="z_mm", frame="frame", time="time_s")
-    part = ProfilesPart(length_unit="mm", time_unit="s", frames="column", columns=columns)
-    names = header_names(head, part)
-    if names == [*HEADER, "intensity"]:
-        return part.model_copy(update={"columns": columns.model_copy(update={"intensity": "intensity"})})
-    return part if names == HEADER else None
+POINT = ProfileColumns(x="x_mm", z="z_mm", frame="frame", time="time_s")
+PLAIN = ProfilesPart(length_unit="mm", time_unit="s", frames="column", columns=POINT)
+GOPXL = ProfilesPart(
+    length_unit="mm",
+    frames="one",
+    columns=ProfileColumns(x="X_mm", z="Z_mm", intensity="Intensity", valid="Valid"),
+)
+HEADER = ("frame", "time_s", "x_mm", "z_mm")
+KNOWN = {
+    HEADER: PLAIN,
+    (*HEADER, "intensity"): PLAIN.model_copy(update={"columns": POINT.model_copy(update={"intensity": "intensity"})}),
+    ("Index", "X_mm", "Z_mm", "Intensity", "Valid"): GOPXL,
+}
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether the mapping names the file, all of its columns stand in the header, or the header is the known one."""
-    part = mapping.profiles
-    if part is None:
-        return known_form(head) is not None
-    if part.files is not None or part.columns is None:
-        return claims(part, path)
-    return set(wanted_columns(part).values()) <= set(header_names(head, part))
+    """Whether the mapping names the file, all of its columns stand in the header, or the header is a known one."""
+    return part_of(mapping.profiles, KNOWN, path, head) is not None
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -53,25 +40,22 @@ def read(path: Path, mapping: Mapping) -> Imported:
     Raises:
         InputError: a column is missing, a cell is no number, a time or travel that changes within a frame.
     """
-    part = mapping.profiles or known_form(first_bytes(path))
+    part = part_of(mapping.profiles, KNOWN, path, first_bytes(path))
     assert part is not None
     return _read_rows(path, part) if part.frames == "rows" else _read_points(path, part)
 
 
-def wanted_columns(part: ProfilesPart) -> dict[str, str | int]:
-    """Columns by role."""
-    return part.columns.model_dump(exclude_none=True) if part.columns else {}
-
-
 def _read_points(path: Path, part: ProfilesPart) -> Imported:
     """One row a point."""
-    wanted, unit = wanted_columns(part), LENGTH_MM[part.length_unit]
+    unit = LENGTH_MM[part.length_unit]
     points, values = Points(), FrameValues(part)
     table = None
-    for table in slabs(path, part, wanted):
+    for table in slabs(path, part):
         first = values.add(table)
         x, z = (bounded(without(table.columns[role], part.missing) * unit) for role in ("x", "z"))
-        points.add(x, z, first, intensities(table, "intensity") if "intensity" in wanted else None)
+        if "valid" in table.columns:
+            z[table.within("valid", table.present("valid"), 0, 1) == 0] = np.nan
+        points.add(x, z, first, _intensities(table) if "intensity" in table.columns else None)
     assert table is not None
     if points.rows > 1 and points.frames > points.rows / 2:
         what = f"expected several points a frame, found {points.frames} frames in {points.rows} rows"
@@ -84,11 +68,17 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
         time_s=values.of("time", TIME_S[part.time_unit or "s"]),
         travel_mm=values.of("travel", unit),
         intensity=grid.intensity,
+        sensor="GoPxL" if part is GOPXL else None,
         length_unit=part.length_unit,
     )
-    used = ", ".join(f"{role} = {table.names[role]}" for role in wanted)
-    units = f"lengths in {part.length_unit}" + (f", times in {part.time_unit}" if "time" in wanted else "")
+    used = ", ".join(f"{role} = {name}" for role, name in table.names.items())
+    units = f"lengths in {part.length_unit}" + (f", times in {part.time_unit}" if part.time_unit else "")
     return Imported(profiles=frames, notes=(f"table: {used}; {units}", *filter(None, [grid.note])))
+
+
+def _intensities(table: Table) -> AnyArray:
+    """As uint16; an empty cell is 0."""
+    return table.within("intensity", np.nan_to_num(table.columns["intensity"]), 0, 65535).astype(np.uint16)
 
 
 class FrameValues:
@@ -139,7 +129,7 @@ class FrameValues:
         if changed.any():
             row = int(changed.argmax())
             what = f"column {table.names[role]}: expected one value a frame, found {values[row]:g}"
-            raise InputError(f"{table.where}: line {table.line[row]}", what)
+            raise InputError(table.place(row), what)
 
 
 def way_of(x: Float) -> tuple[float, float]:
@@ -152,18 +142,9 @@ def _read_rows(path: Path, part: ProfilesPart) -> Imported:
     """One row of ranges a frame."""
     assert part.x_first is not None
     assert part.x_pitch is not None
-    rows = []
-    for number, line in numbered(read_lines_as_bytes(path)):
-        if number > part.skip_lines + part.header:
-            rows.append(numbers(cells(line, part.delimiter), f"{path}: line {number}", part.decimal))
-            if len(rows[-1]) != len(rows[0]):
-                raise InputError(
-                    f"{path}: line {number}", f"expected {len(rows[0])} ranges a row, found {len(rows[-1])}"
-                )
-    if not rows:
-        raise InputError(str(path), "expected rows of ranges, found none")
+    found = [np.stack([*table.columns.values()], axis=1) for table in slabs(path, part)]
     unit = LENGTH_MM[part.length_unit]
-    z_mm = bounded(without(np.stack(rows), part.missing) * unit)
+    z_mm = bounded(without(np.concatenate(found), part.missing) * unit)
     across = part.x_first + part.x_pitch * np.arange(z_mm.shape[1])
     x_mm = np.broadcast_to(bounded(np.asarray(across * unit)), z_mm.shape)
     note = f"table: a row of ranges a frame, x from {part.x_first:g} by {part.x_pitch:g}; lengths in {part.length_unit}"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -17,19 +17,19 @@ import numpy as np
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
 from workbench.importing import joints, poses, tables
-from workbench.importing.mapping import Mapping, claims
-from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, TrackerPart
+from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_parts import LENGTH_MM, TrackerPart
 from workbench.importing.neutral import MAX_MM, Imported, PoseStream, TrackerReadings
 from workbench.importing.roles import LENGTHS, role_of
 from workbench.importing.text import (
     NO_VALUE,
     cells,
-    decoded,
     head_text,
-    is_number,
+    number,
+    numbered,
     numbers,
-    read_lines_as_bytes,
     read_table,
+    read_text,
 )
 from workbench.units import DEG, Float, Int
 
@@ -58,7 +58,7 @@ class Head(NamedTuple):
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether it begins with a position and readings, or has a header of named readings; or the mapping names it."""
-    if claims(mapping.tracker, path):
+    if mapping.tracker is not None and mapping.tracker.claims(path):
         return True
     text = head_text(head)
     if _by_position(text):
@@ -77,7 +77,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
     if part.targets is not None:
         found = _by_columns(path, part)
     else:
-        text = decoded(read_lines_as_bytes(path))
+        text = read_text(path)
         head = None if _by_position(text) else _head(text)
         found = _positions(path, text, part) if head is None else _named(path, text, head, part)
     far = np.flatnonzero((np.abs(found.place_mm) > MAX_MM).any(axis=1))
@@ -140,14 +140,14 @@ def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
     places: list[Float] = []
     numbers_: list[int] = []
     now: int | None = None
-    for number, line in enumerate(text.split("\n"), 1):
+    for k, line in enumerate(text.split("\n"), 1):
         if head := POSITION.match(line):
             now = int(head[1])
         elif (told := READING.search(line)) and now is not None:
-            places.append(numbers(told.groups(), f"{path}: line {number}"))
+            places.append(numbers(told.groups(), f"{path}: line {k}"))
             numbers_.append(now)
         elif line.strip() and "INVALID" not in line:
-            raise InputError(f"{path}: line {number}", "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'")
+            raise InputError(f"{path}: line {k}", "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'")
     if not places:
         raise InputError(str(path), "expected readings as 'X= ... Y= ... Z= ...', found none")
     place_mm = np.array(places) * LENGTH_MM[part.length_unit]
@@ -156,14 +156,14 @@ def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
 
 def _head(text: str) -> Head | None:
     """The header of a table of named readings: x, y, z and a U95, or x, y, z and the readings' names."""
-    for number, line in enumerate(text.split("\n")[:HEADER_WITHIN]):
+    for k, line in enumerate(text.split("\n")[:HEADER_WITHIN]):
         for delimiter in ",;\t":
             titles = cells(line, delimiter)
             places = _places(titles)
             if places is not None:
                 units = {role_of(titles[places[axis]])[1] for axis in "xyz"}
                 unit = units.pop() if len(units) == 1 else ""
-                return Head(number, delimiter, places, unit if unit in LENGTHS else "", len(titles))
+                return Head(k, delimiter, places, unit if unit in LENGTHS else "", len(titles))
     return None
 
 
@@ -185,48 +185,37 @@ def _places(titles: Sequence[str]) -> dict[str, int] | None:
 
 
 def _named(path: Path, text: str, head: Head, part: TrackerPart) -> TrackerReadings:
-    """A reading a row, with its name."""
-    rows = list(_rows(path, text, head))
-    if not rows:
-        raise InputError(str(path), "expected rows of readings under the header, found none")
-    values = np.array([row for _, row, _ in rows])
-    unit = LENGTH_MM[head.unit or part.length_unit]
-    time_s = _times([texts[head.places["time"]] for _, _, texts in rows]) if "time" in head.places else None
-    names = (
-        tuple(texts[head.places["name"]] for _, _, texts in rows) if "name" in head.places else ("target",) * len(rows)
-    )
-    u95_mm = values[:, 3] * unit if "u95" in head.places else None
-    return TrackerReadings(str(path), values[:, :3] * unit, names, None, time_s, u95_mm)
-
-
-def _rows(path: Path, text: str, head: Head) -> Iterator[tuple[int, Float, list[str]]]:
-    """Line, x, y, z (and U95), and all cells of each reading; rows without a place are no readings."""
-    used = [head.places[role] for role in ("x", "y", "z", "u95") if role in head.places]
-    for number, line in enumerate(text.split("\n")[head.line + 1 :], head.line + 2):
-        if not line.strip():
+    """A reading a row, with its name; rows without a place are no readings."""
+    rows: list[dict[str, str]] = []
+    values: list[Float] = []
+    for k, line in numbered(text):
+        if k <= head.line + 1:
             continue
-        where, texts = (
-            f"{path}: line {number}",
-            [one.strip() for one in next(csv.reader([line], delimiter=head.delimiter))],
-        )
+        where, texts = f"{path}: line {k}", next(csv.reader([line], delimiter=head.delimiter))
         if len(texts) != head.width:
             raise InputError(where, f"expected {head.width} cells, found {len(texts)}")
-        if all(texts[at] in NO_VALUE for at in used[:3]):
+        row = {role: texts[at].strip() for role, at in head.places.items()}
+        told = [row[role] for role in ("x", "y", "z", "u95") if role in row]
+        if all(one in NO_VALUE for one in told[:3]):
             continue
-        told = [texts[at] for at in used]
         decimal = "," if head.delimiter != "," and any("," in one for one in told) else "."
-        values = numbers(told, where, decimal)
-        if np.isnan(values[:3]).any():
+        values.append(numbers(told, where, decimal))
+        if np.isnan(values[-1][:3]).any():
             raise InputError(where, "expected x, y and z, found one of them empty")
-        yield number, values, texts
+        rows.append(row)
+    if not rows:
+        raise InputError(str(path), "expected rows of readings under the header, found none")
+    told_mm = np.array(values) * LENGTH_MM[head.unit or part.length_unit]
+    names = tuple(row.get("name", "target") for row in rows)
+    u95_mm = told_mm[:, 3] if "u95" in head.places else None
+    times = _times([row["time"] for row in rows]) if "time" in head.places else None
+    return TrackerReadings(str(path), told_mm[:, :3], names, None, times, u95_mm)
 
 
 def _times(texts: Sequence[str]) -> Float | None:
     """Seconds, where every text is a number of them, ISO 8601, or a clock; None where they are something else."""
-    if all(is_number(text) for text in texts):
-        return np.array([float(text) for text in texts])
-    found = [_clock(text) for text in texts]
-    return np.array(found, float) if all(one is not None for one in found) else None
+    found = [_clock(text) if (value := number(text)) is None else value for text in texts]
+    return np.array(found, float) if None not in found and np.isfinite(np.array(found, float)).all() else None
 
 
 def _clock(text: str) -> float | None:
@@ -242,18 +231,17 @@ def _clock(text: str) -> float | None:
 def _by_columns(path: Path, part: TrackerPart) -> TrackerReadings:
     """A row a posture with the places of all targets; an empty place is no reading."""
     assert part.targets is not None
-    wanted = {f"{k} {axis}": columns[i] for k, columns in enumerate(part.targets) for i, axis in enumerate("xyz")}
-    optional = {"number": part.number, "time": part.time}
-    table = read_table(path, part, wanted | {role: one for role, one in optional.items() if one is not None})
-    count = len(part.targets)
-    places = np.stack([table.columns[role] for role in wanted], axis=1).reshape(-1, count, 3)
+    table, count = read_table(path, part), len(part.targets)
+    roles = [f"{k} {axis}" for k in range(count) for axis in "xyz"]
+    places = np.stack([table.columns[role] for role in roles], axis=1).reshape(-1, count, 3)
     row, target = np.nonzero(np.isfinite(places).all(axis=2))
     if not len(row):
         raise InputError(table.where, "expected readings, found none")
-    numbers_ = table.whole("number") if part.number is not None else np.arange(1, len(places) + 1)
-    time_s = table.present("time")[row] * TIME_S[part.time_unit or "s"] if part.time is not None else None
+    told, times = table.whole("number"), table.times(part.time_unit)
+    position = np.arange(1, len(places) + 1) if told is None else told
     names = tuple(f"t{k + 1}" for k in target)
-    return TrackerReadings(table.where, places[row, target] * LENGTH_MM[part.length_unit], names, numbers_[row], time_s)
+    place_mm = places[row, target] * LENGTH_MM[part.length_unit]
+    return TrackerReadings(table.where, place_mm, names, position[row], None if times is None else times[row])
 
 
 AXES = 6  # of the robots that calibrate.tracker knows
@@ -356,10 +344,10 @@ def _by_number(readings: TrackerReadings, postures: Postures) -> Pairs:
     if len(np.unique(own)) < len(own):
         raise InputError(postures.source, "a posture's number stands twice")
     groups = []
-    for number, rows in groups_of(readings):
-        at = np.flatnonzero(own == number)
+    for position, rows in groups_of(readings):
+        at = np.flatnonzero(own == position)
         if not len(at):
-            raise InputError(readings.source, f"position {number}: {postures.source} has no such posture")
+            raise InputError(readings.source, f"position {position}: {postures.source} has no such posture")
         groups.append((rows, at))
     unseen = sorted(set(own.tolist()) - set(readings.number.tolist()))
     told = f"postures without a reading: {', '.join(map(str, unseen[:12]))}" if unseen else ""

@@ -22,7 +22,7 @@ from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.roles import leading
-from workbench.importing.text import SAMPLE_BYTES, Form, decoded, first_bytes, head_text, sniffed
+from workbench.importing.text import SAMPLE_BYTES, Form, first_bytes, head_text, read_text, sniffed
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.rows import groove_of_rows
@@ -139,7 +139,7 @@ def _other(file: Path) -> Seen | None:
         return Seen(str(file), force_file.NAME, "no frame: forces over time", lines, nothing, (), hints=(hint,))
     if not recognised(head):
         return None
-    seven = read_corners(decoded(file.read_bytes()), str(file))
+    seven = read_corners(read_text(file), str(file))
     at = seven.corners_mm
     sizes = [
         f"{name}: {value.min():.3f} to {value.max():.3f} mm, median {np.median(value):.3f}"

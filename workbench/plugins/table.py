@@ -26,10 +26,10 @@ def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
 class Table:
     """Rows of a CSV file by column name; every error names the line."""
 
-    def __init__(self, path: Path, needed: Sequence[str], least: int, text: str | None = None) -> None:
-        """Of `path`, or its `text`; InputError where a column of `needed` or some of the `least` rows are missing."""
+    def __init__(self, path: Path, needed: Sequence[str], least: int) -> None:
+        """InputError where a column of `needed` or some of the `least` rows are missing."""
         self.path = path
-        numbered = numbered_lines(read_text(path, MAX_BYTES) if text is None else text)
+        numbered = numbered_lines(read_text(path, MAX_BYTES))
         if not numbered:
             raise InputError(str(path), f"expected a header with the columns {', '.join(needed)}")
         self.header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]

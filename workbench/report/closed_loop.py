@@ -143,6 +143,8 @@ def closed_loop(
     engagement: Engagement | None = None,
     cloud: Cloud | None = None,
     edge: Edge | None = None,
+    *,
+    title: str = "Closed loop",
 ) -> Chapter:
     """The closed loop as a chapter: root face and bevel angle as required, as planned, as measured; and the rework.
 
@@ -156,6 +158,7 @@ def closed_loop(
         engagement: of the cutter along the path, from a simulation.
         cloud: of the milled part; without it the view in three dimensions shows sections and path alone.
         edge: the milled edge in that cloud.
+        title: of the chapter, where a report has several.
 
     Raises:
         InputError: no section, or a path without layers.
@@ -177,7 +180,7 @@ def closed_loop(
     planned = {name: [getattr(row, name) for row in rows] for name in PLACES}
     chart = deviation_chart({"": inspection}, asked(toolpath), planned)
     return Chapter(
-        title="Closed loop",
+        title=title,
         html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),
         verdict=inspection.verdict,
         summary=closed_loop_summary(inspection, toolpath, rework),

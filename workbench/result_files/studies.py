@@ -348,26 +348,6 @@ class DeflectionFile(ResultFile):
     joint_deflection_deg: list[Any]
 
 
-class CompensationRow(Row):
-    """Errors of the sections of a part."""
-
-    mean_root_error_mm: Unknown
-    largest_root_error_mm: Unknown
-    mean_bevel_error_deg: Unknown
-    largest_bevel_error_deg: Unknown
-
-
-class CompensationFile(PartFile):
-    """`compensation.json`: a part milled without and with compensation of deflection."""
-
-    NAME: ClassVar[str] = "compensation.json"
-    format: Literal["compensation"]
-    version: Literal[1]
-    largest_deflection_mm: NotNegative
-    without: CompensationRow
-    compensated: CompensationRow
-
-
 class ScoredSection(Row):
     """Values at a place on the edge, in the base. Every value has its `_u`: root_mm and root_u_mm."""
 

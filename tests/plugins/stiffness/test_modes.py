@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 from workbench.plugins.stiffness.dynamics import _solid, bodies_of, mass_matrices
 from workbench.plugins.stiffness.margins import Cuts, screen_limits, u_of_modes
 from workbench.plugins.stiffness.modes import _Taps, at_posture, fitted, swings
-from workbench.plugins.stiffness.tap_tests import TapTests, read_responses
+from workbench.plugins.stiffness.tap_tests import TapTests, read_tap_tests
 from workbench.plugins.stiffness.values import CuttingProcess
 from workbench.robot import Shape, forward_kinematics, read_cell
 
@@ -129,55 +130,29 @@ def truth_of(begun, seed: int):
     return dataclasses.replace(moved, damping=dampers, covariance=np.zeros((18, 18)))
 
 
-def written(folder: Path, tests: TapTests, form: str) -> Path:
+def written(folder: Path, tests: TapTests, kind: str = "compliance", change: Callable[[str], str] = str) -> Path:
     """As a list and its files."""
     listed = []
     for k, q in enumerate(tests.joints):
-        rows = [tests.posture == k]
-        columns = [tests.value[rows[0] & (tests.to[:, axis] == 1)] for axis in range(3)]
-        name = f"{k}.{form}"
-        if form == "csv":
-            head = "hz," + ",".join(f"{a}{a}_re,{a}{a}_im" for a in AXES)
-            body = [
-                ",".join([f"{f:.3f}", *(f"{v.real:.9e},{v.imag:.9e}" for v in row)])
-                for f, *row in zip(HZ, *columns, strict=True)
-            ]
-            (folder / name).write_text("\n".join([head, *body, ""]))
-        else:
-            (folder / name).write_text("".join(uff(axis + 1, columns[axis]) for axis in range(3)))
-        listed.append(
-            {"file": name, "joints_deg": np.degrees(q).tolist()} | ({"kind": "compliance"} if form == "csv" else {})
-        )
+        rows = tests.posture == k
+        power = {"compliance": 0, "mobility": 1, "accelerance": 2}[kind]
+        columns = [tests.value[rows & (tests.to[:, axis] == 1)] * (2j * np.pi * HZ) ** power for axis in range(3)]
+        head = "hz," + ",".join(f"{a}{a}_re,{a}{a}_im" for a in AXES)
+        body = [
+            ",".join([f"{f:.3f}", *(f"{v.real:.12e},{v.imag:.12e}" for v in row)])
+            for f, *row in zip(HZ, *columns, strict=True)
+        ]
+        (folder / f"{k}.csv").write_text(change("\n".join([head, *body, ""])))
+        listed.append({"file": f"{k}.csv", "joints_deg": np.degrees(q).tolist(), "kind": kind})
     path = folder / "taps.json"
     path.write_text(json.dumps({"format": "tap-tests", "version": 1, "tests": listed}))
     return path
 
 
-def uff(axis: int, value: np.ndarray, kind: int = 8) -> str:
-    """One data set 58, double precision, as accelerance where `kind` is 12."""
-    step = HZ[1] - HZ[0]
-    head = [
-        "    -1",
-        "    58",
-        *["NONE"] * 5,
-        f"{4:5d}{1:10d}{1:5d}{0:10d} {'TIP':10s}{1:10d}{axis:4d} {'TIP':10s}{1:10d}{axis:4d}",
-        f"{6:10d}{len(value):10d}{1:10d}{HZ[0]:13.5E}{step:13.5E}{0.0:13.5E}",
-        f"{18:10d}{0:5d}{0:5d}{0:5d} {'Frequency':20s} {'Hz':20s}",
-        f"{kind:10d}{0:5d}{0:5d}{0:5d} {'Displacement':20s} {'m':20s}",
-        f"{13:10d}{0:5d}{0:5d}{0:5d} {'Force':20s} {'N':20s}",
-        f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}",
-    ]
-    value = value * (2j * np.pi * HZ) ** {8: 0, 11: 1, 12: 2}[kind]
-    numbers = np.column_stack([value.real, value.imag]).ravel()
-    body = ["".join(f"{x:20.12E}" for x in numbers[i : i + 4]) for i in range(0, len(numbers), 4)]
-    return "\n".join([*head, *body, "    -1", ""])
-
-
-@pytest.mark.parametrize("form", ["csv", "uff"])
-def test_tap_tests_find_the_robot(cell, stiffness, tmp_path: Path, form: str) -> None:
+def test_tap_tests_find_the_robot(cell, stiffness, tmp_path: Path) -> None:
     begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
     truth = truth_of(begun, 3)
-    path = written(tmp_path, tapped(cell, truth, 4), form)
+    path = written(tmp_path, tapped(cell, truth, 4))
     found, file, _ = modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
     u = np.sqrt(np.diag(found.covariance))
     off = np.log(
@@ -220,32 +195,35 @@ def test_tap_tests_predict_the_limits_of_other_postures(cell, stiffness) -> None
     assert np.mean(np.array(share) < 2) == pytest.approx(0.95, abs=0.02)
 
 
-@pytest.mark.parametrize("kind", [8, 11, 12])
-def test_uff_of_any_kind_is_the_same_response(tmp_path: Path, kind: int) -> None:
-    value = 1e-6 / (1 - (HZ / 12) ** 2 + 0.06j * HZ / 12)
-    path = tmp_path / "a.uff"
-    path.write_text(uff(2, value, kind))
-    (one,) = read_responses(path, None)
-    power = {"compliance": 0, "mobility": 1, "accelerance": 2}[one.kind]
-    assert np.allclose(one.value / (2j * np.pi * one.hz) ** power, value, rtol=1e-9)
-    assert (one.to, one.by) == ("y", "y")
+@pytest.mark.parametrize("kind", ["mobility", "accelerance"])
+def test_responses_of_any_kind_are_the_same(cell, stiffness, tmp_path: Path, kind: str) -> None:
+    begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    tests = tapped(cell, truth_of(begun, 3), 4)
+    read = read_tap_tests(written(tmp_path, tests, kind), cell.flange_from_cutter[:3, 3], (4.0, 80.0))
+    assert np.allclose(read.value, tests.value, rtol=1e-9)
+    assert (read.to == tests.to).all()
+    assert (read.by == tests.by).all()
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: text.replace("-1\n    58", "-1\n   58b"), "binary"),
-        (lambda text: text[: len(text) // 2], "does not end"),
-        (lambda text: text.replace("   13    0", "   12    0"), "by force"),
-        (lambda text: "\n".join([*text.splitlines()[:40], "    -1"]), "numbers"),
-        (lambda text: "hello,there\n1,2\n", "kind"),
+        (lambda text: text.replace("yy_im", "yy_imaginary"), "'yy_im' is missing"),
+        (lambda text: "hello,there\n1,2\n", "the column 'hz'"),
+        (lambda text: "hz,there\n1,2\n2,2\n", "'xx_re' is missing"),
+        (lambda text: text.replace("\n5.000", "\n4.000"), "rising"),
+        (lambda text: text[: text.index("\n12.000")], "lines from 4 to 80"),
+        (
+            lambda text: text.replace("zz_im", "zz_im,zz_coherence").replace("\n", ",0.5\n").replace("nce,0.5", "nce"),
+            "coherence",
+        ),
     ],
 )
-def test_a_spoilt_uff_is_one_line(tmp_path: Path, change, words: str) -> None:
-    path = tmp_path / "a.uff"
-    path.write_text(change(uff(1, np.ones(len(HZ)) + 0j)))
+def test_spoilt_responses_are_one_line(cell, stiffness, tmp_path: Path, change, words: str) -> None:
+    begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
+    path = written(tmp_path, tapped(cell, truth_of(begun, 3), 4), change=change)
     with pytest.raises(InputError, match=words) as error:
-        read_responses(path, None)
+        modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
     assert "\n" not in str(error.value)
 
 
@@ -253,11 +231,11 @@ def test_responses_in_other_units_or_of_another_robot_are_refused(cell, stiffnes
     begun, *_ = modes(cell, stiffness, link_masses_kg=MASSES)
     truth = truth_of(begun, 3)
     for scale, words in ((1e3, "mm"), (9.80665, "in g")):
-        path = written(tmp_path, tapped(cell, truth, 4, scale=scale), "csv")
+        path = written(tmp_path, tapped(cell, truth, 4, scale=scale))
         with pytest.raises(InputError, match=words):
             modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
     softer = dataclasses.replace(truth, nm_per_rad=truth.nm_per_rad * [1, 1, 0.5, 1, 1, 1])
-    path = written(tmp_path, tapped(cell, softer, 4), "csv")
+    path = written(tmp_path, tapped(cell, softer, 4))
     with pytest.raises(InputError, match="joint 3"):
         modes(cell, stiffness, taps=path, link_masses_kg=MASSES)
 

@@ -1,7 +1,6 @@
 """The robot's stiffness: its model, its identification, milling forces. Stages `stiffness.*`."""
 
 from workbench.plugins.stiffness.chatter import chatter
-from workbench.plugins.stiffness.compare import compare
 from workbench.plugins.stiffness.compensate import compensate
 from workbench.plugins.stiffness.deflection import deflection
 from workbench.plugins.stiffness.force import force
@@ -17,7 +16,6 @@ from workbench.plugins.stiffness.simulate_loads import simulate_loads
 
 __all__ = [
     "chatter",
-    "compare",
     "compensate",
     "deflection",
     "force",

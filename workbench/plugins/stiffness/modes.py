@@ -72,7 +72,7 @@ def modes(
     Args:
         cell: the robot, with its tool's mass and centre of gravity.
         stiffness: of its joints; with u, a prior of the fit.
-        taps: a list of tap tests (JSON) beside their files in UFF 58 or CSV; null: none.
+        taps: a list of tap tests (JSON) beside their files in CSV (docs/stiffness.md); null: none.
         link_masses_kg: of the six links, spread evenly in their shapes; null: the URDF's.
         mass_relative_u: ratio of standard uncertainty to value of each link's mass.
         stiffness_relative_u: likewise a ratio, of each joint's stiffness, where `stiffness` is without.

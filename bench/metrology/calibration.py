@@ -22,7 +22,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_rpy, rotation_from_vector
 from workbench.plugins.calibration import circles as find_circles
 from workbench.plugins.calibration import hand_eye, methods
-from workbench.plugins.calibration.model import Estimate, Noise, information, linearise, signed_centres
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise, signed_centres
 from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.plan import (
     Limits,
@@ -144,9 +144,8 @@ def _from_points(condition: str, recipe: SphereRecipe) -> Row:
     offset_ms = 1e3 * (found.time_offset_s - robot.clock_offset_s)
     center = np.array(recipe.sphere.center_mm)
     at_truth = Estimate(cell.hand_eye[:3, :3], cell.hand_eye[:3, 3], center, cell.radius_mm, robot.clock_offset_s)
-    seen = by_pass(profiles, recording).place(robot.clock_offset_s)
     noise = Noise(cell.pose_mm, cell.pose_deg, cell.radius_mm, RADIUS_U_MM, robot.pose_noise_common)
-    least = np.linalg.inv(information(at_truth, seen, noise, with_offset=True))
+    least = np.linalg.inv(Sphere(by_pass(profiles, recording), noise).rows(at_truth).normal().information)
     return row | {
         "bound_mm": cell.vol_u_mm(least[:6, :6]),
         "offset_ms": offset_ms,
@@ -166,7 +165,6 @@ def compare_methods(recipe: SphereRecipe, cell: Cell, answer: Answer) -> dict[st
         "analytic": methods.analytic(centres),
         "GA": genetic_hand_eye(design, centres, np.random.default_rng(recipe.seed)),
         "differential evolution": methods.genetic(design, centres, recipe.seed),
-        "joint": methods.joint(start, centres),
         "bundle": start,
     }
     return {name: cell.vol_mm(pose) for name, pose in ways.items()}

@@ -12,7 +12,7 @@ from bench.metrology.sphere_truth import bound, cell_of, circles
 from bench.metrology.study import Share
 from bench.peers.genetic import evolve
 from workbench.api import pose_from, rotation_from_vector
-from workbench.plugins.calibration.model import Estimate, Noise, information
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere
 from workbench.plugins.calibration.observations import from_arrays
 
 
@@ -26,7 +26,9 @@ def test_bound_is_that_of_the_calibrations_own_information(cell):
     circle, covariance = circles(cell, np.random.default_rng(0))
     recipe = random_sphere_recipe("sphere_nine", 11)
     estimate = Estimate(cell.hand_eye[:3, :3], cell.hand_eye[:3, 3], np.array(recipe.sphere.center_mm), 5.0)
-    own = np.linalg.inv(information(estimate, from_arrays(circle, covariance, cell.turned), Noise()))[:6, :6]
+    own = np.linalg.inv(
+        Sphere(from_arrays(circle, covariance, cell.turned), Noise()).rows(estimate).normal().information
+    )[:6, :6]
     ratio = np.linalg.eigvals(np.linalg.solve(own, bound(cell, covariance, 0.05)))
     assert ratio.real == pytest.approx(np.ones(6), rel=2e-3)
 

@@ -26,7 +26,7 @@ def error(pose: Float) -> Float:
     return np.append(TRUE[:3, 3] - pose[:3, 3], vector_from_rotation(TRUE[:3, :3] @ pose[:3, :3].T))
 
 
-@pytest.mark.parametrize(("method", "most"), [("bundle", 0.01), ("joint", 0.01), ("analytic", 0.01), ("genetic", 0.2)])
+@pytest.mark.parametrize(("method", "most"), [("bundle", 0.01), ("analytic", 0.01), ("genetic", 0.2)])
 def test_exact_data_give_the_pose(method: Any, most: float) -> None:
     """Profiles to 1 um; the genetic algorithm comes as near as 100 generations bring it, the same each time."""
     rng = np.random.default_rng(7)
@@ -37,7 +37,7 @@ def test_exact_data_give_the_pose(method: Any, most: float) -> None:
     assert (first.flange_from_profiler == again.flange_from_profiler).all()
 
 
-@pytest.mark.parametrize("method", ["joint", "analytic", "genetic"])
+@pytest.mark.parametrize("method", ["analytic", "genetic"])
 def test_noisy_data_give_it_within_what_the_method_propagates(method: Any) -> None:
     distances = []
     for seed in range(2 if method == "genetic" else 10):

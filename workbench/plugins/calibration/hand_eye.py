@@ -33,6 +33,7 @@ from workbench.plugins.calibration.model import (
     Noise,
     Sphere,
     View,
+    by_circle,
     linearise,
     signed_centres,
     to_base,
@@ -91,8 +92,8 @@ def hand_eye(
     Args:
         profiles: circles from `calibrate.circles`.
         recording: flange poses; /hand_eye, if there, is the design's pose to begin with, off by up to 20 deg and 50 mm.
-        method: 'bundle': maximum likelihood; for comparison 'joint' (least squares on centres), 'analytic' (Kabsch on
-            pairs of pure translation), 'genetic' (the paper's two steps).
+        method: 'bundle': maximum likelihood; for comparison the paper's: 'analytic' (Kabsch on pairs of pure
+            translation), 'genetic' (in two steps).
         pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
         pose_noise_deg: the same of its orientation.
         sphere_radius_u_mm: standard uncertainty of the sphere's stated radius; set free where the data contradict it.
@@ -214,9 +215,6 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
     if method == "analytic":
         pose = methods.analytic(centres, where)
         spread = methods.propagated(methods.analytic, centres, _centre_covariance(linear))
-    elif method == "joint":
-        pose = methods.joint(begin, centres)
-        spread = methods.propagated(lambda c: methods.joint(begin, c), centres, _centre_covariance(linear))
     else:
         if design is None:
             raise InputError(where, "method 'genetic' searches about the design's pose: /hand_eye is missing")
@@ -234,9 +232,7 @@ def _centre_covariance(linear: Linear) -> Float:
     """Covariance (k, 3, 3) of sphere centres in the profiler frame, from that of (x_c, z_c, w)."""
     h = linear.centre[:, 1]
     h = np.copysign(np.maximum(np.abs(h), NEAR_EQUATOR_MM), h)
-    change = np.zeros((len(h), 3, 3))
-    change[:, 0, 0] = change[:, 2, 1] = 1.0
-    change[:, 1, 2] = -1 / (2 * h)
+    change = by_circle(h)
     return np.asarray(change @ linear.covariance @ np.swapaxes(change, 1, 2))
 
 

@@ -1,4 +1,4 @@
-"""The other methods, on sphere centres whose signs are known: least squares, the analytic way, and the paper's GA.
+"""The paper's methods, on sphere centres whose signs are known: the analytic one, and the genetic one in two steps.
 
 All take the centres P_i (k, 3) in the profiler frame and the flange's poses (r_i, t_i), and give R and t. Of equations
 (6) and (8) the corrected forms are used: (6) as printed compares R (P_i - P_j) with r^-1 (t_j - t_i) and holds only
@@ -63,20 +63,6 @@ def analytic(seen: Centres, where: str = "postures") -> Float:
             "directions; take 'bundle'",
         )
     R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))]) @ V
-    return pose_from(R, translation(R, seen))
-
-
-def joint(start: Float, seen: Centres) -> Float:
-    """Hand-eye pose (4, 4): least squares on the centres, r_i (R P_i + t) + t_i = C for all postures."""
-
-    def residual(step: Float) -> Float:
-        R = rotation_from_vector(step) @ start[:3, :3]
-        t = translation(R, seen)
-        centre = (seen.r @ (seen.P @ R.T + t)[..., None])[..., 0] + seen.t
-        return np.asarray((centre - centre.mean(axis=0)).ravel())
-
-    step = scipy.optimize.least_squares(residual, np.zeros(3), method="lm", xtol=1e-12, ftol=1e-12).x
-    R = rotation_from_vector(step) @ start[:3, :3]
     return pose_from(R, translation(R, seen))
 
 

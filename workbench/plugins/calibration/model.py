@@ -125,6 +125,14 @@ def signed_centres(estimate: Estimate, linear: Linear, seen: Observations) -> Fl
     return np.stack([seen.circle[:, 0], np.copysign(h, linear.centre[:, 1]), seen.circle[:, 1]], axis=1)
 
 
+def by_circle(y_mm: Float) -> Float:
+    """Change (k, 3, 3) of a sphere's centre in the profiler frame with x_c, z_c and w, its y being `y_mm` (k,)."""
+    change = np.zeros((len(y_mm), 3, 3))
+    change[:, 0, 0] = change[:, 2, 1] = 1.0
+    change[:, 1, 2] = -1 / (2 * y_mm)
+    return change
+
+
 def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
     """Points (k, 3) of the profiler frame in the base."""
     at = centre @ estimate.rotation.T + estimate.translation_mm
@@ -266,12 +274,6 @@ def _sides(at: Estimate, seen: Observations) -> Iterator[Estimate]:
         yield replace(at, translation_mm=at.translation_mm - shift * at.rotation[:, 1])
 
 
-def information(estimate: Estimate, seen: Observations, noise: Noise, with_offset: bool = False) -> Float:
-    """Fisher information (P, P) of the unknowns, the prior of the radius included: its inverse is the bound."""
-    linear = linearise(estimate, seen, noise, with_offset)
-    return rows_of(linear, seen, noise, estimate.radius_mm).normal().information
-
-
 @dataclass(frozen=True)
 class View:
     """The field of view that errors are judged over: a rectangle in the laser plane, in the profiler frame."""
@@ -314,24 +316,26 @@ def _box(low: Float, high: Float) -> View:
     return View((float(x), float(z)), (float(a), float(b)))
 
 
+def displacements(rotation: Float, view: View) -> Float:
+    """How errors (6,) of the hand-eye pose displace the middle of the field, and either half of it (3, 3, 6).
+
+    Sums of their squares are mean squares over the field.
+    """
+    middle, sides = view.axes(rotation)
+    levers = np.vstack([middle, sides / np.sqrt(3)])
+    return np.concatenate([np.eye(3) * np.array([1.0, 0.0, 0.0])[:, None, None], -cross_matrix(levers)], axis=2)
+
+
 def volume_weight(rotation: Float, view: View) -> Float:
     """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error of a point over the field."""
-    middle, sides = view.axes(rotation)
-    at_middle = np.concatenate([np.eye(3), -cross_matrix(middle)], axis=1)
-    weight = at_middle.T @ at_middle
-    for side in sides:
-        weight[3:, 3:] += cross_matrix(side).T @ cross_matrix(side) / 3
-    return np.asarray(weight)
+    moved = displacements(rotation, view)
+    return np.einsum("sip,siq->pq", moved, moved)
 
 
 def place_u(covariance: Float, rotation: Float, view: View) -> float:
     """Predicted RMS error (mm) over the field along one axis, the least certain, from the covariance (6, 6)."""
-    middle, sides = view.axes(rotation)
-    at_middle = np.concatenate([np.eye(3), -cross_matrix(middle)], axis=1)
-    spread = at_middle @ covariance @ at_middle.T
-    for side in sides:
-        spread = spread + cross_matrix(side) @ covariance[3:, 3:] @ cross_matrix(side).T / 3
-    return float(np.sqrt(np.linalg.eigvalsh(spread)[-1]))
+    moved = displacements(rotation, view)
+    return estimator.worst(np.einsum("sip,pq,sjq->ij", moved, covariance, moved))[0]
 
 
 def volume_u(covariance: Float, rotation: Float, view: View) -> float:

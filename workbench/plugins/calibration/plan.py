@@ -24,7 +24,6 @@ from workbench.api import (
     Recording,
     Seed,
     Shaped,
-    estimator,
     frozen,
     pose_from,
     quaternion_from_rotation,
@@ -33,9 +32,8 @@ from workbench.api import (
     stage,
 )
 from workbench.plugins.calibration.circles import STEEP
-from workbench.plugins.calibration.model import POSE, Estimate, Noise, Sphere, information, linearise, volume_weight
-from workbench.plugins.calibration.observations import by_pass, from_arrays
-from workbench.plugins.calibration.shared_errors import settled
+from workbench.plugins.calibration.model import POSE, Estimate, Noise, Sphere, linearise, volume_weight
+from workbench.plugins.calibration.observations import Observations, by_pass, from_arrays
 from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
@@ -176,14 +174,11 @@ def plan(
     half_width_mm: Annotated[float, Field(gt=0, le=500)] = 10.0,
     half_height_mm: Annotated[float, Field(gt=0, le=500)] = 15.0,
     cell: InputFile | None = None,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
     seed: Seed = 0,
 ) -> tuple[PosturePlan, Document]:
     """Propose the next postures: D-optimal on the predicted information, within the limits given.
 
-    Candidates are chosen greedily and by exchange (Fedorov 1972), the robot's noise as large as the residuals say.
+    Candidates are chosen greedily and by exchange (Fedorov 1972), with the noise that the calibration rests on.
     `calibration_plan.csv`: flange poses in order, and the uncertainty after each.
 
     Args:
@@ -197,9 +192,6 @@ def plan(
         half_height_mm: half its height, in z, about the mean distance in the recording.
         cell: a robot cell, of which only the robot counts: postures beyond its reach or joint limits fall out; nothing
             is checked for collision.
-        pose_noise_mm: as in `calibrate.hand_eye`.
-        pose_noise_deg: as in `calibrate.hand_eye`.
-        sphere_radius_u_mm: as in `calibrate.hand_eye`.
         seed: of the candidates.
 
     Raises:
@@ -215,11 +207,11 @@ def plan(
         >>> len(plan.base_from_flange), table.name
         (1, 'calibration_plan.csv')
     """
-    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
-    estimate = estimate_of(calibration)
+    estimate, noise = estimate_of(calibration), calibration.noise
     limits = _limits(calibration, recording, (cone_deg, roll_deg), (half_width_mm, half_height_mm))
     optics = optics_of(profiles, recording)
-    known, noise = _known(calibration, profiles, recording, estimate, noise)
+    seen = seen_again(calibration, profiles, recording).subset(calibration.used)
+    known = Sphere(seen, noise).rows(estimate).normal().information
     flange, centre = candidate_postures(limits, estimate, CANDIDATES, np.random.default_rng(seed))
     if cell is not None:
         reached = _reached(cell, flange)
@@ -252,6 +244,12 @@ def estimate_of(calibration: Calibration) -> Estimate:
     )
 
 
+def seen_again(calibration: Calibration, profiles: SphereProfiles, recording: Recording) -> Observations:
+    """Circles joined with the flange's poses, by the scales and the clock that the calibration has found."""
+    seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording)
+    return seen.place(calibration.time_offset_s or 0.0)
+
+
 def optics_of(profiles: SphereProfiles, recording: Recording) -> Optics:
     """Noise and pitch as the recording shows them."""
     pitch = float(np.nanmedian(np.abs(np.diff(recording.x_mm, axis=1))))
@@ -269,17 +267,6 @@ def _limits(
     z = float(calibration.centre_mm[calibration.used, 2].mean())
     cone, roll = (angle * DEG for angle in turn_deg)
     return Limits(mean @ calibration.hand_eye.flange_from_profiler[:3, :3], cone, roll, (x, z), half_mm)
-
-
-def _known(
-    calibration: Calibration, profiles: SphereProfiles, recording: Recording, estimate: Estimate, noise: Noise
-) -> tuple[Float, Noise]:
-    """Information (10, 10) of the postures at hand, and the noise: the robot's as large as the residuals say."""
-    profiles = rescaled(profiles, recording, sensor_of(calibration.hand_eye))
-    seen = by_pass(profiles, recording).place(estimate.offset_s).subset(calibration.used)
-    sphere = Sphere(seen, noise)
-    noise = settled(estimator.fit(sphere, estimate), sphere).noise
-    return information(estimate, seen, noise)[:10, :10], noise
 
 
 def _reached(cell: InputFile, flange: Float) -> Float:

@@ -22,13 +22,11 @@ from workbench.api import (
     strict_json,
 )
 from workbench.plugins.calibration.determinacy import MIN_POSTURES
-from workbench.plugins.calibration.model import Estimate, Noise, Sphere, linearise
-from workbench.plugins.calibration.observations import Observations, by_pass
-from workbench.plugins.calibration.plan import estimate_of
+from workbench.plugins.calibration.model import Estimate, Noise, Sphere, by_circle, linearise
+from workbench.plugins.calibration.observations import Observations
+from workbench.plugins.calibration.plan import estimate_of, seen_again
 from workbench.plugins.calibration.scanned import start_center
-from workbench.plugins.calibration.shared_errors import settled
 from workbench.plugins.calibration.values import Calibration, SphereProfiles, Validation
-from workbench.plugins.calibration.verdicts import rescaled, sensor_of
 
 # Postures that a calibration is not made from: left out in turn, or a second recording.
 
@@ -54,11 +52,8 @@ def by_folds(estimate: Estimate, seen: Observations, noise: Noise, folds: int, s
             f"{count} postures are too few to hold {math.ceil(count / parts)} out: "
             f"expected {MIN_POSTURES} others at least",
         )
-    sphere = Sphere(seen, noise)
-    whole = settled(estimator.fit(sphere, estimate), sphere)
-    start, noise = whole.estimate, whole.noise
     outs = [np.isin(np.arange(len(seen)), np.concatenate(passes[part::parts])) for part in range(parts)]
-    each = [_predicted(estimator.fit(Sphere(seen, noise), start, ~out), seen.subset(out), noise) for out in outs]
+    each = [_predicted(estimator.fit(Sphere(seen, noise), estimate, ~out), seen.subset(out), noise) for out in outs]
     order = np.argsort(np.concatenate([np.flatnonzero(out) for out in outs]))
     residual, covariance, y = (np.concatenate(part)[order] for part in list(zip(*each, strict=True))[:3])
     how = "each posture predicted from the others" if parts == count else f"held out in {parts} parts"
@@ -102,23 +97,17 @@ def validate(
     recording: Recording,
     *,
     folds: Annotated[int, Field(ge=0, le=100)] = 0,
-    pose_noise_mm: Annotated[float, Field(gt=0, le=5)] = 0.07,
-    pose_noise_deg: Annotated[float, Field(ge=0, le=1)] = 0.01,
-    sphere_radius_u_mm: Annotated[float, Field(gt=0, le=5)] = 0.05,
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
     Postures are left out part by part and predicted from a fit of the others; of a second recording only the sphere's
-    place is fitted.
+    place is fitted. The noise is that which the calibration rests on.
 
     Args:
         calibration: what to validate.
         profiles: circles of the recording to validate on.
         recording: the calibration's own, or a second one.
         folds: number of parts of the calibration's own recording that are held out in turn; 0: each posture by itself.
-        pose_noise_mm: as in `calibrate.hand_eye`.
-        pose_noise_deg: as in `calibrate.hand_eye`.
-        sphere_radius_u_mm: as in `calibrate.hand_eye`.
 
     Raises:
         InputError: too few postures to hold any out.
@@ -133,9 +122,8 @@ def validate(
         >>> held_out.error_mm.shape
         (12, 3)
     """
-    noise = Noise(pose_noise_mm, pose_noise_deg, profiles.sphere_diameter_mm / 2, sphere_radius_u_mm)
-    estimate = estimate_of(calibration)
-    seen = by_pass(rescaled(profiles, recording, sensor_of(calibration.hand_eye)), recording).place(estimate.offset_s)
+    estimate, seen = estimate_of(calibration), seen_again(calibration, profiles, recording)
+    noise = replace(calibration.noise, radius_mm=profiles.sphere_diameter_mm / 2)
     if recording.source == calibration.hand_eye.source:
         seen = seen.subset(calibration.used)
         how, held = by_folds(estimate, seen, noise, folds, recording.source)
@@ -149,9 +137,7 @@ def validate(
 def _validation(how: str, seen: Observations, held: HeldOut) -> Validation:
     """In mm along the profiler's axes; w tells y where the centre is off the plane."""
     y = np.where(np.abs(held.y_mm) > NEAR_EQUATOR * np.abs(held.y_mm).max(), held.y_mm, np.nan)
-    change = np.zeros((len(y), 3, 3))
-    change[:, 0, 0] = change[:, 2, 1] = 1.0
-    change[:, 1, 2] = -1 / (2 * y)
+    change = by_circle(y)
     error = np.einsum("kij,kj->ki", change, np.nan_to_num(held.residual))
     variance = np.einsum("kij,kjl,kil->ki", change, held.covariance, change)
     error[np.isnan(y), 1] = np.nan

@@ -10,7 +10,7 @@ from workbench.api import UNKNOWN_PART, Bool, Float, HandEye, Int, Part, Shaped
 if TYPE_CHECKING:
     from workbench.plugins.calibration.model import Noise, View
 
-Method = Literal["bundle", "joint", "analytic", "genetic"]
+Method = Literal["bundle", "analytic", "genetic"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

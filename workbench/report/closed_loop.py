@@ -178,10 +178,11 @@ def closed_loop(
         raise InputError(toolpath.source or "path", "expected at least one layer")
     rows = compared(inspection, toolpath)
     planned = {name: [getattr(row, name) for row in rows] for name in PLACES}
-    chart = deviation_chart({"": inspection}, asked(toolpath), planned)
     return Chapter(
         title=title,
-        html=closed_loop_html(inspection, toolpath, rework, engagement, rows, chart),
+        html=closed_loop_html(
+            inspection, toolpath, rework, engagement, rows, deviation_chart({"": inspection}, asked(toolpath), planned)
+        ),
         verdict=inspection.verdict,
         summary=closed_loop_summary(inspection, toolpath, rework),
         part=toolpath.part,

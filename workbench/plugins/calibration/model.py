@@ -329,7 +329,7 @@ def displacements(rotation: Float, view: View) -> Float:
 def volume_weight(rotation: Float, view: View) -> Float:
     """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error of a point over the field."""
     moved = displacements(rotation, view)
-    return np.einsum("sip,siq->pq", moved, moved)
+    return np.asarray(np.einsum("sip,siq->pq", moved, moved))
 
 
 def place_u(covariance: Float, rotation: Float, view: View) -> float:

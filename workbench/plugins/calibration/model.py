@@ -328,8 +328,8 @@ def displacements(rotation: Float, view: View) -> Float:
 
 def volume_weight(rotation: Float, view: View) -> Float:
     """W (6, 6) with volume_u^2 = trace(W covariance): the mean square error of a point over the field."""
-    moved = displacements(rotation, view)
-    return np.asarray(np.einsum("sip,siq->pq", moved, moved))
+    moved = displacements(rotation, view).reshape(-1, 6)
+    return np.asarray(moved.T @ moved)
 
 
 def place_u(covariance: Float, rotation: Float, view: View) -> float:

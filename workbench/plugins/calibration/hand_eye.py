@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -212,14 +214,14 @@ def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, 
     P = signed_centres(fit.estimate, linear, seen)
     centres = methods.Centres.seen_from(P, seen.here.base_from_flange)
     begin = pose_from(fit.estimate.rotation, fit.estimate.translation_mm)
+    rule: Callable[[methods.Centres], Float]
     if method == "analytic":
-        pose = methods.analytic(centres, where)
-        spread = methods.propagated(methods.analytic, centres, _centre_covariance(linear))
+        rule, pose = methods.analytic, methods.analytic(centres, where)
+    elif design is None:
+        raise InputError(where, "method 'genetic' searches about the design's pose: /hand_eye is missing")
     else:
-        if design is None:
-            raise InputError(where, "method 'genetic' searches about the design's pose: /hand_eye is missing")
-        pose = methods.genetic(design, centres, seed)
-        spread = methods.propagated(lambda c: methods.two_step(begin, c), centres, _centre_covariance(linear))
+        rule, pose = partial(methods.two_step, begin), methods.genetic(design, centres, seed)
+    spread = methods.propagated(rule, centres, _centre_covariance(linear))
     estimate = dataclasses.replace(fit.estimate, rotation=pose[:3, :3], translation_mm=pose[:3, 3])
     center = to_base(P, estimate, seen).mean(axis=0)
     covariance = fit.covariance.copy()

@@ -14,12 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from workbench.api import DEG, Float, InputError, pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
+from workbench.api import (
+    DEG,
+    Float,
+    InputError,
+    estimator,
+    pose_from,
+    rotation_from_rpy,
+    rotation_from_vector,
+    rpy_from_rotation,
+)
 from workbench.api import vector_from_rotation as vector
 
 SHARED_RAD = 0.1 * DEG  # orientations that differ by less count as one: pairs of pure translation
 BOX_RAD, BOX_MM = 20 * DEG, 50.0  # how far from the design the genetic algorithm looks
 POPULATION, GENERATIONS = 100, 100
+STEP_MM = 1e-3  # for differences
 
 
 @dataclass(frozen=True)
@@ -101,21 +111,13 @@ def propagated(rule: Callable[[Centres], Float], seen: Centres, covariance: Floa
     Errors of the flange's poses are part of the centres' covariance.
     """
     pose = rule(seen)
-    out = np.zeros((6, 6))
-    step = 1e-3
-    for i in range(len(seen.P)):
-        columns = []
-        for axis in range(3):
-            both = []
-            for sign in (1, -1):
-                P = seen.P.copy()
-                P[i, axis] += sign * step
-                moved = rule(Centres(P, seen.r, seen.t))
-                both.append(np.concatenate([moved[:3, 3], vector(moved[:3, :3] @ pose[:3, :3].T)]))
-            columns.append((both[0] - both[1]) / (2 * step))
-        J = np.stack(columns, axis=1)
-        out += J @ covariance[i] @ J.T
-    return out
+
+    def moved(step: Float) -> Float:
+        now = rule(Centres(seen.P + step.reshape(-1, 3), seen.r, seen.t))
+        return np.concatenate([now[:3, 3], vector(now[:3, :3] @ pose[:3, :3].T)])[None]
+
+    slope = estimator.jacobian_of(moved, np.full(seen.P.size, STEP_MM)).reshape(6, -1, 3)
+    return np.asarray(np.einsum("pki,kij,qkj->pq", slope, covariance, slope))
 
 
 class _Pairs:

@@ -119,32 +119,30 @@ def determinant(information: Float) -> Float:
 
 def chosen_postures(gain: Float, start: Float, count: int) -> Int:
     """Indices (count,) of the postures that together add most to `start` (10, 10), the most useful first."""
-    chosen: list[int] = []
-    for _ in range(count):
-        chosen.append(_best(gain, start + gain[chosen].sum(axis=0), chosen))
+    chosen = _in_order(gain, start, count)
     for _ in range(EXCHANGES):
         previous = list(chosen)
         for i in range(count):
             others = chosen[:i] + chosen[i + 1 :]
-            chosen[i] = _best(gain, start + gain[others].sum(axis=0), others)
+            chosen[i] = _best(gain, start, others)
         if chosen == previous:
             break
     found = np.array(chosen)
-    return found[_in_order(gain[found], start)]
+    return np.asarray(found[_in_order(gain[found], start, count)])
+
+
+def _in_order(gain: Float, start: Float, count: int) -> list[int]:
+    """The most useful one, and so many next ones beside those before."""
+    chosen: list[int] = []
+    for _ in range(count):
+        chosen.append(_best(gain, start, chosen))
+    return chosen
 
 
 def _best(gain: Float, start: Float, taken: list[int]) -> int:
-    score = determinant(start + gain)
+    score = determinant(start + gain[taken].sum(axis=0) + gain)
     score[taken] = -np.inf
     return int(np.argmax(score))
-
-
-def _in_order(gain: Float, start: Float) -> Int:
-    """The chosen ones, the most useful next one first."""
-    order: list[int] = []
-    for _ in range(len(gain)):
-        order.append(_best(gain, start + gain[order].sum(axis=0), order))
-    return np.array(order)
 
 
 def volume_after(information: Float, weight: Float) -> Float:

@@ -302,7 +302,6 @@ def together(
     by_place[:, 2, 2] += noise.radius_mm**4
     places, at = dataclasses.replace(seen, covariance=by_place), Together(start, np.zeros(len(arm)))
     for circles, coarser in ((places, COARSER[0]), *((seen, one) for one in COARSER)):
-        rough = dataclasses.replace(noise, pose_mm=coarser * noise.pose_mm, pose_deg=coarser * noise.pose_deg)
-        found = estimator.fit(Posed(circles, joints, rough, chain, arm), at)
+        found = estimator.fit(Posed(circles, joints, noise.times(coarser), chain, arm), at)
         at = found.at
     return found

@@ -156,12 +156,7 @@ class _Likelihood:
 
     def noise(self, whole: float, own: float) -> Noise:
         total = float(np.hypot(whole, own))
-        return replace(
-            self._stated,
-            pose_mm=total * self._stated.pose_mm,
-            pose_deg=total * self._stated.pose_deg,
-            common=float(whole / total) ** 2,
-        )
+        return replace(self._stated.times(total), common=float(whole / total) ** 2)
 
     def owns(self) -> Float:
         """Poses' own errors (o,) about the likeliest, evenly in standard deviations of their logarithm."""

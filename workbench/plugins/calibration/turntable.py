@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import scipy
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from workbench.api import (
     DEG,
@@ -49,7 +50,7 @@ POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"
 LEAST_TURN_DEG = 5.0  # between two angles: less shows no axis
 SAME_ANGLE = 0.1 * DEG  # between places of one marker, that count as one
-STARTS, TRIED = 40, 4  # directions from which the axis is sought, and the likeliest, which are refined
+TRIED = 4  # directions, the likeliest of those from which the axis is sought, that are refined
 STEP = 1e-5  # rad, for differences
 SURE = 5.0  # standard uncertainties by which the angles are not the table's
 UPRIGHT = 0.7  # of the axis' z: nearer to the vertical than to the horizontal
@@ -122,7 +123,7 @@ class _Turning:
     def begun(self) -> Axis:
         """The best of fits from directions all about: for one direction point and markers follow at once."""
         zero = np.zeros((self.marks.markers, 3))
-        starts = [Axis(self.middle, _beside(one), zero) for one in _sphere(STARTS)]
+        starts = [Axis(self.middle, _beside(one), zero) for one in Rotation.create_group("I").as_matrix()[:, 2]]
         rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
         best = min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
         return replace(best, frame=_beside(best.frame[2]))  # the same from whatever start
@@ -314,11 +315,3 @@ def _beside(direction: Float) -> Float:
 def _turned(at: Axis, turn: Float) -> Axis:
     direction = at.frame[2] + turn @ at.frame[:2]
     return replace(at, frame=_frame(direction / np.linalg.norm(direction), at.frame[0]))
-
-
-def _sphere(count: int) -> Float:
-    """Directions (count, 3) spread evenly (Fibonacci)."""
-    k = np.arange(count) + 0.5
-    z, turn = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
-    r = np.sqrt(1.0 - z**2)
-    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.seldom import seldom
+
 from .conftest import ROOT, SCAN, Ended
 from .hdf import write
 from .stranger import UP, Part, Scan, Setting, any_setting, record
@@ -111,7 +113,10 @@ def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("case", CASES)
+QUICK = ("arc from above", "wavy, upside down, far zero, leaning", "two passes, both sides")
+
+
+@pytest.mark.parametrize("case", [*QUICK, *seldom(*(case for case in CASES if case not in QUICK))])
 def test_the_final_layer_is_the_finished_bevel(case: str, plan: Callable[..., Ended], folder: Path) -> None:
     part, scans = CASES[case]
     rng = np.random.default_rng(len(case))

@@ -12,10 +12,9 @@ import pytest
 
 from .conftest import ROOT
 
-QUICK = {"inspect_bevel", "plan_bevel"}
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 PIPELINES = [
-    pytest.param(path, marks=() if path.stem in QUICK else pytest.mark.slow, id=path.stem)
+    pytest.param(path, marks=() if path.stem == "inspect_bevel" else pytest.mark.slow, id=path.stem)
     for path in sorted((ROOT / "pipelines").glob("*.json"))
 ]
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.seldom import seldom
+
 from .conftest import PART, SCAN, Ended
 from .hdf import write
 from .judge import errors
@@ -42,7 +44,10 @@ CASES: dict[str, tuple[Part, list[Scan]]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+QUICK = ("hollow, from below, counts towards", "followed, disturbed, on a table", "two passes, both sides")
+
+
+@pytest.mark.parametrize("case", [*QUICK, *seldom(*(case for case in CASES if case not in QUICK))])
 def test_inspection_is_true(case: str, run: Run, folder: Path) -> None:
     part, scans = CASES[case]
     setting = any_setting(np.random.default_rng(len(case)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.faulty import KINDS, outcome
+from tests.seldom import seldom
 from workbench.checks.residuals import every_second
 
 FRAMES = 400
@@ -23,14 +24,14 @@ def test_every_second_frame() -> None:
     ("kind", "seed", "is_raw"),
     [
         ("slips", 102, True),
-        ("slips", 108, True),
         ("alternates", 104, True),
         ("ms late", 457, False),
         ("chatter", 106, False),
+        *seldom(("slips", 108, True)),
     ],
 )
 def test_what_was_confidently_wrong_is_within_its_uncertainty(kind: str, seed: int, is_raw: bool) -> None:
-    """By 52, 25, 6, 41 and 4 u."""
+    """By 52, 6, 41, 4 and 25 u."""
     (name,) = [one for one in KINDS if kind in one]
     found = outcome(name, seed, is_raw)
     assert not found.refused

@@ -196,11 +196,18 @@ def part(condition: str) -> tuple[Recording, Truth]:
     return frames(recording, np.arange(0, len(recording.time_s), 3)), truth
 
 
-@pytest.mark.parametrize(("k", "vary"), [pytest.param(*one, id=one[1].__name__) for one in enumerate([*TRUE, *ANY])])
-@pytest.mark.parametrize("judge", [inspected, planned])
+JUDGES: tuple[Callable[[Recording, Truth, Kind], str], ...] = inspected, planned
+CASES = [
+    pytest.param(k, vary, judge, id=f"{judge.__name__}-{vary.__name__}", marks=[pytest.mark.slow] * ((k + of) % 2))
+    for k, vary in enumerate([*TRUE, *ANY])
+    for of, judge in enumerate(JUDGES)
+    if (vary, judge) != (moved, planned)  # a moved part has another upper side
+]
+
+
+@pytest.mark.parametrize(("k", "vary", "judge"), CASES)
 def test_a_variant_is_right_or_refused(k: int, vary: Vary, judge: Callable[[Recording, Truth, Kind], str]) -> None:
-    if vary is moved and judge is planned:
-        pytest.skip("a moved part has another upper side")
+    """Each is inspected or planned; the other way round by `make test-slow`."""
     straight = vary is passes_cut or k % 2 == 0  # two poses tell a straight motion
     recording, truth = part(("" if judge is inspected else "raw_") + ("straight" if straight else "arc"))
     spoilt = vary(recording, np.random.default_rng([0, k]))

@@ -49,8 +49,14 @@ def scan_of(recipe: Recipe) -> Scan:
 
 @pytest.fixture(scope="session")
 def drawn() -> Callable[[str, int], Scan]:
-    """`drawn(condition, seed)`: a part drawn at random under a named condition."""
-    return functools.cache(lambda condition, seed: scan_of(random_recipe(condition, seed)))
+    """`drawn(condition, seed)`: a part drawn at random under a named condition, a frame every 0.4 mm."""
+
+    @functools.cache
+    def make(condition: str, seed: int) -> Scan:
+        recipe = random_recipe(condition, seed)
+        return scan_of(recipe.model_copy(update={"robot": recipe.robot.model_copy(update={"frame_pitch_mm": 0.4})}))
+
+    return make
 
 
 @pytest.fixture(scope="session")

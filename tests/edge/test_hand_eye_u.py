@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.drawn.plates import random_recipe
+from bench.score.laws import frames
 from workbench.artefacts import Edge, Recording
 from workbench.edge import segment_raw
 from workbench.scan import fuse
@@ -31,12 +32,13 @@ def edge_of(recording: Recording, error: Float, upper_side: Float) -> Edge:
 
 def test_place_and_direction_scatter_as_stated() -> None:
     recording, truth = simulate_recording(random_recipe("raw_arc", 31))
+    recording = frames(recording, np.arange(0, len(recording.time_s), 3))
     stated = edge_of(recording, np.zeros(6), truth.across[0])
     assert stated.hand_eye_u_mm is not None
     k = len(stated.arc_length_mm) // 2
     rng = np.random.default_rng(31)
     off = []
-    for error in rng.multivariate_normal(np.zeros(6), CORRELATED, size=16):
+    for error in rng.multivariate_normal(np.zeros(6), CORRELATED, size=10):
         moved = edge_of(recording, error, truth.across[0])
         near = np.argmin(np.linalg.norm(moved.position_mm - stated.position_mm[k], axis=1))
         gap = moved.position_mm[near] - stated.position_mm[k]
@@ -44,10 +46,5 @@ def test_place_and_direction_scatter_as_stated() -> None:
         off.append([gap @ stated.normal[k], gap @ stated.across[k], turn])
     z = np.array(off) / [*stated.hand_eye_u_mm[k], stated.normal_u[k]]
     rms = np.sqrt(np.mean(z**2, axis=0))
-    assert ((rms > 0.55) & (rms < 1.5)).all(), rms  # 16 draws: rms of 1 +- 0.18
-
-
-def test_a_pose_without_covariance_adds_nothing() -> None:
-    recording, truth = simulate_recording(random_recipe("raw_arc", 31))
-    edge = segment_raw(fuse(recording), upper_side=tuple(float(v) for v in truth.across[0]))
-    assert edge.hand_eye_u_mm is None
+    assert ((rms > 0.55) & (rms < 1.5)).all(), rms  # 10 draws: rms of 1 +- 0.22
+    assert segment_raw(fuse(recording), upper_side=tuple(truth.across[0].tolist())).hand_eye_u_mm is None  # told none

@@ -24,7 +24,7 @@ LEAST_PITCH_MM, SHARE_OF_PITCH = 0.02, 0.35  # distance between lines; how far o
 SHORT_LINES = 12  # so many short ones in a row: the plane is lost
 PASS_JUMP, PASS_LINES = 25.0, 9  # a pass ends at a step of so many usual ones, or where so many lines go another way
 ANGLES = 360  # of the lateral axis, that are tried; then as many between the two next to the best
-SAMPLE = 60_000  # steps that tell it
+SAMPLE = 60_000  # steps that tell it, a tenth of them the first
 MARGIN = 20  # empty columns on each side: where the field of view ended is not known
 LEAST_STEP_MM = 1e-4
 LEAST_CELLS, MOST_CELLS = 10_000_000, 50  # of a grid; a point, beyond that
@@ -260,21 +260,21 @@ def lateral_axis(plane_mm: Float, line: Int) -> tuple[float, float]:
     plane_mm (n, 2): points in the laser plane, line after line (n,).
     """
     step = np.diff(plane_mm, axis=0)[np.diff(line) == 0]
-    step = step[:: max(1, len(step) // SAMPLE)]
     low, high = 0.0, np.pi
-    for _ in range(2):
+    for sample in (SAMPLE // 10, SAMPLE):
+        some = step[:: max(1, len(step) // sample)]
         angles = np.linspace(low, high, ANGLES)
-        scatter = [_scatter(step @ [np.cos(a), np.sin(a)]) for a in angles]
-        best = int(np.argmin(scatter))
+        scatter = [_scatter(some @ [np.cos(a), np.sin(a)]) for a in angles]
+        best = np.argmin(scatter)
         low, high = angles[best] - (high - low) / ANGLES, angles[best] + (high - low) / ANGLES
     angle = float(angles[best])
-    pitch = float(np.median(step @ [np.cos(angle), np.sin(angle)]))
+    pitch = float(np.median(some @ [np.cos(angle), np.sin(angle)]))
     return (angle, pitch) if pitch > 0 else (angle + np.pi, -pitch)
 
 
 def _scatter(step: Float) -> float:
     """Of steps (k,) about their median, in parts of it."""
-    middle = float(np.median(step))
+    middle = np.median(step)
     return float(np.median(np.abs(step - middle))) / max(abs(middle), 1e-9)
 
 

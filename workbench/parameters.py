@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from workbench.errors import PipelineError, nearest
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
+    from pydantic_core import ErrorDetails
 
 
 def parameter_model(name: str, fields: Mapping[str, Any]) -> type[BaseModel]:
@@ -53,25 +54,66 @@ def jsonable(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
+Place = tuple[str | int, ...]
+
+
 def complaint(error: ValidationError, given: Mapping[str, Any], where: str) -> PipelineError:
     """The first thing that pydantic found, as place and expectation."""
-    first = error.errors(include_url=False)[0]
-    value: Any = given
-    for depth, key in enumerate(first["loc"]):
-        missing = first["type"] == "missing" and depth == len(first["loc"]) - 1
-        try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):
-            if depth and not missing:
-                break  # the tag of a union
-        where += f"[{key}]" if isinstance(key, int) else f".{key}"
-    if first["type"] == "missing":
-        return PipelineError(where, "is required, but missing")
-    text = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    found = first.get("input", value)
-    if isinstance(found, Mapping) and first["type"] == "value_error":
-        return PipelineError(where, text)  # says itself which of its values it is
-    if "tolerance" in where and isinstance(found, int | float):
-        text = f"expected the lower and the upper deviation, as [{-abs(found)}, {abs(found)}]"
-    shown = repr(found)
-    return PipelineError(where, f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")
+    place, text = problems(error, given)[0]
+    return PipelineError(path_of(place, where), text)
+
+
+def path_of(place: Place, root: str = "$") -> str:
+    """A place in a JSON document: $.passes[0].from_mm."""
+    return root + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
+
+
+def problems(error: ValidationError, given: Any, model: type[BaseModel] | None = None) -> list[tuple[Place, str]]:
+    """All that pydantic found in a document: the place, and what was expected; to unknown keys the nearest of `model`.
+
+    What pydantic adds to a place is left out: tags of unions.
+    """
+    found = []
+    for entry in error.errors(include_url=False):
+        place: list[str | int] = []
+        value = given
+        for depth, key in enumerate(entry["loc"]):
+            absent = entry["type"] == "missing" and depth == len(entry["loc"]) - 1
+            try:
+                value = value[key]
+            except (KeyError, IndexError, TypeError):
+                place += [key] if absent or not depth else []
+                break
+            place.append(key)
+        found.append((tuple(place), _expected(entry, tuple(place), model)))
+    return found
+
+
+def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) -> str:
+    if entry["type"] == "missing":
+        return "is required, but missing"
+    if entry["type"] == "extra_forbidden" and model is not None:
+        return f"unknown key{nearest(str(place[-1]), _object_at(model, place[:-1]).model_fields)}"
+    text, value = entry["msg"].removeprefix("Value error, ").replace("Input should be", "expected"), entry["input"]
+    if isinstance(value, Mapping) and entry["type"] == "value_error":
+        return text  # says itself which of its values it is
+    if "tolerance" in path_of(place) and isinstance(value, int | float):
+        text = f"expected the lower and the upper deviation, as [{-abs(value)}, {abs(value)}]"
+    shown = repr(value)
+    return f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}"
+
+
+def _object_at(model: type[BaseModel], place: Place) -> type[BaseModel]:
+    """The model of the object at a place of a document."""
+    for key in place:
+        if key in model.model_fields:
+            model = next(_models(model.model_fields[str(key)].annotation), model)
+    return model
+
+
+def _models(hint: Any) -> Iterator[type[BaseModel]]:
+    """Models that an annotation names, the outermost first."""
+    if hasattr(hint, "model_fields"):
+        yield hint
+    for one in get_args(hint):
+        yield from _models(one)

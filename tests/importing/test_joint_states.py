@@ -50,13 +50,17 @@ def test_a_rail_and_a_continuous_joint_move_the_flange(tmp_path: Path) -> None:
     ("joints", "said"),
     [
         ({name: 0.0 for name in NAMES[:5]}, "joint 'joint_6' is missing"),
-        ({**dict.fromkeys(NAMES, 0.0), "joint_2": 45.0}, "expected joint 'joint_2' from -1.13446 to 1.48353 .*degrees"),
+        (
+            {**dict.fromkeys(NAMES, 0.0), "joint_2": 45.0},
+            "'joint_2': expected -1.13446 to 1.48353 rad, found 45 .deg declared",
+        ),
         ({**dict.fromkeys(NAMES, 0.0), "joint_3": np.nan}, "found nan"),
     ],
 )
 def test_a_state_that_leaves_doubt_is_refused(joints: dict[str, float], said: str) -> None:
+    model, where = JointModel.read(URDF, "base_link", "tool0"), "bag: /joint_states[7]"
     with pytest.raises(InputError, match=said):
-        JointModel.read(URDF, "base_link", "tool0").joints(state(**joints), "bag: /joint_states[7]")
+        model.check(np.array([model.joints(state(**joints), where)]), "rad", lambda _: where)
 
 
 def test_names_and_positions_must_pair() -> None:

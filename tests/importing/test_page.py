@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from workbench.cli import main
 from workbench.geometry.poses import CONVENTIONS
 from workbench.importing.mapping import Mapping
+from workbench.importing.mapping_parts import Part
 from workbench.scan import read
 
 PAGE = (Path(__file__).parents[2] / "docs" / "importing.md").read_text(encoding="utf-8")
@@ -44,9 +46,6 @@ def test_the_page_names_every_key_and_convention() -> None:
         assert f"`{convention}`" in PAGE or convention.startswith("euler_"), convention
 
 
-def part_of(field: object) -> type[Mapping] | None:
-    from typing import get_args
-
-    from workbench.importing.mapping import is_part
-
-    return next((hint for hint in get_args(field.annotation) if is_part(hint)), None)  # type: ignore[attr-defined]
+def part_of(field: object) -> type[Part] | None:
+    hints = get_args(field.annotation)  # type: ignore[attr-defined]
+    return next((hint for hint in hints if isinstance(hint, type) and issubclass(hint, Part)), None)

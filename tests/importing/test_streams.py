@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.importing import neutral
 from workbench.importing import text as texts
 from workbench.importing.mapping import Mapping
 from workbench.importing.tables import read
@@ -31,15 +30,11 @@ def ragged(path: Path, frames: int = 30) -> Path:
 
 
 @pytest.mark.parametrize("slab_bytes", [1, 100, 1009])
-@pytest.mark.parametrize("block_points", [1, 77, 10**6])
-def test_stretches_and_blocks_change_nothing(
-    slab_bytes: int, block_points: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stretches_change_nothing(slab_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = ragged(tmp_path / "a.csv")
     whole = read(path, MAPPING).profiles
     monkeypatch.setattr(texts, "SLAB_BYTES", slab_bytes)
     monkeypatch.setattr(texts, "HEAD_BYTES", 64)
-    monkeypatch.setattr(neutral, "BLOCK_POINTS", max(block_points, 200))
     pieces = read(path, MAPPING).profiles
     assert whole is not None
     assert pieces is not None

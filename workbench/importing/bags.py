@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from workbench.importing.bags_reader import (
     TRANSFORM,
     Bag,
     FrameTree,
+    Link,
     Message,
     chained,
     chosen_topic,
@@ -31,8 +33,6 @@ from workbench.importing.bags_reader import (
     in_order,
     listed,
     opened,
-    pose_row,
-    product,
     stamp_s,
 )
 from workbench.importing.joints import JointModel
@@ -40,7 +40,6 @@ from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, BagPart
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.poses import of_flange_in_base
-from workbench.scan.checks import normalised
 from workbench.units import Float
 
 NAME = "bag (MCAP, rosbag2, rosbag1)"
@@ -140,17 +139,17 @@ def read_poses(bag: Bag, source: str, part: BagPart, tree: FrameTree | None, bas
 
 def _stamped(bag: Bag, source: str, part: BagPart) -> tuple[PoseStream, str]:
     """Poses that stand in the messages; all of the same two frames, and of the mapping's where it names them."""
-    where, rows, frames = f"{bag.path}: {source}", [], (part.flange_frame, part.base_frame)
+    where, frames, link = f"{bag.path}: {source}", (part.flange_frame, part.base_frame), Link("")
     for message in bag.messages([source]):
         frames = _same_frames(message, frames)
-        rows.append([stamp_s(message, part.time), *_pose(message, LENGTH_MM[part.pose_length_unit])])
-    values = np.array(rows)
-    time_s, values, repeats = in_order(values[:, 0], values[:, 1:], where)
-    quaternion = normalised(values[:, 3:], f"{where}: orientation")
-    stream = PoseStream(str(bag.path), values[:, :3], quaternion, time_s, length_unit=part.pose_length_unit)
+        place, turn = _pose(message.value)
+        link.add(place, turn, stamp_s(message, part.time), LENGTH_MM[part.pose_length_unit], message.where)
+    found = link.motion(where)
     flange = f"'{frames[0]}'" if frames[0] else "the flange"
     note = f"poses: {listed(bag, [source])}, {flange} in '{frames[1]}', in {part.pose_length_unit}"
-    return stream, note + _dense(time_s, repeats)
+    unit = part.pose_length_unit
+    stream = PoseStream(str(bag.path), found.position_mm, found.quaternion_wxyz, found.time_s, length_unit=unit)
+    return stream, note + _dense(found.time_s, found.repeats)
 
 
 def _same_frames(message: Message, before: tuple[str | None, str | None]) -> tuple[str | None, str | None]:
@@ -163,13 +162,12 @@ def _same_frames(message: Message, before: tuple[str | None, str | None]) -> tup
     return here
 
 
-def _pose(message: Message, scale_mm: float) -> list[float]:
-    """Position in mm and quaternion."""
-    value = message.value
+def _pose(value: Any) -> tuple[Any, Any]:
+    """Position and quaternion."""
     if hasattr(value, "transform"):
-        return pose_row(value.transform.translation, value.transform.rotation, scale_mm, message.where)
+        return value.transform.translation, value.transform.rotation
     pose = getattr(value.pose, "pose", value.pose)  # Odometry has it beside a covariance
-    return pose_row(pose.position, pose.orientation, scale_mm, message.where)
+    return pose.position, pose.orientation
 
 
 def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseStream, str]:
@@ -178,14 +176,16 @@ def _joints(bag: Bag, source: str, part: BagPart, base_dir: Path) -> tuple[PoseS
     if part.urdf is None or part.base_frame is None or part.flange_frame is None:
         raise InputError(where, "expected $.bag.urdf, base_frame and flange_frame in the mapping, for joint states")
     model = JointModel.read(base_dir / part.urdf, part.base_frame, part.flange_frame)
-    times, rows = [], []
+    times, rows, places = [], [], []
     for message in bag.messages([source]):
         row = model.joints(message.value, message.where)
         if row is not None:
             times.append(stamp_s(message, part.time))
             rows.append(row)
+            places.append(message.where)
     if not rows:
         raise InputError(where, f"expected joints {', '.join(model.names)}, found none of them in any message")
+    model.check(np.array(rows), "rad", places.__getitem__)
     time_s, joints, repeats = in_order(np.array(times), np.array(rows), where)
     others = bag.counts[source] - len(rows)
     note = (
@@ -255,6 +255,8 @@ def hand_eye_from_frames(tree: FrameTree, part: BagPart, ros_from_profiler: Floa
         raise InputError(
             tree.where, f"expected '{part.profiler_frame}' fixed to '{part.flange_frame}', found it moving"
         )
-    pose: Float = product([replace(motion, is_static=True) for motion in chain], np.zeros(1))[0].copy()
+    pose: Float = np.eye(4)
+    for motion in chain:
+        pose = pose @ motion.at(motion.time_s[:1])[0]
     pose[:3, :3] = pose[:3, :3] @ ros_from_profiler
     return pose

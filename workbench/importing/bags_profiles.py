@@ -3,81 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.bags_reader import CLOUD, SCAN, Bag, Message, chosen_topic, listed, stamp_s
+from workbench.importing.bags_reader import CLOUD, SCAN, Bag, chosen_topic, listed, stamp_s
 from workbench.importing.mapping_parts import LENGTH_MM, BagPart
-from workbench.importing.neutral import Points as Gathering
-from workbench.importing.neutral import ProfileFrames
+from workbench.importing.neutral import Points, ProfileFrames
 from workbench.units import AnyArray, Float, Int, Shaped
-
-MAX_COLUMNS = 10_000
-
-
-@dataclass(slots=True)
-class Gathered:
-    """Profiles one after the other, with their times and topics; intensity where all have it."""
-
-    points: Gathering = field(default_factory=Gathering)
-    time_s: list[float] = field(default_factory=list)
-    topic: list[int] = field(default_factory=list)
-    empty: int = 0
-    no_intensity: str = ""  # why there is none
-
-    def append(
-        self, time_s: float, topic: int, x_mm: Float, z_mm: Float, intensity: AnyArray | None, where: str
-    ) -> None:
-        """Add a profile. Raises InputError where it is too long."""
-        if len(x_mm) > MAX_COLUMNS:
-            raise InputError(where, f"expected a profile of at most {MAX_COLUMNS} points, found {len(x_mm)}")
-        self.empty += not len(x_mm)
-        self.time_s.append(time_s)
-        self.topic.append(topic)
-        self.points.add_frame(x_mm.astype(np.float32), z_mm.astype(np.float32), self._counts(intensity, len(x_mm)))
-
-    def _counts(self, intensity: AnyArray | None, points: int) -> AnyArray:
-        """Intensity as uint16; zeros from the first profile on that has none, or not such."""
-        if intensity is None and points:
-            self.no_intensity = self.no_intensity or "none in the bag"
-        elif intensity is not None and not (
-            (intensity >= 0).all() and (intensity <= 65535).all() and (intensity == np.rint(intensity)).all()
-        ):
-            self.no_intensity = self.no_intensity or "left out: not whole numbers from 0 to 65535"
-        if self.no_intensity or intensity is None:
-            return np.zeros(points, np.uint16)
-        return intensity.astype(np.uint16)
-
-    def frames(self, source: str, part: BagPart) -> tuple[ProfileFrames, list[str]]:
-        """The whole grid, and what the user should know of it. Raises InputError where nothing was seen."""
-        if not self.points.rows:
-            raise InputError(source, "expected profiles with points, found none")
-        grid = self.points.gridded(source, by_spacing=part.ragged == "spacing")
-        if not np.isfinite(grid.z_mm).any():
-            raise InputError(source, "expected returns in the profiles, found none")
-        frames = ProfileFrames(
-            source=source,
-            x_mm=grid.x_mm,
-            z_mm=grid.z_mm,
-            time_s=np.array(self.time_s),
-            intensity=None if self.no_intensity else grid.intensity,
-            pass_index=self._passes(part.pass_gap_s),
-            length_unit=part.length_unit,
-        )
-        told = [f"{self.empty} messages without points: frames without returns"] if self.empty else []
-        return frames, [f"intensity: {self.no_intensity or 'taken'}", *told, *([grid.note] if grid.note else [])]
-
-    def _passes(self, gap_s: float | None) -> Int | None:
-        """Passes (N,) from 0: a new one with each topic and after each gap longer than `gap_s`; None: there is one."""
-        begins = np.diff(self.topic) != 0
-        if gap_s is not None:
-            begins |= np.diff(self.time_s) > gap_s
-        return np.append(0, np.cumsum(begins)) if begins.any() else None
-
 
 # One message of a bag as points: PointCloud2 by its fields, LaserScan by its angles and ranges.
 #
@@ -88,15 +22,14 @@ FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8:
 INTENSITY = ("intensity", "intensities")
 
 
-@dataclass(frozen=True, slots=True)
-class Points:
+class Returns(NamedTuple):
     """What one message holds: H rows (profiles) of W points."""
 
     xyz: Shaped[Float, "3 H W"]  # in the message's frame and unit; NaN = no return; an axis that is not there is 0
     intensity: Shaped[AnyArray, "H W"] | None
 
 
-def cloud_points(message: Any, where: str) -> Points:
+def cloud_points(message: Any, where: str) -> Returns:
     """Points of a sensor_msgs/PointCloud2: fields of any type and offset, either byte order, rows with padding.
 
     Raises:
@@ -108,7 +41,7 @@ def cloud_points(message: Any, where: str) -> Points:
         raise InputError(where, f"expected height {height} x row_step bytes of width {width} points, found {found}")
     fields = {field.name: field for field in message.fields if field.name in ("x", "y", "z", *INTENSITY)}
     if height * width == 0:
-        return Points(np.empty((3, max(height, 1), 0)), None)
+        return Returns(np.empty((3, max(height, 1), 0)), None)
     layout = {name: _field_type(field, message.is_bigendian, step, where) for name, field in fields.items()}
     if not {"x", "y", "z"} & set(layout):
         named = ", ".join(str(field.name) for field in message.fields[:12]) or "none"
@@ -127,7 +60,7 @@ def cloud_points(message: Any, where: str) -> Points:
     for axis, name in enumerate("xyz"):
         if name in layout:
             xyz[axis] = points[name]
-    return Points(xyz, next((points[name] for name in INTENSITY if name in layout), None))
+    return Returns(xyz, next((points[name] for name in INTENSITY if name in layout), None))
 
 
 def _field_type(field: Any, is_bigendian: bool, point_step: int, where: str) -> str:
@@ -141,7 +74,7 @@ def _field_type(field: Any, is_bigendian: bool, point_step: int, where: str) -> 
     return (">" if is_bigendian else "<") + known
 
 
-def scan_points(message: Any, where: str) -> Points:
+def scan_points(message: Any, where: str) -> Returns:
     """Points of a sensor_msgs/LaserScan in its own x-y plane: x = r cos a, y = r sin a, angles from x towards y.
 
     No return: NaN, an infinity (REP 117), or a range outside range_min to range_max.
@@ -160,22 +93,22 @@ def scan_points(message: Any, where: str) -> Points:
     r = np.where(seen, ranges, np.nan)
     xyz = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros(len(r))])[:, None, :]
     intensity = np.asarray(message.intensities)
-    return Points(xyz, intensity[None, :] if len(intensity) == len(ranges) else None)
+    return Returns(xyz, intensity[None, :] if len(intensity) == len(ranges) else None)
 
 
+MAX_COLUMNS = 10_000
 AXES = {CLOUD: ("x", "z"), SCAN: ("y", "x")}  # lateral and range, unless the mapping names them
 MAX_MM = 1e6  # of a coordinate: what is beyond was not measured
 FLAT_MM = 0.01  # how far a profile's points may lie off the laser plane
 
 
-@dataclass(slots=True)
-class Found:
+class Found(NamedTuple):
     """What the messages turned out to be."""
 
     profiles: ProfileFrames
     ros_from_profiler: Shaped[Float, "3 3"]  # axes of the profiler in the frame of the messages
     frame_id: str
-    notes: list[str] = field(default_factory=list)
+    notes: list[str]
 
 
 def profile_topics(bag: Bag, part: BagPart) -> list[str]:
@@ -206,33 +139,70 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
     usual = AXES[bag.types[topics[0]]]
     lateral, upward = part.lateral or usual[0], part.range or usual[1]
     ros_from_profiler = _axes(lateral, upward, str(bag.path))
-    gathered, frame_id = Gathered(), ""
+    points, frame_id, times, of_topic = Points(), "", list[float](), list[int]()
+    left_out, empty = "", 0  # why there is no intensity; messages without points
     for number, topic in enumerate(topics):
         for message in bag.messages([topic]):
             frame_id = frame_id or message.value.header.frame_id
             if message.value.header.frame_id != frame_id:
-                raise InputError(
-                    message.where, f"expected frame_id '{frame_id}', found '{message.value.header.frame_id}'"
-                )
-            points = _points(bag, message)
-            xyz_mm = _checked_mm(points.xyz, part, message.where)
-            local = np.einsum("rp,rhw->phw", ros_from_profiler, xyz_mm)  # R^T: into the profiler frame
+                what = f"expected frame_id '{frame_id}', found '{message.value.header.frame_id}'"
+                raise InputError(message.where, what)
+            found = (cloud_points if bag.types[topic] == CLOUD else scan_points)(message.value, message.where)
+            xyz_mm = _checked_mm(found.xyz, part, message.where)
+            local = np.einsum("rp,rhw->phw", ros_from_profiler, xyz_mm).astype(np.float32)  # R^T: into the profiler
             _check_flat(local[1], message.where)
-            for row, time_s in enumerate(_row_times(message, local.shape[1], part)):
-                intensity = None if points.intensity is None else points.intensity[row]
-                gathered.append(time_s, number, local[0, row], local[2, row], intensity, message.where)
-    profiles, told = gathered.frames(str(bag.path), part)
+            rows, columns = local.shape[1:]
+            if columns > MAX_COLUMNS:
+                what = f"expected a profile of at most {MAX_COLUMNS} points, found {columns}"
+                raise InputError(message.where, what)
+            if rows > 1 and part.row_period_s is None:
+                what = f"{rows} profiles with one time: expected $.bag.row_period_s in the mapping"
+                raise InputError(message.where, what)
+            light, why = _counts(found.intensity, (rows, columns))
+            left_out, empty = left_out or why, empty + (rows if not columns else 0)
+            points.add(local[0].ravel(), local[2].ravel(), np.arange(rows) * columns, light.ravel())
+            times += (stamp_s(message, part.time) + np.arange(rows) * (part.row_period_s or 0.0)).tolist()
+            of_topic += [number] * rows
+    if not points.rows:
+        raise InputError(str(bag.path), "expected profiles with points, found none")
+    grid = points.gridded(str(bag.path), by_spacing=part.ragged == "spacing")
+    if not np.isfinite(grid.z_mm).any():
+        raise InputError(str(bag.path), "expected returns in the profiles, found none")
+    profiles = ProfileFrames(
+        source=str(bag.path),
+        x_mm=grid.x_mm,
+        z_mm=grid.z_mm,
+        time_s=np.array(times),
+        intensity=None if left_out else grid.intensity,
+        pass_index=_passes(of_topic, times, part.pass_gap_s),
+        length_unit=part.length_unit,
+    )
     notes = [
         f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
         f"x of the profiler is {lateral}, its z is {upward}",
-        *told,
+        f"intensity: {left_out or 'taken'}",
+        *([f"{empty} messages without points: frames without returns"] if empty else []),
+        *filter(None, [grid.note]),
     ]
     return Found(profiles, ros_from_profiler, frame_id, notes)
 
 
-def _points(bag: Bag, message: Message) -> Points:
-    read = cloud_points if bag.types[message.topic] == CLOUD else scan_points
-    return read(message.value, message.where)
+def _counts(intensity: AnyArray | None, shape: tuple[int, int]) -> tuple[AnyArray, str]:
+    """Intensity as uint16; zeros, and why, where there is none, or not such."""
+    zeros = np.zeros(shape, np.uint16)
+    if intensity is None:
+        return zeros, "none in the bag" if zeros.size else ""
+    if np.array_equal(intensity, np.clip(np.rint(intensity), 0, 65535)):
+        return intensity.astype(np.uint16), ""
+    return zeros, "left out: not whole numbers from 0 to 65535"
+
+
+def _passes(of_topic: list[int], times: list[float], gap_s: float | None) -> Int | None:
+    """Passes (N,) from 0: a new one with each topic and after each gap longer than `gap_s`; None: there is one."""
+    begins = np.diff(of_topic) != 0
+    if gap_s is not None:
+        begins |= np.diff(times) > gap_s
+    return np.append(0, np.cumsum(begins)) if begins.any() else None
 
 
 def _axes(lateral: str, upward: str, where: str) -> Float:
@@ -274,11 +244,3 @@ def _check_flat(off_plane_mm: Float, where: str) -> None:
         raise InputError(
             where, f"expected points in the plane of $.bag.lateral and $.bag.range, found one {far:g} mm off"
         )
-
-
-def _row_times(message: Message, rows: int, part: BagPart) -> Iterator[float]:
-    """The time of each row: the message's for the first, then row by row."""
-    if rows > 1 and part.row_period_s is None:
-        raise InputError(message.where, f"{rows} profiles with one time: expected $.bag.row_period_s in the mapping")
-    start_s = stamp_s(message, part.time)
-    return (start_s + row * (part.row_period_s or 0.0) for row in range(rows))

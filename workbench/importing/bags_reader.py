@@ -9,13 +9,12 @@ Poses here are in mm, `parent_from_child`.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -64,7 +63,7 @@ class Bag:
         Raises:
             InputError: a damaged bag, fewer messages than its index says, a type with a strange definition.
         """
-        chosen = [c for c in self.reader.connections if c.topic in topics]
+        chosen, store = [c for c in self.reader.connections if c.topic in topics], self.typestore
         if not chosen:
             return  # the library would take it for all
         for connection in chosen:
@@ -77,18 +76,13 @@ class Bag:
             index = count[topic]
             where = f"{self.path}: {topic}[{index}]"
             with _edge(where, "message"):
-                value = self._value(raw, connection.msgtype)
+                value = (store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr)(raw, connection.msgtype)
             count[topic] += 1
             yield Message(topic, index, time_ns, value, where)
         for topic in topics:
             if count[topic] != self.counts[topic]:
                 found = f"found {count[topic]}: the bag is damaged"
                 raise InputError(f"{self.path}: {topic}", f"expected {self.counts[topic]} messages, {found}")
-
-    def _value(self, raw: Any, name: str) -> Any:
-        if self.is_ros1:
-            return self.typestore.deserialize_ros1(raw, name)
-        return self.typestore.deserialize_cdr(raw, name)
 
     def _check_definition(self, connection: Any) -> None:
         """Digest (md5 in rosbag1, RIHS01 in rosbag2; a bare MCAP file has none) against the standard type's."""
@@ -218,16 +212,33 @@ SAME = 1e-9  # mm, or of a quaternion: nearer poses are one
 
 @dataclass(slots=True)
 class Link:
-    """A frame and its parent: a pose that holds for ever, or one at each of its times."""
+    """A frame in its parent: a pose that holds for ever, or one at each of its times."""
 
     parent: str
-    is_static: bool
+    is_static: bool = False
     time_s: list[float] = field(default_factory=list)
     rows: list[list[float]] = field(default_factory=list)  # x y z in mm, w x y z
 
+    def add(self, position: Any, quaternion: Any, time_s: float, scale_mm: float, where: str) -> None:
+        """Add a message's pose. Raises InputError for what is no number, or for a fixed frame that is elsewhere."""
+        row = [scale_mm * float(v) for v in (position.x, position.y, position.z)]
+        row += [float(v) for v in (quaternion.w, quaternion.x, quaternion.y, quaternion.z)]
+        if not np.isfinite(row).all():
+            raise InputError(where, f"expected numbers for position and orientation, found {row}")
+        if self.is_static and self.rows and not np.allclose(row, self.rows[0], rtol=0, atol=SAME):
+            raise InputError(where, "expected the frame fixed as before, found it elsewhere")
+        if not (self.is_static and self.rows):
+            self.time_s.append(time_s)
+            self.rows.append(row)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+    def motion(self, where: str, is_down: bool = True) -> Motion:
+        """The link as arrays, in order. Raises InputError for poses that contradict each other, or are none."""
+        time_s, rows, repeats = in_order(np.array(self.time_s), np.array(self.rows), where)
+        quaternion = normalised(rows[:, 3:], f"{where}: orientation")
+        return Motion(self.is_static, is_down, time_s, rows[:, :3], quaternion, repeats)
+
+
+class Motion(NamedTuple):
     """A link as arrays."""
 
     is_static: bool
@@ -235,6 +246,7 @@ class Motion:
     time_s: Shaped[Float, " K"]
     position_mm: Shaped[Float, "K 3"]
     quaternion_wxyz: Shaped[Float, "K 4"]
+    repeats: int  # that were dropped
 
     @property
     def holds_still(self) -> bool:
@@ -270,13 +282,7 @@ class FrameTree:
         if (link.parent, link.is_static) != (parent, is_static):
             found = f"'{parent}'" if link.parent != parent else "both in /tf and /tf_static"
             raise InputError(where, f"expected frame '{child}' under '{link.parent}' as before, found it under {found}")
-        row = pose_row(transform.transform.translation, transform.transform.rotation, scale_mm, where)
-        if is_static and link.rows:
-            if not np.allclose(row, link.rows[0], rtol=0, atol=SAME):
-                raise InputError(where, f"expected frame '{child}' fixed as before, found it elsewhere")
-            return
-        link.time_s.append(time_s)
-        link.rows.append(row)
+        link.add(transform.transform.translation, transform.transform.rotation, time_s, scale_mm, f"{where}: '{child}'")
 
     @property
     def names(self) -> list[str]:
@@ -284,7 +290,7 @@ class FrameTree:
         return sorted({name for child, link in self.links.items() for name in (child, link.parent)})
 
     def chain(self, a: str, b: str) -> list[Motion]:
-        """The links from frame a to frame b, by breadth-first search; their product is a_from_b.
+        """The links from frame a to frame b, up to where their ways to the root meet and down; a_from_b in all.
 
         Raises:
             InputError: an unknown frame, no way between the two, a link whose poses contradict each other.
@@ -292,27 +298,19 @@ class FrameTree:
         for name in (a, b):
             if name not in self.names:
                 raise InputError(self.where, f"unknown frame '{name}'{nearest(name, self.names)}")
-        came: dict[str, tuple[str, str, bool]] = {}  # frame -> the one before, child of the link, downwards
-        queue = deque([a])
-        while queue and b not in came and a != b:
-            here = queue.popleft()
-            for child, link in self.links.items():
-                other = child if link.parent == here else link.parent if child == here else None
-                if other is not None and other != a and other not in came:
-                    came[other] = (here, child, link.parent == here)
-                    queue.append(other)
-        if b not in came and a != b:
+        up, down = self._to_root(a), self._to_root(b)
+        if up[-1] != down[-1]:
             raise InputError(self.where, f"no chain of frames between '{a}' and '{b}'")
-        found, here = [], b
-        while here != a:
-            here, child, is_down = came[here]
-            found.append(self._motion(child, is_down))
-        return found[::-1]
+        ways = [(name, False) for name in up if name not in down]
+        ways += [(name, True) for name in down[::-1] if name not in up]
+        return [self.links[name].motion(f"{self.where}: {self.links[name].parent} to {name}", to) for name, to in ways]
 
-    def _motion(self, child: str, is_down: bool) -> Motion:
-        link, where = self.links[child], f"{self.where}: {self.links[child].parent} to {child}"
-        time_s, rows, _ = in_order(np.array(link.time_s), np.array(link.rows), where)
-        return Motion(link.is_static, is_down, time_s, rows[:, :3], normalised(rows[:, 3:], where))
+    def _to_root(self, name: str) -> list[str]:
+        """The frame, its parent, and so on."""
+        way = [name]
+        while name in self.links and (name := self.links[name].parent) not in way:
+            way.append(name)
+        return way
 
 
 def chained(chain: list[Motion], where: str) -> tuple[Float, Float]:
@@ -342,15 +340,6 @@ def product(chain: list[Motion], time_s: Float) -> Float:
     for motion in chain:
         poses = poses @ motion.at(time_s)
     return np.asarray(poses)
-
-
-def pose_row(position: Any, quaternion: Any, scale_mm: float, where: str) -> list[float]:
-    """x y z in mm and w x y z of a message's position and orientation. Raises InputError for what is no number."""
-    row = [scale_mm * float(v) for v in (position.x, position.y, position.z)]
-    row += [float(v) for v in (quaternion.w, quaternion.x, quaternion.y, quaternion.z)]
-    if not np.isfinite(row).all():
-        raise InputError(where, f"expected numbers for position and orientation, found {row}")
-    return row
 
 
 def frame_name(name: str) -> str:

@@ -65,7 +65,7 @@ class JointModel:
         """Positions (n,) of this robot's joints in a sensor_msgs/JointState; None where it tells of others only.
 
         Raises:
-            InputError: some joints are missing, a name stands twice, a position is no number or beyond its limits.
+            InputError: some joints are missing, or a name stands twice.
         """
         given = dict(zip(state.name, state.position, strict=False))
         if len(given) < len(state.name) or len(state.position) != len(state.name):
@@ -77,16 +77,19 @@ class JointModel:
         if missing:
             raise InputError(where, f"joint '{missing[0]}' is missing{nearest(missing[0], given)}")
         values = np.array([given[name] for name in self.names], float)
-        for name, value in zip(self.names, values, strict=True):
-            self._check(name, value, where)
         return values
 
-    def _check(self, name: str, value: float, where: str) -> None:
-        low, high = self.limits(name)
-        if not low - SLACK <= value <= high + SLACK:
-            raise InputError(
-                where, f"expected joint '{name}' from {low:g} to {high:g} (rad, m), found {value:g}; are these degrees?"
-            )
+    def check(self, joints: Float, unit: str, place: Callable[[int], str]) -> None:
+        """Refuse joints (K, n), in rad and m, beyond their limits; `place`: what to call a row, from 0."""
+        for k, name in enumerate(self.names):
+            low, high = self.limits(name)
+            wrong = ~((joints[:, k] >= low - SLACK) & (joints[:, k] <= high + SLACK))
+            if wrong.any():
+                row = int(wrong.argmax())
+                other = "rad declared as deg" if unit == "deg" else "deg declared as rad"
+                kind, hint = ("m", "another unit?") if self.linear(name) else ("rad", f"{other}? another order?")
+                what = f"joint '{name}': expected {low:g} to {high:g} {kind}, found {joints[row, k]:.4g} ({hint})"
+                raise InputError(place(row), what)
 
     def limits(self, name: str) -> tuple[float, float]:
         """Least and greatest position of a joint, rad or m; of a continuous one some turns."""
@@ -170,21 +173,9 @@ def moved(stream: JointStream, robot: RobotPart, folder: Path, unit_mm: float, p
         raise InputError(stream.source, what)
     units = [unit_mm / MM if model.linear(name) else turn for name in model.names]
     joints = stream.position * np.array(units)
-    _check_limits(joints, model, stream.angle_unit, place)
+    model.check(joints, stream.angle_unit, place)
     pose = model.base_from_flange(joints)
     poses = PoseStream(stream.source, pose[:, :3, 3], quaternion_from_rotation(pose[:, :3, :3]), stream.time_s)
     way = f"{robot.base_frame} to {robot.flange_frame}"
     note = f"joints: {', '.join(model.names)} by {robot.urdf}, {way}, in {stream.angle_unit}"
     return Imported(poses=poses, joints=replace(stream, position=joints), notes=(note,))
-
-
-def _check_limits(joints: Float, model: JointModel, unit: str, place: Callable[[int], str]) -> None:
-    for k, name in enumerate(model.names):
-        low, high = model.limits(name)
-        wrong = (joints[:, k] < low - SLACK) | (joints[:, k] > high + SLACK)
-        if wrong.any():
-            row = int(wrong.argmax())
-            other = "rad declared as deg" if unit == "deg" else "deg declared as rad"
-            kind, hint = ("m", "another unit?") if model.linear(name) else ("rad", f"{other}? another order?")
-            what = f"joint '{name}': expected {low:g} to {high:g} {kind}, found {joints[row, k]:.4g} ({hint})"
-            raise InputError(place(row), what)

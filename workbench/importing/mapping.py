@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeGuard, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from workbench.errors import InputError, nearest
+from workbench.errors import InputError
 from workbench.geometry.poses import (
     USUAL_ANGLE_UNIT,
     components,
@@ -33,6 +33,7 @@ from workbench.importing.mapping_parts import (
     TrackerPart,
     check_convention,
 )
+from workbench.parameters import Place, path_of, problems
 from workbench.scan.checks import UNIT_TOLERANCE
 from workbench.strict_json import read_json
 from workbench.units import DEG, Float
@@ -186,34 +187,22 @@ def read_mapping(path: Path) -> Mapping:
     try:
         mapping = Mapping.model_validate_json(json.dumps(tree))
     except ValidationError as error:
-        found = _unknown(tree, Mapping, ())
-        for entry in error.errors(include_url=False):
-            if entry["type"] != "extra_forbidden":
-                found.append(Problem(_place(tree, entry["loc"], entry["type"] == "missing"), _text(entry)))
-        raise InputError(str(path), told(list(dict.fromkeys(found)), path.read_text("utf-8-sig"))) from None
+        found = dict.fromkeys(problems(error, tree, Mapping))
+        raise InputError(str(path), told(list(found), path.read_text("utf-8-sig"))) from None
     mapping._base_dir = path.parent
     return mapping
 
 
 # All problems of a mapping file at once, each with its line.
 
-Place = tuple[str | int, ...]
 MOST = 8  # problems that are told
-SHOWN = 40  # characters of a value
 BLANK = re.compile(r"[ \t\n\r]*")
 
 
-class Problem(NamedTuple):
-    """Something wrong in a mapping."""
-
-    place: Place
-    text: str
-
-
-def told(problems: list[Problem], text: str) -> str:
+def told(found: list[tuple[Place, str]], text: str) -> str:
     """The problems in one line, in the order of the file."""
-    lines = sorted(((line_of(text, one.place), one) for one in problems), key=lambda each: each[0])
-    shown = [f"line {line}: {_path(one.place)}: {one.text}" for line, one in lines[:MOST]]
+    lines = sorted(((line_of(text, place), place, what) for place, what in found), key=lambda each: each[0])
+    shown = [f"line {line}: {path_of(place)}: {what}" for line, place, what in lines[:MOST]]
     if len(lines) == 1:
         return shown[0]
     more = f"; and {len(lines) - MOST} more" if len(lines) > MOST else ""
@@ -255,53 +244,6 @@ def _after_blanks(text: str, at: int) -> int:
     match = BLANK.match(text, at)
     assert match is not None
     return match.end()
-
-
-def _unknown(tree: dict[str, Any], model: type[Part], place: Place) -> list[Problem]:
-    """Keys that no object of the mapping has; the nearest known name is told."""
-    found = []
-    for key, value in tree.items():
-        if key not in model.model_fields:
-            found.append(Problem((*place, key), f"unknown key{nearest(key, model.model_fields)}"))
-            continue
-        parts = [hint for hint in get_args(model.model_fields[key].annotation) if is_part(hint)]
-        if parts and isinstance(value, dict):
-            found += _unknown(value, parts[0], (*place, key))
-    return found
-
-
-def is_part(hint: object) -> TypeGuard[type[Part]]:
-    """Whether an annotation is an object of the mapping file."""
-    return isinstance(hint, type) and issubclass(hint, Part)
-
-
-def _place(tree: Any, location: Place, missing: bool) -> Place:
-    """The part of pydantic's location that is a path: tags of unions are left out."""
-    place: list[str | int] = []
-    for depth, key in enumerate(location):
-        last = depth == len(location) - 1
-        try:
-            tree = tree[key]
-        except (KeyError, IndexError, TypeError):
-            if last and missing:
-                place.append(key)
-            break
-        place.append(key)
-    return tuple(place)
-
-
-def _text(entry: Any) -> str:
-    if entry["type"] == "missing":
-        return "is required, but missing"
-    text = entry["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    if entry["type"] == "value_error":
-        return str(text)
-    shown = json.dumps(entry["input"], ensure_ascii=False, default=str)
-    return f"{text}, got {shown if len(shown) <= SHOWN else shown[: SHOWN - 3] + '...'}"
-
-
-def _path(place: Place) -> str:
-    return "$" + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)
 
 
 def claimed_by(path: Path, mapping: Mapping) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.importing.mapping import Mapping
-from workbench.importing.neutral import Imported, ProfileFrames, gridded
+from workbench.importing.neutral import Imported, Points, ProfileFrames, bounded
 from workbench.importing.text import cells, head_text, numbers, read_text
 from workbench.units import Float, Int
 
@@ -47,10 +47,10 @@ def read(path: Path, mapping: Mapping) -> Imported:
                 raise InputError(f"{where}: line {line}", f"expected {len(across)} numbers as in x, found {len(row)}")
         if not np.ptp(along) == 0:
             raise InputError(f"{where}: line {line_y}", "expected one y for the whole profile")
-    counts = np.array([len(row) for _, row in x])
-    first = np.zeros(counts.sum(), bool)
-    first[np.cumsum(counts) - counts] = True
-    grid = gridded(np.concatenate([row for _, row in x]), np.concatenate([row for _, row in z]), first, where)
+    points, start = Points(), np.zeros(1, int)
+    for (_, across), (_, up) in zip(x, z, strict=True):
+        points.add(bounded(across), bounded(up), start)
+    grid = points.gridded(where)
     travel_mm = np.array([row[0] for _, row in y])
     notes = [f"{NAME}: blocks of x, y, z rows in mm; y is the way along the scan", *filter(None, [grid.note])]
     frames = ProfileFrames(where, grid.x_mm, grid.z_mm, travel_mm=travel_mm, sensor="scanCONTROL")

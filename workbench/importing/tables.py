@@ -55,7 +55,7 @@ def _read_points(path: Path, part: ProfilesPart) -> Imported:
         x, z = (bounded(without(table.columns[role], part.missing) * unit) for role in ("x", "z"))
         if "valid" in table.columns:
             z[table.within("valid", table.present("valid"), 0, 1) == 0] = np.nan
-        points.add(x, z, first, _intensities(table) if "intensity" in table.columns else None)
+        points.add(x, z, np.flatnonzero(first), _intensities(table) if "intensity" in table.columns else None)
     assert table is not None
     if points.rows > 1 and points.frames > points.rows / 2:
         what = f"expected several points a frame, found {points.frames} frames in {points.rows} rows"

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from workbench.errors import InputError, nearest
+from workbench.errors import InputError
+from workbench.parameters import path_of, problems
 from workbench.strict_json import read_any_json
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 
@@ -54,29 +55,5 @@ def parse_as(model: type[M], document: Any, source: str = "recipe") -> M:
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place, expected = _path(first["loc"]), str(first["msg"])
-        if first["type"] == "extra_forbidden":
-            expected = "no such key" + nearest(str(first["loc"][-1]), _siblings(model, first["loc"]))
-        raise InputError(f"{source}: {place}" if place else source, expected) from error
-
-
-def _path(location: tuple[int | str, ...]) -> str:
-    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
-    return "".join(steps).removeprefix(".")
-
-
-def _siblings(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Keys that the object at `location`'s parent may have."""
-    schema: dict[str, Any] = model.model_json_schema()
-    node = schema
-    for step in location[:-1]:
-        node = _resolved(node["items"] if isinstance(step, int) else node["properties"][step], schema)
-    return list(node.get("properties", {}))
-
-
-def _resolved(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    for option in (node, *node.get("anyOf", ())):
-        if "$ref" in option:
-            return dict(schema["$defs"][option["$ref"].rsplit("/", 1)[-1]])
-    return node
+        place, expected = problems(error, document, model)[0]
+        raise InputError(f"{source}: {path_of(place)}", expected) from error

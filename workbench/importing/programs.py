@@ -8,7 +8,6 @@ Positions are those of a tool in a frame; a file that does not name the flange a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,160 +20,104 @@ from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, PoseStream
 from workbench.importing.poses import of_flange_in_base, turned
 from workbench.importing.text import read_text
-from workbench.language import NUMBER, Language, Said, row
-from workbench.program.fanuc import SPACE
-from workbench.program.krl import FRAME
-from workbench.program.rapid import TARGET
-from workbench.program.urscript import POSE, VIA
+from workbench.language import NUMBER
 from workbench.units import Float
 
 NAME = "robot program (.ls, .mod, .src, .dat, .jbi, .script)"
 NOT_TOLD = "not told"
 
 
+class Maker(NamedTuple):
+    """How a maker writes positions, tools and frames: patterns in which @ is a number and a blank any white space."""
+
+    name: str
+    convention: str
+    mark: str  # that its programs have, for names that others use too
+    position: str  # x, y, z and the orientation in the maker's convention
+    tool: str  # as the maker counts or calls them; '' or zeros: the flange
+    frame: str  # likewise; the base
+    aside: str = ""  # remarks, and what looks like a position and is none
+    length_unit: str = "mm"
+    untold: tuple[str, str] = (NOT_TOLD, NOT_TOLD)  # tool and frame where the file has no word of it
+
+
+SIX = " , ".join("@" * 6)
+KUKA_OF = r"{0}_NO ([0-9]+)|{0}_DATA\[ ([0-9]+)|\${0} = \$(NULLFRAME)|(\${0}) = \{{"
+KUKA = Maker(
+    "KUKA",
+    "kuka_abc",
+    r"^ DEF(?:DAT)?\b",
+    r"\{[^{}]*?\bX @ , Y @ , Z @ , A @ , B @ , C @",
+    KUKA_OF.format("TOOL"),
+    KUKA_OF.format("BASE"),
+    r"(?<!&);.*|(?<=TOOL)( = )(?=\{)[^}]{0,200}\}|(?<=BASE)( = )(?=\{)[^}]{0,200}\}",
+)
+MAKERS = {
+    ".ls": Maker(
+        "FANUC",
+        "fanuc_wpr",
+        r"^/PROG\b",
+        "X = @ mm , Y = @ mm , Z = @ mm , W = @ deg , P = @ deg , R = @ deg",
+        r"UT : (\w+)",
+        r"UF : (\w+)",
+    ),
+    ".mod": Maker(
+        "ABB",
+        "abb",
+        r"^ (?:%%%|MODULE\b)|\brobtarget\b",
+        r"\[ \[ @ , @ , @ \] , \[ @ , @ , @ , @ \] , \[",
+        r"\bMove[LJC]\b[^;]{0,400}?, (?:tool0|(\w+)) (?:\\[^;]{0,200})?;",
+        r"\bMove[LJC]\b[^;]{0,400}?(?:\\WObj := (?:wobj0|(\w+))[^;]{0,200})?;",
+        "!.*",
+    ),
+    ".src": KUKA,
+    ".dat": KUKA,
+    ".jbi": Maker(
+        "Yaskawa",
+        "yaskawa_rxyz",
+        r"^/JOB\b",
+        rf"\b[A-Z]+[0-9]+ = {SIX}",
+        r"///TOOL (\w+)",
+        r"///POSTYPE (USER)\b",
+        r"///POSTYPE PULSE[\s\S]*?(?=///POSTYPE|//INST|\Z)",
+        untold=("", ""),
+    ),
+    ".script": Maker(
+        "Universal Robots",
+        "ur",
+        r"\bp\[",
+        rf"\bp\[ {SIX} \]",
+        r"\bset_tcp \( ([^)]{0,200})",
+        r"\b(pose_trans)\b",
+        r"#.*|(?<=set_tcp\()p\[|\bset_payload\w* \([^)]{0,200}\)",
+        "m",
+        (NOT_TOLD, ""),
+    ),
+}
+OWN = re.compile(r"NULLFRAME|(?:p\[)?[0.,\s]*\]?", re.I)  # what names the flange, or the base
+
+
 class Positions(NamedTuple):
     """What a program says of its taught positions."""
 
     values: Float  # (n, 6 or 7) x, y, z and the orientation in the maker's convention
-    tools: set[str]  # as the maker counts or calls them; NOT_TOLD where the file has no word of it
-    frames: set[str]
+    tools: set[str]  # '': the flange
+    frames: set[str]  # '': the base
 
 
-class Maker(NamedTuple):
-    """How a maker writes positions, and by what names it calls the flange and the base."""
-
-    name: str
-    convention: str
-    length_unit: str
-    flange: str
-    base: str
-    positions: Callable[[str], Positions]
+def _pattern(form: str) -> re.Pattern[str]:
+    return re.compile(form.replace("@", f"({NUMBER})").replace(" ", r"\s*"), re.I | re.M)
 
 
-def _positions(said: list[Said]) -> Float:
-    """Of statements that say one."""
-    rows = [[*one.values["at"], *one.values["turn"]] for one in said if "turn" in one.values]
-    return np.array(rows, float)
-
-
-def _of(said: list[Said], field: str) -> set[str]:
-    """All that statements say of a field."""
-    return {one.values[field] for one in said if field in one.values}
-
-
-FANUC = Language(
-    {"target": f"UF : {{frame}}, UT : {{tool}},{{more}}{SPACE.replace('{wpr[', '{turn[')}"},
-    {},
-    {"frame": r"\w+", "tool": r"\w+", "more": "[^{}]*?"},
-)
-
-
-def _fanuc(text: str) -> Positions:
-    """Positions in joints have no X."""
-    said = FANUC.search(text)
-    return Positions(_positions(said), _of(said, "tool"), _of(said, "frame"))
-
-
-ABB = Language(
-    {"target": TARGET, "move": "{move}{before},{tool}{object}{rest};"},
-    {},
-    {
-        **dict.fromkeys(("cf", "axes"), NUMBER),
-        **{"move": r"\bMove[LJC]\b", "before": "[^;]*?", "tool": r"\w+"},
-        **{"object": r"(?:\\WObj\s*:=\s*\w+)?", "rest": r"(?:\\[^;]*)?"},
-    },
-    comment="!",
-)
-
-
-def _abb(text: str) -> Positions:
-    """Targets declared, or within a motion instruction."""
-    said = ABB.search(text)
-    tools = {tool.lower() for tool in _of(said, "tool")} or {NOT_TOLD}
-    frames = {frame.rpartition("=")[2].strip().lower() or "wobj0" for frame in _of(said, "object")} or {NOT_TOLD}
-    return Positions(_positions(said), tools, frames)
-
-
-KUKA = Language(
-    {
-        "target": FRAME.replace("{{", "{brace}")[:-2],
-        **{word: f"{word}{{{word.lower()}}}" for word in ("TOOL_NO", "BASE_NO")},
-        **{word: f"{word}_DATA[{{{word.lower()}_no}}]" for word in ("TOOL", "BASE")},
-        **{f"${word}": f"${word}={{{word.lower()}_own}}" for word in ("TOOL", "BASE")},
-    },
-    {},
-    {
-        **{"brace": r"\{[^{}]*?\b", **dict.fromkeys(("tool_no", "base_no"), r"\s*[0-9]+")},
-        **dict.fromkeys(("tool_own", "base_own"), r"\$NULLFRAME|\{"),
-    },
-)
-
-
-def _kuka(text: str) -> Positions:
-    """POS and E6POS; tools and bases by FDAT, or `$TOOL`, `$BASE`."""
-    code = re.sub(r"(?<!&);.*", "", text)
-    said, found = KUKA.search(code), []
-    for word in ("tool", "base"):
-        own = {"0" if one.upper() == "$NULLFRAME" else f"${word.upper()}" for one in _of(said, f"{word}_own")}
-        found.append({one.strip() for one in _of(said, f"{word}_no")} | own or {NOT_TOLD})
-    moved = KUKA.search(re.sub(r"\$(?:TOOL|BASE)\s*=\s*\{[^}]*\}", "", code))
-    rows = [one.values["frame"] for one in moved if one.form == "target"]
-    return Positions(np.array(rows, float), *found)
-
-
-YASKAWA = Language(
-    {
-        "head": "///{head} {value}",
-        "row": f"{{variable}}={row([''] * 3, 'at', '.3f')},{row([''] * 3, 'turn', '.4f')}",
-    },
-    {},
-    {"head": "POSTYPE|TOOL|USER", "value": r"\w+", "variable": r"\b[A-Z]+[0-9]+"},
-)
-
-
-def _yaskawa(text: str) -> Positions:
-    """Rows under `///POSTYPE BASE`, `ROBOT` or `USER`; pulses are no positions."""
-    holds, kept, tools, frames = {"POSTYPE": "PULSE", "TOOL": "0", "USER": "0"}, list[Said](), set[str](), set[str]()
-    for said in YASKAWA.search(text):
-        if said.form == "head":
-            holds[said.values["head"].upper()] = said.values["value"]
-        elif holds["POSTYPE"] != "PULSE":
-            kept.append(said)
-            tools.add(holds["TOOL"])
-            frames.add(f"user {holds['USER']}" if holds["POSTYPE"] == "USER" else "0")
-    return Positions(_positions(kept), tools, frames)
-
-
-UR = Language({"target": POSE, "tool": f"set_tcp({VIA})"}, {}, {}, comment="#")
-
-
-def _ur(text: str) -> Positions:
-    """The tool's in the base; `set_tcp` tells the tool."""
-    code = re.sub(r"#.*", "", text)
-    tools = {"set_tcp" if any(one.values["via"]) else "0" for one in UR.search(code) if one.form == "tool"} or {
-        NOT_TOLD
-    }
-    moved = UR.search(re.sub(r"\bset_(?:tcp|payload\w*)\s*\([^)]*\)", "", code))
-    rows = [one.values["pose"] for one in moved]
-    return Positions(np.array(rows, float), tools, {"pose_trans"} if "pose_trans" in code else {"0"})
-
-
-MAKERS = {
-    ".ls": Maker("FANUC", "fanuc_wpr", "mm", "0", "0", _fanuc),
-    ".mod": Maker("ABB", "abb", "mm", "tool0", "wobj0", _abb),
-    ".src": Maker("KUKA", "kuka_abc", "mm", "0", "0", _kuka),
-    ".dat": Maker("KUKA", "kuka_abc", "mm", "0", "0", _kuka),
-    ".jbi": Maker("Yaskawa", "yaskawa_rxyz", "mm", "0", "0", _yaskawa),
-    ".script": Maker("Universal Robots", "ur", "m", "0", "0", _ur),
-}
-MARKS = {  # what stands in a program of the maker's, for names that others use too
-    ".ls": r"^/PROG\b",
-    ".mod": r"^\s*(?:%%%|MODULE\b)|\brobtarget\b",
-    ".src": r"^\s*DEF\b",
-    ".dat": r"^\s*DEFDAT\b",
-    ".jbi": r"^/JOB\b",
-    ".script": r"\bp\[",
-}
+def _positions(maker: Maker, text: str) -> Positions:
+    """The taught positions; those in joints or pulses are none."""
+    code = _pattern(maker.aside).sub("", text) if maker.aside else text
+    rows = [[*map(float, one.groups())] for one in _pattern(maker.position).finditer(code)]
+    named = []
+    for form, untold in zip((maker.tool, maker.frame), maker.untold, strict=True):
+        found = {next(filter(None, one.groups()), "") for one in _pattern(form).finditer(code)}
+        named.append({"" if OWN.fullmatch(name) else name.lower() for name in found} or {untold})
+    return Positions(np.array(rows, float), *named)
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
@@ -182,9 +125,8 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     suffix = path.suffix.lower()
     if suffix not in MAKERS:
         return False
-    text = head.decode("utf-8", "replace")
     named = mapping.program is not None and mapping.program.claims(path)
-    return named or re.search(MARKS[suffix], text, re.M | re.I) is not None
+    return named or _pattern(MAKERS[suffix].mark).search(head.decode("utf-8", "replace")) is not None
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -194,7 +136,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: no taught position, a position in joints, or a tool or a frame that the mapping does not tell.
     """
     maker = MAKERS[path.suffix.lower()]
-    found = maker.positions(read_text(path))
+    found = _positions(maker, read_text(path))
     count = 3 + components(maker.convention)
     if not len(found.values) or found.values.shape[1] != count:
         expected = f"expected taught positions of {maker.name}, x, y, z and {maker.convention}"
@@ -216,7 +158,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
 def drafted(path: Path, error: InputError) -> tuple[dict[str, object], list[str]]:
     """The part `program`, as if tool and frame were flange and base, with its doubts; `error` where it is none."""
     maker = MAKERS[path.suffix.lower()]
-    found = maker.positions(read_text(path))
+    found = _positions(maker, read_text(path))
     if not len(found.values):
         raise error
     identity = np.eye(4).tolist()
@@ -225,13 +167,13 @@ def drafted(path: Path, error: InputError) -> tuple[dict[str, object], list[str]
         f"program.flange_from_tool: the positions are those of tool {_list(found.tools)}; taken as the flange",
         f"program.base_from_frame: they stand in frame {_list(found.frames)}; taken as the base",
     ]
-    own = (found.tools != {maker.flange}, found.frames != {maker.base})
-    return part, [doubt for doubt, is_own in zip(doubts, own, strict=True) if is_own]
+    own = (found.tools == {""}, found.frames == {""})
+    return part, [doubt for doubt, is_own in zip(doubts, own, strict=True) if not is_own]
 
 
 def _require_told(path: Path, maker: Maker, found: Positions) -> None:
     """Refuse positions of a tool, or in a frame, that may not be the flange and the base."""
-    if found.tools == {maker.flange} and found.frames == {maker.base}:
+    if found.tools == found.frames == {""}:
         return
     raise InputError(
         str(path),
@@ -241,4 +183,4 @@ def _require_told(path: Path, maker: Maker, found: Positions) -> None:
 
 
 def _list(names: set[str]) -> str:
-    return ", ".join(sorted(names)) or NOT_TOLD
+    return ", ".join(name or "0" for name in sorted(names))

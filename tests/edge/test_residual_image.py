@@ -19,7 +19,7 @@ from workbench.errors import WorkbenchError
 from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Int
 
-WALKING = (45, 51, 58, 60, 67, 71, 77, 79)  # those of seeds 40 to 79 whose sensor walks
+WALKING = (45, 51, 58, 60)  # the first of seed 40 and on whose sensor walks
 QUIET = (40, 49)  # some whose noise is 0.005 mm or less
 
 

@@ -1,6 +1,8 @@
 """The stage cache: the same results, and nothing computed twice that rests on nothing new."""
 
+import itertools
 import json
+import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -43,53 +45,64 @@ def inspect(out: Path | None, cache: Path | None, **inputs: Any) -> dict[str, by
     return files | {"run": json.dumps(run).encode()}
 
 
-def test_the_same_bytes_and_only_what_reads_files_is_run_again(tmp_path: Path, ran: Counter[str]) -> None:
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, bytes]]:
+    """A run's cache and its results."""
+    folder = tmp_path_factory.mktemp("first")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "QUICK_S", 0.0)
+        return folder / "cache", inspect(folder / "out", folder / "cache")
+
+
+@pytest.fixture
+def cache(first: tuple[Path, Any], tmp_path: Path) -> Path:
+    return Path(shutil.copytree(first[0], tmp_path / "cache"))
+
+
+def test_the_same_bytes_and_only_what_reads_files_is_run_again(
+    first: tuple[Path, Any], cache: Path, tmp_path: Path, ran: Counter[str]
+) -> None:
     plain = inspect(tmp_path / "plain", None)
-    first = inspect(tmp_path / "first", tmp_path / "cache")
     ran.clear()
-    assert inspect(tmp_path / "second", tmp_path / "cache") == first == plain
+    assert inspect(tmp_path / "second", cache) == first[1] == plain
     assert set(ran) == {"scan.read", "export.qif"}  # which states the run's provenance
 
 
-def test_a_changed_tolerance_does_not_segment_again(tmp_path: Path, ran: Counter[str]) -> None:
-    inspect(None, tmp_path / "cache")
-    ran.clear()
-    changed = inspect(tmp_path / "b", tmp_path / "cache", root_tolerance_mm=[-0.01, 0.01])
+def test_a_changed_tolerance_does_not_segment_again(cache: Path, tmp_path: Path, ran: Counter[str]) -> None:
+    changed = inspect(tmp_path / "b", cache, root_tolerance_mm=[-0.01, 0.01])
     assert json.loads(changed["inspection.json"])["verdict"] == "fail"
     assert "edge.segment" not in ran
     assert ran["inspect.sections"] == 1
     assert changed == inspect(tmp_path / "c", None, root_tolerance_mm=[-0.01, 0.01])
 
 
-def test_damaged_entries_are_made_anew(tmp_path: Path, ran: Counter[str]) -> None:
-    good = inspect(tmp_path / "a", tmp_path / "cache")
-    entries = sorted((tmp_path / "cache").glob("*.stage"))
-    assert entries
-    for k, harm in enumerate((lambda b: b[:50], lambda b: b"", lambda b: b[:-3] + b"xyz", lambda b: b"x" * 200)):
-        for entry in entries:
-            entry.write_bytes(harm(entry.read_bytes()))
-        for again, runs in (("b", 1), ("c", 0)):
-            ran.clear()
-            assert inspect(tmp_path / f"{again}{k}", tmp_path / "cache") == good
-            assert ran["edge.segment"] == runs
+HARMS = (lambda b: b[:50], lambda b: b"", lambda b: b[:-3] + b"xyz", lambda b: b"x" * 200)
 
 
-def test_changed_code_is_run(tmp_path: Path, ran: Counter[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    inspect(None, tmp_path / "cache")
+def test_damaged_entries_are_made_anew(first: tuple[Path, Any], cache: Path, tmp_path: Path, ran: Counter[str]) -> None:
+    entries = sorted(cache.glob("*.stage"))
+    assert len(entries) >= len(HARMS)
+    for entry, harm in zip(entries, itertools.cycle(HARMS), strict=False):
+        entry.write_bytes(harm(entry.read_bytes()))
+    for again, runs in (("b", 1), ("c", 0)):
+        ran.clear()
+        assert inspect(tmp_path / again, cache) == first[1]
+        assert set(ran.values()) == {1}
+        assert ran["edge.segment"] == runs
+
+
+def test_changed_code_is_run(cache: Path, ran: Counter[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "package_digest", lambda name: "other")
-    ran.clear()
-    inspect(None, tmp_path / "cache")
+    inspect(None, cache)
     assert ran["edge.segment"] == 1
 
 
 def test_another_recording_under_the_same_name_is_measured(tmp_path: Path, ran: Counter[str]) -> None:
-    part = tmp_path / "part.h5"
-    part.write_bytes(Path(RECORDING).read_bytes())
-    first = inspect(tmp_path / "a", tmp_path / "cache", recording=str(part))
-    part.write_bytes((ROOT / "data" / "synthetic" / "milled_edge_again.h5").read_bytes())
-    assert (
-        inspect(tmp_path / "b", tmp_path / "cache", recording=str(part))["inspection.json"] != first["inspection.json"]
-    )
+    part, found = tmp_path / "part.h5", []
+    for name in ("milled_edge", "milled_edge_again"):
+        part.write_bytes((ROOT / "data" / "synthetic" / f"{name}.h5").read_bytes())
+        found.append(inspect(tmp_path / name, tmp_path / "cache", recording=str(part))["inspection.json"])
+    assert found[0] != found[1]
 
 
 def test_a_folder_that_others_may_write_is_refused(tmp_path: Path) -> None:

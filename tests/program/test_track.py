@@ -1,4 +1,4 @@
-"""A robot on a track along an edge of 6 m: planned, written, read back, and driven by an outsider."""
+"""A robot on a track along an edge of 3 m: planned, written, read back, and driven by an outsider."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .languages import back
 from .paths import Shape, mill_path, moved, thinned
 from .postured import DATA, URDFS, by_an_outsider
 
-LENGTH_MM, EVERY = 6000, 20
+LENGTH_MM, EVERY = 3000, 20
 ALONG = np.array([0.6, 0.8, 0.0])  # of the track, in the base
 ROBOTS = {  # URDF, base frame, home, and where the edge lies beside it, mm
     "abb": (DATA / "irb6700_150_320.urdf", "base_link", (0, -20, 20, 0, 30, 0), (1750, 900)),

@@ -124,7 +124,7 @@ def test_a_misfit_is_told_and_widens_the_uncertainty() -> None:
 def test_errors_that_near_postures_share_need_the_correlated_mode() -> None:
     """Position errors that grow with the turn: independent noise takes most of them for hand-eye pose."""
     plain, shared = [], []
-    for seed in range(6):
+    for seed in range(4):
         rec, _ = made(seed, k=15)
         turn = vector_from_rotation(_rotations(rec)[0].T @ _rotations(rec))
         shift = turn @ np.random.default_rng(seed + 500).normal(0, 1.2, (3, 3))

@@ -187,10 +187,23 @@ def dots(at: Float, box: tuple[float, float, float, float], ink: str, radius: fl
     image.save(
         out, "png", compress_level=PACKED, transparency=bytes(round(255 * k / SHADES) for k in range(SHADES + 1))
     )
-    data = base64.b64encode(out.getvalue()).decode()
     across, down = width / columns, height / rows
+    return embedded(out.getvalue(), (left + x0 * across, top + y0 * down, wide * across, high * down))
+
+
+def embedded(png: bytes, box: tuple[float, float, float, float], look: str = "") -> str:
+    """A picture that fills a box (left, top, width, height) on paper."""
+    left, top, width, height = map(pt, box)
     return (
-        f'<image x="{pt(left + x0 * across)}" y="{pt(top + y0 * down)}" width="{pt(wide * across)}" '
-        f'height="{pt(high * down)}" preserveAspectRatio="none" '
-        f'href="data:image/png;base64,{data}"/>'
+        f'<image x="{left}" y="{top}" width="{width}" height="{height}" preserveAspectRatio="none"{look} '
+        f'href="data:image/png;base64,{base64.b64encode(png).decode()}"/>'
     )
+
+
+def cells(shades: AnyArray, box: tuple[float, float, float, float]) -> str:
+    """Cells of a grid (rows, columns, 4), uint8, the first row lowest, as a picture that fills a box."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(shades[::-1])).save(out, "png")
+    return embedded(out.getvalue(), box, ' style="image-rendering:pixelated"')

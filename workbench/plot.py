@@ -23,12 +23,15 @@ from workbench.marks import (
     Colour,
     Lettering,
     arrow_head,
+    cells,
     code,
     dots,
     filled,
     markers,
     path_data,
     pt,
+    ramp,
+    rgb,
     stroke,
     text_element,
     text_width,
@@ -41,6 +44,8 @@ CAP = 2.5  # half the width of an uncertainty's ends
 TICK, PAD = 3.5, 3.5  # length of ticks, distance of their labels
 MARGIN = 0.05  # of the data's span, free on both sides of it
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
+ON_WHITE = Lettering(box=True)
+FAINT = 140  # of 255, opacity of a colour behind cells
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Limits: TypeAlias = tuple[float, float]
@@ -182,6 +187,7 @@ class Axes:
     equal: bool = False
     integer: str = ""  # axes whose ticks are whole numbers
     spine_hidden: bool = False
+    ticks_right: bool = False
     y_label_at: float | None = None
     tick_size: float = SIZE
     tick_length: float = TICK
@@ -386,6 +392,25 @@ class Axes:
 
         self._later.append((1.0, True, drawn))
 
+    def heat(self, values: Float, x: Limits, y: Limits, behind: Sequence[Sequence[str]] = ()) -> None:
+        """Cells (rows, columns), the first row lowest, coloured by their value, over x and y; their scale at the right.
+
+        Where a value is not finite the colour `behind` it is seen, faint.
+        """
+        known = np.isfinite(values)
+        low, high = float(values[known].min()), float(values[known].max())
+        shades = np.zeros((*values.shape, 4), np.uint8)
+        if behind:
+            shades[...] = [[(*rgb(one), FAINT) for one in row] for row in behind]
+        shades[known, :3], shades[known, 3] = ramp((values[known] - low) / (high - low or 1.0)), 255
+        self.set(xlim=x, ylim=y)
+        self._later.append((1.0, True, lambda: cells(shades, self.box)))
+        scale = self.inset_axes((1.04, 0.0, 0.04, 1.0))
+        scale.ticks_right = True
+        scale.set(xlim=(0.0, 1.0), ylim=(low, high if high > low else low + 1.0), xticks=((), ()))
+        bar = np.insert(ramp(np.linspace(0.0, 1.0, 64))[:, None], 3, 255, axis=2)
+        scale._later.append((1.0, False, lambda: cells(bar, scale.box)))
+
     def errorbar(
         self,
         x: float,
@@ -550,12 +575,13 @@ class Axes:
                     text, x, bottom + self.tick_length + self.tick_pad, self.tick_size, "center", "top"
                 )
         at, texts = self._ticks("y")
+        side, out, ha = (left + width, 1.0, "left") if self.ticks_right else (left, -1.0, "right")
         for value, text in zip(at, texts, strict=True):
             y = self._y(value)
-            marks += f"M{pt(left)} {pt(y)}h{pt(-self.tick_length)}"
+            marks += f"M{pt(side)} {pt(y)}h{pt(out * self.tick_length)}"
             if self.labelled["y"]:
                 names += text_element(
-                    text, left - self.tick_length - self.tick_pad, y, self.tick_size, "right", "center"
+                    text, side + out * (self.tick_length + self.tick_pad), y, self.tick_size, ha, "center"
                 )
         below = self.tick_length + self.tick_pad + self.tick_size + 4.0
         if self.labels["x"] and self.labelled["x"]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from workbench.api import (
     Postures,
     Toolpath,
     pieces,
+    plot,
     stage,
 )
 from workbench.plugins.stiffness.margins import Cuts, cuts_of, judged_limits, screen_limits, u_of_modes
@@ -120,6 +121,8 @@ def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> F
     return np.array(rows).T
 
 
+TINY = 1e-3  # of a margin, drawn for none
+AT_RIGHT: Any = {"xycoords": ("axes fraction", "data"), "ha": "right"}
 NOT_INCLUDED = (
     "process damping of a worn or chamfered edge: it raises the limit at low cutting speed, never lowers it",
     "the plate's and its clamps' own swinging: a thin or free plate may halve the limit",
@@ -218,25 +221,32 @@ def _chapter(page: _Page) -> Chapter:
 
 
 def _picture(page: _Page) -> bytes:
-    """The margin along the path, with U, and the lobes at the worst place (SVG)."""
-    from matplotlib.figure import Figure
-
-    found, ceiling = page.found, page.largest_mm
-    up, down = (np.minimum(one, ceiling) / found.depth_mm for one in (found.up_limit_mm, found.down_limit_mm))
-    with pieces.styled():
-        figure = Figure(figsize=(10, 5.2), layout="constrained")
-        along, lobes = figure.subplots(2, 1)
-        along.fill_between(found.at, up * np.exp(-2 * found.u_log), up * np.exp(2 * found.u_log), color=pieces.PALE)
-        along.plot(found.at, up, lw=1.4, color=pieces.INK, label="up, as the path runs, ± U")
-        along.plot(found.at, down, lw=1.1, color=pieces.ORANGE, label="down")
-        along.axhline(page.asked, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="asked for, less U")
-        along.plot(found.at[page.worst], up[page.worst], "*", mfc="white", mec="black", ms=9)
-        along.set(xlabel="point of the path", ylabel="limit / depth", yscale="log")
-        along.legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        for row, name, colour in ((1, "up", pieces.INK), (2, "down", pieces.ORANGE)):
-            lobes.plot(page.lobes[0], np.minimum(page.lobes[row], ceiling), lw=1.2, color=colour, label=name)
-        lobes.axhline(found.depth_mm[page.worst], color=pieces.GREY, lw=0.9, label="depth of cut")
-        lobes.axvline(found.spindle_rpm, color=pieces.GREY, lw=0.6)
-        lobes.set(xlabel="spindle speed, rev/min", ylabel="limit at the worst\nplace, mm", yscale="log")
-        lobes.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        return pieces.svg(figure)
+    """The margin along the path, with U, and the lobes at the worst place, by their logarithms (SVG)."""
+    found, ceiling, k = page.found, page.largest_mm, page.worst
+    up, down = (np.log10(np.minimum(one, ceiling) / found.depth_mm) for one in (found.up_limit_mm, found.down_limit_mm))
+    expanded = 2.0 * found.u_log / np.log(10.0)
+    figure = plot.Figure((10.0, 5.2))
+    along, lobes = figure.subplots(2, 1)
+    figure.subplots_adjust(0.07, 0.09, 0.98, 0.95, hspace=0.45)
+    along.fill_between(found.at, up - expanded, up + expanded, color=pieces.PALE)
+    along.plot(found.at, up, linewidth=1.4, label="up, as the path runs, ± U")
+    along.plot(found.at, down, linewidth=1.1, color=pieces.ORANGE, label="down")
+    along.axhline(np.log10(max(page.asked, TINY)), color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
+    along.points(found.at[[k]], up[[k]], "o", markersize=6.0)
+    along.annotate("worst place", (found.at[k], up[k]), (0.0, 8.0), ha="center", look=plot.ON_WHITE)
+    along.annotate("asked for, less U", (1.0, np.log10(max(page.asked, TINY))), (-2.0, 3.0), **AT_RIGHT)
+    along.set(xlabel="point of the path", ylabel="limit / depth")
+    for row, name, colour in ((1, "up", pieces.INK), (2, "down", pieces.ORANGE)):
+        limit = np.log10(np.minimum(page.lobes[row], ceiling))
+        lobes.plot(page.lobes[0], limit, linewidth=1.2, color=colour, label=name)
+    lobes.axhline(np.log10(found.depth_mm[k]), color=pieces.GREY, linewidth=0.9)
+    lobes.annotate("depth of cut", (1.0, np.log10(found.depth_mm[k])), (-2.0, 3.0), **AT_RIGHT)
+    lobes.axvline(found.spindle_rpm, color=pieces.GREY, linewidth=0.6)
+    lobes.set(xlabel="spindle speed, rev/min", ylabel="limit at the worst\nplace, mm")
+    for axes in (along, lobes):
+        low, high = axes.get_ylim()
+        at = [np.log10(m) + k for k in range(int(np.floor(low)), int(np.ceil(high))) for m in (1, 2, 5)]
+        at = [one for one in at if low <= one <= high]
+        axes.set(yticks=(at, [f"{round(10.0**one, 9):g}" for one in at]))
+        axes.legend()
+    return figure.svg()

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from workbench.api import DEG, Cell, Chapter, Float, InputError, abb_angles, jacobian, pieces, stage
+from workbench.api import DEG, Cell, Chapter, Float, InputError, abb_angles, jacobian, pieces, plot, stage
 from workbench.plugins.stiffness.elastic import MM, give_way
 from workbench.plugins.stiffness.values import TABLE_A1_DEG, JointStiffness, StiffnessMaps
 
@@ -147,7 +147,7 @@ def maps_chapter(maps: StiffnessMaps) -> Chapter:
     fields = (
         ("1/ω, 1/m³ (log₁₀)", np.log10(maps.inverse_dexterity)),
         ("f_p, worst direction", maps.fp),
-        ("f_r, worst direction, rad", maps.fr),
+        ("f_r, worst direction, µrad", 1e6 * maps.fr),
     )
     rows = [
         (f"{i}", ", ".join(f"{v:.1f}" for v in q / DEG), f"{w:.3f}", f"{fp:.4f}", f"{fr:.2e}")
@@ -166,28 +166,21 @@ def maps_chapter(maps: StiffnessMaps) -> Chapter:
 
 
 def _picture(maps: StiffnessMaps, fields: tuple[tuple[str, Float], ...]) -> bytes:
-    """The maps side by side, as SVG; the same bytes each time."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import ScalarFormatter
-
-    with pieces.styled():
-        figure = Figure(figsize=(10, 3.4), layout="constrained")
-        for axes, (title, values) in zip(figure.subplots(1, 3), fields, strict=True):
-            shown = np.where(np.isfinite(values), values, np.nan)
-            high = float(np.nanpercentile(shown, 98))
-            drawn = axes.contourf(
-                maps.at[0] / DEG, maps.at[1] / DEG, np.minimum(shown, high).T, levels=14, cmap="viridis"
-            )
-            shade = figure.colorbar(drawn, ax=axes)
-            if abs(high) < 1e-3:
-                shade.formatter = ScalarFormatter(useMathText=True)
-                shade.formatter.set_powerlimits((0, 0))
-            a, b = maps.axes[0] - 1, maps.axes[1] - 1
-            axes.plot(maps.marked[:, a] / DEG, maps.marked[:, b] / DEG, "o", mfc="white", mec="black", ms=5)
-            for i, q in enumerate(maps.marked, 1):
-                axes.annotate(
-                    str(i), (q[a] / DEG, q[b] / DEG), xytext=(4, 4), textcoords="offset points", color="white"
-                )
-            axes.set_title(title, pad=12)
-            axes.set(xlabel=f"axis {maps.axes[0]}, °", ylabel=f"axis {maps.axes[1]}, °")
-        return pieces.svg(figure)
+    """The maps side by side (SVG); what is beyond 98 % of a field has the colour of that."""
+    at = [values / DEG for values in maps.at]
+    marked = maps.marked[:, [axis - 1 for axis in maps.axes]] / DEG
+    figure = plot.Figure((10.0, 3.4))
+    every = figure.subplots(1, len(fields))
+    figure.subplots_adjust(0.06, 0.15, 0.94, 0.91, wspace=0.6)
+    for axes, (title, values) in zip(every, fields, strict=True):
+        shown = np.where(np.isfinite(values), values, np.nan)
+        shown = np.minimum(shown, np.nanpercentile(shown, 98))
+        axes.heat(shown.T, (at[0][0], at[0][-1]), (at[1][0], at[1][-1]))
+        axes.annotate(title, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
+        for colour, size in ((pieces.INK, 5.0), ("#ffffff", 3.5)):
+            axes.points(*marked.T, "o", color=colour, markersize=size, zorder=4.0)
+        for i, place in enumerate(marked, 1):
+            axes.annotate(f"{i}", place, (4.0, 4.0), look=plot.ON_WHITE)
+        axes.set(xlabel=f"axis {maps.axes[0]}, °", xticks=plot.nice_ticks(axes.get_xlim(), 4))
+    every[0].set(ylabel=f"axis {maps.axes[1]}, °")
+    return figure.svg()

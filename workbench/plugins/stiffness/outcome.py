@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from workbench.api import (
     forward_kinematics,
     inverse,
     pieces,
+    plot,
     posture_key,
     posture_picture,
     quaternion_from_rotation,
@@ -205,7 +206,10 @@ def posture_chapter(cell: Cell, found: Found, toolpath: Toolpath) -> Chapter:
         + _causes(found)
         + pieces.heading(f"Mean {found.measure.name} over cutter rotation and turntable angle")
         + pieces.figure_html(
-            map_picture(found), f"Map of the mean {found.measure.name}, with the chosen postures{beside}"
+            map_picture(found),
+            f"Map of the mean {found.measure.name}, with the chosen postures{beside}",
+            "",
+            ((SHADES[c], CAUSES[c] or "") for c in range(1, len(SHADES)) if (found.map.cause == c).any()),
         )
         + pieces.heading("The robot at the middle of the path")
         + robots_html(cell, found)
@@ -289,87 +293,55 @@ def _causes(found: Found) -> str:
 
 # Pictures of the posture optimiser: its map (Fig. 17a), and what comes along the path.
 
-SHADES = {1: "#9d4edd", 2: "#8d99ae", 3: "#2b2d42", COLLISION: "#d62828"}  # by cause
+SHADES = ("#ffffff", "#9d4edd", "#8d99ae", "#2b2d42", "#d62828")  # by cause
 
 
 def map_picture(found: Found) -> bytes:
-    """Contours of the mean cost; what is infeasible in the colour of its cause; the choice on top (SVG).
+    """Mean cost by colour; what is infeasible in the colour of its cause; the choice on top (SVG).
 
-    Beside it, where asked for, those of the margin from chatter, with the line beyond which it is kept less U.
+    Beside it, where asked for, the margin from chatter, with dots where it is kept less U.
     """
-    from matplotlib.figure import Figure
-
-    over, columns = found.map, 1 if found.map.chatter is None else 2
-    with pieces.styled():
-        figure = Figure(figsize=(10, 5), layout="constrained")
-        left, *right = np.ravel(figure.subplots(1, columns))
-        _contours(figure, left, found, over.mean, _label(found.measure).lower())
-        _mark(left, found)
-        if right and over.chatter is not None:
-            margin, kept = over.chatter
-            finite = np.where(np.isposinf(margin), np.nanmax(margin, where=np.isfinite(margin), initial=1.0), margin)
-            _contours(figure, right[0], found, np.log10(finite), "margin from chatter (logarithm to 10)")
-            if len(over.tables) > 1:
-                at, table = np.nonzero(kept >= (found.asked or 0.0))
-                angles = over.rotations[at] / DEG, over.tables[table] / DEG
-                right[0].plot(*angles, ".", ms=3, color="white", mec="black", mew=0.3, label="kept less U")
-            made, loaded = found.postures, found.points.loaded
-            chosen = (made.cutter_rotation[loaded[0]] / DEG, _sought(made)[loaded[0]] / DEG)
-            if len(over.tables) > 1:
-                right[0].plot(*chosen, "*", mfc="white", mec="black", ms=9, label="chosen")
-            else:
-                right[0].axvline(chosen[0], color=pieces.PURPLE, lw=0.9, label="chosen")
-            right[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
-        for c, colour in SHADES.items():
-            if (over.cause == c).any():
-                left.plot([], [], "s", color=colour, alpha=0.55, label=CAUSES[c])
-        left.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=8 // columns)
-        return pieces.svg(figure)
-
-
-def _contours(figure: Any, axes: Any, found: Found, values: Float, label: str) -> None:
-    """A map's values (t, a) over its angles, and the causes where it has none."""
-    from matplotlib.colors import ListedColormap
-
-    over = found.map
+    over, asked = found.map, found.asked or 0.0
+    fields = [(_label(found.measure), over.mean)]
+    if over.chatter is not None:
+        margin = over.chatter[0]
+        most = np.nanmax(margin, where=np.isfinite(margin), initial=1.0)
+        fields.append(("Margin from chatter, logarithm to 10; dots: kept less U", np.log10(np.minimum(margin, most))))
     x, y = over.rotations / DEG, over.tables / DEG
-    axes.set_xlabel("cutter rotation, °")
-    if len(y) == 1:
-        axes.plot(x, values[:, 0])
-        axes.set_ylabel(label)
-        return
-    axes.imshow(
-        np.ma.masked_equal(over.cause.T, 0),
-        cmap=ListedColormap([SHADES[c] for c in range(1, 5)]),
-        vmin=1,
-        vmax=4,
-        extent=(x[0], x[-1], y[0], y[-1]),
-        origin="lower",
-        aspect="auto",
-        alpha=0.55,
-        interpolation="nearest",
-    )
-    drawn = axes.contourf(x, y, values.T, levels=16, cmap="viridis")
-    figure.colorbar(drawn, ax=axes, label=label)
-    axes.set_ylabel(_axis(found.postures))
+    figure = plot.Figure((10.0, 4.6))
+    every = figure.subplots(1, len(fields))
+    figure.subplots_adjust(0.07, 0.12, 0.9, 0.92, wspace=0.45)
+    for axes, (label, values) in zip(every, fields, strict=True):
+        axes.annotate(label, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
+        axes.set(xlabel="cutter rotation, °")
+        if len(y) == 1:
+            axes.plot(x, values[:, 0])
+            continue
+        axes.heat(values.T, (x[0], x[-1]), (y[0], y[-1]), [[SHADES[cause] for cause in row] for row in over.cause.T])
+        axes.set(ylabel=_axis(found.postures))
+        if values is not over.mean and over.chatter is not None:
+            at, table = np.nonzero(over.chatter[1] >= asked)
+            axes.points(x[at], y[table], "o", color="#ffffff", markersize=1.6)
+    _mark(every, found, flat=len(y) == 1)
+    return figure.svg()
 
 
-def _mark(axes: Any, found: Found) -> None:
-    """The choice at each point, and the pairs that it is compared with."""
-    made, flat = found.postures, len(found.map.tables) == 1
-    loaded = found.points.loaded
+def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
+    """The choice at each point, and the pairs that it is compared with; on the margin's map the choice alone."""
+    made, loaded = found.postures, found.points.loaded
     height = found.cost if flat else _sought(made)[loaded] / DEG
-    axes.plot(made.cutter_rotation[loaded] / DEG, height, ".", color=pieces.PURPLE, ms=4, label="chosen, at each point")
-    for (name, case), mark in zip(found.cases.items(), ("D", "v", "*"), strict=True):
-        if case is not None:
-            at = case.cost.mean() if flat else case.table / DEG
-            axes.plot(case.rotation / DEG, at, mark, mfc="white", mec="black", ms=9, label=name)
+    every[0].points(made.cutter_rotation[loaded] / DEG, height, "o", color=pieces.PURPLE, markersize=2.5)
+    for name, case in found.cases.items():
+        for axes in every if name == "best" and not flat else every[:1]:
+            if case is not None:
+                at = case.rotation / DEG, case.cost.mean() if flat else case.table / DEG
+                axes.points(*at, "o", markersize=7.0)
+                axes.points(*at, "o", color="#ffffff", markersize=5.0)
+                axes.annotate(name, at, (6.0, -3.0), look=plot.ON_WHITE)
 
 
 def along_picture(cell: Cell, found: Found) -> bytes:
     """Displacement of the loaded points, clearance and distance from limits, in the order of motion (SVG)."""
-    from matplotlib.figure import Figure
-
     made, loaded = found.postures, found.points.loaded
     low, high = cell.chain.limits.T
     room = np.minimum(made.joints - low, high - made.joints).min(axis=1)[loaded] / DEG
@@ -378,25 +350,20 @@ def along_picture(cell: Cell, found: Found) -> bytes:
         ("to a joint\nlimit, °", room, cell.margins.limit / DEG),
     ]
     kept = [row for row in kept if np.isfinite(row[1]).any()]
-    rows = len(kept)
-    with pieces.styled():
-        figure = Figure(figsize=(10, 3.4 + 1.2 * rows), layout="constrained")
-        top, *others = np.ravel(figure.subplots(1 + rows, 1, sharex=True, height_ratios=(2, *[1] * rows)))
-        for name, case in found.cases.items():
-            if case is not None:
-                chosen = {"color": pieces.INK, "lw": 1.4, "label": "as chosen"}
-                top.plot(case.cost, **(chosen if name == "best" else {"lw": 1, "label": name}))
-        if found.bound is not None:
-            top.plot(found.bound_at, found.bound, color=pieces.INK, ls=":", lw=1, label="best of each single point")
-        top.set_ylabel(f"{found.measure.name}{found.measure.unit}".replace(" ", "\n"))
-        top.set_ylim(0, top.get_ylim()[1])
-        top.legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        for axes, (name, values, limit) in zip(others, kept, strict=True):
-            axes.plot(values, lw=1.1)
-            axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)), label="required")
-            axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))
-            axes.set_ylabel(name)
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-        [top, *others][-1].set_xlabel("points that cut, in the order of motion")
-        figure.align_ylabels()
-        return pieces.svg(figure)
+    figure, order = plot.Figure((10.0, 3.0 + 1.3 * len(kept))), np.arange(len(loaded))
+    top, *others = figure.subplots(1 + len(kept), 1, sharex=True, height_ratios=(2, *[1] * len(kept)))
+    figure.subplots_adjust(0.07, 0.09, 0.98, 0.93, hspace=0.25)
+    drawn = [(name, case.cost) for name, case in found.cases.items() if case is not None and name != "best"]
+    for (name, cost), colour in zip([*drawn, ("as chosen", found.cost)], pieces.SERIES, strict=False):
+        top.plot(order, cost, color=pieces.INK if name == "as chosen" else colour, linewidth=1.2, label=name)
+    if found.bound is not None:
+        top.plot(found.bound_at, found.bound, linewidth=1.0, dashes=(1.0, 2.0), label="best of each single point")
+    top.set(ylabel=f"{found.measure.name}{found.measure.unit}".replace(" ", "\n"), ylim=(0.0, None))
+    top.legend()
+    for axes, (name, values, limit) in zip(others, kept, strict=True):
+        axes.plot(order, values, color=pieces.BLUE, linewidth=1.1)
+        axes.axhline(limit, color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
+        axes.annotate("required", (1.0, limit), (-2.0, 3.0), xycoords=("axes fraction", "data"), ha="right")
+        axes.set(ylabel=name, ylim=(0.0, 1.08 * max(float(np.nanmax(values)), limit)))
+    [top, *others][-1].set(xlabel="points that cut, in the order of motion")
+    return figure.svg()

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider, Target
-from workbench.program.rapid import MODES, MODULE, read_rapid
+from workbench.program.rapid import MODES, MODULE, Module
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
 from workbench.robot.collision import left_out
@@ -213,7 +213,7 @@ def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Co
             tip = forward_kinematics(cell.chain, first) @ cell.flange_from_cutter
             here = with_boxes(cell, rng, targets, tip)
             start = time.process_time()
-            found = judge(here, read_rapid(rapid_text(here, first, table, targets), f"{seed}-{number}"))
+            found = judge(here, Module().program({f"{seed}-{number}.mod": rapid_text(here, first, table, targets)}))
             judging += time.process_time() - start
             tally["programs"] += 1
             tally["passed" if found.passed else "refused"] += 1

@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 from bench.program_outsider import Outsider, Target
 from bench.programs import CELL, random_program, with_boxes
-from workbench.program.trajectory import COLUMNS, read_trajectory
+from workbench.program.trajectory import COLUMNS, Table
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.judge import MOST_TOLD, judge
 from workbench.units import Float
@@ -81,7 +81,7 @@ def study(count: int, seed: int) -> Counter[str]:
         ends = forward_kinematics(cell.chain, np.radians(angles[:, :6])) @ cell.flange_from_cutter
         cell = with_boxes(cell, rng, [Target("J", pose, None, None, 0.0, 0.0) for pose in ends], ends[0])
         name = f"{seed}-{number}"
-        found = judge(cell, read_trajectory(files(times, angles, cell.flange_from_cutter, name)))
+        found = judge(cell, Table().program(files(times, angles, cell.flange_from_cutter, name)))
         tally["programs"] += 1
         tally["passed" if found.passed else "refused"] += 1
         kinds = {violation.kind for violation in found.violations}

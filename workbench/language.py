@@ -125,8 +125,8 @@ class Language:
         pattern = re.compile(self.kinds.get(plain, usual))
         return _Piece(pattern, words, plain, bool(many), number)
 
-    def read(self, text: str, name: str, remarks: list[str] | None = None) -> Iterator[Said]:
-        """The statements of a text from first to last; remarks between them are added to `remarks`.
+    def read(self, text: str, name: str) -> Iterator[Said]:
+        """The statements of a text from first to last.
 
         Raises:
             InputError: "line 12: expected ..., found ...".
@@ -135,7 +135,8 @@ class Language:
         if hidden := HIDDEN.search(text):
             refuse(name, text.count("\n", 0, hidden.start()) + 1, "no control characters", hidden[0])
         while True:
-            begin = self._skip(text, at, [] if remarks is None else remarks)
+            skipped = self._between.match(text, at)
+            begin = skipped.end() if skipped else at
             line += text.count("\n", at, begin)
             if begin == len(text) and (not allowed or "" in allowed):
                 return
@@ -146,13 +147,6 @@ class Language:
             at = begin + len(said.text)
             line += said.text.count("\n")
             allowed = self.order.get(said.form, allowed)
-
-    def _skip(self, text: str, at: int, remarks: list[str]) -> int:
-        """Where the next statement begins; what stands before it are remarks."""
-        skipped = self._between.match(text, at)
-        lines = map(str.strip, skipped[0].splitlines() if skipped and self.comment else ())
-        remarks += [line[len(self.comment) :].strip() for line in lines if line]
-        return skipped.end() if skipped else at
 
     def _one(self, text: str, at: int, line: int, allowed: tuple[str, ...]) -> Said | None:
         """The statement that begins here, if it is one of those allowed."""

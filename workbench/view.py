@@ -5,17 +5,15 @@ from __future__ import annotations
 import asyncio
 import html
 import os
-import stat
 import sys
 import threading
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
-from typing import BinaryIO
 from urllib.parse import quote, unquote
 
-from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from workbench.errors import InputError
@@ -64,20 +62,6 @@ def within(root: Path, address: str) -> Path:
     return found
 
 
-def opened(path: Path) -> tuple[BinaryIO, int]:
-    """A regular file to read, and its size in bytes. A pipe or a device is not waited for."""
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
-    try:
-        handle = os.open(path, flags)
-    except OSError:
-        raise NotServedError(str(path)) from None
-    state = os.fstat(handle)
-    if not stat.S_ISREG(state.st_mode):
-        os.close(handle)
-        raise NotServedError(str(path))
-    return os.fdopen(handle, "rb"), state.st_size
-
-
 def content_type(path: Path) -> str:
     """What a browser shall take a file for; what it does not know it stores."""
     return TYPES.get(path.suffix.lower(), "application/octet-stream")
@@ -100,9 +84,6 @@ def _shown(root: Path, path: Path) -> bool:
     except (NotServedError, UnicodeEncodeError):
         return False
     return found.is_dir() or found.is_file()
-
-
-PIECE_BYTES = 2**18
 
 
 class Results:
@@ -128,29 +109,15 @@ class Results:
         address = scope["raw_path"].decode("latin-1")  # still encoded: `within` refuses what decodes to a slash
         try:
             path = within(self.root, address.removeprefix("/"))
-            if not path.is_dir():
-                return self._file(path, with_body=scope["method"] == "GET")
         except NotServedError:
+            return said(HTTPStatus.NOT_FOUND, "not found\n")
+        if path.is_file():
+            return FileResponse(path, media_type=content_type(path))
+        if not path.is_dir():  # a pipe or a device is not waited for
             return said(HTTPStatus.NOT_FOUND, "not found\n")
         if not address.endswith("/"):  # relative links start at the directory
             return RedirectResponse(f"{scope['root_path']}{address}/", HTTPStatus.PERMANENT_REDIRECT)
         return Response(listing(self.root, path), media_type="text/html; charset=utf-8")
-
-    def _file(self, path: Path, with_body: bool) -> Response:
-        file, size = opened(path)
-        headers, kind = {"Content-Length": str(size)}, content_type(path)
-        if with_body:
-            return StreamingResponse(_pieces(file, size), headers=headers, media_type=kind)
-        file.close()
-        return Response(headers=headers, media_type=kind)
-
-
-async def _pieces(file: BinaryIO, size: int) -> AsyncIterator[bytes]:
-    """As many bytes as were told, though the file may grow."""
-    with file:
-        while size > 0 and (piece := await asyncio.to_thread(file.read, min(PIECE_BYTES, size))):
-            size -= len(piece)
-            yield piece
 
 
 def result_server(directory: Path, port: int = 0) -> LocalServer:

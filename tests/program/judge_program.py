@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from workbench.program.rapid import read_rapid
+from workbench.program.rapid import Module
 from workbench.robot import read_cell
 
 from .paths import targets as targets_of
@@ -82,8 +82,7 @@ class Judge:
         posture = json.loads((out / "posture.json").read_text())
         rows = posture["points"] + posture["travels"]
         faults, targets = [], []
-        process = read_cell(self.file).process
-        program = read_rapid((out / "BevelPath.mod").read_text(), "BevelPath.mod", process)
+        program = Module(read_cell(self.file)).program({"BevelPath.mod": (out / "BevelPath.mod").read_text()})
         flange_from_tool = program.tools[program.moves[0].tool].flange_from_tool
         for row in rows:
             flange = self._stand(row["joints_deg"])

@@ -6,19 +6,13 @@ from typing import Any
 
 from workbench.artefacts import Moves, PathGate, ProgramMoves
 from workbench.dialect import ProgramJob, program_files
-from workbench.program.fanuc import Fanuc
-from workbench.program.inform import Inform
-from workbench.program.krl import Krl
 from workbench.program.rapid import Rapid
-from workbench.program.trajectory import Trajectory
-from workbench.program.urscript import UrScript
-from workbench.program.write import program_job
+from workbench.program.write import OTHERS, program_job
 from workbench.robot import Cell
 
 from .conftest import passed
 
 NAMES = ("BevelPath", "MillBevel", "tMill", "woEdge")  # of program, procedure, tool and work object
-OTHERS = {"kuka": Krl, "fanuc": Fanuc, "ur": UrScript, "yaskawa": Inform, "trajectory": Trajectory}
 
 
 def job_of(moves: Moves, cell: Cell, zone_mm: float = 0.3, name: str = NAMES[0]) -> ProgramJob:

@@ -8,7 +8,7 @@ import pytest
 from tests.work import calls_of
 from workbench.artefacts import Moves
 from workbench.errors import InputError
-from workbench.program.rapid import read_rapid
+from workbench.program.rapid import Module
 from workbench.robot import Cell
 
 from .languages import text
@@ -82,7 +82,7 @@ REFUSED = [
 def test_what_is_refused_and_where(old: str, new: str, message: str) -> None:
     assert MODULE.count(old) >= 1
     with pytest.raises(InputError) as caught:
-        read_rapid(MODULE.replace(old, new, 1), "hand.mod")
+        Module().program({"hand.mod": MODULE.replace(old, new, 1)})
     assert str(caught.value).startswith("hand.mod: line ")
     assert message in str(caught.value)
 
@@ -92,7 +92,7 @@ def test_reading_twice_as_many_targets_is_twice_the_work(moves: Moves, irb6700: 
     move = next(line for line in whole.splitlines() if "MoveL p2," in line)
 
     def work(count: int) -> int:
-        calls, program = calls_of(lambda: read_rapid(whole.replace(move, "\n".join([move] * count))))
+        calls, program = calls_of(lambda: Module().program({"a.mod": whole.replace(move, "\n".join([move] * count))}))
         assert len(program.moves) > count
         return calls
 
@@ -101,7 +101,7 @@ def test_reading_twice_as_many_targets_is_twice_the_work(moves: Moves, irb6700: 
 
 
 def test_all_that_it_says_becomes_moves() -> None:
-    program = read_rapid(MODULE, "Hand.mod")
+    program = Module().program({"Hand.mod": MODULE})
     home, line, arc = program.moves
     assert [(move.kind, move.line) for move in program.moves] == [("J", 17), ("L", 18), ("C", 19)]
     assert home.joints is not None

@@ -15,7 +15,7 @@ from workbench.artefacts import Judgement, Moves, ProgramMoves
 from workbench.cli import main
 from workbench.path import simplify
 from workbench.program import write
-from workbench.program.trajectory import read_trajectory
+from workbench.program.trajectory import Table
 from workbench.robot import (
     Cell,
     forward_kinematics,
@@ -116,7 +116,7 @@ def test_where_the_turntable_turns_fast_rows_lie_nearer(
 def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell: Cell) -> None:
     """No step is shorter than its feed, and few are longer: those beside a standstill or a corner."""
     files, _ = written(moves, cell)
-    program = read_trajectory(files)
+    program = Table().program(files)
     made = moves.postures
     at = np.array([np.abs(made.joints - move.joints).max(axis=1).argmin() for move in program.moves])
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]))
@@ -128,13 +128,13 @@ def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell
 @pytest.mark.parametrize(("by", "kind"), [(2.0, "acceleration"), (100.0, "acceleration"), (5000.0, "speed")])
 def test_a_faster_file_is_refused_naming_joint_and_line(moves: Moves, cell: Cell, by: float, kind: str) -> None:
     files, _ = written(moves, cell)
-    found = judge(cell, read_trajectory(faster(files, by)), planned(moves))
+    found = judge(cell, Table().program(faster(files, by)), planned(moves))
     assert kind in {one.kind for one in found.violations}
     rows = files["BevelPath.csv"].splitlines()
     for one in found.violations:
         assert ("joint " in one.finding) == (one.kind != "feed")
         assert rows[one.line - 1][0].isdigit()
-    assert judge(cell, read_trajectory(faster(files, 1.0)), planned(moves)).passed
+    assert judge(cell, Table().program(faster(files, 1.0)), planned(moves)).passed
 
 
 @pytest.mark.parametrize("by", [1.06, 2.0])
@@ -143,7 +143,7 @@ def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
 ) -> None:
     silent = replace(cell, accelerations=None)
     files, _ = written(moves, silent)
-    found = judge(silent, read_trajectory(faster(files, by)), planned(moves))
+    found = judge(silent, Table().program(faster(files, by)), planned(moves))
     assert {one.kind for one in found.violations} == {"feed"}
     said = [one.finding for one in found.violations]
     assert all(any(f"along layer {layer} at" in one for one in said) for layer in (1, 2))
@@ -152,7 +152,7 @@ def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
 def test_one_row_of_a_layer_that_comes_too_soon_is_found(moves: Moves, cell: Cell) -> None:
     """Between two rows of a layer that is milled at 1 mm/s, although travels are at 20."""
     silent = replace(cell, accelerations=None)
-    program = read_trajectory(written(moves, silent)[0])
+    program = Table().program(written(moves, silent)[0])
     feed = np.diff([move.time_s for move in program.moves])
     slow = int(np.flatnonzero((feed > 0.9) & (np.array([move.layer for move in program.moves[1:]]) == 2))[5]) + 1
     moved = [replace(move, time_s=move.time_s - 0.5) if i >= slow else move for i, move in enumerate(program.moves)]
@@ -184,7 +184,7 @@ def test_the_rows_of_the_path_may_mill_the_plate(plated: Cell) -> None:
     moves = postured(plated, ROBOT, BEND)
     files, judgement = written(moves, plated)
     assert judgement.passed, judgement.violations
-    program = read_trajectory(files)
+    program = Table().program(files)
     assert {move.layer for move in program.moves} == {0, 1, 2}
     silent = replace(program, moves=tuple(replace(move, layer=None) for move in program.moves))
     assert collisions(plated, silent, moves)
@@ -197,7 +197,7 @@ def test_the_rows_of_the_path_may_mill_the_plate(plated: Cell) -> None:
 def test_rows_beyond_the_paths_ends_may_not(plated: Cell, end: str) -> None:
     """Whatever layer they claim: into the block and out again."""
     moves = postured(plated, ROBOT, BEND)
-    program = read_trajectory(written(moves, plated)[0])
+    program = Table().program(written(moves, plated)[0])
     rows = list(program.moves)
     middle = replace(rows[len(rows) // 2], layer=1)
     ends = rows[0], rows[-1]
@@ -212,12 +212,12 @@ def test_rows_beyond_the_paths_ends_may_not(plated: Cell, end: str) -> None:
 def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: Cell) -> None:
     """At the end of a layer into the block and back, in the layer's name: no row of the path, whatever it says."""
     moves = postured(plated, ROBOT, BEND)
-    rows = list(read_trajectory(written(moves, plated)[0]).moves)
+    rows = list(Table().program(written(moves, plated)[0]).moves)
     i = max(n for n, row in enumerate(rows) if row.layer == 1)
     aside = replace(rows[len(rows) // 2], layer=1, joints=rows[i].joints + np.radians([0, 2, 2, 0, 0, 0]))
     more = [*rows[: i + 1], aside, rows[i], *rows[i + 1 :]]
     timed = tuple(replace(move, line=n + 1, time_s=20.0 * n) for n, move in enumerate(more))
-    program = replace(read_trajectory(written(moves, plated)[0]), moves=timed)
+    program = replace(Table().program(written(moves, plated)[0]), moves=timed)
     assert "deviation" in {one.kind for one in judge(plated, program, planned(moves)).violations}
 
 
@@ -231,7 +231,7 @@ def test_a_scanned_plate_is_milled_by_a_trajectory(tmp_path: Path) -> None:
     check = json.loads((tmp_path / "out/program_check.json").read_text())
     assert check["passed"], check["violations"]
     files = {one.name: one.read_text() for one in (tmp_path / "out").glob("BevelPath.*")}
-    program = read_trajectory(files)
+    program = Table().program(files)
     assert check["time_s"] == pytest.approx(program.moves[-1].time_s, abs=1e-5)
-    found = judge(read_cell(cell), read_trajectory(faster(files, 2.0)))
+    found = judge(read_cell(cell), Table().program(faster(files, 2.0)))
     assert {one.kind for one in found.violations} == {"acceleration"}

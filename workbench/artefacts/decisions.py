@@ -87,7 +87,6 @@ class ProgramMoves:
     tools: Mapping[str, ProgramTool]
     work_objects: Mapping[str, Float | None]  # base_from_workobject (4, 4); None: measured on the controller
     events: tuple[ProgramEvent, ...] = ()
-    remarks: tuple[str, ...] = ()  # comments of the head
 
 
 @dataclass(frozen=True, slots=True, eq=False)

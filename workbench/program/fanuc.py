@@ -20,18 +20,17 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
+from workbench.artefacts import EventKind, ProgramTool
 from workbench.errors import InputError
 from workbench.language import NUMBER, Language, refuse
-from workbench.program.krl import euler_deg
-from workbench.program.reading import Reading, euler_pose, one_file, one_or_all
-from workbench.program.skeleton import SWITCHED, Numbered, check_words, numbered
+from workbench.program.reading import Reading, euler_pose, euler_rows, one_or_all
+from workbench.program.skeleton import SWITCHED, Numbered, check_words, numbered, tidy
 from workbench.robot.cell import DIGITS, Cell
 from workbench.robot.collision import sliding
 from workbench.robot.wrist import arm_sides, free_joint_3, level_joint_3
@@ -123,205 +122,6 @@ POSITIONS = Language(
 )
 
 
-@dataclass
-class Fanuc(Numbered):
-    """The dialect of FANUC's controllers."""
-
-    language = PROGRAM
-    begin, home_as = 1, "register"
-
-    def __post_init__(self) -> None:
-        """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
-        if self.job.moves.feed_mm_s.min() < self.slowest:
-            raise InputError(
-                "program.write",
-                f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
-            )
-        register = rf"PR\[(?!{REGISTER}\])\d+\]", f"a position register PR[n] but {REGISTER}"
-        check_words(self.cell, "FANUC", signals="numbers", home=register)
-
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """A label has a number; other programs' names are in capitals."""
-        said = value.upper() if kind == "hook" else value
-        return super().fields(kind, value) | {"value": said, "number": value.removeprefix("layer")}
-
-    def event(self, kind: EventKind, value: str) -> list[str]:
-        """Behind a restart point stand the numbers of frame and tool."""
-        return [*super().event(kind, value), *(self._numbers if kind == "restart" else ())]
-
-    @property
-    def _numbers(self) -> list[str]:
-        """Of frame and tool: hold until others are said."""
-        return PROGRAM.say("numbers", frame=self.frame[0], tool=self.frame[1]).split("\n")
-
-    @functools.cached_property
-    def ends(self) -> list[dict[str, Any]]:
-        """All that stands behind the target of each move: speed and termination."""
-        controller, moves, feeds = self.cell.controller, self.job.moves, self.feeds
-        region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
-        length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
-        room = np.minimum(np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2, self.job.zone_mm)
-        within = (continuous_mm(self.cell, feeds) <= room) & (np.append(feeds[1:], 0.0) <= feeds)
-        rounded = [f"CR{region}" if region else "CNT100" if free else "FINE" for free in within.tolist()]
-        ends = [end if blends else "FINE" for end, blends in zip(rounded, self.blends, strict=True)]
-        return [{"feed": feed, "near": end} for feed, end in zip(feeds.tolist(), ends, strict=True)]
-
-    @functools.cached_property
-    def frame(self) -> tuple[int, int]:
-        """Numbers of the user frame and of the tool."""
-        named = ("work_object", "UFRAME", self.job.work_object_name), ("tool", "UTOOL", self.job.tool_name)
-        frame, tool = (
-            DECLARED if name is None else numbered(self.cell, "FANUC", part, kind, name) for part, kind, name in named
-        )
-        return frame, tool
-
-    def head(self) -> Iterator[str]:
-        """Remarks; frame and tool, as far as the program declares them; their numbers."""
-        job, (frame, tool) = self.job, self.frame
-        yield from (self.remark(remark) for remark in job.remarks)
-        yield from self.events("first")
-        if job.work_object_name is None:
-            yield from _declared(f"UFRAME[{frame}]", *job.work_object)
-        if job.tool_name is None:
-            yield from _declared(f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz)
-        yield from self._numbers
-
-    def straight_to(self, where: str) -> list[str]:
-        """L."""
-        behind, end = (2, 0) if where == "first" else (3, -1)
-        return [PROGRAM.say("straight", target=self.numbers[-1] + behind, **self.ends[end])]
-
-    def move(self, i: int) -> list[str]:
-        """L or C."""
-        form = "circular" if self.job.moves.circular[i] else "straight"
-        return PROGRAM.say(form, via=self.numbers[i] - 1, target=self.numbers[i], **self.ends[i]).split("\n")
-
-    def read(self, files: Mapping[str, str]) -> ProgramMoves:
-        """Turn it back."""
-        return read_fanuc(files, self.cell)
-
-    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
-        """Flip, elbow down, back, and the turns of J1, J4, J6 of a posture (6,), rad."""
-        return coded(*configuration(cell, joints[None])[0].values())
-
-    def documents(self, text: str) -> dict[str, str]:
-        """Attributes, numbered lines, positions."""
-        lines = list(self._numbered(text.splitlines()))
-        ending = "" if self.job.turntable_deg is None else _ending(self.cell)
-        group = BOTH if ending in ("_2", "_3") else ALONE
-        count, name = sum(not line.startswith("    :") for line in lines), self.job.name.upper()
-        header = PROGRAM.say("header", name=name, lines=count, groups=group)
-        content = "\n".join([header, *lines, "/POS", *self._positions(ending), "/END", ""])
-        return {f"{name}.ls": content.replace("\n", "\r\n")}
-
-    def _numbered(self, lines: list[str]) -> Iterator[str]:
-        """Lines with numbers; remarks in pieces of 32 characters, the second point of an arc without."""
-        number = 0
-        for line in lines:
-            if line.startswith("P["):
-                yield f"    :  {line}    ;"
-                continue
-            pieces = [line] if line[0] != "!" else [f"!{piece}" for piece in cut(line[1:], 32)]
-            for piece in pieces:
-                number += 1
-                motion = piece[:2] in ("J ", "L ", "C ")
-                end = "" if piece.startswith("C ") else "    ;"
-                yield f"{number:4d}:{'' if motion else '  '}{piece}{end}"
-
-    def _positions(self, group: str) -> Iterator[str]:
-        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
-        assert moves.joints_deg is not None
-        configurations = configuration(self.cell, moves.joints_deg * DEG)
-        here = place(moves.position_mm, moves.quaternion_wxyz)
-        via = place(moves.via_position_mm, moves.via_quaternion_wxyz)
-        table = np.zeros(len(here)) if turned is None else turned
-        half, last = np.concatenate([table[:1], (table[1:] + table[:-1]) / 2]), self.numbers[-1]
-
-        def said(form: str, number: int, angle: Float | None, **more: Any) -> str:
-            frame, tool = self.frame
-            seen = np.atleast_1d(np.round(0.0 if angle is None else angle, DIGITS) + 0.0).tolist()
-            same = {"frame": frame, "frame_2": frame, "tool": tool, "tool_2": tool, "turntable": seen}
-            return POSITIONS.say(f"{form}{group}", number=number, **same, **more)
-
-        def axes(number: int, joints_deg: Float, angle: Float | None) -> str:
-            level = levelled(self.cell)
-            shown = level_joint_3(self.cell.chain, joints_deg[None])[0] if level else joints_deg
-            return said("axes", number, angle, joints=(np.round(shown, DIGITS) + 0.0).tolist())
-
-        def target(number: int, values: Float, posture: dict[str, Any], angle: Float) -> str:
-            return said("target", number, angle, at=values[:3], wpr=values[3:], **posture)
-
-        yield axes(1, *((moves.joints_deg[0], table[0]) if skeleton is None else skeleton.start_deg))
-        for i, number in enumerate(self.numbers[1:], 1):
-            if moves.circular[i]:
-                yield target(number - 1, via[i], configurations[i], half[i])
-            yield target(number, here[i], configurations[i], table[i])
-        if skeleton is None:
-            return
-        if not skeleton.process.home.controller_name:
-            yield axes(last + 1, *skeleton.home_deg)
-        yield target(last + 2, here[0], configurations[0], table[0])
-        (back,), (posture,) = place(*skeleton.retracted), configuration(self.cell, skeleton.retract_joints[None])
-        yield target(last + 3, back, posture, table[-1])
-        if skeleton.probe_deg is not None:
-            yield axes(last + 4, *skeleton.probe_deg)
-
-
-def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> list[str]:
-    """A frame by way of a position register, which takes the robot's place first so that it is one in space."""
-    numbers = [f"{value:.{DIGITS}f}" for value in place(position_mm[None], quaternion_wxyz[None])[0].tolist()]
-    element = [f"({one})" if one.startswith("-") else one for one in numbers]
-    return PROGRAM.say("declare", element=element, place=name).split("\n")
-
-
-def _ending(cell: Cell) -> str:
-    """Of the forms that positions have with the cell's external axes."""
-    return "_e" if sliding(cell) else "_3" if len(cell.axes) > 1 else "_2"
-
-
-def levelled(cell: Cell) -> bool:
-    """Whether joint 3 counts against the ground on the cell's controller."""
-    return cell.controller.level_joint_3 if cell.controller else True
-
-
-def continuous_mm(cell: Cell, feed_mm_s: Float) -> Float:
-    """From a target, where CNT100 begins to blend at feeds (k,); inf where the cell does not tell the time of it."""
-    time_s = None if cell.controller is None else cell.controller.acceleration_s
-    return np.full(np.shape(feed_mm_s), np.inf) if time_s is None else feed_mm_s * time_s / 2
-
-
-def configuration(cell: Cell, joints: Float) -> list[dict[str, Any]]:
-    """What FANUC's configuration strings say of postures (n, 6), rad."""
-    sides = arm_sides(cell.chain, joints)
-    turns = np.floor((np.round(joints[:, [0, 3, 5]] / DEG, DIGITS) + 180) / 360).astype(int)
-    letters = np.where(sides[:, ::-1], list("FDB"), list("NUT"))
-    rows = zip(letters.tolist(), turns.tolist(), strict=True)
-    return [dict(zip(("flip", "elbow", "back", "turns"), (*said, times), strict=True)) for said, times in rows]
-
-
-def coded(flip: str, elbow: str, back: str, turns: list[int]) -> tuple[int, ...]:
-    """Flip, elbow down, back; turns of J1, J4, J6."""
-    return (int(flip == "F"), int(elbow == "D"), int(back == "B"), *turns)
-
-
-def place(position_mm: Float, quaternion_wxyz: Float) -> Float:
-    """X, Y, Z, W, P, R (k, 6): mm and deg, rounded."""
-    turned = euler_deg(quaternion_wxyz)[:, ::-1]
-    return np.asarray(np.round(np.concatenate([position_mm, turned], axis=1), DIGITS) + 0.0)
-
-
-def cut(text: str, longest: int) -> list[str]:
-    """A text in pieces, at blanks where there are some."""
-    pieces = [""]
-    for word in text.split(" "):
-        if pieces[-1] and len(pieces[-1]) + 1 + len(word) > longest:
-            pieces.append("")
-        pieces[-1] = f"{pieces[-1]} {word}" if pieces[-1] else word
-        while len(pieces[-1]) > longest:
-            pieces[-1:] = [pieces[-1][:longest], pieces[-1][longest:]]
-    return pieces
-
-
 class Position(NamedTuple):
     """One P: joint angles in rad or a pose; the external axes in rad."""
 
@@ -363,17 +163,25 @@ class _Positions(Reading):
         self.found[number] = Position(*values, turntable, numbers)
 
 
-class _Program(Reading):
-    """Sections /PROG, /ATTR and /MN."""
+class Program(Reading):
+    """Sections /PROG, /ATTR and /MN of a TP program, with its positions, for the robot and the controller of a cell."""
 
-    language = PROGRAM
+    language, dialect, suffix = PROGRAM, "fanuc", ".ls"
+    frame = (0, 0)
+    runs_on = False  # the move before ends in CNT100
 
-    def __init__(self, positions: dict[int, Position], count: int, cell: Cell) -> None:
-        super().__init__(cell.process)
-        self.positions, self.count, self.cell = positions, count, cell
-        self.declared: dict[str, Float] = {}
-        self.frame = (0, 0)
-        self.runs_on = False  # the move before ends in CNT100
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(cell)
+        self.cell, self.declared = cell, dict[str, Float]()
+
+    def run(self, name: str, text: str) -> None:
+        """Positions first."""
+        lines, self.count = _without_numbers(name, text.splitlines())
+        end = lines.index("/POS") + 1 if "/POS" in lines else len(lines)
+        positions = _Positions(self.cell)
+        positions.run(name, "\n".join([*[""] * end, *lines[end:]]))
+        self.positions = positions.found
+        super().run(name, "\n".join(lines[:end]))
 
     def header(self, name: str, lines: int, groups: str) -> None:
         if lines != self.count:
@@ -388,6 +196,8 @@ class _Program(Reading):
 
     def numbers(self, frame: int, tool: int) -> None:
         self.frame, self.tool, self.work_object = (frame, tool), f"UTOOL[{tool}]", f"UFRAME[{frame}]"
+        self.tools[self.tool] = ProgramTool(self.declared.get(self.tool))
+        self.objects[self.work_object] = self.declared.get(self.work_object)
 
     def axes(self, target: int, percent: int) -> None:
         here = self._position(target)
@@ -407,13 +217,8 @@ class _Program(Reading):
         if self.runs_on and feed > (self.moves[-1].feed_mm_s or 0.0):
             self.refuse("no faster a move behind CNT100: it would begin to blend earlier")
         self.runs_on = near == "CNT100"
-        zone = (
-            float(continuous_mm(self.cell, np.array(feed)))
-            if self.runs_on
-            else float(near[2:])
-            if near != "FINE"
-            else 0.0
-        )
+        cnt_mm = float(continuous_mm(self.cell, np.array(feed))) if self.runs_on else 0.0
+        zone = float(near[2:]) if near.startswith("CR") else cnt_mm
         if not np.isfinite(zone):
             self.refuse("FINE or CR: the cell file does not say by what CNT rounds ($.controller)")
         more = {"turntable": here.turntable, "configuration": here.configuration}
@@ -426,28 +231,6 @@ class _Program(Reading):
         if here is None or here.numbers != self.frame or (here.turntable is not None) != self.second:
             self.refuse("a position of /POS in the program's own frame, tool and groups", f"P[{number}]")
         return here
-
-
-def read_fanuc(files: Mapping[str, str], cell: Cell) -> ProgramMoves:
-    """Read a TP program from its file, name -> text.
-
-    Args:
-        files: one that ends in `.ls`.
-        cell: its robot, for the coupling of joints 2 and 3; its controller; its process' signals.
-
-    Raises:
-        InputError: "line 12: expected ..., found ...".
-    """
-    name, text = one_file(files, ".ls")
-    lines, count = _without_numbers(name, text.splitlines())
-    end = lines.index("/POS") + 1 if "/POS" in lines else len(lines)
-    positions = _Positions(cell)
-    positions.run(name, "\n".join([*[""] * end, *lines[end:]]))
-    made = _Program(positions.found, count, cell)
-    made.run(name, "\n".join(lines[:end]))
-    tools = {move.tool: ProgramTool(made.declared.get(move.tool)) for move in made.moves}
-    objects = {move.work_object: made.declared.get(move.work_object) for move in made.moves}
-    return ProgramMoves("fanuc", name, tuple(made.moves), tools, objects, tuple(made.events), tuple(made.remarks))
 
 
 def _without_numbers(name: str, lines: list[str]) -> tuple[list[str], int]:
@@ -464,3 +247,182 @@ def _without_numbers(name: str, lines: list[str]) -> tuple[list[str], int]:
                 refuse(name, place, f"line number {number}", line)
         made.append(line if found is None else (found[2] or found[4] or found[5] or "").strip())
     return made, number
+
+
+@dataclass
+class Fanuc(Numbered):
+    """The dialect of FANUC's controllers."""
+
+    language, reader, note = PROGRAM, Program, "!"
+    begin, home_as = 1, "register"
+
+    def __post_init__(self) -> None:
+        """Refuse feeds that its tenths of mm/sec cannot say without being faster."""
+        if self.job.moves.feed_mm_s.min() < self.slowest:
+            raise InputError(
+                "program.write",
+                f"expected feeds of 0.1 mm/s or more for FANUC, found {self.job.moves.feed_mm_s.min():.3g}",
+            )
+        register = rf"PR\[(?!{REGISTER}\])\d+\]", f"a position register PR[n] but {REGISTER}"
+        check_words(self.cell, "FANUC", signals="numbers", home=register)
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """A label has a number; other programs' names are in capitals."""
+        said = value.upper() if kind == "hook" else value
+        return super().fields(kind, value) | {"value": said, "number": value.removeprefix("layer")}
+
+    def again(self) -> list[str]:
+        """The numbers of frame and tool: they hold until others are said."""
+        return self.say("numbers", frame=self.frame[0], tool=self.frame[1])
+
+    @functools.cached_property
+    def ends(self) -> list[dict[str, Any]]:
+        """All that stands behind the target of each move: speed and termination."""
+        controller, moves, feeds = self.cell.controller, self.job.moves, np.array(self.feeds)
+        region = math.floor(self.job.zone_mm) if controller and controller.corner_region else 0
+        length = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+        room = np.minimum(np.minimum(np.append(0.0, length), np.append(length, 0.0)) / 2, self.job.zone_mm)
+        within = (continuous_mm(self.cell, feeds) <= room) & (np.append(feeds[1:], 0.0) <= feeds)
+        rounded = [f"CR{region}" if region else "CNT100" if free else "FINE" for free in within.tolist()]
+        ends = [end if blends else "FINE" for end, blends in zip(rounded, self.blends, strict=True)]
+        return [{"feed": feed, "near": end} for feed, end in zip(feeds.tolist(), ends, strict=True)]
+
+    @functools.cached_property
+    def frame(self) -> tuple[int, int]:
+        """Numbers of the user frame and of the tool."""
+        named = ("work_object", "UFRAME", self.job.work_object_name), ("tool", "UTOOL", self.job.tool_name)
+        frame, tool = (
+            DECLARED if name is None else numbered(self.cell, "FANUC", part, kind, name) for part, kind, name in named
+        )
+        return frame, tool
+
+    def head(self) -> Iterator[str]:
+        """Remarks; frame and tool, as far as the program declares them; their numbers."""
+        job, (frame, tool) = self.job, self.frame
+        yield from (self.remark(remark) for remark in job.remarks)
+        yield from self.events("first")
+        if job.work_object_name is None:
+            yield from _declared(f"UFRAME[{frame}]", *job.work_object)
+        if job.tool_name is None:
+            yield from _declared(f"UTOOL[{tool}]", job.tool_centre_point_mm, job.tool.quaternion_wxyz)
+        yield from self.again()
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """Flip, elbow down, back, and the turns of J1, J4, J6 of a posture (6,), rad."""
+        return coded(*configuration(cell, joints[None])[0].values())
+
+    def documents(self, text: str) -> dict[str, str]:
+        """Attributes, numbered lines, positions."""
+        *said, end = text.splitlines()
+        lines = list(self._numbered(said))
+        ending = "" if self.job.turntable_deg is None else _ending(self.cell)
+        group = BOTH if ending in ("_2", "_3") else ALONE
+        count, name = sum(not line.startswith("    :") for line in lines), self.job.name.upper()
+        header = PROGRAM.say("header", name=name, lines=count, groups=group)
+        content = "\n".join([header, *lines, end, *self._positions(ending), "/END", ""])
+        return {f"{name}.ls": content.replace("\n", "\r\n")}
+
+    def _numbered(self, lines: list[str]) -> Iterator[str]:
+        """Lines with numbers; remarks in pieces of 32 characters, the second point of an arc without."""
+        number = 0
+        for line in lines:
+            if line.startswith("P["):
+                yield f"    :  {line}    ;"
+                continue
+            pieces = [line] if line[0] != "!" else [f"!{piece}" for piece in cut(line[1:], 32)]
+            for piece in pieces:
+                number += 1
+                motion = piece[:2] in ("J ", "L ", "C ")
+                end = "" if piece.startswith("C ") else "    ;"
+                yield f"{number:4d}:{'' if motion else '  '}{piece}{end}"
+
+    def _positions(self, group: str) -> Iterator[str]:
+        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
+        assert moves.joints_deg is not None
+        configurations = configuration(self.cell, moves.joints_deg * DEG)
+        here = euler_rows(moves.position_mm, moves.quaternion_wxyz, DIGITS, DIGITS)
+        via = euler_rows(moves.via_position_mm, moves.via_quaternion_wxyz, DIGITS, DIGITS)
+        none = [None] * len(here)
+        table, half = (none if all_ is None else list(all_) for all_ in (turned, self.halfway_deg))
+
+        def said(form: str, number: int, angle: Float | None, **more: Any) -> str:
+            frame, tool = self.frame
+            seen = [] if angle is None else tidy(np.atleast_1d(angle), DIGITS)
+            same = {"frame": frame, "frame_2": frame, "tool": tool, "tool_2": tool, "turntable": seen}
+            return POSITIONS.say(f"{form}{group}", number=number, **same, **more)
+
+        def axes(where: str) -> str:
+            joints_deg, angle = self.postures[where]
+            level = levelled(self.cell)
+            shown = level_joint_3(self.cell.chain, joints_deg[None])[0] if level else joints_deg
+            return said("axes", self.place(where)["target"], angle, joints=tidy(shown, DIGITS))
+
+        def target(number: int, values: list[float], posture: dict[str, Any], angle: Float | None) -> str:
+            return said("target", number, angle, at=values[:3], wpr=values[:2:-1], **posture)
+
+        yield axes("start")
+        for i, number in enumerate(self.numbers[1:], 1):
+            if moves.circular[i]:
+                yield target(number - 1, via[i], configurations[i], half[i])
+            yield target(number, here[i], configurations[i], table[i])
+        if skeleton is None:
+            return
+        last = self.numbers[-1]
+        if "home" in self.postures:
+            yield axes("home")
+        yield target(last + 2, here[0], configurations[0], table[0])
+        (back,) = euler_rows(*skeleton.retracted, DIGITS, DIGITS)
+        (posture,) = configuration(self.cell, skeleton.retract_joints[None])
+        yield target(last + 3, back, posture, table[-1])
+        if "probe" in self.postures:
+            yield axes("probe")
+
+
+def _declared(name: str, position_mm: Float, quaternion_wxyz: Float) -> list[str]:
+    """A frame by way of a position register, which takes the robot's place first so that it is one in space."""
+    (row,) = euler_rows(position_mm[None], quaternion_wxyz[None], DIGITS, DIGITS)
+    numbers = [f"{value:.{DIGITS}f}" for value in (*row[:3], *row[:2:-1])]
+    element = [f"({one})" if one.startswith("-") else one for one in numbers]
+    return PROGRAM.say("declare", element=element, place=name).split("\n")
+
+
+def _ending(cell: Cell) -> str:
+    """Of the forms that positions have with the cell's external axes."""
+    return "_e" if sliding(cell) else "_3" if len(cell.axes) > 1 else "_2"
+
+
+def levelled(cell: Cell) -> bool:
+    """Whether joint 3 counts against the ground on the cell's controller."""
+    return cell.controller.level_joint_3 if cell.controller else True
+
+
+def continuous_mm(cell: Cell, feed_mm_s: Float) -> Float:
+    """From a target, where CNT100 begins to blend at feeds (k,); inf where the cell does not tell the time of it."""
+    time_s = None if cell.controller is None else cell.controller.acceleration_s
+    return np.full(np.shape(feed_mm_s), np.inf) if time_s is None else feed_mm_s * time_s / 2
+
+
+def configuration(cell: Cell, joints: Float) -> list[dict[str, Any]]:
+    """What FANUC's configuration strings say of postures (n, 6), rad."""
+    sides = arm_sides(cell.chain, joints)
+    turns = np.floor((np.round(joints[:, [0, 3, 5]] / DEG, DIGITS) + 180) / 360).astype(int)
+    letters = np.where(sides[:, ::-1], list("FDB"), list("NUT"))
+    rows = zip(letters.tolist(), turns.tolist(), strict=True)
+    return [dict(zip(("flip", "elbow", "back", "turns"), (*said, times), strict=True)) for said, times in rows]
+
+
+def coded(flip: str, elbow: str, back: str, turns: list[int]) -> tuple[int, ...]:
+    """Flip, elbow down, back; turns of J1, J4, J6."""
+    return (int(flip == "F"), int(elbow == "D"), int(back == "B"), *turns)
+
+
+def cut(text: str, longest: int) -> list[str]:
+    """A text in pieces, at blanks where there are some."""
+    pieces = [""]
+    for word in text.split(" "):
+        if pieces[-1] and len(pieces[-1]) + 1 + len(word) > longest:
+            pieces.append("")
+        pieces[-1] = f"{pieces[-1]} {word}" if pieces[-1] else word
+        while len(pieces[-1]) > longest:
+            pieces[-1:] = [pieces[-1][:longest], pieces[-1][longest:]]
+    return pieces

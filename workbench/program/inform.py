@@ -18,19 +18,18 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
+from workbench.artefacts import EventKind, ProgramTool
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
 from workbench.language import NUMBER, Language, row
 from workbench.program.fanuc import cut
-from workbench.program.krl import euler_deg
-from workbench.program.reading import Reading, euler_pose, one_file
+from workbench.program.reading import Reading, euler_pose, euler_rows
 from workbench.program.skeleton import SWITCHED, Numbered, check_standing_turntable, check_words, numbered
 from workbench.robot.cell import Cell
 from workbench.robot.inverse import inverse_kinematics
@@ -97,192 +96,6 @@ JOB = Language(
 )
 
 
-@dataclass
-class Inform(Numbered):
-    """The dialect of Yaskawa's controllers."""
-
-    language = JOB
-    begin, home_as = 0, "variable"
-
-    def __post_init__(self) -> None:
-        """Refuse what a job cannot say."""
-        feed = self.job.moves.feed_mm_s
-        if not self.slowest <= feed.min() <= feed.max() <= FASTEST_MM_S:
-            raise InputError(
-                "program.write",
-                f"expected feeds of {self.slowest:g} to {FASTEST_MM_S:g} mm/s for Yaskawa, found {feed.min():.3g} to "
-                f"{feed.max():.5g}",
-            )
-        check_standing_turntable(
-            self.job, self.cell, "jobs for Yaskawa's controllers are written for the robot's own axes only"
-        )
-        if self._count > MOST_POSITIONS:
-            raise InputError(
-                "program.write",
-                f"expected at most {MOST_POSITIONS} positions in a job for Yaskawa, found {self._count}: larger "
-                "tolerances of path.simplify make fewer",
-            )
-        variable = r"P\d{3,5}", "a position variable, P000 to P99999,"
-        check_words(self.cell, "Yaskawa", signals="numbers", home=variable)
-
-    @functools.cached_property
-    def tool(self) -> int:
-        """Number of the tool on the controller."""
-        if self.job.tool_name is None:
-            raise InputError(
-                f"{self.cell.source}: $.tool.controller_name",
-                "expected TOOL[n], the number of the tool as measured on Yaskawa's controller: its jobs declare none",
-            )
-        return numbered(self.cell, "Yaskawa", "tool", "TOOL", self.job.tool_name, "{1,2}")
-
-    @functools.cached_property
-    def frame(self) -> int | None:
-        """Number of the user frame on the controller; None: the robot's own frame."""
-        name = self.job.work_object_name
-        return None if name is None else numbered(self.cell, "Yaskawa", "work_object", "USER", name, "{1,2}")
-
-    @functools.cached_property
-    def arm(self) -> Arm:
-        """The robot with the controller's tool in the frame of the targets."""
-        base_from_frame = np.eye(4) if self.frame is None else self.cell.base_from_workobject
-        return Arm(self.cell.chain, self.cell.flange_from_cutter, base_from_frame)
-
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """Names are in capitals."""
-        return super().fields(kind, value) | {"value": value.upper()}
-
-    @functools.cached_property
-    def ends(self) -> list[tuple[float, str]]:
-        """All that stands behind the target of each move: speed, and how near it is reached."""
-        controller = self.cell.controller
-        corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
-        levels = controller.levels_mm if controller else ()
-        within = [level for level, zone_mm in enumerate(levels, 1) if zone_mm <= self.job.zone_mm]
-        level = max(within, key=lambda level: levels[level - 1], default=0)
-        rounded = f"CR={corner:.1f}" if corner >= LEAST_CORNER_MM else f"PL={level}"
-        blends = self.blends
-        arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
-        near = [rounded if free and not arc else "PL=0" for free, arc in zip(blends, arc_next, strict=True)]
-        return list(zip(self.feeds.tolist(), near, strict=True))
-
-    def head(self) -> Iterator[str]:
-        """Remarks; the first posture's angles, by which its branch is told on the pendant; the turntable's."""
-        yield from (self.remark(remark) for remark in self.job.remarks)
-        said = " ".join(
-            f"{axis} {round(angle, 1) + 0.0:.1f}"
-            for axis, angle in zip("SLURBT", self._first_deg.tolist(), strict=True)
-        )
-        yield self.remark(f"C00000 on the pendant, deg: {said}")
-        yield from self.events("first")
-        if self.job.turntable_deg is not None:
-            yield from JOB.say("turntable", angle=self.job.turntable_deg[0] + 0.0).split("\n")
-
-    def straight_to(self, where: str) -> list[str]:
-        """MOVL."""
-        behind, (feed, near) = (2, self.ends[0]) if where == "first" else (3, self.ends[-1])
-        return [JOB.say("straight", target=self.numbers[-1] + behind, feed=feed, near=near)]
-
-    def move(self, i: int) -> list[str]:
-        """MOVL; or MOVC over the middle to the end, which FPT ends: the first of several says its start once more."""
-        (feed, near), number, circular = self.ends[i], self.numbers[i], self.job.moves.circular
-        if not circular[i]:
-            return [JOB.say("straight", target=number, feed=feed, near=near)]
-        again = "arc" if not circular[i - 1] or self.layer(i) else "arc_on"
-        begin = self.numbers[-1] + 2 if i == 1 and self.skeleton else self.numbers[i - 1]
-        return JOB.say(again, start=begin, via=number - 1, target=number, speeds=[feed] * 3, near=near).split("\n")
-
-    def foot(self) -> list[str]:
-        """With a process back, and home; the end."""
-        return [*super().foot(), "END"]
-
-    @property
-    def _count(self) -> int:
-        return self.numbers[-1] + 1 + (3 + self.cell.probes if self.cell.process else 0)
-
-    def read(self, files: Mapping[str, str]) -> ProgramMoves:
-        """Turn it back."""
-        return read_inform(files, self.arm, self.cell)
-
-    def configuration(self, joints: Float, cell: Cell) -> Configuration:
-        """RCONF of a posture (6,), rad: no flip, lower arm, rear, and whether R, T, S are beyond +-180 deg."""
-        return inform_configuration(cell.chain, joints)
-
-    def documents(self, text: str) -> dict[str, str]:
-        """Positions, then instructions."""
-        name, kind = self.job.name.upper(), "ROBOT" if self.frame is None else "USER"
-        user, place = ("", kind) if self.frame is None else (f"\n///USER {self.frame}", f"USER {self.frame}")
-        content = [JOB.say("header", name=name, count=self._count, user=user, tool=self.tool, kind=kind)]
-        content += [*self._positions(), JOB.say("instructions", frame=place)]
-        content += [piece for line in text.splitlines() for piece in _short(line)]
-        return {f"{name}.JBI": "\n".join([*content, ""]).replace("\n", "\r\n")}
-
-    @property
-    def _first_deg(self) -> Float:
-        """Joint angles (6,) of C00000, where the way along the path begins."""
-        assert self.job.moves.joints_deg is not None
-        angles = self.job.moves.joints_deg[0] if self.skeleton is None else self.skeleton.start_deg[0]
-        return np.asarray(angles)
-
-    def _positions(self) -> Iterator[str]:
-        moves, skeleton = self.job.moves, self.skeleton
-        assert moves.joints_deg is not None
-        joints = moves.joints_deg * DEG
-        arcs = np.flatnonzero(moves.circular)
-        here = self._spelled(moves.position_mm, moves.quaternion_wxyz)
-        over = self._spelled(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
-        via = dict(zip(arcs.tolist(), over, strict=True))
-        said = [self.configuration(posture, self.cell) for posture in joints]
-        rows = [self._posture(self._first_deg * DEG)]
-        for i in range(1, len(joints)):
-            rows += [(said[i], via[i])] if i in via else []
-            rows.append((said[i], here[i]))
-        if skeleton is not None:
-            back = self._spelled(*skeleton.retracted)[0]
-            rows += [self._posture(skeleton.home_deg[0] * DEG), (said[0], here[0])]
-            rows.append((self.configuration(skeleton.retract_joints, self.cell), back))
-            rows += [] if skeleton.probe_deg is None else [self._posture(skeleton.probe_deg[0] * DEG)]
-        last: Configuration = ()
-        for number, (configuration, values) in enumerate(rows):
-            if configuration != last:
-                yield JOB.say("rconf", flags=configuration)
-            last = configuration
-            yield JOB.say("position", number=number, at=values[:3], turn=values[3:])
-
-    def _posture(self, joints: Float) -> tuple[Configuration, list[float]]:
-        """RCONF and pose of joint angles (6,), rad."""
-        pose = self.arm.pose(forward_kinematics(self.cell.chain, joints))
-        return self.configuration(joints, self.cell), spelled(pose[None])[0]
-
-    def _spelled(self, position_mm: Float, quaternion_wxyz: Float) -> list[list[float]]:
-        """Targets (k, 3), (k, 4) of the job's work object, in the frame of the positions."""
-        poses = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)
-        return spelled(poses if self.frame is not None else self.job.base_from_workobject @ poses)
-
-
-def spelled(poses: Float) -> list[list[float]]:
-    """X, Y, Z, Rx, Ry, Rz of poses (k, 4, 4): 3 decimals of a mm, 4 of a degree."""
-    turned = euler_deg(quaternion_from_rotation(poses[:, :3, :3]))[:, ::-1]
-    rows: list[list[float]] = np.hstack([np.round(poses[:, :3, 3], 3) + 0.0, np.round(turned, 4) + 0.0]).tolist()
-    return rows
-
-
-def _short(line: str) -> list[str]:
-    return [f"'{piece}" for piece in cut(line[1:], REMARK)] if line.startswith("'") else [line]
-
-
-def inform_configuration(chain: Chain, joints: Float) -> Configuration:
-    """RCONF of a posture (6,), rad: no flip, lower arm, rear; whether R, T and S are beyond +-180 deg.
-
-    Flip is -90 < R <= 90 deg, and so about every whole turn of R (NX100 Operator's Manual, Manipulator Types): the
-    wrist's other solution has R half a turn away. R counts from the axis' home position, as the robot's URDF must.
-    """
-    behind, down, _ = arm_sides(chain, joints)[0].tolist()
-    angles = np.round(joints[TURNED] / DEG, 4)
-    flip = 0.0 < (float(angles[0]) + FLIP_DEG) % 360.0 <= 2.0 * FLIP_DEG
-    beyond = ((angles > 180) | (angles <= -180)).astype(int).tolist()
-    return (int(not flip), int(down), int(behind), *beyond)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Arm:
     """A robot with the controller's tool, and the frame of its positions."""
@@ -313,14 +126,19 @@ class Arm:
         return [k for k in (0, 1, -1) if lower <= angle + WHOLE * k <= upper]
 
 
-class _Job(Reading):
-    """The job, statement by statement."""
+def arm_of(cell: Cell, *, in_user_frame: bool) -> Arm:
+    """The cell's robot with the cutter as the controller has it; positions in the work object, or in the base."""
+    return Arm(cell.chain, cell.flange_from_cutter, cell.base_from_workobject if in_user_frame else np.eye(4))
 
-    language = JOB
 
-    def __init__(self, arm: Arm, cell: Cell) -> None:
-        super().__init__(cell.process)
-        self.arm, self.levels_mm = arm, cell.controller.levels_mm if cell.controller else ()
+class Job(Reading):
+    """The job, statement by statement; MOVJ goes to a pose of the cell's robot."""
+
+    language, dialect, suffix = JOB, "yaskawa", ".jbi"
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(cell)
+        self.cell, self.levels_mm = cell, cell.controller.levels_mm if cell.controller else ()
         self.flags: Configuration = ()
         self.positions: list[tuple[Configuration, Float]] = []
         self.at: int | None = None  # the position that the last move went to, where it was not the controller's home
@@ -332,6 +150,9 @@ class _Job(Reading):
         if kind != self.frame.split(" ")[0]:
             self.refuse("///POSTYPE USER where ///USER is said, else ROBOT", f"///POSTYPE {kind}")
         self.work_object = re.sub(r"USER (\d+)", r"USER[\1]", self.frame)  # as cell files have it
+        self.tools = {self.tool: ProgramTool(None)}
+        self.objects = {self.work_object: None if user else np.eye(4)}
+        self.arm = arm_of(self.cell, in_user_frame=bool(user))
 
     def rconf(self, flags: list[int]) -> None:
         self.flags = tuple(flags)
@@ -393,20 +214,164 @@ class _Job(Reading):
         return self.positions[number]
 
 
-def read_inform(files: Mapping[str, str], arm: Arm, cell: Cell) -> ProgramMoves:
-    """Read a job from its file, name -> text.
+@dataclass
+class Inform(Numbered):
+    """The dialect of Yaskawa's controllers."""
 
-    Args:
-        files: one that ends in `.JBI`.
-        arm: the robot, its tool and the frame of the positions, for MOVJ to a pose.
-        cell: whose process' signals switch what, and whose controller's levels are known.
+    language, reader, note = JOB, Job, "'"
+    begin, home_as = 0, "variable"
 
-    Raises:
-        InputError: "line 12: expected ..., found ...".
+    def __post_init__(self) -> None:
+        """Refuse what a job cannot say."""
+        feed = self.job.moves.feed_mm_s
+        if not self.slowest <= feed.min() <= feed.max() <= FASTEST_MM_S:
+            raise InputError(
+                "program.write",
+                f"expected feeds of {self.slowest:g} to {FASTEST_MM_S:g} mm/s for Yaskawa, found {feed.min():.3g} to "
+                f"{feed.max():.5g}",
+            )
+        check_standing_turntable(
+            self.job, self.cell, "jobs for Yaskawa's controllers are written for the robot's own axes only"
+        )
+        if self._count > MOST_POSITIONS:
+            raise InputError(
+                "program.write",
+                f"expected at most {MOST_POSITIONS} positions in a job for Yaskawa, found {self._count}: larger "
+                "tolerances of path.simplify make fewer",
+            )
+        variable = r"P\d{3,5}", "a position variable, P000 to P99999,"
+        check_words(self.cell, "Yaskawa", signals="numbers", home=variable)
+
+    @functools.cached_property
+    def tool(self) -> int:
+        """Number of the tool on the controller."""
+        if self.job.tool_name is None:
+            raise InputError(
+                f"{self.cell.source}: $.tool.controller_name",
+                "expected TOOL[n], the number of the tool as measured on Yaskawa's controller: its jobs declare none",
+            )
+        return numbered(self.cell, "Yaskawa", "tool", "TOOL", self.job.tool_name, "{1,2}")
+
+    @functools.cached_property
+    def frame(self) -> int | None:
+        """Number of the user frame on the controller; None: the robot's own frame."""
+        name = self.job.work_object_name
+        return None if name is None else numbered(self.cell, "Yaskawa", "work_object", "USER", name, "{1,2}")
+
+    @functools.cached_property
+    def arm(self) -> Arm:
+        """The robot with the controller's tool in the frame of the targets."""
+        return arm_of(self.cell, in_user_frame=self.frame is not None)
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """Names are in capitals."""
+        return super().fields(kind, value) | {"value": value.upper()}
+
+    @functools.cached_property
+    def ends(self) -> list[dict[str, Any]]:
+        """All that stands behind the target of each move: speed, and how near it is reached."""
+        controller = self.cell.controller
+        corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
+        levels = controller.levels_mm if controller else ()
+        within = [level for level, zone_mm in enumerate(levels, 1) if zone_mm <= self.job.zone_mm]
+        level = max(within, key=lambda level: levels[level - 1], default=0)
+        rounded = f"CR={corner:.1f}" if corner >= LEAST_CORNER_MM else f"PL={level}"
+        blends = self.blends
+        arc_next = [*self.job.moves.circular[1:].tolist(), False]  # its own start is said again: nothing to round there
+        near = [rounded if free and not arc else "PL=0" for free, arc in zip(blends, arc_next, strict=True)]
+        return [{"feed": feed, "near": end, "speeds": [feed] * 3} for feed, end in zip(self.feeds, near, strict=True)]
+
+    def head(self) -> Iterator[str]:
+        """Remarks; the first posture's angles, by which its branch is told on the pendant; the turntable's."""
+        yield from (self.remark(remark) for remark in self.job.remarks)
+        said = " ".join(
+            f"{axis} {round(angle, 1) + 0.0:.1f}"
+            for axis, angle in zip("SLURBT", self.postures["start"][0].tolist(), strict=True)
+        )
+        yield self.remark(f"C00000 on the pendant, deg: {said}")
+        yield from self.events("first")
+        if self.job.turntable_deg is not None:
+            yield from self.say("turntable", angle=self.job.turntable_deg[0] + 0.0)
+
+    def move(self, i: int) -> list[str]:
+        """MOVL; or MOVC over the middle to the end, which FPT ends: the first of several says its start once more."""
+        circular = self.job.moves.circular
+        if not circular[i]:
+            return super().move(i)
+        again = "arc" if not circular[i - 1] or self.layer(i) else "arc_on"
+        begin = self.numbers[-1] + 2 if i == 1 and self.skeleton else self.numbers[i - 1]
+        return self.say(again, start=begin, **self.place(i), **self.ends[i])
+
+    @property
+    def _count(self) -> int:
+        return self.numbers[-1] + 1 + (3 + self.cell.probes if self.cell.process else 0)
+
+    def configuration(self, joints: Float, cell: Cell) -> Configuration:
+        """RCONF of a posture (6,), rad: no flip, lower arm, rear, and whether R, T, S are beyond +-180 deg."""
+        return inform_configuration(cell.chain, joints)
+
+    def documents(self, text: str) -> dict[str, str]:
+        """Positions, then instructions."""
+        name, kind = self.job.name.upper(), "ROBOT" if self.frame is None else "USER"
+        user, place = ("", kind) if self.frame is None else (f"\n///USER {self.frame}", f"USER {self.frame}")
+        content = [JOB.say("header", name=name, count=self._count, user=user, tool=self.tool, kind=kind)]
+        content += [*self._positions(), JOB.say("instructions", frame=place)]
+        content += [piece for line in text.splitlines() for piece in _short(line)]
+        return {f"{name}.JBI": "\n".join([*content, ""]).replace("\n", "\r\n")}
+
+    def _positions(self) -> Iterator[str]:
+        moves, skeleton = self.job.moves, self.skeleton
+        assert moves.joints_deg is not None
+        joints = moves.joints_deg * DEG
+        arcs = np.flatnonzero(moves.circular)
+        here = self._spelled(moves.position_mm, moves.quaternion_wxyz)
+        over = self._spelled(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
+        via = dict(zip(arcs.tolist(), over, strict=True))
+        said = [self.configuration(posture, self.cell) for posture in joints]
+        rows = [self._posture(self.postures["start"][0] * DEG)]
+        for i in range(1, len(joints)):
+            rows += [(said[i], via[i])] if i in via else []
+            rows.append((said[i], here[i]))
+        if skeleton is not None:
+            back = self._spelled(*skeleton.retracted)[0]
+            rows += [self._posture(skeleton.home_deg[0] * DEG), (said[0], here[0])]
+            rows.append((self.configuration(skeleton.retract_joints, self.cell), back))
+            rows += [] if skeleton.probe_deg is None else [self._posture(skeleton.probe_deg[0] * DEG)]
+        last: Configuration = ()
+        for number, (configuration, values) in enumerate(rows):
+            if configuration != last:
+                yield JOB.say("rconf", flags=configuration)
+            last = configuration
+            yield JOB.say("position", number=number, at=values[:3], turn=values[:2:-1])
+
+    def _posture(self, joints: Float) -> tuple[Configuration, list[float]]:
+        """RCONF and pose of joint angles (6,), rad."""
+        pose = self.arm.pose(forward_kinematics(self.cell.chain, joints))
+        return self.configuration(joints, self.cell), _rows(pose[None])[0]
+
+    def _spelled(self, position_mm: Float, quaternion_wxyz: Float) -> list[list[float]]:
+        """Targets (k, 3), (k, 4) of the job's work object, in the frame of the positions."""
+        poses = pose_from(rotation_from_quaternion(quaternion_wxyz), position_mm)
+        return _rows(poses if self.frame is not None else self.job.base_from_workobject @ poses)
+
+
+def _rows(poses: Float) -> list[list[float]]:
+    """X, Y, Z, Rz, Ry, Rx of poses (k, 4, 4): 3 decimals of a mm, 4 of a degree."""
+    return euler_rows(poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3]), 3, 4)
+
+
+def _short(line: str) -> list[str]:
+    return [f"'{piece}" for piece in cut(line[1:], REMARK)] if line.startswith("'") else [line]
+
+
+def inform_configuration(chain: Chain, joints: Float) -> Configuration:
+    """RCONF of a posture (6,), rad: no flip, lower arm, rear; whether R, T and S are beyond +-180 deg.
+
+    Flip is -90 < R <= 90 deg, and so about every whole turn of R (NX100 Operator's Manual, Manipulator Types): the
+    wrist's other solution has R half a turn away. R counts from the axis' home position, as the robot's URDF must.
     """
-    name, text = one_file(files, ".jbi")
-    job = _Job(arm, cell)
-    job.run(name, text)
-    objects = {job.work_object: np.eye(4) if job.frame == "ROBOT" else None}
-    tools = {job.tool: ProgramTool(None)}
-    return ProgramMoves("yaskawa", name, tuple(job.moves), tools, objects, tuple(job.events), tuple(job.remarks))
+    behind, down, _ = arm_sides(chain, joints)[0].tolist()
+    angles = np.round(joints[TURNED] / DEG, 4)
+    flip = 0.0 < (float(angles[0]) + FLIP_DEG) % 360.0 <= 2.0 * FLIP_DEG
+    beyond = ((angles > 180) | (angles <= -180)).astype(int).tolist()
+    return (int(not flip), int(down), int(behind), *beyond)

@@ -21,16 +21,13 @@ import numpy as np
 
 from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
 from workbench.dialect import rounded_feeds
-from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import NAME, NUMBER, Language, reading, row
-from workbench.program.reading import Reading, euler_pose, numbers_in, one_file, one_or_all
-from workbench.program.skeleton import SWITCHED, CellDialect, check_words, limited, numbered
+from workbench.program.reading import Reading, euler_pose, euler_rows, numbers_in, one_file, one_or_all
+from workbench.program.skeleton import JOINT_PERCENT, SWITCHED, CellDialect, check_words, numbered, tidy
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 
-PTP_PERCENT = 20  # of the axes' largest speeds, on the way to the first posture
 FRAME = "{{X {frame[0]:.4f},Y {frame[1]:.4f},Z {frame[2]:.4f},A {frame[3]:.6f},B {frame[4]:.6f},C {frame[5]:.6f}}}"
 LOAD = "{{M {mass:g},CM {{X {at[0]:.4f},Y {at[1]:.4f},Z {at[2]:.4f},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}}}"
 BODY = ("straight", "circular", "feed", "axes", *SWITCHED)
@@ -85,169 +82,7 @@ DATA = Language(
     kinds={"header": r"&[^\r\n]*", "e1": f"(?:,E1 {NUMBER}(?:,E2 {NUMBER})?)?"},
     comment=";",
 )
-
-
-@dataclass
-class Krl(CellDialect):
-    """The dialect of KUKA's controllers."""
-
-    language = SOURCE
-
-    def __post_init__(self) -> None:
-        """Refuse names that are none of the controller's."""
-        named = ("tool", "TOOL_DATA", self.job.tool_name), ("work_object", "BASE_DATA", self.job.work_object_name)
-        for part, kind, name in named:
-            if name is not None:
-                numbered(self.cell, "KUKA", part, kind, name)
-        check_words(self.cell, "KUKA", signals="both")
-
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """A signal by its number, or by the name that the controller has declared (SIGNAL)."""
-        signal = f"{'$IN' if kind == 'wait_speed' else '$OUT'}[{value}]" if value.isdigit() else value
-        return {"value": value.upper() if kind == "restart" else value, "seconds": value, "signal": signal}
-
-    def event(self, kind: EventKind, value: str) -> list[str]:
-        """Behind a restart point stands all that holds."""
-        return [*super().event(kind, value), *(self.modes if kind == "restart" else ())]
-
-    def remark(self, text: str) -> str:
-        """Up to the end of the line."""
-        return f"  ; {text}"
-
-    @functools.cached_property
-    def feeds(self) -> list[float]:
-        """Of the moves, mm/s."""
-        rounded: list[float] = rounded_feeds(limited(self.job.moves.feed_mm_s, self.cell)).tolist()
-        return rounded
-
-    @functools.cached_property
-    def modes(self) -> list[str]:
-        """All that holds until it is said otherwise; again at every restart point."""
-        job, name = self.job, self.job.tool_name
-        load = LOAD.format(mass=job.tool.mass_kg, at=job.tool.centre_of_gravity_mm)
-        return self.language.say(
-            "modes",
-            percent=PTP_PERCENT,
-            tool=name or _frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz),
-            load=load if name is None else name.replace("TOOL", "LOAD"),
-            base=job.work_object_name or _frame(*job.work_object),
-            zone=job.zone_mm,
-        ).split("\n")
-
-    def head(self) -> list[str]:
-        """Remarks, tool, load, base and how to move."""
-        begin = ["&ACCESS RVP", SOURCE.say("begin", name=self.job.name)]
-        return [*begin, *map(self.remark, self.job.remarks), *self.events("first"), *self.modes]
-
-    def axes(self, where: str) -> list[str]:
-        """PTP."""
-        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
-        target = named or {"home": "XPARK", "back": "XPARK", "probe": "XPROBE", "start": "XSTART"}[where]
-        return [self.language.say("axes", target=target)]
-
-    def straight_to(self, where: str) -> list[str]:
-        """LIN; the feed of the retract is that of the last move."""
-        first = where == "first"
-        line = self.language.say("straight", target="XP1" if first else "XRETRACT", blend="")
-        return [*([self._velocity(0)] if first else []), line]
-
-    def move(self, i: int) -> list[str]:
-        """LIN or CIRC, behind its feed if it is another than before."""
-        changed = i == 1 or bool(self.layer(i)) or self.feeds[i] != self.feeds[i - 1]
-        form = "circular" if self.job.moves.circular[i] else "straight"
-        blend = " C_DIS" if self.blends[i] else ""
-        line = self.language.say(form, via=f"XV{i + 1}", target=f"XP{i + 1}", blend=blend)
-        return [*([self._velocity(i)] if changed else []), line]
-
-    def _velocity(self, i: int) -> str:
-        return self.language.say("feed", feed=self.feeds[i] / 1000)
-
-    def foot(self) -> list[str]:
-        """The end; with a process back, and home."""
-        return [*super().foot(), "END"]
-
-    def read(self, files: Mapping[str, str]) -> ProgramMoves:
-        """Turn it back."""
-        return read_krl(files, self.cell.process)
-
-    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
-        """STATUS and TURN of a posture (6,), rad."""
-        return tuple(status_and_turn(cell, joints[None])[0].tolist())
-
-    def documents(self, text: str) -> dict[str, str]:
-        """The moves, and the data list with their targets."""
-        name = self.job.name
-        return {f"{name}.src": text, f"{name}.dat": "\n".join([*self._data(), ""])}
-
-    def _data(self) -> Iterator[str]:
-        """The data list: first posture, targets, middles of arcs."""
-        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
-        assert moves.joints_deg is not None
-        joints, first = moves.joints_deg, None if turned is None else turned[0]
-        external = [_e1(None)] * len(joints) if turned is None else [_e1(angle) for angle in turned]
-        yield from ("&ACCESS RVP", DATA.say("begin", name=self.job.name))
-        targets = frames(moves.position_mm, moves.quaternion_wxyz)
-        said = status_and_turn(self.cell, joints * DEG).tolist()
-        if skeleton is None:
-            yield _axes("XSTART", joints[0], first)
-        else:
-            if not skeleton.process.home.controller_name:
-                yield _axes("XPARK", *skeleton.home_deg)
-            if skeleton.probe_deg is not None:
-                yield _axes("XPROBE", *skeleton.probe_deg)
-            yield _axes("XSTART", *skeleton.start_deg)
-            there = status_and_turn(self.cell, skeleton.retract_joints[None]).tolist()[0]
-            yield _position("XRETRACT", frames(*skeleton.retracted)[0], there, external[-1])
-        for i in range(0 if skeleton else 1, len(targets)):
-            yield _position(f"XP{i + 1}", targets[i], said[i], external[i])
-        arcs = np.flatnonzero(moves.circular).tolist()
-        vias = frames(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
-        yield from (DATA.say("via", name=f"XV{i + 1}", frame=via) for i, via in zip(arcs, vias, strict=True))
-        yield "ENDDAT"
-
-
-def _frame(position_mm: Float, quaternion_wxyz: Float) -> str:
-    return FRAME.format(frame=frames(position_mm[None], quaternion_wxyz[None])[0])
-
-
-def _e1(turntable_deg: Float | None) -> str:
-    """What an aggregate does not name stays where it is."""
-    values: list[float] = [] if turntable_deg is None else np.atleast_1d(np.round(turntable_deg, 4) + 0.0).tolist()
-    return "".join(f",E{i} {value:.4f}" for i, value in enumerate(values, 1))
-
-
-def _axes(name: str, joints_deg: Float, turntable_deg: Float | None) -> str:
-    return DATA.say("axes", name=name, angle=(np.round(joints_deg, 4) + 0.0).tolist(), e1=_e1(turntable_deg))
-
-
-def _position(name: str, frame: list[float], said: list[int], external: str) -> str:
-    return DATA.say("target", name=name, frame=frame, status=said[0], turn=said[1], e1=external)
-
-
-def status_and_turn(cell: Cell, joints: Float) -> Int:
-    """STATUS and TURN (n, 2) at joint angles (n, 6), rad."""
-    behind, below, flipped = arm_sides(cell.chain, joints).T
-    status = behind + 2 * ~below + 4 * flipped
-    negative = np.round(joints / DEG, 3) < 0  # an axis at rest on 0 has no sign of its rounding
-    return np.column_stack([status, negative @ (1 << np.arange(6))])
-
-
-def euler_deg(quaternion_wxyz: Float) -> Float:
-    """A, B, C (k, 3) in deg with R = Rz(A) Ry(B) Rx(C); where B is +-90 deg only A -+ C counts, and C is 0."""
-    r = rotation_from_quaternion(quaternion_wxyz)
-    cosine = np.hypot(r[:, 0, 0], r[:, 1, 0])
-    level = cosine < 1e-9
-    a = np.where(level, np.arctan2(-r[:, 0, 1], r[:, 1, 1]), np.arctan2(r[:, 1, 0], r[:, 0, 0]))
-    b = np.arctan2(-r[:, 2, 0], cosine)
-    c = np.where(level, 0.0, np.arctan2(r[:, 2, 1], r[:, 2, 2]))
-    return np.stack([a, b, c], axis=1) / DEG
-
-
-def frames(position_mm: Float, quaternion_wxyz: Float) -> list[list[float]]:
-    """X, Y, Z, A, B, C of poses (k, 3), (k, 4); 6 decimals of a degree are below 0.00001 deg."""
-    values = np.concatenate([np.round(position_mm, 4), np.round(euler_deg(quaternion_wxyz), 6)], axis=1) + 0.0
-    rows: list[list[float]] = values.tolist()
-    return rows
+NAMES = {"home": "XPARK", "probe": "XPROBE", "start": "XSTART", "first": "XP1", "retract": "XRETRACT"}
 
 
 class _Data(Reading):
@@ -279,17 +114,19 @@ def _turntable(e1: str) -> Float | float | None:
     return one_or_all([float(one.split()[1]) * DEG for one in e1.split(",")[1:]])
 
 
-class _Source(Reading):
-    """The moves."""
+class Source(Reading):
+    """The moves, `.src`, with the data list, `.dat`."""
 
-    language = SOURCE
+    language, dialect, suffix = SOURCE, "kuka", ".src"
+    speed = zone = percent = 0.0
 
-    def __init__(self, declared: dict[str, tuple[str, Any]], process: ProcessPart | None) -> None:
-        super().__init__(process)
-        self.declared, self.labels = declared, {*declared}
-        self.tools: dict[str, ProgramTool] = {}
-        self.bases: dict[str, Float | None] = {}
-        self.speed = self.zone = self.percent = 0.0
+    def program(self, files: Mapping[str, str]) -> ProgramMoves:
+        """The program of both files."""
+        one_file(files, self.suffix)
+        data = _Data()
+        data.run(*one_file(files, ".dat"))
+        self.declared, self.labels = data.declared, {*data.declared}
+        return super().program(files)
 
     def modes(self, percent: int, tool: str, load: str, base: str, zone: float) -> None:
         self.percent, self.zone = percent, zone
@@ -297,7 +134,7 @@ class _Source(Reading):
         self.tool, self.work_object = tool if at is None else "$TOOL", base if place is None else "$BASE"
         mass, centre = (None, None) if weight is None else (weight[0], np.array(weight[1:4]))
         self.tools[self.tool] = ProgramTool(None if at is None else euler_pose(at[:3], at[3:]), mass, centre)
-        self.bases[self.work_object] = None if place is None else euler_pose(place[:3], place[3:])
+        self.objects[self.work_object] = None if place is None else euler_pose(place[:3], place[3:])
 
     def feed(self, feed: float) -> None:
         self.speed = 1000 * feed
@@ -328,20 +165,124 @@ class _Source(Reading):
         return value
 
 
-def read_krl(files: Mapping[str, str], process: ProcessPart | None = None) -> ProgramMoves:
-    """Read a KRL program from its two files, name -> text.
+@dataclass
+class Krl(CellDialect):
+    """The dialect of KUKA's controllers."""
 
-    Args:
-        files: one that ends in `.src`, and its `.dat`.
-        process: whose signals switch what; None: a program that switches any is refused.
+    language, reader, note = SOURCE, Source, "  ; "
 
-    Raises:
-        InputError: "line 12: expected ..., found ...".
-    """
-    source, data = one_file(files, ".src"), _Data()
-    data.run(*one_file(files, ".dat"))
-    made = _Source(data.declared, process)
-    made.run(*source)
-    return ProgramMoves(
-        "kuka", source[0], tuple(made.moves), made.tools, made.bases, tuple(made.events), tuple(made.remarks)
-    )
+    def __post_init__(self) -> None:
+        """Refuse names that are none of the controller's."""
+        named = ("tool", "TOOL_DATA", self.job.tool_name), ("work_object", "BASE_DATA", self.job.work_object_name)
+        for part, kind, name in named:
+            if name is not None:
+                numbered(self.cell, "KUKA", part, kind, name)
+        check_words(self.cell, "KUKA", signals="both")
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """A signal by its number, or by the name that the controller has declared (SIGNAL)."""
+        signal = f"{'$IN' if kind == 'wait_speed' else '$OUT'}[{value}]" if value.isdigit() else value
+        return {"value": value.upper() if kind == "restart" else value, "seconds": value, "signal": signal}
+
+    @functools.cached_property
+    def feeds(self) -> list[float]:
+        """Of the moves, mm/s."""
+        rounded: list[float] = rounded_feeds(self.limited_mm_s).tolist()
+        return rounded
+
+    def again(self) -> list[str]:
+        """All that holds until it is said otherwise."""
+        job, name = self.job, self.job.tool_name
+        load = LOAD.format(mass=job.tool.mass_kg, at=job.tool.centre_of_gravity_mm)
+        return self.say(
+            "modes",
+            percent=JOINT_PERCENT,
+            tool=name or _frame(job.tool_centre_point_mm, job.tool.quaternion_wxyz),
+            load=load if name is None else name.replace("TOOL", "LOAD"),
+            base=job.work_object_name or _frame(*job.work_object),
+            zone=job.zone_mm,
+        )
+
+    def head(self) -> list[str]:
+        """Remarks, tool, load, base and how to move."""
+        begin = ["&ACCESS RVP", *self.say("begin", name=self.job.name)]
+        return [*begin, *map(self.remark, self.job.remarks), *self.events("first"), *self.again()]
+
+    @functools.cached_property
+    def ends(self) -> list[dict[str, Any]]:
+        """Whether the next move blends in."""
+        return [{"blend": " C_DIS" if blends else ""} for blends in self.blends]
+
+    def place(self, where: int | str) -> dict[str, Any]:
+        """By names out of the data list."""
+        if isinstance(where, int):
+            return {"via": f"XV{where + 1}", "target": f"XP{where + 1}"}
+        return {"target": NAMES[where]}
+
+    def straight_to(self, where: str) -> list[str]:
+        """LIN; the feed of the retract is that of the last move."""
+        return [*(self._velocity(0) if where == "first" else []), *super().straight_to(where)]
+
+    def move(self, i: int) -> list[str]:
+        """LIN or CIRC, behind its feed if it is another than before."""
+        changed = i == 1 or bool(self.layer(i)) or self.feeds[i] != self.feeds[i - 1]
+        return [*(self._velocity(i) if changed else []), *super().move(i)]
+
+    def _velocity(self, i: int) -> list[str]:
+        return self.say("feed", feed=self.feeds[i] / 1000)
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """STATUS and TURN of a posture (6,), rad."""
+        return tuple(status_and_turn(cell, joints[None])[0].tolist())
+
+    def documents(self, text: str) -> dict[str, str]:
+        """The moves, and the data list with their targets."""
+        name = self.job.name
+        return {f"{name}.src": text, f"{name}.dat": "\n".join([*self._data(), ""])}
+
+    def _data(self) -> Iterator[str]:
+        """The data list: postures, targets, middles of arcs."""
+        moves, turned, skeleton = self.job.moves, self.job.turntable_deg, self.skeleton
+        assert moves.joints_deg is not None
+        external = [_e1(None)] * len(moves.layer) if turned is None else [_e1(angle) for angle in turned]
+        yield from ("&ACCESS RVP", DATA.say("begin", name=self.job.name))
+        targets = _frames(moves.position_mm, moves.quaternion_wxyz)
+        said = status_and_turn(self.cell, moves.joints_deg * DEG).tolist()
+        for where, (angles, table) in self.postures.items():
+            yield DATA.say("axes", name=NAMES[where], angle=tidy(angles, 4), e1=_e1(table))
+        if skeleton is not None:
+            there = status_and_turn(self.cell, skeleton.retract_joints[None]).tolist()[0]
+            yield _position("XRETRACT", _frames(*skeleton.retracted)[0], there, external[-1])
+        for i in range(0 if skeleton else 1, len(targets)):
+            yield _position(f"XP{i + 1}", targets[i], said[i], external[i])
+        arcs = np.flatnonzero(moves.circular).tolist()
+        vias = _frames(moves.via_position_mm[arcs], moves.via_quaternion_wxyz[arcs])
+        yield from (DATA.say("via", name=f"XV{i + 1}", frame=via) for i, via in zip(arcs, vias, strict=True))
+        yield "ENDDAT"
+
+
+def _frames(position_mm: Float, quaternion_wxyz: Float) -> list[list[float]]:
+    """X, Y, Z, A, B, C of poses (k, 3), (k, 4); 6 decimals of a degree are below 0.00001 deg."""
+    return euler_rows(position_mm, quaternion_wxyz, 4, 6)
+
+
+def _frame(position_mm: Float, quaternion_wxyz: Float) -> str:
+    return FRAME.format(frame=_frames(position_mm[None], quaternion_wxyz[None])[0])
+
+
+def _e1(turntable_deg: Float | None) -> str:
+    """What an aggregate does not name stays where it is."""
+    values = [] if turntable_deg is None else tidy(np.atleast_1d(turntable_deg), 4)
+    return "".join(f",E{i} {value:.4f}" for i, value in enumerate(values, 1))
+
+
+def _position(name: str, frame: list[float], said: list[int], external: str) -> str:
+    return DATA.say("target", name=name, frame=frame, status=said[0], turn=said[1], e1=external)
+
+
+def status_and_turn(cell: Cell, joints: Float) -> Int:
+    """STATUS and TURN (n, 2) at joint angles (n, 6), rad."""
+    behind, below, flipped = arm_sides(cell.chain, joints).T
+    status = behind + 2 * ~below + 4 * flipped
+    negative = np.round(joints / DEG, 3) < 0  # an axis at rest on 0 has no sign of its rounding
+    return np.column_stack([status, negative @ (1 << np.arange(6))])

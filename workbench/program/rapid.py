@@ -18,22 +18,21 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import EventKind, Moves, ProgramMoves, ProgramTool
-from workbench.dialect import ProgramJob, rounded_feeds
+from workbench.artefacts import EventKind, Moves, ProgramTool
+from workbench.dialect import rounded_feeds
 from workbench.errors import InputError
 from workbench.geometry.poses import pose_from, rotation_from_quaternion
 from workbench.language import NUMBER, Language, row
 from workbench.program.reading import Reading, one_or_all
-from workbench.program.skeleton import SWITCHED, CellDialect, check_words
+from workbench.program.skeleton import SWITCHED, CellDialect, check_words, tidy
 from workbench.program.words import PREDEFINED, TAKEN, free_name
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart
 from workbench.robot.wrist import arm_sides
 from workbench.units import DEG, Float, Int
 
@@ -94,214 +93,21 @@ MODULE = Language(
     comment="!",
 )
 MODES = MODULE.say("modes").split("\n")
+NAMES = {"home": "jHome", "probe": "jProbe", "start": "jStart", "first": "p1", "retract": "retract1"}
 
 
-@dataclass
-class Rapid(CellDialect):
-    """The dialect of ABB's controllers."""
+class Module(Reading):
+    """A module with one procedure that moves, statement by statement.
 
-    procedure: str
-    tool_name: str
-    work_object_name: str
-    language = MODULE
-
-    def __post_init__(self) -> None:
-        """Refuse names of the process that mean something in RAPID."""
-        process = self.cell.process
-        if process is None:
-            return
-        spindle = process.spindle
-        names = [
-            process.coolant_signal,
-            process.mechanical_unit,
-            process.home.controller_name,
-            *process.before,
-            *process.after,
-            *((spindle.on_signal, spindle.at_speed_signal) if spindle else ()),
-        ]
-        for name in (str(one) for one in names if one is not None):
-            try:
-                free_name(name)
-            except ValueError as error:
-                raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
-        check_words(self.cell, "ABB", signals="names", units=True)
-
-    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
-        """A longest wait stops the program; feed limits are two numbers."""
-        spindle = self.cell.process.spindle if self.cell.process else None
-        percent, most = map(float, value.split(",")) if kind == "feed_limits" else (0.0, 0.0)
-        more = {"longest": spindle.wait_s if spindle else 0.0, "percent": percent, "most": most}
-        return {**super().fields(kind, value), **more}
-
-    def event(self, kind: EventKind, value: str) -> list[str]:
-        """Behind a restart point stand the modes."""
-        return [*super().event(kind, value), *(MODES if kind == "restart" else ())]
-
-    @functools.cached_property
-    def feeds(self) -> tuple[Float, Int]:
-        """The distinct feeds in mm/s, and which of them each move has."""
-        distinct, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
-        return distinct, which
-
-    @functools.cached_property
-    def ends(self) -> list[dict[str, str]]:
-        """All that stands behind the target of each move: speed, zone, tool and work object."""
-        which = self.feeds[1].tolist()
-        zones = ["zonePath" if blends else "fine" for blends in self.blends]
-        tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
-        tail = {"tool": tool, "object": place}
-        return [{"speed": f"feed{w + 1}", "zone": zone, **tail} for w, zone in zip(which, zones, strict=True)]
-
-    def head(self) -> Iterator[str]:
-        """Declarations: tool, work object, zone, speeds, targets."""
-        job, moves, z = self.job, self.job.moves, self.job.zone_mm
-        tool = {"mass": job.tool.mass_kg, "centre": _tidy(job.tool.centre_of_gravity_mm, 4)}
-        yield MODULE.say("module", name=job.name)
-        yield from (f"  ! {remark}" for remark in job.remarks)
-        if job.tool_name is None:
-            frame = _spelt(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
-            yield MODULE.say("tooldata", name=self.tool_name, **frame, **tool)
-        if job.work_object_name is None:
-            yield MODULE.say("wobjdata", name=self.work_object_name, **_spelt(*job.work_object))
-        if z:
-            yield MODULE.say("zonedata", name="zonePath", zones=[z, z, z, z / 10, z, z / 10])
-        for i, feed in enumerate(self.feeds[0].tolist(), 1):
-            yield MODULE.say("speeddata", name=f"feed{i}", feed=feed)
-        assert moves.joints_deg is not None
-        said, all_ = configurations(self.cell, moves.joints_deg * DEG), np.arange(len(moves.layer))
-        yield from _targets("p", all_, moves.position_mm, moves.quaternion_wxyz, job.turntable_deg, said)
-        arcs, said = np.flatnonzero(moves.circular), configurations(self.cell, _joints_on_arcs(moves))
-        yield from _targets("via", arcs, moves.via_position_mm, moves.via_quaternion_wxyz, _halfway(job), said)
-        yield from self._around()
-        yield MODULE.say("procedure", name=self.procedure)
-        yield from (*self.events("first"), *MODES)
-
-    def _around(self) -> Iterator[str]:
-        """Where the way begins and ends."""
-        job, skeleton = self.job, self.skeleton
-        if skeleton is None:
-            assert job.moves.joints_deg is not None
-            first = None if job.turntable_deg is None else job.turntable_deg[0]
-            yield joint_target("jStart", job.moves.joints_deg[0], first)
-            return
-        if not skeleton.process.home.controller_name:
-            yield joint_target("jHome", *skeleton.home_deg)
-        if skeleton.probe_deg is not None:
-            yield joint_target("jProbe", *skeleton.probe_deg)
-        yield joint_target("jStart", *skeleton.start_deg)
-        last = None if job.turntable_deg is None else job.turntable_deg[-1:]
-        said = configurations(self.cell, skeleton.retract_joints[None])
-        yield from _targets("retract", np.array([0]), *skeleton.retracted, last, said)
-
-    def axes(self, where: str) -> list[str]:
-        """MoveAbsJ; 'back': home in the end."""
-        named = self.skeleton.process.home.controller_name if self.skeleton else None
-        home = named or "jHome"
-        target = {"home": home, "back": home, "probe": "jProbe", "start": "jStart"}[where]
-        return [MODULE.say("axes", target=target, **self.ends[-1 if where == "back" else 0])]
-
-    def straight_to(self, where: str) -> list[str]:
-        """MoveL."""
-        target, end = ("p1", self.ends[0]) if where == "first" else ("retract1", self.ends[-1])
-        return [MODULE.say("straight", target=target, **end)]
-
-    def move(self, i: int) -> list[str]:
-        """MoveL or MoveC."""
-        form = "circular" if self.job.moves.circular[i] else "straight"
-        return [MODULE.say(form, via=f"via{i + 1}", target=f"p{i + 1}", **self.ends[i])]
-
-    def start(self) -> list[str]:
-        """Exactly to the first target, without a process too."""
-        return super().start() if self.skeleton else [*self.axes("start"), *self.straight_to("first")]
-
-    def remark(self, text: str) -> str:
-        """Up to the end of the line."""
-        return f"    ! {text}"
-
-    def foot(self) -> list[str]:
-        """With a process back, and home; settings as the controller starts with them."""
-        unlimited = MODULE.say("feed_limits", percent=100, most=5000)
-        limited = [unlimited] if self.skeleton and self.skeleton.process.feed else []
-        return [*super().foot(), *limited, *MODULE.say("end").split("\n")]
-
-    def read(self, files: Mapping[str, str]) -> ProgramMoves:
-        """Turn it back."""
-        ((name, text),) = files.items()
-        return read_rapid(text, name, self.cell.process)
-
-    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
-        """cf1, cf4, cf6, cfx of a posture (6,), rad."""
-        return tuple(configurations(cell, joints[None])[0].tolist())
-
-    def documents(self, text: str) -> dict[str, str]:
-        """One module."""
-        return {f"{self.job.name}.mod": text}
-
-
-def configurations(cell: Cell, joints: Float) -> Int:
-    """cf1, cf4, cf6, cfx (n, 4) of postures (n, 6), rad (ABB, RAPID Data types: confdata).
-
-    cf1, cf4, cf6: the quarter turns of joints 1, 4 and 6, from 0 on upwards and from -1 on downwards. cfx: wrist centre
-    behind axis 1 (4), behind the lower arm (2), joint 5 negative (1).
+    The turntable is the external axis eax_a, or eax_b on a tilt that is eax_a; it turns what stands on it, the work
+    object stays in the base.
     """
-    quarters = np.floor(np.round(joints[:, [0, 3, 5]] / DEG, 3) / 90.0).astype(int)
-    sides = arm_sides(cell.chain, joints)
-    return np.column_stack([quarters, sides @ np.array([4, 2, 1])])
 
+    language, dialect, suffix = MODULE, "abb", ".mod"
 
-def joint_target(name: str, joints_deg: Float, turntable_deg: Float | None) -> str:
-    """A declaration."""
-    return MODULE.say("jointtarget", name=name, joints=_tidy(joints_deg, 4), axes=_external(turntable_deg))
-
-
-def _external(turntable_deg: Float | None) -> list[str]:
-    said = [] if turntable_deg is None else _tidy(np.atleast_1d(turntable_deg), 4)
-    return [*(f"{value:.4f}" for value in said), *[UNUSED] * (6 - len(said))]
-
-
-def _joints_on_arcs(moves: Moves) -> Float:
-    """Joint angles (k, 6) at the point of the path that is the middle one of each move, rad."""
-    assert moves.postures is not None
-    assert moves.point is not None
-    return moves.postures.joints[(moves.point + np.append(moves.point[:1], moves.point[:-1])) // 2]
-
-
-def _halfway(job: ProgramJob) -> Float | None:
-    """Where the turntable stands at the middle of each move."""
-    if job.turntable_deg is None:
-        return None
-    return np.concatenate([job.turntable_deg[:1], (job.turntable_deg[1:] + job.turntable_deg[:-1]) / 2])
-
-
-def _targets(
-    prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None, configuration: Int
-) -> Iterator[str]:
-    """One declaration a target, numbered from 1."""
-    said = zip(indices.tolist(), _tidy(position_mm[indices], 4), _tidy(quaternion[indices], 8), strict=True)
-    for i, at, turn in said:
-        axes = _external(None if turntable is None else turntable[i])
-        cf = configuration[i].tolist()
-        yield MODULE.say("robtarget", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
-
-
-def _tidy(values: Float, digits: int) -> Any:
-    """Rounded, without negative zeros."""
-    return (np.round(values, digits) + 0.0).tolist()
-
-
-def _spelt(position_mm: Float, quaternion_wxyz: Float) -> dict[str, Any]:
-    return {"at": _tidy(position_mm, 4), "turn": _tidy(quaternion_wxyz, 8)}
-
-
-class _Module(Reading):
-    """The module, statement by statement."""
-
-    language = MODULE
-
-    def __init__(self, process: ProcessPart | None) -> None:
-        super().__init__(process)
-        self.tools: dict[str, ProgramTool] = {}
-        self.objects: dict[str, Float | None] = {"wobj0": np.eye(4)}
+    def __init__(self, cell: Cell | None = None) -> None:
+        super().__init__(cell)
+        self.objects["wobj0"] = np.eye(4)
         self.data: dict[str, tuple[str, str, Any]] = {"fine": ("fine", "zonedata", 0.0)}  # by names in lower case
         self.share, self.most = 1.0, np.inf  # of the programmed feeds; mm/s
 
@@ -421,28 +227,158 @@ class _Module(Reading):
             self.refuse("a number above 0")
 
 
-def read_rapid(text: str, name: str = "program", process: ProcessPart | None = None) -> ProgramMoves:
-    """Read a RAPID module with one procedure that moves.
-
-    The turntable is the external axis eax_a, or eax_b on a tilt that is eax_a; it turns what stands on it, the work
-    object stays in the base.
-
-    Args:
-        text: the module.
-        name: of its file, for messages.
-        process: whose signals switch what; None: a program that switches any is refused.
-
-    Raises:
-        InputError: "line 12: expected ..., found ...".
-    """
-    made = _Module(process)
-    made.run(name, text)
-    return ProgramMoves("abb", name, tuple(made.moves), made.tools, made.objects, tuple(made.events))
-
-
 def _is_circle(start: Float, via: Float, target: Float) -> bool:
     """Whether a controller can make the circle: its points lie apart, and not on a line seen from the start."""
     a, b = via[:3, 3] - start[:3, 3], target[:3, 3] - start[:3, 3]
     shortest = float(min(np.linalg.norm(a), np.linalg.norm(b)))
     angle = math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
     return shortest >= LEAST_DISTANCE_MM and LEAST_ANGLE_DEG <= angle / DEG <= 180.0 - LEAST_ANGLE_DEG
+
+
+@dataclass
+class Rapid(CellDialect):
+    """The dialect of ABB's controllers."""
+
+    procedure: str
+    tool_name: str
+    work_object_name: str
+    language, reader, note = MODULE, Module, "    ! "
+
+    def __post_init__(self) -> None:
+        """Refuse names of the process that mean something in RAPID."""
+        process = self.cell.process
+        if process is None:
+            return
+        spindle = process.spindle
+        names = [
+            process.coolant_signal,
+            process.mechanical_unit,
+            process.home.controller_name,
+            *process.before,
+            *process.after,
+            *((spindle.on_signal, spindle.at_speed_signal) if spindle else ()),
+        ]
+        for name in (str(one) for one in names if one is not None):
+            try:
+                free_name(name)
+            except ValueError as error:
+                raise InputError(f"{self.cell.source}: $.process", f"{error}, found {name!r}") from None
+        check_words(self.cell, "ABB", signals="names", units=True)
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """A longest wait stops the program; feed limits are two numbers."""
+        spindle = self.cell.process.spindle if self.cell.process else None
+        percent, most = map(float, value.split(",")) if kind == "feed_limits" else (0.0, 0.0)
+        more = {"longest": spindle.wait_s if spindle else 0.0, "percent": percent, "most": most}
+        return {**super().fields(kind, value), **more}
+
+    def again(self) -> list[str]:
+        """The modes."""
+        return MODES
+
+    @functools.cached_property
+    def feeds(self) -> tuple[Float, Int]:
+        """The distinct feeds in mm/s, and which of them each move has."""
+        distinct, which = np.unique(rounded_feeds(self.job.moves.feed_mm_s), return_inverse=True)
+        return distinct, which
+
+    @functools.cached_property
+    def ends(self) -> list[dict[str, str]]:
+        """All that stands behind the target of each move: speed, zone, tool and work object."""
+        which = self.feeds[1].tolist()
+        zones = ["zonePath" if blends else "fine" for blends in self.blends]
+        tool, place = self.job.tool_name or self.tool_name, self.job.work_object_name or self.work_object_name
+        tail = {"tool": tool, "object": place}
+        return [{"speed": f"feed{w + 1}", "zone": zone, **tail} for w, zone in zip(which, zones, strict=True)]
+
+    def head(self) -> Iterator[str]:
+        """Declarations: tool, work object, zone, speeds, targets."""
+        job, moves, z = self.job, self.job.moves, self.job.zone_mm
+        tool = {"mass": job.tool.mass_kg, "centre": tidy(job.tool.centre_of_gravity_mm, 4)}
+        yield MODULE.say("module", name=job.name)
+        yield from (f"  ! {remark}" for remark in job.remarks)
+        if job.tool_name is None:
+            frame = _spelt(job.tool_centre_point_mm, job.tool.quaternion_wxyz)
+            yield MODULE.say("tooldata", name=self.tool_name, **frame, **tool)
+        if job.work_object_name is None:
+            yield MODULE.say("wobjdata", name=self.work_object_name, **_spelt(*job.work_object))
+        if z:
+            yield MODULE.say("zonedata", name="zonePath", zones=[z, z, z, z / 10, z, z / 10])
+        for i, feed in enumerate(self.feeds[0].tolist(), 1):
+            yield MODULE.say("speeddata", name=f"feed{i}", feed=feed)
+        assert moves.joints_deg is not None
+        said, all_ = configurations(self.cell, moves.joints_deg * DEG), np.arange(len(moves.layer))
+        yield from _targets("p", all_, moves.position_mm, moves.quaternion_wxyz, job.turntable_deg, said)
+        arcs, said = np.flatnonzero(moves.circular), configurations(self.cell, _joints_on_arcs(moves))
+        yield from _targets("via", arcs, moves.via_position_mm, moves.via_quaternion_wxyz, self.halfway_deg, said)
+        for where, (angles, table) in self.postures.items():
+            yield MODULE.say("jointtarget", name=NAMES[where], joints=tidy(angles, 4), axes=_external(table))
+        if skeleton := self.skeleton:
+            last = None if job.turntable_deg is None else job.turntable_deg[-1:]
+            said = configurations(self.cell, skeleton.retract_joints[None])
+            yield from _targets("retract", np.array([0]), *skeleton.retracted, last, said)
+        yield MODULE.say("procedure", name=self.procedure)
+        yield from (*self.events("first"), *MODES)
+
+    def place(self, where: int | str) -> dict[str, Any]:
+        """By names."""
+        return (
+            {"via": f"via{where + 1}", "target": f"p{where + 1}"}
+            if isinstance(where, int)
+            else {"target": NAMES[where]}
+        )
+
+    def start(self) -> list[str]:
+        """Exactly to the first target, without a process too."""
+        return super().start() if self.skeleton else [*self.axes("start"), *self.straight_to("first")]
+
+    def reset(self) -> list[str]:
+        """Feeds without limits."""
+        limited = self.skeleton and self.skeleton.process.feed
+        return self.say("feed_limits", percent=100, most=5000) if limited else []
+
+    def configuration(self, joints: Float, cell: Cell) -> tuple[int, ...]:
+        """cf1, cf4, cf6, cfx of a posture (6,), rad."""
+        return tuple(configurations(cell, joints[None])[0].tolist())
+
+    def documents(self, text: str) -> dict[str, str]:
+        """One module."""
+        return {f"{self.job.name}.mod": text}
+
+
+def configurations(cell: Cell, joints: Float) -> Int:
+    """cf1, cf4, cf6, cfx (n, 4) of postures (n, 6), rad (ABB, RAPID Data types: confdata).
+
+    cf1, cf4, cf6: the quarter turns of joints 1, 4 and 6, from 0 on upwards and from -1 on downwards. cfx: wrist centre
+    behind axis 1 (4), behind the lower arm (2), joint 5 negative (1).
+    """
+    quarters = np.floor(np.round(joints[:, [0, 3, 5]] / DEG, 3) / 90.0).astype(int)
+    sides = arm_sides(cell.chain, joints)
+    return np.column_stack([quarters, sides @ np.array([4, 2, 1])])
+
+
+def _external(turntable_deg: Float | None) -> list[str]:
+    said = [] if turntable_deg is None else tidy(np.atleast_1d(turntable_deg), 4)
+    return [*(f"{value:.4f}" for value in said), *[UNUSED] * (6 - len(said))]
+
+
+def _joints_on_arcs(moves: Moves) -> Float:
+    """Joint angles (k, 6) at the point of the path that is the middle one of each move, rad."""
+    assert moves.postures is not None
+    assert moves.point is not None
+    return moves.postures.joints[(moves.point + np.append(moves.point[:1], moves.point[:-1])) // 2]
+
+
+def _targets(
+    prefix: str, indices: Int, position_mm: Float, quaternion: Float, turntable: Float | None, configuration: Int
+) -> Iterator[str]:
+    """One declaration a target, numbered from 1."""
+    said = zip(indices.tolist(), tidy(position_mm[indices], 4), tidy(quaternion[indices], 8), strict=True)
+    for i, at, turn in said:
+        axes = _external(None if turntable is None else turntable[i])
+        cf = configuration[i].tolist()
+        yield MODULE.say("robtarget", name=f"{prefix}{i + 1}", at=at, turn=turn, cf=cf, axes=axes)
+
+
+def _spelt(position_mm: Float, quaternion_wxyz: Float) -> dict[str, Any]:
+    return {"at": tidy(position_mm, 4), "turn": tidy(quaternion_wxyz, 8)}

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramEvent, ProgramMove
+from workbench.artefacts import EventKind, ProgramEvent, ProgramMove, ProgramMoves, ProgramTool
 from workbench.errors import InputError
-from workbench.geometry.poses import pose_from, rotation_from_rpy
+from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_rpy
 from workbench.language import NUMBER, Language, Said, refuse
+from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart, Signal
 from workbench.units import DEG, Float
 
@@ -22,17 +23,31 @@ from workbench.units import DEG, Float
 class Reading:
     """A program as its statements come: what holds, and what came of it."""
 
-    language: Language
+    language: ClassVar[Language]
+    dialect: ClassVar[str] = ""
+    suffix: ClassVar[str] = ""  # of its file
 
-    def __init__(self, process: ProcessPart | None = None) -> None:
-        """Names are those of the cell's `process`."""
+    def __init__(self, cell: Cell | None = None) -> None:
+        """Names are those of the cell's process; where there is none, a program that switches anything is refused."""
+        process = None if cell is None else cell.process
         self.known, self.home = known_events(process), (process.home.controller_name if process else None) or ""
         self.moves: list[ProgramMove] = []
         self.events: list[ProgramEvent] = []
-        self.remarks: list[str] = []
         self.labels: set[str] = set()
         self.name, self.said = "", Said("", {}, 0, "")
         self.tool = self.work_object = ""
+        self.tools: dict[str, ProgramTool] = {}
+        self.objects: dict[str, Float | None] = {}  # None: the controller has it
+
+    def program(self, files: Mapping[str, str]) -> ProgramMoves:
+        """The program of its files, name -> text.
+
+        Raises:
+            InputError: no or several such files; "line 12: expected ..., found ...".
+        """
+        name, text = one_file(files, self.suffix)
+        self.run(name, text)
+        return ProgramMoves(self.dialect, name, tuple(self.moves), self.tools, self.objects, tuple(self.events))
 
     def run(self, name: str, text: str) -> None:
         """Read a file: each statement by the method that has its form's name.
@@ -41,7 +56,7 @@ class Reading:
             InputError: "line 12: expected ..., found ...".
         """
         self.name = name
-        for said in self.language.read(text, name, self.remarks):
+        for said in self.language.read(text, name):
             self.said = said
             getattr(self, said.form)(**said.values)
 
@@ -149,6 +164,24 @@ def one_or_all(values: list[float]) -> Float | float | None:
 def euler_pose(at: list[float], abc: list[float]) -> Float:
     """The pose (4, 4) of X, Y, Z in mm and A, B, C in deg: R = Rz(A) Ry(B) Rx(C)."""
     return pose_from(rotation_from_rpy(*(np.array(abc) * DEG).tolist()), np.array(at))
+
+
+def euler_deg(quaternion_wxyz: Float) -> Float:
+    """A, B, C (k, 3) in deg with R = Rz(A) Ry(B) Rx(C); where B is +-90 deg only A -+ C counts, and C is 0."""
+    r = rotation_from_quaternion(quaternion_wxyz)
+    cosine = np.hypot(r[:, 0, 0], r[:, 1, 0])
+    level = cosine < 1e-9
+    a = np.where(level, np.arctan2(-r[:, 0, 1], r[:, 1, 1]), np.arctan2(r[:, 1, 0], r[:, 0, 0]))
+    b = np.arctan2(-r[:, 2, 0], cosine)
+    c = np.where(level, 0.0, np.arctan2(r[:, 2, 1], r[:, 2, 2]))
+    return np.stack([a, b, c], axis=1) / DEG
+
+
+def euler_rows(position_mm: Float, quaternion_wxyz: Float, digits_mm: int, digits_deg: int) -> list[list[float]]:
+    """X, Y, Z, A, B, C of poses (k, 3), (k, 4), rounded."""
+    turned = np.round(euler_deg(quaternion_wxyz), digits_deg)
+    rows: list[list[float]] = (np.concatenate([np.round(position_mm, digits_mm), turned], axis=1) + 0.0).tolist()
+    return rows
 
 
 def known_events(process: ProcessPart | None) -> dict[tuple[str, str], EventKind]:

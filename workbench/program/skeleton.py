@@ -13,17 +13,18 @@ from __future__ import annotations
 import functools
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.artefacts import EventKind
+from workbench.artefacts import EventKind, ProgramMoves
 from workbench.dialect import ProgramJob, plain
 from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.language import Language
+from workbench.program.reading import Reading
 from workbench.program.words import NUMBERED, RESERVED
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import ProcessPart
@@ -34,6 +35,7 @@ JOINT_PERCENT = 20  # of the axes' largest speeds, on the way to the first postu
 STANDS_DEG = 1e-4  # a turntable that moves by less stands
 SWITCHED = ("switch_on", "switch_off", "wait_speed", "wait_time", "stop", "restart", "hook", "end")  # forms of events
 Event = tuple[EventKind, str]  # what happens, and the name that it is about
+Axes = tuple[Float, Float | None]  # joint angles (6,) and the external axes', deg
 
 
 @dataclass
@@ -68,20 +70,20 @@ class Skeleton:
         return {i - 1 for i in self.layer_starts}
 
     @functools.cached_property
-    def home_deg(self) -> tuple[Float, Float | None]:
+    def home_deg(self) -> Axes:
         """Joint angles (6,) and the external axes'."""
         home, table = self.process.home, self.job.turntable_deg
         return np.array(home.joints_deg), None if table is None else turntable_at_home(home, table[0])
 
     @functools.cached_property
-    def start_deg(self) -> tuple[Float, Float | None]:
+    def start_deg(self) -> Axes:
         """The posture from which the tool goes straight to the first target, and the turntable there."""
         table = self.job.turntable_deg
         found = self._off(0, self.process.approach_mm, "approach_mm") / DEG
         return found, None if table is None else table[0]
 
     @functools.cached_property
-    def probe_deg(self) -> tuple[Float, Float | None] | None:
+    def probe_deg(self) -> Axes | None:
         """The posture in which the operator looks, above the first cutting target, and the turntable; None: no stop."""
         if self.process.probe is None:
             return None
@@ -164,27 +166,58 @@ class Skeleton:
 class CellDialect(ABC):
     """A dialect (`workbench.dialect`) by the table of its language: here is the order, there are the words.
 
-    A language has forms for the events (`switch_on`, `switch_off`, and others by their kind); one that has none for a
-    kind says nothing of it.
+    A language has the forms `axes`, `straight`, `circular` for moves, `home_` for one to the controller's own home
+    where that is said otherwise, and forms for the events (`switch_on`, `switch_off`, and others by their kind); one
+    that has none for a kind says nothing of it.
     """
 
     job: ProgramJob
     cell: Cell
     language: ClassVar[Language]
+    reader: ClassVar[type[Reading]]
+    note: ClassVar[str]  # before a remark, up to the end of the line
+    home_as: ClassVar[str] = "target"  # what the form of a move to the controller's own home calls it
+    by_joints: ClassVar[Mapping[str, float]] = {}  # what the form of a move by the joints says besides
 
     @abstractmethod
+    def place(self, where: int | str) -> dict[str, Any]:
+        """Fields that say a place: of a move by its index, of the 'first' target, the 'retract', and of `postures`."""
+
+    @property
+    @abstractmethod
+    def ends(self) -> list[dict[str, Any]]:
+        """Fields that say how each move is made: feed, and how near it comes to its target."""
+
+    def again(self) -> list[str]:
+        """What is said again behind a restart point."""
+        return []
+
+    def reset(self) -> list[str]:
+        """Settings as the controller starts with them, in the end."""
+        return []
+
+    def say(self, form: str, **values: Any) -> list[str]:
+        """The lines of a form."""
+        return self.language.say(form, **values).split("\n")
+
     def axes(self, where: str) -> list[str]:
         """By the joints: 'home' and 'back' there, 'probe' (where the operator looks), 'start' (of the path)."""
+        end, where = self.ends[-1 if where == "back" else 0], "home" if where == "back" else where
+        named = self.skeleton.process.home.controller_name if self.skeleton and where == "home" else None
+        place = {self.home_as: named} if named else self.place(where)
+        form = "home_" if named and "home_" in self.language.forms else "axes"
+        return self.say(form, **{**place, **end, **self.by_joints})
 
-    @abstractmethod
     def straight_to(self, where: str) -> list[str]:
         """Straight to the 'first' target, and in the end to the 'retract'."""
+        return self.say("straight", **self.place(where), **self.ends[0 if where == "first" else -1])
 
-    @abstractmethod
     def move(self, i: int) -> list[str]:
         """To target i, straight or over its via."""
+        form = "circular" if self.job.moves.circular[i] else "straight"
+        return self.say(form, **self.place(i), **self.ends[i])
 
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
         """What a form of an event may say."""
         return {"value": value, "signal": value, "seconds": value}
 
@@ -192,17 +225,44 @@ class CellDialect(ABC):
         """What happens between moves, in the language's own lines."""
         switched = kind.rpartition("_")[2]
         form = f"switch_{switched}" if switched in ("on", "off") else kind
-        said = form in self.language.forms
-        return self.language.say(form, **self.fields(kind, value)).split("\n") if said else []
+        said = self.say(form, **self.fields(kind, value)) if form in self.language.forms else []
+        return [*said, *(self.again() if kind == "restart" else ())]
 
     @functools.cached_property
     def skeleton(self) -> Skeleton | None:
         """What the cell's process asks for around the milling; None: its file has none."""
         return None if self.cell.process is None else Skeleton(self.job, self.cell, self.cell.process)
 
+    @functools.cached_property
+    def postures(self) -> dict[str, Axes]:
+        """To which it goes by the joints: 'home', unless the controller has it, 'probe' and 'start', as they are."""
+        skeleton, table = self.skeleton, self.job.turntable_deg
+        if skeleton is None:
+            assert self.job.moves.joints_deg is not None
+            return {"start": (self.job.moves.joints_deg[0], None if table is None else table[0])}
+        home = None if skeleton.process.home.controller_name else skeleton.home_deg
+        all_ = {"home": home, "probe": skeleton.probe_deg, "start": skeleton.start_deg}
+        return {where: angles for where, angles in all_.items() if angles is not None}
+
+    @property
+    def halfway_deg(self) -> Float | None:
+        """External axes at the middle of each move (k, ...)."""
+        table = self.job.turntable_deg
+        return None if table is None else np.concatenate([table[:1], (table[1:] + table[:-1]) / 2])
+
+    @property
+    def limited_mm_s(self) -> Float:
+        """Feeds (k,) within the process' limits, for languages in which a program cannot limit them otherwise."""
+        feed, moves = None if self.cell.process is None else self.cell.process.feed, self.job.moves
+        return (
+            moves.feed_mm_s
+            if feed is None
+            else np.minimum(moves.feed_mm_s * feed.override_percent / 100, feed.most_mm_s)
+        )
+
     def remark(self, text: str) -> str:
         """A comment, up to the end of the line."""
-        return f"{self.language.comment}{text}"
+        return f"{self.note}{text}"
 
     @functools.cached_property
     def blends(self) -> list[bool]:
@@ -240,10 +300,13 @@ class CellDialect(ABC):
     circular = straight
 
     def foot(self) -> list[str]:
-        """With a process back, and home."""
-        if self.skeleton is None:
-            return []
-        return [*self.straight_to("retract"), *self.events("off"), *self.axes("back"), *self.events("last")]
+        """With a process back, and home; the end."""
+        home = [*self.straight_to("retract"), *self.events("off"), *self.axes("back")] if self.skeleton else []
+        return [*home, *self.events("last"), *self.reset(), *self.say("end", name=self.job.name)]
+
+    def read(self, files: Mapping[str, str]) -> ProgramMoves:
+        """Turn it back."""
+        return self.reader(self.cell).program(files)
 
 
 class Numbered(CellDialect):
@@ -253,19 +316,19 @@ class Numbered(CellDialect):
     """
 
     begin: ClassVar[int]  # number of the first
-    home_as: ClassVar[str]  # what the form of a move to the controller's own home calls it
+    by_joints: ClassVar[Mapping[str, float]] = {"percent": JOINT_PERCENT}
 
     slowest: ClassVar[float] = 0.1  # mm/s: speeds are said in tenths
 
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
         """Seconds in hundredths."""
         return super().fields(kind, value) | {"seconds": f"{float(value):.2f}" if kind == "wait_time" else ""}
 
     @functools.cached_property
-    def feeds(self) -> Float:
-        """Of the moves (k,), mm/s in tenths, rounded down."""
-        tenths = np.floor(limited(self.job.moves.feed_mm_s, self.cell) * 10 + 1e-9)
-        return np.maximum(tenths / 10, self.slowest)
+    def feeds(self) -> list[float]:
+        """Of the moves, mm/s in tenths, rounded down."""
+        tenths: list[float] = np.maximum(np.floor(self.limited_mm_s * 10 + 1e-9) / 10, self.slowest).tolist()
+        return tenths
 
     @functools.cached_property
     def numbers(self) -> list[int]:
@@ -273,20 +336,17 @@ class Numbered(CellDialect):
         last: list[int] = (np.cumsum(1 + self.job.moves.circular.astype(int)) - 1 + self.begin).tolist()
         return last
 
-    def axes(self, where: str) -> list[str]:
-        """By the joints."""
-        named = self.skeleton.process.home.controller_name if self.skeleton and where in ("home", "back") else None
-        if named:
-            return [self.language.say("home_", percent=JOINT_PERCENT, **{self.home_as: named})]
-        behind = {"home": 1, "back": 1, "probe": 4}
-        target = self.begin if where == "start" else self.numbers[-1] + behind[where]
-        return [self.language.say("axes", target=target, percent=JOINT_PERCENT)]
+    def place(self, where: int | str) -> dict[str, Any]:
+        """By numbers."""
+        if isinstance(where, int):
+            return {"via": self.numbers[where] - 1, "target": self.numbers[where]}
+        behind = {"home": 1, "first": 2, "retract": 3, "probe": 4}
+        return {"target": self.begin if where == "start" else self.numbers[-1] + behind[where]}
 
 
-def limited(feed_mm_s: Float, cell: Cell) -> Float:
-    """Feeds (k,) within the process' limits, for languages in which a program cannot limit them otherwise."""
-    feed = None if cell.process is None else cell.process.feed
-    return feed_mm_s if feed is None else np.minimum(feed_mm_s * feed.override_percent / 100, feed.most_mm_s)
+def tidy(values: Float, digits: int) -> Any:
+    """Rounded, without negative zeros, as lists."""
+    return (np.round(values, digits) + 0.0).tolist()
 
 
 def numbered(cell: Cell, what: str, part: str, kind: str, name: str, digits: str = "+") -> int:

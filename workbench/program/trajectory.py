@@ -38,8 +38,6 @@ from workbench.robot.inverse import inverse_kinematics
 from workbench.robot.kinematics import forward_kinematics
 from workbench.units import DEG, AnyArray, Float, Int
 
-# A strict reader for joint trajectories: the CSV and the JSON of one must say the same.
-
 COLUMNS = ("time_s", *(f"j{i}_deg" for i in range(1, 7)), "turntable_deg", "layer")
 TOOL, BASE = "tool", "base"
 DIGITS = 6  # of angles in deg
@@ -57,32 +55,23 @@ TABLE = Language(
 )
 
 
-def read_trajectory(files: Mapping[str, str]) -> ProgramMoves:
-    """Read a joint trajectory from its CSV and JSON, name -> text; its base is the robot's.
+class Table(Reading):
+    """A joint trajectory: the CSV, row by row, of which the JSON must say the same; its base is the robot's."""
 
-    Raises:
-        InputError: "line 12: expected ..., found ..."; times that do not rise from 0; a JSON that says something else.
-    """
-    name, text = one_file(files, ".csv")
-    table = _Table()
-    table.run(name, text)
-    if len(table.moves) < 2:
-        raise InputError(name, f"expected at least two rows, found {len(table.moves)}")
-    tool = _same(table.rows, *one_file(files, ".json"))
-    return ProgramMoves(
-        "trajectory", name, tuple(table.moves), {TOOL: ProgramTool(tool)}, {BASE: np.eye(4)}, (), tuple(table.remarks)
-    )
-
-
-class _Table(Reading):
-    """The CSV, row by row."""
-
-    language = TABLE
+    language, dialect, suffix = TABLE, "trajectory", ".csv"
 
     def __init__(self) -> None:
         super().__init__()
         self.rows: list[list[float]] = []
-        self.tool, self.work_object = TOOL, BASE
+        self.tool, self.work_object, self.objects = TOOL, BASE, {BASE: np.eye(4)}
+
+    def program(self, files: Mapping[str, str]) -> ProgramMoves:
+        """The program of both files."""
+        read = super().program(files)
+        if len(self.moves) < 2:
+            raise InputError(self.name, f"expected at least two rows, found {len(self.moves)}")
+        self.tools[TOOL] = ProgramTool(_same(self.rows, *one_file(files, ".json")))
+        return read
 
     columns = Reading.header
 
@@ -230,7 +219,7 @@ class Trajectory:
 
     def read(self, files: Mapping[str, str]) -> ProgramMoves:
         """Turn it back."""
-        return read_trajectory(files)
+        return Table().program(files)
 
     def configuration(self, joints: Float, cell: Cell) -> None:
         """It says the angles themselves."""

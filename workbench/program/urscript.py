@@ -14,18 +14,18 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.artefacts import EventKind, ProgramMoves, ProgramTool
+from workbench.artefacts import EventKind, ProgramTool
 from workbench.dialect import rounded_feeds
 from workbench.geometry.poses import pose_from, rotation_from_quaternion, rotation_from_vector, vector_from_rotation
 from workbench.language import NUMBER, Language, row
-from workbench.program.reading import Reading, one_file
-from workbench.program.skeleton import CellDialect, check_standing_turntable, check_words, limited
+from workbench.program.reading import Reading
+from workbench.program.skeleton import CellDialect, check_standing_turntable, check_words, tidy
 from workbench.robot.cell import Cell
-from workbench.robot.cell_file import ProcessPart
-from workbench.units import DEG, Float, Shaped
+from workbench.units import DEG, Float
 
 ACCELERATION_M_S2 = 0.5  # of the tool
 JOINT_SPEED, JOINT_ACCELERATION = 0.35, 0.5  # rad/s, rad/s^2: on the way to the first posture
@@ -66,132 +66,19 @@ SCRIPT = Language(
 )
 
 
-@dataclass
-class UrScript(CellDialect):
-    """The dialect of Universal Robots' controllers."""
+class Script(Reading):
+    """The program, statement by statement, for the robot of a cell: its slowest joint tells the share of a speed."""
 
-    language = SCRIPT
+    language, dialect, suffix = SCRIPT, "ur", ".script"
+    at: float | None = None  # rad: where a message asks for the turntable
 
-    def __post_init__(self) -> None:
-        """Refuse what the controller cannot do."""
-        check_standing_turntable(self.job, self.cell, "controllers of Universal Robots drive no external axis")
-        check_words(self.cell, "UR", signals="numbers", home=("(?!)", "null, since programs say home themselves,"))
-
-    def fields(self, kind: EventKind, value: str) -> dict[str, str]:
-        """A stop asks."""
-        return {**super().fields(kind, value), "asked": ASKED.get(value, "")}
-
-    @functools.cached_property
-    def targets(self) -> list[list[float]]:
-        """Poses of the moves' ends, in the base."""
-        return poses(*self._in_base(self.job.moves.position_mm, self.job.moves.quaternion_wxyz))
-
-    @functools.cached_property
-    def vias(self) -> list[list[float]]:
-        """Poses of the middles of arcs; not a number for straight moves."""
-        return poses(*self._in_base(self.job.moves.via_position_mm, self.job.moves.via_quaternion_wxyz))
-
-    @functools.cached_property
-    def ends(self) -> list[dict[str, float]]:
-        """How each move is made."""
-        moves = self.job.moves
-        chord = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
-        room = SHARE * np.minimum(np.append(0.0, chord), np.append(chord, 0.0))
-        blend = np.where(self.blends, np.minimum(self.job.zone_mm, room), 0.0)
-        feed = rounded_feeds(limited(moves.feed_mm_s, self.cell)) / 1000
-        rows = zip(feed.tolist(), (np.floor(blend * 1000) / 1e6).tolist(), strict=True)
-        return [{"acceleration": ACCELERATION_M_S2, "feed": feed, "radius": r} for feed, r in rows]
-
-    def head(self) -> list[str]:
-        """Function, tool, load; where the turntable must stand."""
-        job, tool = self.job, self.job.tool
-        turn = rotation_from_quaternion(tool.quaternion_wxyz)[None]
-        asked = [] if job.turntable_deg is None else [SCRIPT.say("turntable", angle=job.turntable_deg[0] + 0.0)]
-        return [
-            SCRIPT.say("begin", name=job.name),
-            *map(self.remark, job.remarks),
-            *self.events("first"),
-            SCRIPT.say("tcp", pose=poses(job.tool_centre_point_mm[None], turn)[0]),
-            SCRIPT.say("payload", mass=tool.mass_kg, centre=tool.centre_of_gravity_mm / 1000),
-            *asked,
-        ]
-
-    def axes(self, where: str) -> list[str]:
-        """Movej."""
-        assert self.job.moves.joints_deg is not None
-        skeleton = self.skeleton
-        joints_deg = (
-            getattr(skeleton, f"{where.replace('back', 'home')}_deg")[0] if skeleton else self.job.moves.joints_deg[0]
-        )
-        angles = (np.round(joints_deg * DEG, 9) + 0.0).tolist()
-        return [SCRIPT.say("axes", joints=angles, acceleration=JOINT_ACCELERATION, speed=JOINT_SPEED)]
-
-    def straight_to(self, where: str) -> list[str]:
-        """Movel."""
-        assert self.skeleton is not None
-        if where == "first":
-            return self.move(0)
-        pose = poses(*self._in_base(*self.skeleton.retracted))[0]
-        return [SCRIPT.say("straight", pose=pose, **self.ends[-1])]
-
-    def move(self, i: int) -> list[str]:
-        """Movel or movec."""
-        form = "circular" if self.job.moves.circular[i] else "straight"
-        return [SCRIPT.say(form, pose=self.targets[i], via=self.vias[i], **self.ends[i])]
-
-    def remark(self, text: str) -> str:
-        """Up to the end of the line."""
-        return f"  # {text}"
-
-    def foot(self) -> list[str]:
-        """With a process back, and home; the end of the function, and its call."""
-        return [*super().foot(), SCRIPT.say("end", name=self.job.name)]
-
-    def read(self, files: Mapping[str, str]) -> ProgramMoves:
-        """Turn it back."""
-        return read_urscript(files, self.cell.chain.speeds, self.cell.process)
-
-    def configuration(self, joints: Float, cell: Cell) -> None:
-        """URScript says none: the robot keeps that of the first posture."""
-
-    def documents(self, text: str) -> dict[str, str]:
-        """One script."""
-        return {f"{self.job.name}.script": text}
-
-    def _in_base(self, position_mm: Float, quaternion_wxyz: Float) -> tuple[Float, Float]:
-        """Positions (k, 3) and rotations (k, 3, 3) of targets."""
-        place, turn = self.job.work_object
-        base_from_object = pose_from(rotation_from_quaternion(turn), place)
-        return (
-            position_mm @ base_from_object[:3, :3].T + place,
-            base_from_object[:3, :3] @ rotation_from_quaternion(quaternion_wxyz),
-        )
-
-
-def poses(position_mm: Float, rotation: Float) -> list[list[float]]:
-    """x, y, z, rx, ry, rz of poses (k, 3), (k, 3, 3): m to a hundredth of a micrometre, rotation vector in rad."""
-    finite = np.isfinite(position_mm).all(axis=1)
-    vectors = np.full_like(position_mm, np.nan)
-    vectors[finite] = vector_from_rotation(rotation[finite])
-    rows: list[list[float]] = (
-        np.concatenate([np.round(position_mm / 1000, 8), np.round(vectors, 9)], axis=1) + 0.0
-    ).tolist()
-    return rows
-
-
-class _Script(Reading):
-    """The program, statement by statement."""
-
-    language = SCRIPT
-
-    def __init__(self, speeds: Shaped[Float, " 6"], process: ProcessPart | None) -> None:
-        super().__init__(process)
-        self.slowest, self.program = float(np.min(speeds)), ""
-        self.at: float | None = None  # rad: where a message asks for the turntable
-        self.tool, self.work_object = TOOL, BASE
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(cell)
+        self.slowest = float(np.min(cell.chain.speeds))
+        self.tool, self.work_object, self.objects = TOOL, BASE, {BASE: np.eye(4)}
 
     def begin(self, name: str) -> None:
-        self.program = name
+        self.called = name
 
     def tcp(self, pose: list[float]) -> None:
         self.flange_from_tool = _pose(pose)
@@ -222,30 +109,97 @@ class _Script(Reading):
     circular = straight
 
     def end(self, name: str) -> None:
-        if name != self.program:
-            self.refuse(f"{self.program}()", f"{name}()")
-
-
-def read_urscript(
-    files: Mapping[str, str], speeds: Shaped[Float, " 6"], process: ProcessPart | None = None
-) -> ProgramMoves:
-    """Read a URScript program from its file, name -> text.
-
-    Args:
-        files: one that ends in `.script`.
-        speeds: (6,) rad/s, the joints' largest: what a share of is said by `ProgramMove.joint_speed`.
-        process: whose signals switch what; None: a program that switches any is refused.
-
-    Raises:
-        InputError: "line 12: expected ..., found ...".
-    """
-    name, text = one_file(files, ".script")
-    made = _Script(speeds, process)
-    made.run(name, text)
-    return ProgramMoves(
-        "ur", name, tuple(made.moves), made.tools, {BASE: np.eye(4)}, tuple(made.events), tuple(made.remarks)
-    )
+        if name != self.called:
+            self.refuse(f"{self.called}()", f"{name}()")
 
 
 def _pose(values: list[float]) -> Float:
     return pose_from(rotation_from_vector(np.array(values[3:])), np.array(values[:3]) * 1000)
+
+
+@dataclass
+class UrScript(CellDialect):
+    """The dialect of Universal Robots' controllers."""
+
+    language, reader, note = SCRIPT, Script, "  # "
+    by_joints: ClassVar[Mapping[str, float]] = {"acceleration": JOINT_ACCELERATION, "speed": JOINT_SPEED}
+
+    def __post_init__(self) -> None:
+        """Refuse what the controller cannot do."""
+        check_standing_turntable(self.job, self.cell, "controllers of Universal Robots drive no external axis")
+        check_words(self.cell, "UR", signals="numbers", home=("(?!)", "null, since programs say home themselves,"))
+
+    def fields(self, kind: EventKind, value: str) -> dict[str, Any]:
+        """A stop asks."""
+        return {**super().fields(kind, value), "asked": ASKED.get(value, "")}
+
+    @functools.cached_property
+    def targets(self) -> list[list[float]]:
+        """Poses of the moves' ends, in the base."""
+        return poses(*self._in_base(self.job.moves.position_mm, self.job.moves.quaternion_wxyz))
+
+    @functools.cached_property
+    def vias(self) -> list[list[float]]:
+        """Poses of the middles of arcs; not a number for straight moves."""
+        return poses(*self._in_base(self.job.moves.via_position_mm, self.job.moves.via_quaternion_wxyz))
+
+    @functools.cached_property
+    def ends(self) -> list[dict[str, float]]:
+        """How each move is made."""
+        moves = self.job.moves
+        chord = np.linalg.norm(np.diff(moves.position_mm, axis=0), axis=1)
+        room = SHARE * np.minimum(np.append(0.0, chord), np.append(chord, 0.0))
+        blend = np.where(self.blends, np.minimum(self.job.zone_mm, room), 0.0)
+        feed = rounded_feeds(self.limited_mm_s) / 1000
+        rows = zip(feed.tolist(), (np.floor(blend * 1000) / 1e6).tolist(), strict=True)
+        return [{"acceleration": ACCELERATION_M_S2, "feed": feed, "radius": r} for feed, r in rows]
+
+    def head(self) -> list[str]:
+        """Function, tool, load; where the turntable must stand."""
+        job, tool = self.job, self.job.tool
+        turn = rotation_from_quaternion(tool.quaternion_wxyz)[None]
+        asked = [] if job.turntable_deg is None else [SCRIPT.say("turntable", angle=job.turntable_deg[0] + 0.0)]
+        return [
+            SCRIPT.say("begin", name=job.name),
+            *map(self.remark, job.remarks),
+            *self.events("first"),
+            SCRIPT.say("tcp", pose=poses(job.tool_centre_point_mm[None], turn)[0]),
+            SCRIPT.say("payload", mass=tool.mass_kg, centre=tool.centre_of_gravity_mm / 1000),
+            *asked,
+        ]
+
+    def place(self, where: int | str) -> dict[str, Any]:
+        """The places themselves."""
+        if where == "retract" and self.skeleton is not None:
+            return {"pose": poses(*self._in_base(*self.skeleton.retracted))[0]}
+        if isinstance(where, str) and where in self.postures:
+            return {"joints": tidy(self.postures[where][0] * DEG, 9)}
+        i = 0 if isinstance(where, str) else where
+        return {"pose": self.targets[i], "via": self.vias[i]}
+
+    def configuration(self, joints: Float, cell: Cell) -> None:
+        """URScript says none: the robot keeps that of the first posture."""
+
+    def documents(self, text: str) -> dict[str, str]:
+        """One script."""
+        return {f"{self.job.name}.script": text}
+
+    def _in_base(self, position_mm: Float, quaternion_wxyz: Float) -> tuple[Float, Float]:
+        """Positions (k, 3) and rotations (k, 3, 3) of targets."""
+        place, turn = self.job.work_object
+        base_from_object = pose_from(rotation_from_quaternion(turn), place)
+        return (
+            position_mm @ base_from_object[:3, :3].T + place,
+            base_from_object[:3, :3] @ rotation_from_quaternion(quaternion_wxyz),
+        )
+
+
+def poses(position_mm: Float, rotation: Float) -> list[list[float]]:
+    """x, y, z, rx, ry, rz of poses (k, 3), (k, 3, 3): m to a hundredth of a micrometre, rotation vector in rad."""
+    finite = np.isfinite(position_mm).all(axis=1)
+    vectors = np.full_like(position_mm, np.nan)
+    vectors[finite] = vector_from_rotation(rotation[finite])
+    rows: list[list[float]] = (
+        np.concatenate([np.round(position_mm / 1000, 8), np.round(vectors, 9)], axis=1) + 0.0
+    ).tolist()
+    return rows

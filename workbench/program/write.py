@@ -15,6 +15,8 @@ from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.dialect import Dialect, MillingTool, ProgramJob, nearest_words, place, released, write_program
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion
+from workbench.marks import LIMIT, MEASURED
+from workbench.plot import Figure
 from workbench.program.fanuc import Fanuc
 from workbench.program.inform import Inform
 from workbench.program.krl import Krl
@@ -255,8 +257,6 @@ def program_chapter(
 
 def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:
     """SVG of what a program keeps along its way, against what it must keep; None: it was not driven."""
-    from matplotlib.figure import Figure
-
     arc = judgement.along.get("arc_length_mm")
     if arc is None or len(arc) < 2 or not arc[-1] > 0:
         return None
@@ -277,17 +277,18 @@ def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:
         ("condition\nnumber", worst("condition", -1.0), margins.condition),
     )
     shown = [row for row in rows if np.isfinite(row[1]).any()]
-    with pieces.styled():
-        figure = Figure(figsize=(10, 0.5 + 1.3 * len(shown)), layout="constrained")
-        for axes, (name, values, limit) in zip(figure.subplots(len(shown), 1, sharex=True), shown, strict=True):
-            axes.plot(arc[first], values, lw=1.1, color=pieces.BLUE)
-            axes.axhline(limit, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
-            axes.set_ylim(0, 1.08 * max(float(np.nanmax(values)), limit))
-            axes.set_ylabel(name)
-            axes.set_xlim(0, float(arc[-1]))
-        axes.set_xlabel("way of the tool, mm")
-        figure.align_ylabels()
-        return pieces.svg(figure)
+    height = 0.5 + 1.3 * len(shown)
+    figure = Figure(figsize=(10, height))
+    charts = figure.subplots(len(shown), 1, sharex=True)
+    figure.subplots_adjust(0.08, 0.5 / height, 0.985, 1.0 - 0.06 / height, hspace=0.18)
+    for axes, (name, values, limit) in zip(charts, shown, strict=True):
+        top = 1.08 * max(float(np.nanmax(values)), limit)
+        axes.set(xlim=(0.0, float(arc[-1])), ylim=(0.0, top), ylabel=name)
+        axes.y_label_at = -0.055
+        axes.plot(arc[first], values, linewidth=1.1, color=MEASURED)
+        axes.axhline(limit, color=LIMIT, linewidth=0.9, dashes=(6, 3))
+    charts[-1].set(xlabel="way of the tool, mm")
+    return figure.svg()
 
 
 # What the dialects share: the zone, and the tool and the work object as the cell has them.

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from workbench.artefacts import UNLABELLED, Characteristic, Cloud, Edge, Inspection, JointInspection, Quantity, Section
 from workbench.marks import FACES, GREY, INK, LIMIT, MEASURED, PALE, REJECTED, TOLERANCE, VERDICTS, Lettering
@@ -109,20 +110,11 @@ def _on_curve(arc_length: Float, edge: Edge) -> Float:
     if len(stations) == 1:
         on_curve = np.repeat(edge.position_mm[measured], len(inside), axis=0)
     else:
-        on_curve = _hermite(inside, stations, edge.position_mm[measured], edge.tangent[measured])
+        curve = scipy.interpolate.CubicHermiteSpline(stations, edge.position_mm[measured], edge.tangent[measured])
+        on_curve = curve(inside)
     out = np.flatnonzero(inside != arc_length)  # few; NaN stays NaN
     on_curve[out] += (arc_length - inside)[out, None] * axes_at(inside[out], edge, edge.tangent)
     return np.asarray(on_curve)
-
-
-def _hermite(at: Float, x: Float, y: Float, slope: Float) -> Float:
-    """(n, 3) the piecewise cubic through places y (m, 3) with slopes (m, 3) at x (m,) rising."""
-    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
-    step = (x[k + 1] - x[k])[:, None]
-    t = (at - x[k])[:, None] / step
-    left, right = 1.0 - t, t
-    ends = left * left * (1.0 + 2.0 * t) * y[k] + right * right * (3.0 - 2.0 * t) * y[k + 1]
-    return np.asarray(ends + step * left * right * (left * slope[k] - right * slope[k + 1]))
 
 
 def axes_at(arc_length: Float, edge: Edge, vectors: Float) -> Float:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from markupsafe import Markup
 
 from workbench.artefacts import Chapter, Document, Mark, Part, Provenance, Scene, Shading, Strokes, Verdict
@@ -29,7 +29,7 @@ WITHIN = ("data:image/", "#")  # pictures that the page holds, places in it
 CALLS = ("url", "image", "\\", "@")  # in a style: what could fetch something, or hide that it does
 BLOCK_POINTS = 8192
 HALF_STEPS = 32_767  # of int16
-SAMPLE, BESIDE = 500, 32  # points whose nearest neighbour is looked for, and in how many first
+SAMPLE = 500  # points whose nearest neighbour is looked for
 
 
 class _Outside(HTMLParser):
@@ -145,21 +145,9 @@ def pitch_mm(points_mm: Float) -> float:
     """How far a point is from its nearest neighbour, where they are sparse: nine in ten are nearer."""
     if len(points_mm) < 2:
         return 1.0
-    longest = int(np.argmax(np.ptp(points_mm, axis=0)))
-    points = points_mm[np.argsort(points_mm[:, longest])]  # what is nearest lies near in this order too
-    found = []
-    for i in range(0, len(points), max(1, len(points) // SAMPLE)):
-        at, reach = points[i, longest], _second(points[max(0, i - BESIDE) : i + BESIDE + 1], points[i]) * (1.0 + 1e-9)
-        low = np.searchsorted(points[:, longest], at - reach)
-        high = np.searchsorted(points[:, longest], at + reach, side="right")
-        found.append(_second(points[low:high], points[i]) if high - low > 1 else reach)
-    return float(np.percentile(found, 90.0))
-
-
-def _second(points_mm: Float, place_mm: Float) -> float:
-    """Distance of the second nearest of the points, the nearest being the place itself."""
-    off = points_mm - place_mm
-    return math.sqrt(float(np.partition(np.einsum("ij,ij->i", off, off), 1)[1]))
+    tree = scipy.spatial.cKDTree(points_mm, balanced_tree=False)
+    apart = tree.query(points_mm[:: max(1, len(points_mm) // SAMPLE)], k=2)[0][:, 1]
+    return float(np.percentile(apart, 90.0))
 
 
 def _points(local_mm: Float) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from workbench.plugins.stiffness.elastic import balance
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
-from workbench.program.rapid import read_rapid
+from workbench.program.rapid import Module
 from workbench.robot import Cell, Shape, forward_kinematics, turntable_pose
 from workbench.robot.cell import ON_BASE
 from workbench.robot.cell_file import ProbePart
@@ -66,7 +66,7 @@ def program(made: Postures, path: Toolpath, cell: Cell) -> ProgramMoves:
         simplify(path, made), free(path), dataclasses.replace(cell, process=None)
     )
     assert (record.name, gate.passed, judgement.violations) == ("program_check.json", True, ())
-    return read_rapid(document.content.decode())
+    return Module().program({document.name: document.content.decode()})
 
 
 def test_program_begins_in_the_first_posture(program: ProgramMoves, made: Postures, cell: Cell) -> None:

@@ -1,4 +1,4 @@
-"""What a report computes itself, because loading SciPy for it takes longer than the report may: as SciPy has it."""
+"""A view of a large cloud takes little memory."""
 
 from __future__ import annotations
 
@@ -6,38 +6,9 @@ import dataclasses
 import tracemalloc
 
 import numpy as np
-import pytest
-import scipy
 
 from workbench.artefacts import BEVEL_FACE, Cloud
-from workbench.report.along import _hermite
-from workbench.report.html import pitch_mm
-from workbench.report.scene import _widened, overview
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_curves_through_stations_are_cubic_hermite_splines(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    x, y, slope = np.sort(rng.random(9)) * 9, rng.random((9, 3)), rng.random((9, 3))
-    at = np.concatenate([rng.uniform(x[0], x[-1], 200), x])
-    expected = scipy.interpolate.CubicHermiteSpline(x, y, slope)(at)
-    np.testing.assert_allclose(_hermite(at, x, y, slope), expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_gaps_between_points_hide_as_well(seed: int) -> None:
-    near = np.random.default_rng(seed).random((31, 47))
-    near[near < 0.3] = -np.inf
-    np.testing.assert_array_equal(_widened(near, 7), scipy.ndimage.maximum_filter(near, 7))
-
-
-@pytest.mark.parametrize("count", [2, 3, 70, 450])
-def test_the_pitch_is_that_of_nearest_neighbours(count: int) -> None:
-    """Up to the sample's size every point is looked at."""
-    points = np.random.default_rng(count).random((count, 3)) * [77.0, 9.0, 3.0]
-    points[-1] = points[0]  # a point that stands twice
-    nearest = scipy.spatial.cKDTree(points).query(points, k=2)[0][:, 1]
-    assert pitch_mm(points) == pytest.approx(np.percentile(nearest, 90.0))
+from workbench.report.scene import overview
 
 
 def test_a_large_cloud_is_not_copied(part):

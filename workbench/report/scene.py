@@ -14,6 +14,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from PIL import Image, ImageDraw, ImageFont
 
 from workbench.artefacts import ROOT_FACE, UNLABELLED, Cloud, Edge, Mark, Scene, Section
@@ -198,7 +199,8 @@ def picture(view: View) -> bytes:
     scene, camera = view.scene, camera_of(view)
     shade = scene.shadings[0]
     cloud = draw_cloud(scene.points_mm, shade.palette[shade.index], camera)
-    near = _widened(np.nan_to_num(cloud.near_mm, nan=-np.inf), GAP_PX)  # gaps between points hide as well
+    known = np.nan_to_num(cloud.near_mm, nan=-np.inf)
+    near = scipy.ndimage.maximum_filter(known, GAP_PX)  # gaps between points hide as well
     image = Image.fromarray(cloud.rgb).resize((FINER * camera.width_px, FINER * camera.height_px), NEAREST)
     draw = ImageDraw.Draw(image, "RGBA")
     for strokes in scene.strokes:
@@ -211,17 +213,6 @@ def picture(view: View) -> bytes:
     out = io.BytesIO()
     image.reduce(FINER).quantize(COLOURS, QUICKLY, dither=Image.Dither.NONE).save(out, format="png", compress_level=4)
     return out.getvalue()
-
-
-def _widened(values: Float32, size_px: int) -> Float32:
-    """The greatest value in a square of `size_px`, odd, about each pixel."""
-    for _ in range(2):
-        found = values.copy()
-        for k in range(1, size_px // 2 + 1):
-            np.maximum(found[k:], values[:-k], out=found[k:])
-            np.maximum(found[:-k], values[k:], out=found[:-k])
-        values = found.T
-    return values
 
 
 def camera_of(view: View) -> Camera:

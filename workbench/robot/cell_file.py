@@ -1,18 +1,12 @@
-"""The cell file's form: strict JSON, every key described. Lengths in mm, angles in deg.
-
-And whether its numbers can be what their names say: mm and not metres, degrees and not radians, z outwards. A cell that
-passes may still be wrong by what no number shows; what the file leaves open is named in results.
-"""
+"""The cell file's form: strict JSON, every key described. Lengths in mm, angles in deg."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from workbench.errors import InputError
 from workbench.geometry.poses import is_rigid, pose_from, rotation_from_quaternion
 from workbench.robot.makers import Make
 from workbench.robot.wrist import Side, refuse_contradiction
@@ -28,34 +22,14 @@ Spring = Annotated[float, Field(gt=0, le=1e12)]
 Springs = tuple[Spring, Spring, Spring, Spring, Spring, Spring]
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
 
-LEAST_MM = 5.0  # no tool, turntable or frame of a cell lies nearer to its origin; what is in metres does, to 5 m
-THINNEST_MM, LONGEST_MM = 1.0, 10.0  # no body is thinner and shorter; in metres, any is that 1 m and 10 m hold
-UNLIKE = 20.0  # times or parts of torque times speed that a stated power is; in W it is 1000 times
-LEAST_ROOM_MM = 100.0  # no robot moves in less; in metres, any envelope below 100 m is
-BURIED_MM = 10.0  # deeper within the spindle's own body than the radius of a cutter modelled as part of it
-FEW_DEG, NEAR_DEG = 13.0, 0.01  # a turntable's range up to 4 pi, its limits as near to parts of pi as they are rounded
-FOLDED_DEG = 3.2  # a home with all joints within it, but for 0, stretches the arm and its wrist; in radians any does
-AHEAD_MM = 20.0  # from the cutter's tip, along its axis: no body of the tool is there; others beside it may be
-BARE_MM = 10.0  # of the cutter's end that bodies may leave uncovered
-OFF_MM = 50.0  # that a centre of gravity may lie outside the box around the tool's bodies
-STIFFEST = 5e7  # Nm/rad, of a joint: the stiffest axis of the paper's robot has 3.4e6, of those that carry 1 t some 1e7
-LEAST_TRACK_MM = 50.0  # of a track; in metres any up to 50 m
-METRES = "is it in metres?"
-LEAST = {  # of numbers that the file states: nothing has less, but what is in another unit
-    "tool.mass_kg": (0.1, "kg", "is it in tonnes?"),  # to 100 kg
-    "margin_mm": (0.1, "mm", METRES),  # to 100 mm
-    **dict.fromkeys(("margins.limit_deg", "margins.wrist_deg"), (0.1, "deg", "is it in radians?")),  # to 5 deg
-    **dict.fromkeys(  # nothing in a cell is calibrated better, nor repeats; in metres, any below 1 mm is
-        (*(f"uncertainty.{of}_u_mm" for of in ("tool", "base", "turntable")), "robot.repeatability_mm"),
-        (1e-3, "mm", METRES),
-    ),
-    "robot.acceleration_deg_s2": (10.0, "deg/s^2", "is it in rad/s^2?"),  # industrial axes reach 50 and more
-    **dict.fromkeys(  # however heavy; in rad/s2 any up to 230 deg/s2
-        ("turntable.acceleration_deg_s2", "turntable.tilt.acceleration_deg_s2"), (4.0, "deg/s^2", "is it in rad/s^2?")
-    ),
-    **dict.fromkeys(("track.speed_mm_s", "process.feed.most_mm_s"), (0.2, "mm/s", "is it in m/s?")),  # to 200 mm/s
-}
-MAY_BE_NONE = {place for place in LEAST if place.startswith(("margin", "uncertainty"))}  # 0 states none
+
+def _rising(limits: tuple[float, float]) -> tuple[float, float]:
+    if not limits[0] < limits[1]:
+        raise ValueError("expected the lower one first")
+    return limits
+
+
+Limits = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 class _Part(BaseModel):
@@ -135,6 +109,13 @@ class ShapePart(_Part):
             raise ValueError(f"expected exactly one of {', '.join(KINDS)}")
         return self
 
+    @property
+    def solid(self) -> tuple[str, tuple[float, ...]] | None:
+        """Kind and sizes as a `Shape` has them; None: a mesh."""
+        given = ((name.removesuffix("_mm"), getattr(self, name)) for name in KINDS if name != "mesh")
+        found = [(kind, size if isinstance(size, tuple) else (size,)) for kind, size in given if size is not None]
+        return next(iter(found), None)
+
 
 KINDS = ("box_mm", "capsule_mm", "cylinder_mm", "sphere_mm", "mesh")
 
@@ -184,18 +165,12 @@ class ToolPart(_Part):
 class AxisPart(_Part):
     """What holds of an axis that turns."""
 
-    limits_deg: tuple[float, float] = Field(default=(-180.0, 180.0), description="lowest and highest angle")
+    limits_deg: Limits = Field(default=(-180.0, 180.0), description="lowest and highest angle")
     speed_deg_s: float = Field(default=30.0, gt=0, description="largest speed")
     acceleration_deg_s2: float | None = Field(
         default=None, gt=0, le=100000, description="largest acceleration; null: not judged"
     )
     shapes: list[ShapePart] = Field(default=[], description="collision shapes, in its frame")
-
-    @model_validator(mode="after")
-    def _rising(self) -> Self:
-        if not self.limits_deg[0] < self.limits_deg[1]:
-            raise ValueError("expected limits_deg with the lower one first")
-        return self
 
 
 class TiltPart(AxisPart):
@@ -223,7 +198,7 @@ class TrackPart(_Part):
     direction: Point | None = Field(
         default=None, description="in which the base goes as the value rises, in its frame; of any length"
     )
-    limits_mm: tuple[float, float] | None = Field(default=None, description="lowest and highest value")
+    limits_mm: Limits | None = Field(default=None, description="lowest and highest value")
     speed_mm_s: float | None = Field(default=None, gt=0, description="largest speed")
     acceleration_mm_s2: float | None = Field(
         default=None, gt=0, le=100000, description="largest acceleration; null: not judged"
@@ -233,8 +208,6 @@ class TrackPart(_Part):
     def _usable(self) -> TrackPart:
         if self.joint is None and None in (self.direction, self.limits_mm, self.speed_mm_s):
             raise ValueError("expected direction, limits_mm and speed_mm_s, or the joint of the URDF")
-        if self.limits_mm is not None and not self.limits_mm[0] < self.limits_mm[1]:
-            raise ValueError("expected limits_mm with the lower one first")
         if self.direction is not None and not np.linalg.norm(self.direction) > 0:
             raise ValueError("expected a direction that is not zero")
         return self
@@ -473,259 +446,3 @@ def matrix_of(pose: Pose) -> Float | None:
         return pose_from(rotation_from_quaternion(q / np.linalg.norm(q)), np.array(pose.position_mm))
     matrix = np.array(pose, float)
     return matrix if is_rigid(matrix) else None
-
-
-# Whether the numbers can be what their names say.
-
-
-def check_plausible(part: CellPart, where: str) -> None:
-    """Refuse a cell whose numbers show another unit or sense than their names; `where` is the file and '$'.
-
-    Raises:
-        InputError: the first of them, with its place in the file.
-    """
-    for place, text in _doubts(part):
-        raise InputError(f"{where}.{place}", text)
-
-
-def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
-    yield from _tool(part)
-    if part.turntable is not None:
-        yield from _turntable(part.turntable)
-        if part.envelope is not None:
-            yield from _out_of_reach(part.turntable, part.envelope)
-    if part.track is not None:
-        yield from _track(part.track)
-    if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
-        yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
-    yield from _bodies(part)
-    yield from _least(part)
-    yield from _robot(part)
-    if part.process is not None:
-        home = part.process.home.joints_deg
-        if 0 < max(map(abs, home)) < FOLDED_DEG:
-            found = ", ".join(f"{value:g}" for value in home)
-            yield "process.home.joints_deg", f"expected degrees, found {found}: are they radians?"
-
-
-def _least(part: CellPart) -> Iterator[tuple[str, str]]:
-    """Numbers below the least that are one."""
-    for place, (least, unit, guess) in LEAST.items():
-        value = _at(part, place)
-        if value is not None and 0 < value < least:
-            none = "0 or " if place in MAY_BE_NONE else ""
-            yield place, f"expected {none}at least {least:g} {unit}, found {value:g}: {guess}"
-
-
-def _at(part: BaseModel, place: str) -> float | None:
-    """A number of the file, the least of several; None: it states none there."""
-    value: Any = part
-    for key in place.split("."):
-        value = getattr(value, key, None)
-    return None if value is None else float(np.min(value))
-
-
-def _axes(table: TurntablePart) -> Iterator[tuple[str, AxisPart]]:
-    """The axes by their places."""
-    yield "turntable", table
-    if table.tilt is not None:
-        yield "turntable.tilt", table.tilt
-
-
-def _turntable(table: TurntablePart) -> Iterator[tuple[str, str]]:
-    yield from _near(table.base_from_turntable, "turntable.base_from_turntable", "robot's base")
-    if table.tilt is not None:
-        yield from _near(table.tilt.base_from_tilt, "turntable.tilt.base_from_tilt", "robot's base")
-    for place, axis in _axes(table):
-        yield from _axis(place, axis)
-
-
-def _axis(place: str, axis: AxisPart) -> Iterator[tuple[str, str]]:
-    low, high = axis.limits_deg
-    parts_of_pi = [abs(limit / (np.pi / 4) - round(limit / (np.pi / 4))) * np.pi / 4 for limit in (low, high)]
-    if high - low < FEW_DEG and max(abs(low), abs(high)) > 0.5 and max(parts_of_pi) < NEAR_DEG:
-        yield f"{place}.limits_deg", f"expected degrees, found {low:g}, {high:g}: are they radians?"
-
-
-def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[str, str]]:
-    """What is milled on a turntable lies where robot and tool may go; a mesh is not looked at."""
-    pose, beyond = _matrix(table.base_from_turntable), []
-    for shape in table.shapes:
-        middle = pose[:3, :3] @ _matrix(shape.pose)[:3, 3] + pose[:3, 3]
-        reach = np.array([_reach_mm(shape, axis) for axis in pose[:3, :3]])
-        off = np.maximum(np.array(room.lowest_mm) - middle - reach, middle - reach - np.array(room.highest_mm))
-        beyond.append(shape.mesh is None and bool((off > 0).any()))
-    if beyond and all(beyond):
-        found = "found all of its bodies outside: is it in another unit or frame?"
-        yield "turntable.base_from_turntable", f"expected a turntable that reaches into $.envelope, {found}"
-
-
-def _track(track: TrackPart) -> Iterator[tuple[str, str]]:
-    assert track.limits_mm is not None  # the joint tells them
-    low, high = track.limits_mm
-    if high - low < LEAST_TRACK_MM:
-        yield (
-            "track.limits_mm",
-            f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {low:g}, {high:g}: {METRES}",
-        )
-
-
-def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
-    for place, shape in _shapes(part):
-        size = _extents_mm(shape)
-        if min(size) < THINNEST_MM and max(size) < LONGEST_MM:
-            found = " x ".join(f"{value:g}" for value in size)
-            yield place, f"expected a body of mm, found one of {found}: {METRES}"
-    for i, fixture in enumerate(part.fixtures):
-        if fixture.on == "base" and fixture.mesh is None and np.any(_matrix(fixture.pose)[:3, 3]):
-            yield from _near(fixture.pose, f"fixtures[{i}].pose", "robot's base")
-    if part.envelope is not None:
-        room = min(h - low for low, h in zip(part.envelope.lowest_mm, part.envelope.highest_mm, strict=True))
-        if room < LEAST_ROOM_MM:
-            yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
-
-
-def _robot(part: CellPart) -> Iterator[tuple[str, str]]:
-    springs = part.robot.joint_stiffness_nm_per_rad
-    if springs is not None and max(springs) > STIFFEST:
-        unit = "is it in Nmm/rad, or multiplied by 57.3?"
-        yield (
-            "robot.joint_stiffness_nm_per_rad",
-            f"expected at most {STIFFEST:g} Nm/rad, found {max(springs):g}: {unit}",
-        )
-
-
-def bare_mm(part: CellPart) -> float:
-    """How much of the cutter's end lies outside the tool's bodies, more than bodies leave uncovered; else 0."""
-    if not part.tool.shapes or any(shape.mesh for shape in part.tool.shapes):
-        return 0.0
-    tip = _matrix(part.tool.flange_from_cutter)[:3, 3]
-    nearest = min(-_depth_mm(shape, tip) for shape in part.tool.shapes)
-    return nearest if nearest > BARE_MM else 0.0
-
-
-def _tool(part: CellPart) -> Iterator[tuple[str, str]]:
-    tool = part.tool
-    yield from _near(tool.flange_from_cutter, "tool.flange_from_cutter", "flange")
-    if tool.spindle is not None:
-        yield from _curve(tool.spindle)
-    tip = _matrix(tool.flange_from_cutter)
-    for i, shape in enumerate(tool.shapes):
-        depth = _depth_mm(shape, tip[:3, 3])
-        if shape.body == "tool" and depth > BURIED_MM:
-            yield (
-                "tool.flange_from_cutter",
-                f"expected the cutter's tip outside the spindle, found it {depth:.0f} mm within $.tool.shapes[{i}]: "
-                "are its unit and the frame right?",
-            )
-    middles = [(s.body, _matrix(s.pose)[:3, 3]) for s in tool.shapes if s.mesh is None]
-    cutter = [middle for body, middle in middles if body == "cutter"] or [middle for _, middle in middles]
-    if cutter and all(tip[:3, 2] @ (middle - tip[:3, 3]) > LEAST_MM for middle in cutter):
-        yield (
-            "tool.flange_from_cutter",
-            "expected z from shank to tip, found the shapes ahead of the tip: is z flipped?",
-        )
-    elif any(_depth_mm(shape, tip[:3, 3] + AHEAD_MM * tip[:3, 2]) > 0.0 for shape in tool.shapes):
-        yield (
-            "tool.flange_from_cutter",
-            f"expected the tool's bodies to end at the cutter's tip, found one {AHEAD_MM:g} mm beyond it: another "
-            "cutter, or is the tip's place wrong?",
-        )
-    up = tip[:3, 3] - AHEAD_MM * tip[:3, 2]
-    if tool.shapes and not bare_mm(part) and all(s.mesh is None and _depth_mm(s, up) < -BARE_MM for s in tool.shapes):
-        yield (
-            "tool.flange_from_cutter",
-            f"expected z along the cutter's axis, found no body of the tool {AHEAD_MM:g} mm back from the tip: is z "
-            "another axis, or the quaternion not scalar first?",
-        )
-    if tool.centre_of_gravity_mm is not None and np.linalg.norm(tool.centre_of_gravity_mm) < LEAST_MM:
-        found = ", ".join(f"{value:g}" for value in tool.centre_of_gravity_mm)
-        yield "tool.centre_of_gravity_mm", f"expected at least {LEAST_MM:g} mm from the flange, found {found}: {METRES}"
-    elif tool.centre_of_gravity_mm is not None and tool.shapes and not any(shape.mesh for shape in tool.shapes):
-        boxes = [_around(shape) for shape in tool.shapes]
-        low, high = np.min([one for one, _ in boxes], axis=0), np.max([one for _, one in boxes], axis=0)
-        at = np.array(tool.centre_of_gravity_mm)
-        off = float(np.maximum(np.minimum(low, 0.0) - at, at - np.maximum(high, 0.0)).max())  # the flange counts too
-        if off > OFF_MM:
-            yield (
-                "tool.centre_of_gravity_mm",
-                f"expected a place among the tool's bodies, found one {off:.0f} mm outside: "
-                "is it in the flange's frame?",
-            )
-
-
-def _curve(curve: SpindleCurvePart) -> Iterator[tuple[str, str]]:
-    """Torque and power that no one spindle has: P = T omega, but for what the drive limits."""
-    if curve.torque_nm is None or curve.power_kw is None:
-        return
-    asked = np.array(curve.torque_nm) * np.array(curve.speed_rpm) * (2 * np.pi / 60 / 1000)
-    ratio = float(np.median(np.array(curve.power_kw) / asked))
-    if not 1 / UNLIKE < ratio < UNLIKE:
-        yield "tool.spindle.power_kw", f"expected about torque times speed, found {ratio:.3g} times that: is it in W?"
-
-
-def _near(pose: Pose, place: str, origin: str) -> Iterator[tuple[str, str]]:
-    at = _matrix(pose)[:3, 3]
-    if np.linalg.norm(at) < LEAST_MM:
-        found = ", ".join(f"{value:g}" for value in at)
-        why = METRES if at.any() else "was it left out?"
-        yield place, f"expected a place at least {LEAST_MM:g} mm from the {origin}, found {found}: {why}"
-
-
-def _matrix(pose: Pose) -> Float:
-    matrix = matrix_of(pose)
-    assert matrix is not None  # the cell was built of it
-    return matrix
-
-
-def _shapes(part: CellPart) -> Iterator[tuple[str, ShapePart]]:
-    for i, shape in enumerate(part.tool.shapes):
-        yield f"tool.shapes[{i}]", shape
-    for place, axis in _axes(part.turntable) if part.turntable else ():
-        yield from ((f"{place}.shapes[{i}]", other) for i, other in enumerate(axis.shapes))
-    for i, fixture in enumerate(part.fixtures):
-        yield f"fixtures[{i}]", fixture
-
-
-def _extents_mm(shape: ShapePart) -> tuple[float, ...]:
-    """Extents of a shape of the file along its own axes; infinite for a mesh, which `read_cell` looks at."""
-    if shape.box_mm is not None:
-        return shape.box_mm
-    if shape.cylinder_mm is not None:
-        return 2 * shape.cylinder_mm[0], shape.cylinder_mm[1]
-    if shape.capsule_mm is not None:
-        return 2 * shape.capsule_mm[0], 2 * shape.capsule_mm[0] + shape.capsule_mm[1]
-    return (np.inf,) if shape.sphere_mm is None else (2 * shape.sphere_mm,)
-
-
-def _reach_mm(shape: ShapePart, direction: Float) -> float:
-    """How far a shape, no mesh, reaches from its middle along a unit vector of the frame that it is given in."""
-    x, y, z = np.abs(_matrix(shape.pose)[:3, :3].T @ direction)
-    if shape.box_mm is not None:
-        return float(np.array([x, y, z]) @ np.array(shape.box_mm) / 2)
-    if shape.cylinder_mm is not None:
-        return float(shape.cylinder_mm[0] * np.hypot(x, y) + shape.cylinder_mm[1] / 2 * z)
-    if shape.capsule_mm is not None:
-        return float(shape.capsule_mm[0] + shape.capsule_mm[1] / 2 * z)
-    return shape.sphere_mm or 0.0
-
-
-def _around(shape: ShapePart) -> tuple[Float, Float]:
-    """Lowest and highest corner of the box around a shape, along the axes of the frame that it is given in."""
-    middle, reach = _matrix(shape.pose)[:3, 3], np.array([_reach_mm(shape, axis) for axis in np.eye(3)])
-    return middle - reach, middle + reach
-
-
-def _depth_mm(shape: ShapePart, point_mm: Float) -> float:
-    """How deep a point lies within a shape; negative outside, and for a mesh."""
-    pose = _matrix(shape.pose)
-    at = np.abs(pose[:3, :3].T @ (point_mm - pose[:3, 3]))
-    if shape.box_mm is not None:
-        return float((np.array(shape.box_mm) / 2 - at).min())
-    if shape.cylinder_mm is not None:
-        radius, length = shape.cylinder_mm
-        return float(min(radius - np.hypot(at[0], at[1]), length / 2 - at[2]))
-    if shape.capsule_mm is not None:
-        radius, length = shape.capsule_mm
-        return float(radius - np.linalg.norm([at[0], at[1], max(at[2] - length / 2, 0.0)]))
-    return -np.inf if shape.sphere_mm is None else float(shape.sphere_mm - np.linalg.norm(at))

@@ -39,14 +39,13 @@ from workbench.robot.cell_file import (
     UncertaintyPart,
     WorkObjectPart,
     WorkpiecePart,
-    bare_mm,
-    check_plausible,
     matrix_of,
 )
 from workbench.robot.collision import CollisionModel, left_out
 from workbench.robot.judge import JudgedCell
 from workbench.robot.kinematics import Chain
 from workbench.robot.plate import check_size, read_workpiece, scanned
+from workbench.robot.plausible import bare_mm, check_plausible
 from workbench.robot.process import NO_PROCESS
 from workbench.robot.urdf import disabled_pairs, read_urdf, track_joint
 from workbench.robot.wrist import offset_wrist, spherical_wrist
@@ -261,7 +260,7 @@ def _bodies_not_said(part: CellPart, shapes: tuple[Shape, ...]) -> Iterator[str]
         yield f"that these joints stand where the cell file has them, and nothing moves them: {stands}"
     if not part.tool.shapes:
         yield "collision of the tool: the cell file gives it no shapes ($.tool.shapes)"
-    elif short := bare_mm(part):
+    elif short := bare_mm(part.tool):
         yield f"collision of the cutter: the tool's shapes end {short:.0f} mm from its tip ($.tool.shapes)"
 
 
@@ -355,14 +354,8 @@ def _shape(part: ShapePart, body: str, link: int, parent: Float, where: str, pat
         vertices, triangles = read_mesh(path.parent / part.mesh, f"{where}.mesh")
         check_size(vertices, path.parent / part.mesh, f"{where}.mesh")
         return Shape(body, link, "mesh", (), pose, vertices, triangles)
-    sizes = {
-        "box": part.box_mm,
-        "capsule": part.capsule_mm,
-        "cylinder": part.cylinder_mm,
-        "sphere": None if part.sphere_mm is None else (part.sphere_mm,),
-    }
-    kind, size = next((kind, size) for kind, size in sizes.items() if size is not None)
-    return Shape(body, link, kind, size, pose)
+    assert part.solid is not None
+    return Shape(body, link, *part.solid, pose)
 
 
 def _with_track(part: CellPart, path: Path) -> tuple[CellPart, frozenset[str]]:

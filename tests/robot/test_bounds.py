@@ -19,13 +19,11 @@ from workbench.robot import (
     CollisionScreen,
     Shape,
     Turntable,
-    bounding_volumes,
-    clearance_bound_mm,
     motions,
     read_cell,
     standing_poses,
 )
-from workbench.robot.bounds import FREE, SAFE_MM, Pairs, pair_bounds_mm
+from workbench.robot.bounds import FREE, SAFE_MM
 from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE
 from workbench.robot.picture import cell_picture
 
@@ -65,7 +63,7 @@ def crowd(cell_file: Any) -> Cell:
 
 def test_nothing_that_collides_is_called_free(crowd: Cell, postures: Any) -> None:
     joints, table = postures(2500, 31), np.random.default_rng(31).uniform(-3, 3, 2500)
-    bound = clearance_bound_mm(crowd, bounding_volumes(crowd), joints, table)
+    bound = CollisionScreen(crowd).bound_mm(joints, table)
     model = CollisionModel(crowd)
     collides = np.array([model.collision(q, t) is not None for q, t in zip(joints, table, strict=True)])
     free = bound > SAFE_MM
@@ -77,8 +75,9 @@ def test_nothing_that_collides_is_called_free(crowd: Cell, postures: Any) -> Non
 def test_a_cell_without_bodies() -> None:
     """No URDF shape, tool shape, fixture or envelope: nothing can touch, nothing is drawn, nothing fails inside."""
     bare = dataclasses.replace(read_cell(Path("data/robot/cell.json")), shapes=())
-    assert not Pairs(bare).swept(np.zeros((3, 5, 6)), np.zeros((3, 5))).any()
-    assert (clearance_bound_mm(bare, bounding_volumes(bare), np.zeros((2, 6))) > 0).all()
+    screen = CollisionScreen(bare)
+    assert not screen.swept(np.zeros((3, 5, 6)), np.zeros((3, 5))).any()
+    assert (screen.bound_mm(np.zeros((2, 6))) > 0).all()
     with pytest.raises(InputError, match="expected bodies to draw"):
         cell_picture(bare, np.zeros(6), 0.0)
 
@@ -100,14 +99,12 @@ def test_no_posture_is_judged_otherwise(cell: Cell, margin_mm: float) -> None:
     hits = screen.hits(q, table)
     assert 100 < (hits == FREE).sum() < 500
     some = slice(0, 200)
-    found = [model.clearance(one, angle) for one, angle in zip(q[some], table[some].tolist(), strict=True)]
-    assert screen.clearances_mm(q[some], table[some]).tolist() == [one and one.distance_mm for one in found]
+    found = [model.gaps(one, angle)[0].distance_mm for one, angle in zip(q[some], table[some].tolist(), strict=True)]
+    assert screen.clearances_mm(q[some], table[some]) == pytest.approx(found)
     for one, angle, hit in zip(q, table, hits, strict=True):
         assert (model.collision(one, angle) is None) == (hit == FREE)
         if hit != FREE:
-            near = model.clearance(one, angle)
-            assert near is not None
-            assert near.distance_mm < max(margin_mm, 1e-12)
+            assert model.gaps(one, angle)[0].distance_mm < max(margin_mm, 1e-12)
             assert screen.pair(hit) == model.names(*model.pairs[hit])
 
 
@@ -141,8 +138,8 @@ def test_what_external_axes_move_is_held_against_what_stands(cell: Cell, posture
         values = np.radians(rng.uniform(-600, 600, 300))
     else:
         cell, values = tilted(cell), rng.uniform(-2, 2, (300, 2))
-    model, volumes, joints = CollisionModel(cell), bounding_volumes(cell), postures(300, 35)
-    bounds, _ = pair_bounds_mm(cell, volumes, joints, values)
+    model, joints = CollisionModel(cell), postures(300, 35)
+    bounds, _ = CollisionScreen(cell).pair_bounds_mm(joints, values)
     links = motions(cell.chain, joints)
     standing = [i for i, pair in enumerate(model.pairs) if not any(1 <= cell.shapes[s].link <= 6 for s in pair)]
     found = np.array([model.distances(links[n], standing_poses(cell, values[n]), standing) for n in range(len(joints))])

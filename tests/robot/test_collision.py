@@ -18,9 +18,7 @@ def test_forearm_in_the_floor(cell: Cell) -> None:
     pair = CollisionModel(cell).collision(down)
     assert pair is not None
     assert "floor" in pair
-    clearance = CollisionModel(cell).clearance(down)
-    assert clearance is not None
-    assert clearance.distance_mm == 0
+    assert CollisionModel(cell).gaps(down)[0].distance_mm == 0
 
 
 def test_height_above_the_floor(cell_file: Any) -> None:
@@ -33,15 +31,13 @@ def test_height_above_the_floor(cell_file: Any) -> None:
         tree["may_touch"].remove(["link_6", "floor"])
 
     model = CollisionModel(read_cell(cell_file(only_flange)))
-    found = model.clearance(np.zeros(6))
-    assert found is not None
+    found = model.gaps(np.zeros(6))[0]
     assert found.pair == ("link_6", "floor")
     assert abs(found.distance_mm - (2260 - 80)) < 1e-3  # a disc of 80 mm upright at 2,260 mm
 
 
 def test_margin_counts_as_collision(cell_file: Any) -> None:
-    free = CollisionModel(read_cell(cell_file())).clearance(np.zeros(6))
-    assert free is not None
+    free = CollisionModel(read_cell(cell_file())).gaps(np.zeros(6))[0]
     wide = read_cell(cell_file(lambda tree: tree.update(margin_mm=free.distance_mm + 1)))
     assert CollisionModel(wide).collision(np.zeros(6)) == free.pair
 

@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.path import read
 from workbench.pipeline import Pipeline
 from workbench.robot import Cell, plate, turntable_pose
-from workbench.robot.bounds import Pairs
+from workbench.robot.bounds import CollisionScreen
 from workbench.robot.plate import scan_uncertainty
 
 ROOT = Path(__file__).parents[2]
@@ -62,10 +62,10 @@ def test_it_widens_what_bodies_must_keep(cell: Cell) -> None:
     sure, unsure = (plate(cell, cloud_of(np.diag([u, u, u, 1e-8, 1e-8, 1e-8]))) for u in (1e-12, 0.25))
     assert sure is not None
     assert unsure is not None
-    near = [np.array(Pairs(one).least_mm) for one in (sure, unsure)]
+    near = [np.array(CollisionScreen(one).least_mm) for one in (sure, unsure)]
     part = [
         i
-        for i, (a, b) in enumerate(Pairs(sure).model.pairs)
+        for i, (a, b) in enumerate(CollisionScreen(sure).model.pairs)
         if "workpiece" in (sure.shapes[a].body, sure.shapes[b].body)
     ]
     assert part

@@ -263,9 +263,7 @@ def test_workpiece_and_links_of_meshes(cell_file: Any) -> None:
         vertices = shapes[body].vertices_mm
         assert vertices is not None
         assert np.allclose(np.ptp(vertices, axis=0), size)
-    found = CollisionModel(made).clearance(np.zeros(6))
-    assert found is not None
-    assert found.distance_mm > 0
+    assert CollisionModel(made).gaps(np.zeros(6))[0].distance_mm > 0
 
 
 def cloud_cell(cell_file: Any, points: Any, name: str = "scan.ply", **keys: Any) -> Cell:

@@ -8,37 +8,23 @@ from __future__ import annotations
 
 from typing import Any
 
+from workbench.result_files import contract, scan_plan, sensor, studies
 from workbench.result_files.contract import (
     BatchPartFile,
-    CorrectionFile,
-    EngagementFile,
-    GrooveFile,
     HandEyeFile,
     InspectionFile,
     PostureFile,
-    PreparationFile,
-    ProgramCheckFile,
     ResultFile,
-    ReworkFile,
-    RunFile,
     StiffnessFile,
     ToolpathFile,
 )
 from workbench.result_files.scan_plan import ScanPlanFile
 from workbench.result_files.sensor import SensorFile
 from workbench.result_files.studies import (
-    CalibrationValidationFile,
     ChatterFile,
-    CloudRegistrationFile,
     CoefficientsFile,
-    DeflectionFile,
-    DeviationFile,
-    MillingForceFile,
     ModesFile,
-    RegistrationFile,
-    RepeatabilityFile,
     RobotFile,
-    SensitivityFile,
     SubmissionFile,
     ToolFile,
     TruthFile,
@@ -47,39 +33,9 @@ from workbench.result_files.studies import (
 
 RESULT_FILES: dict[str, type[ResultFile]] = {
     model.NAME: model
-    for model in (
-        InspectionFile,
-        ToolpathFile,
-        HandEyeFile,
-        PostureFile,
-        StiffnessFile,
-        CorrectionFile,
-        GrooveFile,
-        PreparationFile,
-        RunFile,
-        BatchPartFile,
-        EngagementFile,
-        ReworkFile,
-        ProgramCheckFile,
-        DeviationFile,
-        RegistrationFile,
-        CloudRegistrationFile,
-        RepeatabilityFile,
-        SensitivityFile,
-        ToolFile,
-        TurntableFile,
-        RobotFile,
-        CalibrationValidationFile,
-        MillingForceFile,
-        CoefficientsFile,
-        ModesFile,
-        ChatterFile,
-        DeflectionFile,
-        SensorFile,
-        SubmissionFile,
-        TruthFile,
-        ScanPlanFile,
-    )
+    for module in (contract, studies, sensor, scan_plan)
+    for model in vars(module).values()
+    if isinstance(model, type) and issubclass(model, ResultFile) and "NAME" in vars(model)
 }
 
 

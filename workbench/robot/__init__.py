@@ -5,8 +5,7 @@ tests. Collision is python-fcl's.
 """
 
 from workbench.artefacts.showing import shown_all
-from workbench.robot.bound_kernels import BoundingVolumes
-from workbench.robot.bounds import CollisionScreen, bounding_volumes, clearance_bound_mm
+from workbench.robot.bounds import CollisionScreen
 from workbench.robot.cell import Cell, LoadingSetup, Margins, Shape, Turntable, dexterity, within_margins
 from workbench.robot.collision import (
     Clearance,
@@ -43,7 +42,6 @@ __all__ = [
     "SIDES",
     "AngleConvention",
     "Bodies",
-    "BoundingVolumes",
     "Cell",
     "Chain",
     "Clearance",
@@ -58,10 +56,8 @@ __all__ = [
     "abb_angles",
     "arm_sides",
     "base_from_targets",
-    "bounding_volumes",
     "cell",
     "cell_triangles",
-    "clearance_bound_mm",
     "dexterity",
     "external_at",
     "forward_kinematics",

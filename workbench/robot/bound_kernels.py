@@ -109,7 +109,7 @@ def pairs_kernel(scene: BoundingVolumes, joints: AnyArray, most: AnyArray) -> tu
 def swept_kernel(
     scene: BoundingVolumes, joints: AnyArray, carried: AnyArray, moves: AnyArray, by: AnyArray, least: AnyArray
 ) -> AnyArray:
-    """See `Pairs.swept`: which places (c, s) of ways (c, s, 6 + e) stay open; a stretch that is not proven is halved.
+    """Which places (c, s) of ways (c, s, 6 + e) stay open (`CollisionScreen.swept`); what is not proven is halved.
 
     Joints `moves` (w, 6) move volumes `carried` (w,); pair i comes nearer by motion `by[i]` of these. A pair that is
     proven on a stretch is on its halves: these begin with the pair that was not, and ask about those behind it.

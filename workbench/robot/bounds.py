@@ -73,38 +73,6 @@ def with_externals(cell: Cell, joints: Float, turntable: Float | float) -> Float
     return np.ascontiguousarray(np.column_stack([joints, np.broadcast_to(np.asarray(turntable, float), shape)]))
 
 
-def clearance_bound_mm(
-    cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM
-) -> Float:
-    """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and external axes (n,), rad.
-
-    Free without further look: more than SAFE_MM and what any pair must keep apart. Negative or small: ask
-    `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
-    """
-    q = with_externals(cell, np.asarray(joints, float).reshape(-1, 6), turntable)
-    return np.asarray(bound_kernel(volumes, q, most_mm))
-
-
-def near_pairs(cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, least_mm: Float) -> Bool:
-    """Which pairs (n, P) are not proven to keep `least_mm` (P,) apart at joint angles (n, 6) and external axes (n,).
-
-    Angles in rad.
-    """
-    return pair_bounds_mm(cell, volumes, joints, turntable, least_mm + 2 * SAFE_MM)[0] <= least_mm + SAFE_MM
-
-
-def pair_bounds_mm(
-    cell: Cell, volumes: BoundingVolumes, joints: Float, turntable: Float, most_mm: Float | None = None
-) -> tuple[Float, Float]:
-    """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,).
-
-    What is farther apart than `most_mm` (P,) need not be known, and takes less time.
-    """
-    most = np.full(len(volumes.pairs), FAR_MM) if most_mm is None else most_mm
-    found, middles = pairs_kernel(volumes, with_externals(cell, joints, turntable), most)
-    return np.asarray(found), np.asarray(middles)
-
-
 def _volume(shape: Shape) -> tuple[Float, float, Float]:
     """Ends of a capsule's axis and its radius, half lengths of the box."""
     half = _half_lengths(shape)
@@ -146,8 +114,11 @@ def _centred(shape: Shape) -> Float:
 assert ON_TURNTABLE == 7  # the kernel's eighth motion; behind it what carries that
 
 
-class Pairs:
-    """Which joints move the bodies of each pair against each other, and how far they must keep apart."""
+class CollisionScreen:
+    """A cell's bodies, ready to be asked about many postures; the answers are `CollisionModel`'s.
+
+    And which axes move the bodies of each pair against each other, and how far they must keep apart.
+    """
 
     def __init__(self, cell: Cell) -> None:
         """Build once, ask often."""
@@ -165,6 +136,28 @@ class Pairs:
         carried = (link[:, :, None] >= ON_TURNTABLE) & (link[:, :, None] <= carriers)
         self.external = carried[:, 0] != carried[:, 1]  # (P, e) axes that move the two against each other
         self.least_mm = self.model.least_mm
+
+    def __repr__(self) -> str:
+        """What it asks."""
+        return f"CollisionScreen({self.model!r})"
+
+    def bound_mm(self, joints: Float, turntable: Float | float = 0.0, most_mm: float = FAR_MM) -> Float:
+        """A distance (n,) that no pair of bodies falls below, at joint angles (n, 6) and external axes (n,), rad.
+
+        Free without further look: more than SAFE_MM and what any pair must keep apart. Negative or small: ask
+        `CollisionModel`. What is farther apart than `most_mm` need not be known, and takes less time.
+        """
+        q = with_externals(self.cell, np.asarray(joints, float).reshape(-1, 6), turntable)
+        return np.asarray(bound_kernel(self.volumes, q, most_mm))
+
+    def pair_bounds_mm(self, joints: Float, turntable: Float, most_mm: Float | None = None) -> tuple[Float, Float]:
+        """A distance (n, P) that no pair falls below, and the volumes' middles (n, S, 3) in the base, at (n, 6), (n,).
+
+        What is farther apart than `most_mm` (P,) need not be known, and takes less time.
+        """
+        most = np.full(len(self.volumes.pairs), FAR_MM) if most_mm is None else most_mm
+        found, middles = pairs_kernel(self.volumes, with_externals(self.cell, joints, turntable), most)
+        return np.asarray(found), np.asarray(middles)
 
     def moved_mm(self, joints: Float, turntable: Float, reach: Float, middles: Float) -> Float:
         """By how much each pair (n, P) may come nearer within reaches (n, 6 + e) of joints and external axes."""
@@ -206,29 +199,15 @@ class Pairs:
 
         return np.concatenate([np.zeros((0, ways.shape[1]), bool), *in_order(some, len(ways), WAYS_A_BLOCK)])
 
-
-class CollisionScreen:
-    """A cell's bodies, ready to be asked about many postures; the answers are `CollisionModel`'s."""
-
-    def __init__(self, cell: Cell) -> None:
-        """Build once, ask often."""
-        self._pairs = Pairs(cell)
-        self.cell, self.model, self._volumes = cell, self._pairs.model, self._pairs.volumes
-
-    def __repr__(self) -> str:
-        """What it asks."""
-        return f"CollisionScreen({self.model!r})"
-
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is too near, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
         need = float(self.model.least_mm.max(initial=0.0)) + SAFE_MM
-        open_ = np.flatnonzero(
-            ~(clearance_bound_mm(self.cell, self._volumes, joints, turntable, need + SAFE_MM) > need)
-        )
+        open_ = np.flatnonzero(~(self.bound_mm(joints, turntable, need + SAFE_MM) > need))
         if not len(open_):
             return found
-        near = near_pairs(self.cell, self._volumes, joints[open_], turntable[open_], self.model.least_mm)
+        bounds, _ = self.pair_bounds_mm(joints[open_], turntable[open_], self.least_mm + 2 * SAFE_MM)
+        near = bounds <= self.least_mm + SAFE_MM
         moved = motions(self.cell.chain, joints[open_])
         tables = standing_poses(self.cell, turntable[open_])
         for i, n in enumerate(open_.tolist()):
@@ -242,7 +221,7 @@ class CollisionScreen:
         """
         if not self.model.pairs:
             return np.full(len(joints), np.nan)
-        bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
+        bounds, _ = self.pair_bounds_mm(joints, turntable)
         moved, out = motions(self.cell.chain, joints), np.full(len(joints), np.inf)
         tables = standing_poses(self.cell, turntable)
         for n in range(len(joints)):
@@ -259,7 +238,7 @@ class CollisionScreen:
         """
         if not self.model.pairs or not len(joints):
             return None
-        bounds, _ = pair_bounds_mm(self.cell, self._volumes, joints, turntable)
+        bounds, _ = self.pair_bounds_mm(joints, turntable)
         moved, count = motions(self.cell.chain, joints), len(self.model.pairs)
         best, at = np.inf, -1
         for one in np.argsort(bounds, axis=None).tolist():
@@ -271,15 +250,11 @@ class CollisionScreen:
                 best, at = distance, one
         return best, at % count, at // count
 
-    def swept(self, joints: Float, turntable: Float) -> Bool:
-        """Which places (c, s) of ways (c, s, 6), (c, s) are not proven free; see `Pairs.swept`."""
-        return self._pairs.swept(joints, turntable)
-
     def always_near(self) -> tuple[str, str] | None:
         """Two bodies that are too near in every posture: one axis at most moves them, and nowhere far enough apart."""
-        pairs, cell = self._pairs, self.cell
+        cell = self.cell
         limits = np.vstack([cell.chain.limits, *(axis.limits for axis in cell.axes)])
-        by = np.column_stack([pairs.joints, pairs.external])
+        by = np.column_stack([self.joints, self.external])
         for pair in np.flatnonzero(by.sum(axis=1) <= 1).tolist():
             axis = int(by[pair].argmax())  # 0 where none moves them: any does
             seven = np.zeros((LOOKS, len(limits)))

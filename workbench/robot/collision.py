@@ -76,16 +76,6 @@ class CollisionModel:
                 least[pair] = Clearance(distance, pair, points, near)
         return sorted(least.values(), key=lambda gap: gap.distance_mm)
 
-    def clearance(self, joints: Float, turntable: Float | float = 0.0) -> Clearance | None:
-        """The smallest distance and its pair at joint angles (6,), rad; None where nothing could touch."""
-        self._place(joints, turntable)
-        best: Clearance | None = None
-        for a, b in self.pairs:
-            distance = self._apart(a, b)
-            if best is None or distance < best.distance_mm:
-                best = Clearance(distance, self.names(a, b))
-        return best
-
     def first_hit(self, moved: Shaped[Float, "7 4 4"], turned: Shaped[Float, "a 4 4"], pairs: list[int]) -> int:
         """The first of some pairs (indices into `pairs`) that is nearer than it must keep apart; -1: none.
 

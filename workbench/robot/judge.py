@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.artefacts import Judgement, Moves, Nearest, ProgramMoves, Violation
 from workbench.geometry.poses import inverse
-from workbench.robot.bounds import SAFE_MM, CollisionScreen, Pairs, pair_bounds_mm
+from workbench.robot.bounds import SAFE_MM, CollisionScreen
 from workbench.robot.cell import Cell, dexterity, turntable_margin
 from workbench.robot.collision import CollisionModel, left_out, sliding, standing_poses, turntable_pose
 from workbench.robot.controller import frame_faults
@@ -150,13 +150,13 @@ class _Findings:
 
 def _proven(cell: Cell, way: Way, places: Places, found: _Findings) -> _Findings:
     """Halve every stretch until it is proven, or found to be at fault."""
-    pairs = Pairs(cell)
+    pairs = CollisionScreen(cell)
     found.places.append(places)
     before, after = places.at(np.arange(len(places) - 1)), places.at(np.arange(1, len(places)))
     for turn in range(ROUNDS):
         middle = between(cell, way, before, after)
         last = turn == ROUNDS - 1
-        open_ = _stretches(cell, way, pairs, before, middle, after, found, last=last)
+        open_ = _stretches(way, pairs, before, middle, after, found, last=last)
         found.places.append(middle)
         if not open_.any() or last:
             break
@@ -189,9 +189,10 @@ def _off_the_path(cell: Cell, way: Way, places: Places, on_path: Bool) -> list[t
 
 
 def _stretches(
-    cell: Cell, way: Way, pairs: Pairs, before: Places, middle: Places, after: Places, found: _Findings, *, last: bool
+    way: Way, pairs: CollisionScreen, before: Places, middle: Places, after: Places, found: _Findings, *, last: bool
 ) -> Bool:
     """Which stretches (n,) stay open; faults are noted."""
+    cell = pairs.cell
     open_, closed = np.zeros(len(middle), bool), np.zeros(len(middle), bool)
 
     def fault(which: Bool, kind: str, finding: Callable[[int], str]) -> None:
@@ -287,14 +288,14 @@ def _limit_finding(cell: Cell, seven: Float, asked: Float, which: int) -> str:
 
 
 def _collisions(
-    pairs: Pairs, places: Places, reach: Float, tiny: Bool, found: _Findings
+    pairs: CollisionScreen, places: Places, reach: Float, tiny: Bool, found: _Findings
 ) -> tuple[Bool, Int, Float, Int]:
     """Which stretches stay open, the pair that is too near or -1, the least distance and its pair (n,) each."""
     n, shape = len(places), (len(places),)
     open_, hit = np.zeros(n, bool), np.full(n, -1)
     if not len(pairs.model.pairs) or not n:
         return open_, hit, np.full(n, np.inf), np.full(n, -1)
-    apart, middles = pair_bounds_mm(pairs.cell, pairs.volumes, places.joints, places.turntable)
+    apart, middles = pairs.pair_bounds_mm(places.joints, places.turntable)
     moved = pairs.moved_mm(places.joints, places.turntable, reach, middles)
     need = pairs.least_mm + SAFE_MM
     doubtful = apart - moved <= need
@@ -323,7 +324,7 @@ def _collisions(
     return open_, hit, least, np.where(hit >= 0, hit, pair)
 
 
-def _collision_finding(pairs: Pairs, hit: int, distance: float) -> str:
+def _collision_finding(pairs: CollisionScreen, hit: int, distance: float) -> str:
     a, b = pairs.model.names(*pairs.model.pairs[hit])
     need = float(pairs.least_mm[hit])
     how = f"{a} runs into {b}" if distance <= 0 else f"{a} comes within {distance:.2f} mm of {b}"

@@ -5,7 +5,7 @@ A cell that passes may still be wrong by what no number shows; what the file lea
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -135,7 +135,7 @@ def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[st
 
 
 def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
-    carriers = [("tool", part.tool.shapes)]
+    carriers: list[tuple[str, Sequence[ShapePart]]] = [("tool", part.tool.shapes)]
     carriers += [(place, axis.shapes) for place, axis, _ in _axes(part.turntable)] if part.turntable else []
     shapes = [(f"{place}.shapes[{i}]", one) for place, all_ in carriers for i, one in enumerate(all_)]
     for place, shape in (*shapes, *((f"fixtures[{i}]", one) for i, one in enumerate(part.fixtures))):

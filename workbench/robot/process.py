@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.artefacts import ProgramMove, ProgramMoves
-from workbench.robot.bounds import Pairs
+from workbench.robot.bounds import CollisionScreen
 from workbench.robot.cell import Cell
 from workbench.robot.cell_file import HomePart, ProcessPart
 from workbench.robot.collision import outermost
@@ -46,8 +46,7 @@ def turns_freely(cell: Cell, home: HomePart) -> bool:
         return cell.turntable is None
     places = np.linspace(cell.turntable.limits[0], cell.turntable.limits[1], 1000)
     joints = np.tile(np.array(home.joints_deg) * DEG, (len(places), 1))
-    pairs = Pairs(cell.without_contact)
-    return not pairs.swept(joints[None], places[None]).any()
+    return not CollisionScreen(cell.without_contact).swept(joints[None], places[None]).any()
 
 
 def placed(program: ProgramMoves, cell: Cell) -> ProgramMoves:

@@ -393,7 +393,8 @@ def _ending(cell: Cell) -> str:
 
 def levelled(cell: Cell) -> bool:
     """Whether joint 3 counts against the ground on the cell's controller."""
-    return cell.controller.level_joint_3 if cell.controller else True
+    part = cell.controller
+    return part is None or (part.dialect == "fanuc" if part.level_joint_3 is None else part.level_joint_3)
 
 
 def continuous_mm(cell: Cell, feed_mm_s: Float) -> Float:

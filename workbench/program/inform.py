@@ -138,7 +138,7 @@ class Job(Reading):
 
     def __init__(self, cell: Cell) -> None:
         super().__init__(cell)
-        self.cell, self.levels_mm = cell, cell.controller.levels_mm if cell.controller else ()
+        self.cell, self.levels_mm = cell, cell.controller.position_levels_mm if cell.controller else []
         self.flags: Configuration = ()
         self.positions: list[tuple[Configuration, Float]] = []
         self.at: int | None = None  # the position that the last move went to, where it was not the controller's home
@@ -272,7 +272,7 @@ class Inform(Numbered):
         """All that stands behind the target of each move: speed, and how near it is reached."""
         controller = self.cell.controller
         corner = math.floor(self.job.zone_mm * 10 + 1e-9) / 10 if controller and controller.corner_region else 0.0
-        levels = controller.levels_mm if controller else ()
+        levels = controller.position_levels_mm if controller else []
         within = [level for level, zone_mm in enumerate(levels, 1) if zone_mm <= self.job.zone_mm]
         level = max(within, key=lambda level: levels[level - 1], default=0)
         rounded = f"CR={corner:.1f}" if corner >= LEAST_CORNER_MM else f"PL={level}"

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.kernels import kernel
+from workbench.robot.kinematics import turn_about_axis
 from workbench.units import DEG, AnyArray, Shaped
 
 NONE, BOX, CYLINDER = 0, 1, 2  # what a volume is besides a capsule
@@ -322,22 +323,14 @@ def _move(
         motion[0, r, r] = 1.0
     e = len(slides)
     for i in range(6 + e):
-        x, y, z = (axes[i, 0], axes[i, 1], axes[i, 2]) if i < 6 else (0.0, 0.0, 1.0)
-        px, py, pz = (points[i, 0], points[i, 1], points[i, 2]) if i < 6 else (0.0, 0.0, 0.0)
-        angle = joints[n, i] if i < 6 or not slides[i - 6] else 0.0
-        c, s = np.cos(angle), np.sin(angle)
-        v = 1 - c  # Rodrigues
-        turn[i, 0, 0], turn[i, 0, 1], turn[i, 0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
-        turn[i, 1, 0], turn[i, 1, 1], turn[i, 1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
-        turn[i, 2, 0], turn[i, 2, 1], turn[i, 2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
-        turn[i, 0, 3] = px - turn[i, 0, 0] * px - turn[i, 0, 1] * py - turn[i, 0, 2] * pz
-        turn[i, 1, 3] = py - turn[i, 1, 0] * px - turn[i, 1, 1] * py - turn[i, 1, 2] * pz
-        turn[i, 2, 3] = pz - turn[i, 2, 0] * px - turn[i, 2, 1] * py - turn[i, 2, 2] * pz
         if i < 6:
+            turn_about_axis(turn, i, axes, points, i, joints[n, i])
             _compose(motion, i + 1, motion, i, turn, i)
             continue
-        if slides[i - 6]:
-            turn[i, 2, 3] = joints[n, i] / DEG
+        angle = 0.0 if slides[i - 6] else joints[n, i]
+        c, s = np.cos(angle), np.sin(angle)
+        turn[i, 0, 0], turn[i, 0, 1], turn[i, 1, 0], turn[i, 1, 1], turn[i, 2, 2] = c, -s, s, c, 1.0
+        turn[i, 2, 3] = joints[n, i] / DEG if slides[i - 6] else 0.0
         carrier = 6 + e - (i - 6)
         _compose(turn, 6 + 2 * e, motion, 0 if i == 6 else carrier + 1, turn, e + i)
         _compose(motion, carrier, turn, 6 + 2 * e, turn, i)

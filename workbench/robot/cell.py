@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.artefacts import RobotCell
 from workbench.errors import InputError
-from workbench.robot.cell_file import ProcessPart, SpindleCurvePart
+from workbench.robot.cell_file import ControllerPart, ProcessPart, SpindleCurvePart
 from workbench.robot.kinematics import Chain, jacobian_at, joint_axes
 from workbench.robot.wrist import Side
 from workbench.storage import regular_file
@@ -215,18 +215,6 @@ class LoadingSetup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Controller:
-    """The robot's controller, as far as a program must know it."""
-
-    dialect: str  # abb, kuka, fanuc, ur, yaskawa or trajectory
-    level_joint_3: bool  # whether joint 3 counts against the ground (most of FANUC's)
-    corner_region: bool  # whether CR (mm) of FANUC or Yaskawa is installed
-    world_from_base: Shaped[Float, "4 4"] | None = None  # as the controller has it; None: its world is its base
-    acceleration_s: float | None = None  # longest time in which a linear move reaches its feed; None: not stated
-    levels_mm: tuple[float, ...] = ()  # zones of Yaskawa's PL=1, 2, ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Cell(RobotCell):
     """A robot cell as its file describes it; `shapes` are the robot's links first, then all that stands around."""
 
@@ -240,7 +228,7 @@ class Cell(RobotCell):
     may_touch: tuple[tuple[str, str], ...]  # pairs of bodies that are not checked
     margin_mm: float  # clearance below which a posture counts as colliding
     warnings: tuple[str, ...] = ()
-    controller: Controller | None = None  # None: the file does not say
+    controller: ControllerPart | None = None  # as far as a program must know it; None: the file does not say
     margins: Margins = field(default_factory=Margins)
     accelerations: Shaped[Float, " 6"] | None = None  # rad/s^2, largest of the joints; None: not stated
     controller_tools: Mapping[str, Float] = field(

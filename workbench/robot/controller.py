@@ -15,6 +15,7 @@ import numpy as np
 from workbench.artefacts import ProgramMove, ProgramMoves, Violation
 from workbench.geometry.poses import inverse, pose_from, rpy_from_rotation
 from workbench.robot.cell import Cell
+from workbench.robot.cell_file import matrix_of
 from workbench.robot.kinematics import Chain, forward_kinematics
 from workbench.robot.makers import MAKERS, Maker
 from workbench.units import DEG, Float
@@ -115,7 +116,9 @@ def _elsewhere(cell: Cell, maker: Maker, base: Float, first: ProgramMove, tool: 
         return f"$.controller.world_from_base: expected null, programs of {maker.name}'s know no world but the base"
     assert first.joints is not None  # else there is no way, and the judge has refused it
     flange = _flange(cell, maker, base)
-    world_from_cell = (np.eye(4) if stated is None else stated) @ inverse(base)
+    world = np.eye(4) if stated is None else matrix_of(stated)
+    assert world is not None  # as the cell's file was read
+    world_from_cell = world @ inverse(base)
     cells_from_flange = inverse(chain.base_from_flange_at_zero) @ flange
     there = forward_kinematics(chain, first.joints)
     faults = []

@@ -127,28 +127,29 @@ def jacobian_derivative(axes: Float, jacobian: Float) -> Float:
 @kernel
 def _motions(axes: AnyArray, points: AnyArray, q: AnyArray) -> AnyArray:
     """Chained turns about the axes at zero, posture by posture."""
-    moved, turn = np.zeros((len(q), 7, 4, 4)), np.zeros((3, 4))
+    moved, turn = np.zeros((len(q), 7, 4, 4)), np.zeros((1, 3, 4))
     for n in range(len(q)):
         for k in range(4):
             moved[n, 0, k, k] = 1.0
         for i in range(6):
-            _turn(turn, axes, points, i, q[n, i])
+            turn_about_axis(turn, 0, axes, points, i, q[n, i])
             moved[n, i + 1, 3, 3] = 1.0
             for r in range(3):
                 a, b, c = moved[n, i, r, 0], moved[n, i, r, 1], moved[n, i, r, 2]
                 for k in range(4):
-                    moved[n, i + 1, r, k] = a * turn[0, k] + b * turn[1, k] + c * turn[2, k]
+                    moved[n, i + 1, r, k] = a * turn[0, 0, k] + b * turn[0, 1, k] + c * turn[0, 2, k]
                 moved[n, i + 1, r, 3] += moved[n, i, r, 3]
     return moved
 
 
 @kernel
-def _turn(turn: AnyArray, axes: AnyArray, points: AnyArray, i: int, angle: float) -> None:
-    """The rigid motion (3, 4) that turns by `angle` about axis i (Rodrigues)."""
+def turn_about_axis(turn: AnyArray, k: int, axes: AnyArray, points: AnyArray, i: int, angle: float) -> None:
+    """The rigid motion turn[k] (3, 4) that turns by `angle` about axis i (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
-    x, y, z = axes[i, 0], axes[i, 1], axes[i, 2]
-    turn[0, 0], turn[0, 1], turn[0, 2] = c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s
-    turn[1, 0], turn[1, 1], turn[1, 2] = y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s
-    turn[2, 0], turn[2, 1], turn[2, 2] = z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)
+    x, y, z, v = axes[i, 0], axes[i, 1], axes[i, 2], 1 - c
+    turn[k, 0, 0], turn[k, 0, 1], turn[k, 0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+    turn[k, 1, 0], turn[k, 1, 1], turn[k, 1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+    turn[k, 2, 0], turn[k, 2, 1], turn[k, 2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
     for r in range(3):
-        turn[r, 3] = points[i, r] - turn[r, 0] * points[i, 0] - turn[r, 1] * points[i, 1] - turn[r, 2] * points[i, 2]
+        a, b, d = turn[k, r, 0], turn[k, r, 1], turn[k, r, 2]
+        turn[k, r, 3] = points[i, r] - a * points[i, 0] - b * points[i, 1] - d * points[i, 2]

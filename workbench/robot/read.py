@@ -16,7 +16,6 @@ from workbench.robot.cell import (
     ON_CRADLE,
     ON_TURNTABLE,
     Cell,
-    Controller,
     LoadingSetup,
     Margins,
     Shape,
@@ -27,7 +26,6 @@ from workbench.robot.cell import (
 from workbench.robot.cell_file import (
     AxisPart,
     CellPart,
-    ControllerPart,
     EnvelopePart,
     LoadingPart,
     Pose,
@@ -103,6 +101,8 @@ def read_cell(path: Path) -> Cell:
     srdf = {} if robot.srdf is None else disabled_pairs(path.parent / robot.srdf)
     disabled = {pair: why for pair, why in srdf.items() if known.issuperset(pair)}
     check_plausible(part, f"{path}: $")
+    if part.controller is not None and part.controller.world_from_base is not None:
+        _pose(part.controller.world_from_base, f"{path}: $.controller.world_from_base")
     warnings = (spindle_warning(cutter), _inverse_warning(chain))
     tools, frames = _on_controller(part, cutter, path)
     made = JudgedCell(
@@ -135,7 +135,7 @@ def read_cell(path: Path) -> Cell:
         spindle=part.tool.spindle,
         material=part.workpiece.material,
         joint_stiffness_nm_per_rad=_array(part.robot.joint_stiffness_nm_per_rad),
-        controller=_controller(part.controller, path),
+        controller=part.controller,
     )
     _check_turntable(made, path)
     return dataclasses.replace(made, unchecked=(*made.unchecked, *_odd(part, made), *left_out(made, part.may_touch)))
@@ -284,16 +284,6 @@ def _inverse_warning(chain: Chain) -> str | None:
     except InputError as error:
         return f"no inverse kinematics: {error}" if offset_wrist(chain) is None else None
     return None
-
-
-def _controller(part: ControllerPart | None, path: Path) -> Controller | None:
-    if part is None:
-        return None
-    level = part.dialect == "fanuc" if part.level_joint_3 is None else part.level_joint_3
-    stated = part.world_from_base
-    world = None if stated is None else _pose(stated, f"{path}: $.controller.world_from_base")
-    levels = tuple(part.position_levels_mm)
-    return Controller(part.dialect, level, part.corner_region, world, part.acceleration_s, levels)
 
 
 def _tool(part: ToolPart, base_from_flange: Float, path: Path) -> list[Shape]:

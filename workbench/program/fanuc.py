@@ -167,12 +167,11 @@ class Program(Reading):
     """Sections /PROG, /ATTR and /MN of a TP program, with its positions, for the robot and the controller of a cell."""
 
     language, dialect, suffix = PROGRAM, "fanuc", ".ls"
-    frame = (0, 0)
     runs_on = False  # the move before ends in CNT100
 
     def __init__(self, cell: Cell) -> None:
         super().__init__(cell)
-        self.cell, self.declared = cell, dict[str, Float]()
+        self.cell, self.declared, self.frame = cell, dict[str, Float](), (0, 0)
 
     def run(self, name: str, text: str) -> None:
         """Positions first."""

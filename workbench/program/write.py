@@ -280,13 +280,13 @@ def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:
     height = 0.5 + 1.3 * len(shown)
     figure = Figure(figsize=(10, height))
     charts = figure.subplots(len(shown), 1, sharex=True)
-    figure.subplots_adjust(0.08, 0.5 / height, 0.985, 1.0 - 0.06 / height, hspace=0.18)
+    figure.subplots_adjust(0.1, 0.5 / height, 1.0 - 0.01, 1.0 - 0.1 / height, hspace=0.1)
     for axes, (name, values, limit) in zip(charts, shown, strict=True):
         top = 1.08 * max(float(np.nanmax(values)), limit)
         axes.set(xlim=(0.0, float(arc[-1])), ylim=(0.0, top), ylabel=name)
-        axes.y_label_at = -0.055
-        axes.plot(arc[first], values, linewidth=1.1, color=MEASURED)
-        axes.axhline(limit, color=LIMIT, linewidth=0.9, dashes=(6, 3))
+        axes.y_label_at = -0.05
+        axes.plot(arc[first], values, linewidth=1.0, color=MEASURED)
+        axes.axhline(limit, color=LIMIT, linewidth=1.0, dashes=(6, 3))
     charts[-1].set(xlabel="way of the tool, mm")
     return figure.svg()
 

@@ -109,16 +109,20 @@ def _senses(chain: Chain, maker: Maker, base: Float) -> str | None:
     )
 
 
+def _stated_world(cell: Cell) -> Float | None:
+    """The base in the controller's world (4, 4), as the cell's file has it."""
+    stated = cell.controller and cell.controller.world_from_base
+    return matrix_of(stated) if stated else None
+
+
 def _elsewhere(cell: Cell, maker: Maker, base: Float, first: ProgramMove, tool: Float) -> str | None:
     """The first posture's pose as the controller computes it, against the cell's."""
-    chain, stated = cell.chain, None if cell.controller is None else cell.controller.world_from_base
+    chain, stated = cell.chain, _stated_world(cell)
     if stated is not None and not maker.world:
         return f"$.controller.world_from_base: expected null, programs of {maker.name}'s know no world but the base"
     assert first.joints is not None  # else there is no way, and the judge has refused it
     flange = _flange(cell, maker, base)
-    world = np.eye(4) if stated is None else matrix_of(stated)
-    assert world is not None  # as the cell's file was read
-    world_from_cell = world @ inverse(base)
+    world_from_cell = (np.eye(4) if stated is None else stated) @ inverse(base)
     cells_from_flange = inverse(chain.base_from_flange_at_zero) @ flange
     there = forward_kinematics(chain, first.joints)
     faults = []

@@ -78,7 +78,18 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
         yield "track.limits_mm", f"expected a range of at least {LEAST_TRACK_MM:g} mm, found {found}: {METRES}"
     if part.work_object is not None and np.any(_matrix(part.work_object.pose)[:3, 3]):
         yield from _near(part.work_object.pose, "work_object.pose", "robot's base")
-    yield from _bodies(part)
+    yield from _sizes(part)
+    for i, fixture in enumerate(part.fixtures):
+        if fixture.on == "base" and fixture.mesh is None and np.any(_matrix(fixture.pose)[:3, 3]):
+            yield from _near(fixture.pose, f"fixtures[{i}].pose", "robot's base")
+    yield from _numbers(part)
+
+
+def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
+    """Numbers that are one in another unit."""
+    room = part.envelope and min(np.subtract(part.envelope.highest_mm, part.envelope.lowest_mm).tolist())
+    if room is not None and room < LEAST_ROOM_MM:
+        yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
     for place, (least, unit, guess) in LEAST.items():
         value = _at(part, place)
         if value is not None and 0 < value < least:
@@ -134,7 +145,8 @@ def _out_of_reach(table: TurntablePart, room: EnvelopePart) -> Iterator[tuple[st
         yield "turntable.base_from_turntable", f"expected a turntable that reaches into $.envelope, {found}"
 
 
-def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
+def _sizes(part: CellPart) -> Iterator[tuple[str, str]]:
+    """Bodies that are too small for one of mm."""
     carriers: list[tuple[str, Sequence[ShapePart]]] = [("tool", part.tool.shapes)]
     carriers += [(place, axis.shapes) for place, axis, _ in _axes(part.turntable)] if part.turntable else []
     shapes = [(f"{place}.shapes[{i}]", one) for place, all_ in carriers for i, one in enumerate(all_)]
@@ -143,13 +155,6 @@ def _bodies(part: CellPart) -> Iterator[tuple[str, str]]:
         if size and min(size) < THINNEST_MM and max(size) < LONGEST_MM:
             found = " x ".join(f"{value:g}" for value in size)
             yield place, f"expected a body of mm, found one of {found}: {METRES}"
-    for i, fixture in enumerate(part.fixtures):
-        if fixture.on == "base" and fixture.mesh is None and np.any(_matrix(fixture.pose)[:3, 3]):
-            yield from _near(fixture.pose, f"fixtures[{i}].pose", "robot's base")
-    if part.envelope is not None:
-        room = min(h - low for low, h in zip(part.envelope.lowest_mm, part.envelope.highest_mm, strict=True))
-        if room < LEAST_ROOM_MM:
-            yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
 
 
 def bare_mm(tool: ToolPart) -> float:
@@ -200,21 +205,22 @@ def _tool(tool: ToolPart) -> Iterator[tuple[str, str]]:
             f"expected z along the cutter's axis, found no body of the tool {AHEAD_MM:g} mm back from the tip: is z "
             "another axis, or the quaternion not scalar first?",
         )
-    if tool.centre_of_gravity_mm is None:
-        return
-    centre = np.array(tool.centre_of_gravity_mm)
+    if tool.centre_of_gravity_mm is not None:
+        yield from _centre(np.array(tool.centre_of_gravity_mm), known if whole else [])
+
+
+def _centre(centre: Float, bodies: Sequence[Float]) -> Iterator[tuple[str, str]]:
+    """A centre of gravity (3,) that is at the flange, or lies beside the tool's bodies, where all of them are known."""
+    places = np.concatenate([np.zeros((1, 3)), *(one.reshape(-1, 3) for one in bodies)])  # the flange counts too
+    off = float(np.maximum(places.min(axis=0) - centre, centre - places.max(axis=0)).max()) if bodies else 0.0
     if np.linalg.norm(centre) < LEAST_MM:
         found = f"expected at least {LEAST_MM:g} mm from the flange, found {_listed(centre)}: {METRES}"
         yield "tool.centre_of_gravity_mm", found
-    elif whole:
-        places = np.concatenate([np.zeros((1, 3)), *(one.reshape(-1, 3) for one in known)])  # the flange counts too
-        off = float(np.maximum(places.min(axis=0) - centre, centre - places.max(axis=0)).max())
-        if off > OFF_MM:
-            yield (
-                "tool.centre_of_gravity_mm",
-                f"expected a place among the tool's bodies, found one {off:.0f} mm outside: "
-                "is it in the flange's frame?",
-            )
+    elif off > OFF_MM:
+        yield (
+            "tool.centre_of_gravity_mm",
+            f"expected a place among the tool's bodies, found one {off:.0f} mm outside: is it in the flange's frame?",
+        )
 
 
 def _curve(curve: SpindleCurvePart) -> Iterator[tuple[str, str]]:

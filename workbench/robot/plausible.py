@@ -87,9 +87,10 @@ def _doubts(part: CellPart) -> Iterator[tuple[str, str]]:
 
 def _numbers(part: CellPart) -> Iterator[tuple[str, str]]:
     """Numbers that are one in another unit."""
-    room = part.envelope and min(np.subtract(part.envelope.highest_mm, part.envelope.lowest_mm).tolist())
-    if room is not None and room < LEAST_ROOM_MM:
-        yield "envelope", f"expected a box in which a robot can move, found one {room:.3g} mm wide: {METRES}"
+    room = part.envelope
+    wide = np.inf if room is None else np.min(np.subtract(room.highest_mm, room.lowest_mm))
+    if wide < LEAST_ROOM_MM:
+        yield "envelope", f"expected a box in which a robot can move, found one {wide:.3g} mm wide: {METRES}"
     for place, (least, unit, guess) in LEAST.items():
         value = _at(part, place)
         if value is not None and 0 < value < least:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from numba.core.codegen import get_host_cpu_features
 
+from tests.seldom import seldom
 from workbench.kernels import BASELINE
 from workbench.user_folder import UserFolder
 
@@ -121,8 +122,8 @@ def test_kernels_of_a_wheel_serve_where_none_is_kept(room: Path) -> None:
     [
         ("constants", "LIMIT = 2.0", "LIMIT = 3.0", "7.0 2.0 0 7.0"),  # a constant of a module imported by one imported
         ("outer", "STEP = (1.0, 0.5)", "STEP = (1.0, 1.5)", "7.0 2.0 0 7.0"),
-        ("inner", "a * LIMIT", "a / LIMIT", "2.0 2.0 0 2.0"),
         ("inner", "a * LIMIT", "a * LIMIT + 0.0 * 7", "5.0 2.0 0 5.0"),
+        *seldom(("inner", "a * LIMIT", "a / LIMIT", "2.0 2.0 0 2.0")),
     ],
 )
 def test_kernels_of_changed_sources_are_not_used(room: Path, module: str, old: str, new: str, now: str) -> None:

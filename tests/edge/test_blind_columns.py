@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench.drawn.plates import random_recipe
+from tests.seldom import seldom
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.edge.faces import find_faces
@@ -16,7 +17,7 @@ from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
 
 
-@pytest.mark.parametrize("columns", [4, 8, 30])
+@pytest.mark.parametrize("columns", [8, 30, *seldom(4)])
 def test_a_root_face_that_ends_behind_blind_columns_is_right(columns: int) -> None:
     """Or rests on a condition, where more are blind than dirt makes."""
     recording, truth = simulate_recording(random_recipe("partial_view", 5_250_201))  # it lies still; a table behind

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bench.score.measure import one
+from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud, MilledEdge
 from workbench.edge import segment
 
@@ -67,7 +68,7 @@ def prolonged(cloud: Cloud, edge: MilledEdge, from_mm: float, to_mm: float) -> C
     return dataclasses.replace(cloud, x_mm=x, z_mm=z, keep=keep)
 
 
-@pytest.mark.parametrize("seed", [1005, 1077])  # 0.09 and 0.12 mm high at most, 3 and 2 columns
+@pytest.mark.parametrize("seed", [1005, *seldom(1077)])  # 0.09 and 0.12 mm high at most, 3 and 2 columns
 def test_a_low_burr_on_half_of_an_edge_is_no_root_face(seed: int, tmp_path: Path) -> None:
     root = one(("worn", "triangulated", seed, tmp_path, "product")).found["root_mm"]
     assert (np.abs(root.error) < 2.0 * root.u).mean() > 0.95

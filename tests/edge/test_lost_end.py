@@ -12,7 +12,7 @@ from workbench import cloud, edge, scan
 STRAIGHT, ARC = {"shape": "straight"}, {"shape": "arc", "radius_mm": 300}
 
 
-@pytest.mark.parametrize(("spine", "columns"), [(STRAIGHT, 25), (ARC, 8), *seldom((STRAIGHT, 8), (ARC, 25))])
+@pytest.mark.parametrize(("spine", "columns"), [(ARC, 8), *seldom((STRAIGHT, 25), (STRAIGHT, 8), (ARC, 25))])
 def test_the_edge_does_not_turn_where_its_end_is_lost(spine: dict[str, object], columns: int) -> None:
     recipe = {
         "simulator": "swept",

@@ -27,13 +27,8 @@ RAW = {"kind": "raw", "length_mm": 60.0, "thickness_mm": 8.0}
 ABOVE = {"from_mm": 5.0, "to_mm": 55.0, "skew_mm": [-0.4, 0.4]}
 UP = (0.05, -0.1, 1.0)  # as a user says it: roughly
 PARTS = [
-    ("raw_arc", 1),
-    ("raw_wavy", 1),
-    ("raw_drift", 1),
-    ("raw_below", 1),
-    ("raw_two_pass", 1),
-    ("raw_missing_20", 1),
-    ("raw_clamps", 1),
+    *(("raw_arc", 1), ("raw_below", 1), ("raw_two_pass", 1), ("raw_clamps", 1)),
+    *seldom(("raw_wavy", 1), ("raw_drift", 1), ("raw_missing_20", 1)),
 ]
 
 
@@ -225,7 +220,7 @@ def test_an_edge_seen_only_in_part_is_refused(scanned: Scans, aim_mm: tuple[floa
 
 @pytest.mark.parametrize(
     ("z_away", "x_rises", "off_deg"),
-    [(True, True, 20.0), (True, False, -20.0), (False, True, -10.0), (False, False, 0.0)],
+    [(True, False, -20.0), (False, True, -10.0), *seldom((True, True, 20.0), (False, False, 0.0))],
 )
 def test_a_rough_direction_is_enough_whatever_the_sensors_axes(
     scanned: Scans, z_away: bool, x_rises: bool, off_deg: float

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.seldom import seldom
 from workbench.cli import main
 from workbench.cloud import read as read_cloud
 from workbench.export import cloud as export_cloud
@@ -59,7 +60,7 @@ def test_a_second_reader_of_e57_reads_every_point(inspected, tmp_path: Path) -> 
     np.testing.assert_allclose(np.sort(1000.0 * found, axis=0), np.sort(told, axis=0), atol=1e-4)
 
 
-@pytest.mark.parametrize("ending", ["pcd", "ply"])
+@pytest.mark.parametrize("ending", ["pcd", *seldom("ply")])
 @pytest.mark.skipif(shutil.which("pcl_pcd2ply") is None, reason="PCL's tools are not installed")
 def test_pcl_reads_every_point(inspected, tmp_path: Path, ending: str) -> None:
     file, other = tmp_path / f"cloud.{ending}", tmp_path / ("read.ply" if ending == "pcd" else "read.pcd")

@@ -12,6 +12,7 @@ from bench.score.errors import process
 from bench.score.measure import measure
 from bench.score.parts import GROUPS, Part, part
 from bench.score.table import table
+from tests.seldom import seldom
 from workbench.errors import InputError
 
 
@@ -57,7 +58,7 @@ def test_an_engine_that_refuses_or_crashes_is_priced(tmp_path: Path, fault: Exce
     assert "| sharp | none | `root_mm` | 1 | 1 | 1.000 |" in table([result])
 
 
-@pytest.mark.parametrize("group", ["sharp", "raw"])
+@pytest.mark.parametrize("group", ["sharp", *seldom("raw")])
 def test_a_kept_part_is_measured_by_the_product(tmp_path: Path, group: str) -> None:
     first = part("outside", GROUPS[group].recordings, 3, tmp_path)
     told = json.loads(first.recording.with_suffix(".json").read_text())

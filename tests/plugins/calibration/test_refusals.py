@@ -74,7 +74,7 @@ CASES = {
 @pytest.mark.parametrize(("degenerate", "words"), CASES.items(), ids=lambda c: getattr(c, "__name__", ""))
 def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
     """Jitter of 0.1 deg and 0.1 mm makes all of them full rank; they are refused all the same."""
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         turns, centre = degenerate(rng, *postures(rng, 9))
         shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))

@@ -62,7 +62,11 @@ POSES = {
 
 
 # What an edge adds is the way to ask; the mistakes are the same.
-CASES = [*((by_sphere, words) for words in POSES), *seldom((by_edge, next(iter(POSES))))]
+CASES = [
+    *((by_sphere, words) for words in list(POSES)[:3]),
+    *seldom(*((by_sphere, words) for words in list(POSES)[3:])),
+]
+CASES += seldom((by_edge, next(iter(POSES))))
 
 
 @pytest.mark.parametrize(("made", "words"), CASES, ids=lambda one: one[:30] if isinstance(one, str) else one.__name__)

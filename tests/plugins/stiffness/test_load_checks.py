@@ -44,9 +44,12 @@ MISTAKES: list[tuple[str, int, Change, str]] = [
     ("wrench in base axes", 0, wrench_in_base, "wrench is in base axes"),
     ("angles in rad", 0, scaled("joints", slice(None), np.pi / 180), "joint angles are in rad"),
 ]
+SELDOM = dict.fromkeys(("ry in mrad", "all points in m", "wrench in kN and kNm"), pytest.mark.slow)  # as rx and torques
 
 
-@pytest.mark.parametrize(("targets", "change", "message"), [pytest.param(*m[1:], id=m[0]) for m in MISTAKES])
+@pytest.mark.parametrize(
+    ("targets", "change", "message"), [pytest.param(*m[1:], id=m[0], marks=SELDOM.get(m[0], ())) for m in MISTAKES]
+)
 def test_mistakes_are_named(
     identified: Any, cell: Cell, noisy: Any, targets: int, change: Change, message: str
 ) -> None:

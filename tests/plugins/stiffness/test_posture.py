@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.seldom import seldom
 from workbench.api import inverse, rotation_from_vector
 from workbench.artefacts import Layer, PathGate, Toolpath
 from workbench.errors import InputError
@@ -110,7 +111,7 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
     return best
 
 
-@pytest.mark.parametrize("where", ["cell", "cluttered", "dressed"])
+@pytest.mark.parametrize("where", ["cell", "cluttered", *seldom("dressed")])
 def test_choice_and_map_are_those_of_plain_loops(
     where: str, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, request: pytest.FixtureRequest
 ) -> None:

@@ -21,9 +21,8 @@ from .conftest import ROOT, K
 
 @pytest.mark.parametrize("targets", [0, 3, 4])
 def test_exact_loads_give_table_2_exactly(identified: Any, exact: Any, targets: int) -> None:
-    """Second order included: what is left is of third order."""
     found = identified(exact(targets))[0]
-    assert np.abs(found.nm_per_rad / K - 1).max() < 5e-5
+    assert np.abs(found.nm_per_rad / K - 1).max() < 1e-5
 
 
 def test_uncertainties_are_honest(identified: Any, noisy: Any) -> None:

@@ -14,7 +14,7 @@ from workbench.artefacts import PathGate, Postures, ProgramMoves, Toolpath
 from workbench.errors import InputError
 from workbench.path import read, simplify
 from workbench.plugins.stiffness import compensate, force, posture, predict
-from workbench.plugins.stiffness.elastic import balance
+from workbench.plugins.stiffness.elastic import balance, way
 from workbench.plugins.stiffness.path_points import PathPoints
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
 from workbench.program import write
@@ -138,7 +138,7 @@ def test_prediction_is_the_balance_of_springs(
         point = turned @ pose_from(rotation_from_quaternion(layer.quaternion_wxyz[i]), layer.position_mm[i])
         local = (inverse(forward_kinematics(cell.chain, q)) @ point)[:3, 3]
         wrench = np.append(point[:3, :3] @ forces.mean_n[i], np.zeros(3))
-        moved = balance(cell.chain, stiffness.nm_per_rad, q, local, wrench)[0][:3]
+        moved = way(cell.chain, q, balance(cell.chain, 1 / stiffness.nm_per_rad, q, local, wrench), local)[:3]
         assert np.linalg.norm(moved) > 0.05
         assert np.allclose(found.by_layer_mm[layer.index][i], point[:3, :3].T @ moved, rtol=0, atol=2e-4)
 

@@ -18,7 +18,7 @@ from workbench.api import (
     stage,
     strict_json,
 )
-from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness
+from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness, way
 from workbench.plugins.stiffness.values import Deflection, JointStiffness
 
 Vector = tuple[float, float, float]
@@ -78,13 +78,14 @@ def deflection(
 def _moved(cell: Cell, k: Float, joints: Float, tip: Float, wrench: Float, method: Method) -> tuple[Float, Float]:
     if method == "balance":
         try:
-            return balance(cell.chain, k, joints, tip, wrench)
-        except (ValueError, np.linalg.LinAlgError):
+            dq = balance(cell.chain, 1 / k, joints, tip, wrench)
+        except np.linalg.LinAlgError:
             size, moment = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
             raise InputError(
                 "stiffness.deflection",
                 f"no balance under {size:.4g} N and {moment:.4g} Nm: the robot buckles; expected a smaller load",
             ) from None
+        return way(cell.chain, joints, dq, tip), dq
     return give_way(cell.chain, k, joints, tip, wrench, with_kc=method != "linear")
 
 

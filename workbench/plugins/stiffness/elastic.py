@@ -68,21 +68,27 @@ def pushed(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, force
     return np.asarray(np.einsum("...ri,...i->...r", jacobian, torque / stiffness))
 
 
-def balance(chain: Chain, stiffness: Float, joints: Float, point_mm: Float, wrench: Float) -> tuple[Float, Float]:
-    """Displacement (6,) and joint deflection (6,) at which springs and load are in balance, to 1e-14 rad, by Newton.
+def balance(
+    chain: Chain, compliance: Float, joints: Float, point_mm: Float, wrench: Float, most: int | None = None
+) -> Float:
+    """Joint deflection (..., 6) at which springs of a compliance (6,), rad/Nm, and loads are in balance, by Newton.
+
+    To 1e-14 rad; `most`: or after so many steps, each of which doubles the order that is right.
 
     Raises:
-        ValueError: the robot buckles under the load: there is no balance near its unloaded posture.
+        LinAlgError: the robot buckles under the load: there is no balance near its unloaded posture.
     """
-    dq: Float = np.zeros(6)
-    for _ in range(50):
+    dq: Float = np.zeros(np.shape(joints))
+    for _ in range(most or 50):
         jacobian, derivative = _jacobian(chain, joints + dq, point_mm)
-        tangent = np.diag(stiffness) - geometric_stiffness(derivative, wrench)
-        step = np.linalg.solve(tangent, torques(jacobian, wrench) - stiffness * dq)
+        tangent = np.eye(6) - compliance[:, None] * geometric_stiffness(derivative, wrench)
+        step = np.linalg.solve(tangent, (compliance * torques(jacobian, wrench) - dq)[..., None])[..., 0]
         dq = np.asarray(dq + step)
         if np.abs(step).max() < 1e-14:
-            return _way(chain, joints, dq, point_mm), dq
-    raise ValueError("no balance")
+            return dq
+    if most is None:
+        raise np.linalg.LinAlgError("no balance")
+    return dq
 
 
 def _jacobian(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Float]:
@@ -93,7 +99,7 @@ def _jacobian(chain: Chain, joints: Float, point_mm: Float) -> tuple[Float, Floa
     return jacobian, jacobian_derivative(axes, jacobian)
 
 
-def _way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
+def way(chain: Chain, joints: Float, dq: Float, point_mm: Float) -> Float:
     """Displacement (..., 6) of a flange point when the joints turn by dq, however far."""
     before, after = forward_kinematics(chain, joints), forward_kinematics(chain, joints + dq)
     way = ((after - before) @ [*point_mm, 1.0])[..., :3]

@@ -7,6 +7,7 @@ cannot determine is told in words.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,16 +22,16 @@ from workbench.api import (
     estimator,
     forward_kinematics,
     jacobian_at,
-    jacobian_derivative,
     joint_axes,
 )
-from workbench.plugins.stiffness.elastic import MM, geometric_stiffness, wrench_at
+from workbench.plugins.stiffness.elastic import MM, balance, way, wrench_at
 from workbench.plugins.stiffness.values import LoadingTests
 
 TYPICAL = 1e-6  # rad/Nm, to begin with
 SOFTEST = 1e-3  # rad/Nm, three times the softest plausible
 ALIKE = 0.9  # correlation above which two joints count as not told apart
 SURE = 3.0  # standard uncertainties by which a compliance counts as negative
+STEPS = 2  # of the balance, where the compliance is still sought: what is left is of the fourth order
 LITTLE = 0.02  # torque over force times reach below which a load does not turn a joint
 
 
@@ -40,21 +41,20 @@ class Equations:
 
     y: Shaped[Float, "L r"]  # mm, rad
     a: Shaped[Float, "L r 6"]  # with c in rad/Nm: first order
-    curved: Shaped[Float, "L r 6 6"]  # second derivative of y by joint deflection: mm/rad^2, 1/rad
     torque: Shaped[Float, "L 6"]  # Nm, of each load about the joints
     by_wrench: Shaped[Float, "L 6 6"]  # torque = by_wrench @ the sensor's wrench
     jacobian: Shaped[Float, "L r 6"]  # of the rows: mm/rad, rad/rad
-    kc: Shaped[Float, "L 6 6"]  # Nm/rad, of the load at its own posture
     across_n: Shaped[Float, "L 6"]  # force across each joint's axis
     reach_mm: Shaped[Float, "L 6"]  # of the sensor from the joint
     noise: Shaped[Float, " r"]  # standard deviation of a row
     wrench_noise: Shaped[Float, " 6"]  # N, Nm
     seen: Shaped[Bool, "L r"]
     values: int  # of an observation: 6 of the tool frame, 3 of a tracked point
+    predicted: Callable[[Float], Float]  # displacement (L, r) by the compliance, springs and loads in balance
 
     def residual(self, compliance: Float) -> Float:
         """Measured less modelled (L, r); 0 where nothing was seen."""
-        return np.asarray((self.y - curvature(self, compliance) - self.a @ compliance) * self.seen)
+        return np.asarray((self.y - self.predicted(compliance)) * self.seen)
 
 
 def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equations:
@@ -69,24 +69,24 @@ def equations(chain: Chain, setup: LoadingSetup, tests: LoadingTests) -> Equatio
     by_wrench = np.swapaxes(at_sensor, -1, -2) @ turn
     torque = (by_wrench @ tests.wrench[..., None])[..., 0]
     if tests.points:
-        jacobian, curved = _of_points(axes, points, flange, setup.targets_mm[: tests.points])
+        targets = np.swapaxes(flange[:, :3, :3] @ setup.targets_mm[: tests.points].T, 1, 2) + flange[:, None, :3, 3]
+        each = [jacobian_at(axes, points, targets[:, k])[:, :3] for k in range(tests.points)]
+        jacobian = np.concatenate(each, axis=1)
     else:
         jacobian = jacobian_at(axes, points, (flange @ setup.flange_from_tool)[:, :3, 3])
-        curved = jacobian_derivative(axes, jacobian)
     seen = np.isfinite(tests.moved)
     return Equations(
         y=np.where(seen, tests.moved, 0.0),
         a=jacobian * torque[:, None, :],
-        curved=curved,
         torque=torque,
         by_wrench=by_wrench,
         jacobian=jacobian,
-        kc=geometric_stiffness(jacobian_derivative(axes, at_sensor), in_base),
         across_n=np.linalg.norm(np.cross(axes, in_base[:, None, :3]), axis=2),
         reach_mm=np.linalg.norm(sensor[:, None, :3, 3] - points, axis=2),
         noise=row_noise(setup, tests.points),
         seen=seen,
         values=3 if tests.points else 6,
+        predicted=lambda compliance: displaced(chain, setup, compliance, tests, STEPS),
         wrench_noise=np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3),
     )
 
@@ -97,19 +97,21 @@ def row_noise(setup: LoadingSetup, points: int) -> Float:
     return np.full(3 * points, setup.target_noise_mm) if points else np.array(of_tool)
 
 
-def _of_points(axes: Float, points: Float, flange: Float, targets_mm: Float) -> tuple[Float, Float]:
-    """Jacobian and second derivative of the rows of tracked points (k, 3), every load."""
-    at = np.moveaxis(flange[:, None, :3, :3] @ targets_mm[..., None], 0, 1)[..., 0] + flange[:, :3, 3]
-    of_points = [jacobian_at(axes, points, one) for one in at]
-    curved = np.concatenate([jacobian_derivative(axes, j)[:, :3] for j in of_points], axis=1)
-    return np.concatenate([j[:, :3] for j in of_points], axis=1), curved
+def displaced(
+    chain: Chain, setup: LoadingSetup, compliance: Float, tests: LoadingTests, most: int | None = None
+) -> Float:
+    """Displacement (L, r) of the tool frame or the tracked points by the tests' joints and wrenches alone.
 
-
-def curvature(eq: Equations, compliance: Float) -> Float:
-    """What the second order adds to y (L, r): K_c in the joints' deflection and the curvature of the way."""
-    dq = eq.torque * compliance
-    by_kc = np.einsum("lri,i,lij,lj->lr", eq.jacobian, compliance, eq.kc, dq)
-    return np.asarray(by_kc + 0.5 * np.einsum("lrij,li,lj->lr", eq.curved, dq, dq))
+    The wrench keeps its direction in space; `most`: as in `elastic.balance`.
+    """
+    flange, joints = forward_kinematics(chain, tests.joints), tests.joints
+    in_base = wrench_at((flange @ setup.flange_from_sensor)[:, :3, :3], np.zeros(3), tests.wrench)
+    dq = balance(chain, compliance, joints, setup.flange_from_sensor[:3, 3], in_base, most)
+    if not tests.points:
+        return way(chain, joints, dq, setup.flange_from_tool[:3, 3])
+    moved = (forward_kinematics(chain, joints + dq) - flange)[:, :3]
+    ends = np.column_stack([setup.targets_mm[: tests.points], np.ones(tests.points)])
+    return np.asarray(np.swapaxes(moved @ ends.T, 1, 2).reshape(len(joints), -1))
 
 
 def covariances(eq: Equations, compliance: Float) -> Float:
@@ -137,7 +139,7 @@ class Loading:
         return np.asarray(self._points(rows)[self.load, self.point])
 
     def rows(self, at: Float) -> estimator.Rows:
-        """The second order follows the estimate, and so does what the wrench's noise does through the joints."""
+        """What the wrench's noise does through the joints follows the estimate."""
         eq, n, d = self.eq, len(self.load), self.eq.values
         own = self.observed((eq.jacobian * np.abs(at)) @ eq.by_wrench * eq.wrench_noise)
         noise = self.observed(np.broadcast_to(eq.noise, eq.y.shape))
@@ -150,7 +152,7 @@ class Loading:
         )
 
     def moved(self, at: Float, step: Float) -> Float:
-        """Loads that contradict each other make joints softer than any robot's: their second order would run away."""
+        """Loads that contradict each other make joints softer than any robot's: their balance would run away."""
         return np.clip(at + step, -SOFTEST, SOFTEST)
 
     def misfits(self, rows: estimator.Rows) -> Float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -15,12 +16,9 @@ from workbench.api import (
     InputError,
     LoadingSetup,
     Seed,
-    forward_kinematics,
     stage,
-    vector_from_rotation,
 )
-from workbench.plugins.stiffness.elastic import balance, wrench_at
-from workbench.plugins.stiffness.equations import row_noise
+from workbench.plugins.stiffness.equations import displaced, row_noise
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
 from workbench.plugins.table import csv_bytes
@@ -92,34 +90,14 @@ def simulate_tests(
     The robot rests where springs and load are in balance; the wrench keeps its direction in space. Noise out of the
     cell is added to wrench and displacement where `rng` is given.
     """
-    points = np.vstack([setup.flange_from_tool[:3, 3], setup.targets_mm[:targets]])
-    moved = np.array([_moved(chain, setup, stiffness, q, w, points) for q, w in zip(joints, wrench, strict=True)])
-    moved = moved[:, 6:] if targets else moved
+    lines = tuple(range(2, len(joints) + 2))
+    tests = LoadingTests("simulated", labels, lines, joints, wrench, np.zeros((len(joints), 0)), targets)
+    moved = displaced(chain, setup, 1 / stiffness, tests)
     if rng is not None:
         noise = np.array([setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3)
         wrench = wrench + rng.normal(size=wrench.shape) * noise
         moved = moved + rng.normal(size=moved.shape) * row_noise(setup, targets)
-    return LoadingTests(
-        source="simulated",
-        labels=labels,
-        lines=tuple(range(2, len(joints) + 2)),
-        joints=joints,
-        wrench=wrench,
-        moved=moved,
-        points=targets,
-    )
-
-
-def _moved(chain: Chain, setup: LoadingSetup, stiffness: Float, q: Float, wrench: Float, points: Float) -> Float:
-    """Displacement of the tool frame (mm, rotation vector) and of the targets (mm)."""
-    before = forward_kinematics(chain, q)
-    sensor = before @ setup.flange_from_sensor
-    in_base = wrench_at(sensor[:3, :3], np.zeros(3), wrench)
-    _, dq = balance(chain, stiffness, q, setup.flange_from_sensor[:3, 3], in_base)
-    after = forward_kinematics(chain, q + dq)
-    way = (after - before)[:3] @ np.column_stack([points, np.ones(len(points))]).T
-    turned = vector_from_rotation(after[:3, :3] @ before[:3, :3].T)
-    return np.concatenate([way[:, 0], turned, way[:, 1:].T.reshape(-1)])
+    return replace(tests, wrench=wrench, moved=moved)
 
 
 def loads_csv(tests: LoadingTests, comment: str = "") -> bytes:

@@ -121,7 +121,6 @@ def _lobes(cut: Cuts, dynamics: Dynamics, change: float, largest_mm: float) -> F
     return np.array(rows).T
 
 
-TINY = 1e-3  # of a margin, drawn for none
 AT_RIGHT: Any = {"xycoords": ("axes fraction", "data"), "ha": "right"}
 NOT_INCLUDED = (
     "process damping of a worn or chamfered edge: it raises the limit at low cutting speed, never lowers it",
@@ -231,10 +230,11 @@ def _picture(page: _Page) -> bytes:
     along.fill_between(found.at, up - expanded, up + expanded, color=pieces.PALE)
     along.plot(found.at, up, linewidth=1.4, label="up, as the path runs, ± U")
     along.plot(found.at, down, linewidth=1.1, color=pieces.ORANGE, label="down")
-    along.axhline(np.log10(max(page.asked, TINY)), color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
     along.points(found.at[[k]], up[[k]], "o", markersize=6.0)
     along.annotate("worst place", (found.at[k], up[k]), (0.0, 8.0), ha="center", look=plot.ON_WHITE)
-    along.annotate("asked for, less U", (1.0, np.log10(max(page.asked, TINY))), (-2.0, 3.0), **AT_RIGHT)
+    if page.asked:
+        along.axhline(np.log10(page.asked), color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
+        along.annotate("asked for, less U", (1.0, np.log10(page.asked)), (-2.0, 3.0), **AT_RIGHT)
     along.set(xlabel="point of the path", ylabel="limit / depth")
     for row, name, colour in ((1, "up", pieces.INK), (2, "down", pieces.ORANGE)):
         limit = np.log10(np.minimum(page.lobes[row], ceiling))

@@ -7,6 +7,7 @@ import errno
 import glob
 import hashlib
 import io
+import math
 import os
 import shutil
 import stat
@@ -221,6 +222,45 @@ def csv_bytes(rows: Iterable[Mapping[str, object]], names: Sequence[str]) -> byt
 def numbered_lines(text: str) -> list[tuple[int, str]]:
     """Lines with their numbers from 1; empty ones and comments (#) left out."""
     return [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+
+
+def csv_rows(path: Path, max_bytes: int, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:
+    """Rows of a CSV with a header: each one's place, for messages, and its filled cells by column; # begins a comment.
+
+    Raises:
+        InputError: unreadable, no table, a column twice or none of the `known`, a row of other length; with the line.
+    """
+    lines = numbered_lines(read_text(path, max_bytes))
+    try:
+        table = [[cell.strip() for cell in next(csv.reader([line], strict=True))] for _, line in lines]
+    except csv.Error as error:
+        raise InputError(str(path), f"expected a table of comma-separated values: {error}") from None
+    places = [f"{path}: line {number}" for number, _ in lines]
+    header = next(iter(table), [])
+    for name in header:
+        if header.count(name) > 1:
+            raise InputError(places[0], f"'{name}': stands twice")
+        if known and name not in known:
+            raise InputError(places[0], f"'{name}': unknown column{nearest(name, known)}")
+    for where, row in zip(places, table, strict=True):
+        if len(row) != len(header):
+            raise InputError(where, f"expected {len(header)} cells, found {len(row)}")
+    return [(where, _filled(header, row)) for where, row in zip(places[1:], table[1:], strict=True)]
+
+
+def _filled(header: list[str], row: list[str]) -> dict[str, str]:
+    return {name: cell for name, cell in zip(header, row, strict=True) if cell}
+
+
+def finite_number(text: str, where: str) -> float:
+    """The number in a cell. Raises InputError at `where` for what is none, or infinite."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or "_" in text:
+        raise InputError(where, f"expected a finite number, found '{text[:40]}'")
+    return value
 
 
 def as_text(value: object) -> object:

@@ -53,14 +53,6 @@ def test_values_by_hand(tmp_path: Path) -> None:
     assert "of the tolerance" in chapter.summary
 
 
-def test_json_says_the_same(tmp_path: Path) -> None:
-    names, *cells = (line.split(",") for line in SMALL.split())
-    entries = [dict(zip(names, row, strict=True)) for row in cells]
-    document = {"format": "gauge-study", "version": 1, "measurements": entries}
-    other = study(study=written(tmp_path, json.dumps(document), "study.json"))
-    assert found(tmp_path, SMALL)[0] == json.loads(repeatability(other)[0].content)
-
-
 def inspection(root_mm: float | None, **more: Any) -> dict[str, Any]:
     rows = [
         {
@@ -152,7 +144,7 @@ REFUSED = {
     "no trial": ("part,section,root_mm\nP,1,1.5\n", "line 2: expected a trial"),
     "twice": (rows("P,A,1,1,1.5,0.01", "P,A,1,1,1.5,0.01"), "stands twice"),
     "cells": (rows("P,A,1,1"), "line 2: expected 6 cells, found 4"),
-    "column": ("part,operater\nP,A\n", "line 1: unknown column 'operater'; did you mean 'operator'?"),
+    "column": ("part,operater\nP,A\n", "line 1: 'operater': unknown column; did you mean 'operator'?"),
     "empty": ("", "at least one measurement"),
     "both": ("inspection,section\na.json,1\n", "either an inspection or a section"),
     "missing file": ("inspection\nnone.json\n", "none.json: "),

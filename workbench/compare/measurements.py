@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,8 +12,7 @@ from typing import Any
 from workbench.artefacts import UNKNOWN_PART, Part, u_name
 from workbench.artefacts.edges import ALL_TERMS, named, required_in_file
 from workbench.errors import InputError, nearest
-from workbench.storage import numbered_lines, read_text
-from workbench.strict_json import read_json
+from workbench.storage import csv_rows, finite_number
 from workbench.units import Float, Shaped
 
 CHARACTERISTICS = {name: u_name(name) for name in ALL_TERMS}  # of every joint, and their standard uncertainties
@@ -85,12 +82,12 @@ def measurements_of(study: Path) -> list[Measurement]:
         if "trial" not in row:
             raise InputError(where, "expected a trial beside the section")
         one = found.setdefault((part, operator, row["trial"]), Measurement(part, operator, where, {}))
-        section = _number(row["section"], f"{where}, section")
+        section = finite_number(row["section"], f"{where}, section")
         if section < 1 or section != int(section):
             raise InputError(f"{where}, section", f"expected a whole number from 1, found '{row['section']}'")
         if int(section) in one.sections:
             raise InputError(where, f"section {int(section)} of this trial stands twice")
-        values = {name: _number(row[name], f"{where}, {name}") if name in row else math.nan for name in NUMBERS}
+        values = _values(row, NUMBERS, where)
         _check_uncertainties(values, where)
         one.sections[int(section)] = values
     return list(found.values())
@@ -114,7 +111,9 @@ def plain_measurements(study: Path, characteristics: Sequence[str], columns: Map
             if key in seen:
                 raise InputError(where, f"trial {key[2]} of part '{part}' by operator '{operator}' stands twice")
             seen.add(key)
-        values = {name: _number(row[name], f"{where}, {name}") if name in row else math.nan for name in characteristics}
+        values = {
+            name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in characteristics
+        }
         found.append(Measurement(part, operator, where, {1: values}))
     return found
 
@@ -144,23 +143,18 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
     return Measurement(part, operator, str(path), sections, limits, file.part or UNKNOWN_PART, digest)
 
 
+def _values(row: Mapping[str, str], names: Sequence[str], where: str) -> dict[str, float]:
+    """Numbers of a row by name; NaN where its cell is empty."""
+    return {name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in names}
+
+
 def _check_uncertainties(values: Mapping[str, float], where: str) -> None:
     for name in CHARACTERISTICS.values():
         if values[name] < 0:
             raise InputError(f"{where}, {name}", "expected a standard uncertainty from 0")
 
 
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.inf
-    if not math.isfinite(value) or "_" in text:
-        raise InputError(where, f"expected a finite number, found '{text[:40]}'")
-    return value
-
-
-# The rows of a gauge study's file, CSV or JSON, as texts by column.
+# The rows of a gauge study's file, as texts by column.
 
 MAX_BYTES = 2**24
 COLUMNS = (
@@ -175,84 +169,34 @@ COLUMNS = (
 )
 
 
-def study_rows(path: Path) -> list[tuple[str, Mapping[str, str]]]:
+def study_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     """Each row's place in the file, for messages, and its filled cells by column.
 
-    A CSV has a header; lines that begin with # are comments. A JSON file holds the same rows as objects:
-    `{"format": "gauge-study", "version": 1, "measurements": [{"part": "A", ...}, ...]}`.
-
     Raises:
-        InputError: unreadable, no rows, an unknown column; with line or index.
+        InputError: unreadable, no rows, an unknown column; with the line.
     """
-    rows = list(_json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path))
-    if not rows:
-        raise InputError(str(path), "expected at least one measurement")
+    rows = _rows(path, COLUMNS)
     for where, row in rows:
         if ("inspection" in row) == ("section" in row):
             raise InputError(where, "expected either an inspection or a section with its values")
     return rows
 
 
-def plain_rows(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[tuple[str, Mapping[str, str]]]:
+def plain_rows(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
     """As `study_rows`, of a CSV with any columns: those `known` may be there, those `wanted` must."""
-
-    def check(names: list[str], where: str) -> None:
-        for name in wanted:
-            if name not in names:
-                raise InputError(where, f"no column '{name}'{nearest(name, names)}")
-        if not set(known) & set(names):
-            raise InputError(
-                where, f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them with `columns`"
-            )
-
-    rows = list(_csv_rows(path, check))
-    if not rows:
-        raise InputError(str(path), "expected at least one measurement")
+    rows = _rows(path)
+    names = list(dict.fromkeys(name for _, row in rows for name in row))
+    for name in wanted:
+        if name not in names:
+            raise InputError(str(path), f"no column '{name}'{nearest(name, names)}")
+    if not set(known) & set(names):
+        what = f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them with `columns`"
+        raise InputError(str(path), what)
     return rows
 
 
-def _csv_rows(
-    path: Path, check: Callable[[list[str], str], None] | None = None
-) -> Iterator[tuple[str, Mapping[str, str]]]:
-    lines = numbered_lines(read_text(path, MAX_BYTES))
-    if not lines:
-        return
-    try:
-        table = list(csv.reader(io.StringIO("\n".join(line for _, line in lines)), strict=True))
-    except csv.Error as error:
-        raise InputError(str(path), f"expected a table of comma-separated values: {error}") from None
-    if len(table) != len(lines):
-        raise InputError(str(path), "expected one row a line")
-    header = [name.strip() for name in table[0]]
-    (check or _check_columns)(header, f"{path}: line {lines[0][0]}")
-    for (number, _), cells in zip(lines[1:], table[1:], strict=True):
-        where = f"{path}: line {number}"
-        if len(cells) != len(header):
-            raise InputError(where, f"expected {len(header)} cells, found {len(cells)}")
-        yield where, {name: cell.strip() for name, cell in zip(header, cells, strict=True) if cell.strip()}
-
-
-def _json_rows(path: Path) -> Iterator[tuple[str, Mapping[str, str]]]:
-    document = read_json(path)
-    if document.get("format") != "gauge-study" or document.get("version") != 1:
-        raise InputError(f"{path}: $.format", "expected 'gauge-study', version 1")
-    measurements = document.get("measurements")
-    if not isinstance(measurements, list):
-        raise InputError(f"{path}: $.measurements", "expected a list")
-    for i, entry in enumerate(measurements):
-        where = f"{path}: $.measurements[{i}]"
-        if not isinstance(entry, dict):
-            raise InputError(where, "expected an object")
-        _check_columns(list(entry), where)
-        for name, value in entry.items():
-            if not isinstance(value, str | int | float) and value is not None:
-                raise InputError(f"{where}.{name}", "expected a text or a number")
-        yield where, {name: str(value) for name, value in entry.items() if value is not None}
-
-
-def _check_columns(names: list[str], where: str) -> None:
-    for name in names:
-        if name not in COLUMNS:
-            raise InputError(where, f"unknown column '{name}'{nearest(name, COLUMNS)}")
-    if len(set(names)) < len(names):
-        raise InputError(where, "expected every column once")
+def _rows(path: Path, known: Sequence[str] = ()) -> list[tuple[str, dict[str, str]]]:
+    rows = csv_rows(path, MAX_BYTES, known)
+    if not rows:
+        raise InputError(str(path), "expected at least one measurement")
+    return rows

@@ -163,7 +163,7 @@ def study(
     study; their mean is what it is compared with.
 
     Args:
-        study: CSV or JSON that lists inspections (`part,operator,inspection`) or values
+        study: CSV that lists inspections (`part,operator,inspection`) or values
             (`part,operator,trial,section,root_mm,...`; docs/comparison.md).
         inspections: instead of it: inspection.json files, repeats of one part by one operator.
         reference_operator: the name under which the study lists reference measurements, the better ones.

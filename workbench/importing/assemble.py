@@ -16,7 +16,7 @@ from workbench.importing.mapping import LinearAxisPart, Mapping, TimesPart
 from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, TimedPass
 from workbench.importing.suspicions import check_motion, check_poses, check_profiles
 from workbench.scan.checks import checked, read_hand_eye
-from workbench.units import Bool, Float, Float32, Int
+from workbench.units import AnyArray, Bool, Float, Int
 
 
 def assemble(sources: Sequence[Imported], mapping: Mapping) -> tuple[Recording, tuple[str, ...]]:
@@ -75,17 +75,20 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
 
 def _of_pass(frames: ProfileFrames, number: int) -> ProfileFrames:
     """Times and travel of one pass's frames; their points, which are large, stay where they are."""
-    assert frames.pass_index is not None
-    chosen = frames.pass_index == number
+    chosen = np.asarray(frames.pass_index == number)
     return replace(
         frames,
         x_mm=frames.x_mm[chosen, :0],
         z_mm=frames.z_mm[chosen, :0],
-        time_s=None if frames.time_s is None else frames.time_s[chosen],
-        travel_mm=None if frames.travel_mm is None else frames.travel_mm[chosen],
+        time_s=_some(frames.time_s, chosen),
+        travel_mm=_some(frames.travel_mm, chosen),
         intensity=None,
         pass_index=None,
     )
+
+
+def _some(values: Float | None, chosen: Bool) -> Float | None:
+    return None if values is None else values[chosen]
 
 
 def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | None, str]:
@@ -195,69 +198,53 @@ def timed(frames: ProfileFrames, poses: PoseStream, mapping: Mapping) -> TimedPa
     Raises:
         InputError: the way needs something that the files lack; pose times that do not rise.
     """
-    part = mapping.times or _usual(frames, poses)
+    part = mapping.times or TimesPart(source="file")
+    if mapping.times is None and (frames.time_s is None or poses.time_s is None):
+        ways = "rate, pose_each" + (", travel" if frames.travel_mm is not None else "")
+        what = f"has no times: expected 'times' in the mapping, with source one of {ways}"
+        raise InputError(frames.source if frames.time_s is None else poses.source, what)
     _check_rising(poses)
-    return {"file": _by_file, "rate": _by_rate, "travel": by_travel, "pose_each": _by_pose}[part.source](
-        frames, poses, part
-    )
+    if part.source == "travel":
+        return by_travel(frames, poses, part)
+    if part.source == "pose_each":
+        return _by_pose(frames, poses)
+    if poses.time_s is None:
+        raise InputError(poses.source, "has no times: expected poses with times, or 'times' from travel or pose_each")
+    return _by_clock(frames, poses, poses.time_s, part)
 
 
-def _usual(frames: ProfileFrames, poses: PoseStream) -> TimesPart:
-    if frames.time_s is None or poses.time_s is None:
-        lacking = frames.source if frames.time_s is None else poses.source
-        has_travel = frames.travel_mm is not None
-        ways = "rate, pose_each" + (", travel" if has_travel else "")
-        raise InputError(lacking, f"has no times: expected 'times' in the mapping, with source one of {ways}")
-    return TimesPart(source="file")
-
-
-def _by_file(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+def _by_clock(frames: ProfileFrames, poses: PoseStream, pose_time_s: Float, part: TimesPart) -> TimedPass:
+    if part.source == "rate":
+        from_pose = part.start_s == "first_pose"
+        start_s = float(pose_time_s[0] if from_pose else part.start_s)  # type: ignore[arg-type]  # the part has one
+        note = f"{part.rate_hz:g} frames a second from {'the first pose' if from_pose else start_s} on"
+        return TimedPass(start_s + np.arange(len(frames.z_mm)) / part.rate_hz, poses, note)  # type: ignore[operator]
     if frames.time_s is None:
         raise InputError(frames.source, "has no times: expected another 'times.source' than 'file' in the mapping")
-    _pose_times(poses)
     offset = f", {part.clock_offset_s:g} s taken off" if part.clock_offset_s else ", taken as the robot's clock"
     return TimedPass(frames.time_s - part.clock_offset_s, poses, f"the file's{offset}")
 
 
-def _by_rate(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
-    assert part.rate_hz is not None
-    assert part.start_s is not None
-    pose_time_s = _pose_times(poses)
-    start_s = float(pose_time_s[0]) if part.start_s == "first_pose" else part.start_s
-    note = f"{part.rate_hz:g} frames a second from {'the first pose' if part.start_s == 'first_pose' else start_s} on"
-    return TimedPass(np.asarray(start_s + np.arange(len(frames.z_mm)) / part.rate_hz), poses, note)
-
-
-def _by_pose(frames: ProfileFrames, poses: PoseStream, part: TimesPart) -> TimedPass:
+def _by_pose(frames: ProfileFrames, poses: PoseStream) -> TimedPass:
     count = len(frames.z_mm)
     if len(poses.position_mm) != count:
         raise InputError(poses.source, f"expected a pose for each of {count} frames, found {len(poses.position_mm)}")
-    note = "the poses' own, one pose a frame"
-    if poses.time_s is None:
-        time_s = np.arange(float(count))
-        note = "none: frames counted, one pose a frame"
-        return TimedPass(time_s, replace(poses, time_s=time_s), note, has_clock=False)
-    return TimedPass(poses.time_s, poses, note)
-
-
-def _pose_times(poses: PoseStream) -> Float:
-    if poses.time_s is None:
-        raise InputError(poses.source, "has no times: expected poses with times, or 'times' from travel or pose_each")
-    return poses.time_s
+    if poses.time_s is not None:
+        return TimedPass(poses.time_s, poses, "the poses' own, one pose a frame")
+    time_s = np.arange(float(count))
+    return TimedPass(time_s, replace(poses, time_s=time_s), "none: frames counted, one pose a frame", has_clock=False)
 
 
 def _check_rising(poses: PoseStream) -> None:
     if poses.time_s is None:
         return
-    if np.abs(poses.time_s).max() > FAR_FUTURE_S:
-        what = f"expected times in {poses.time_unit}, found {np.abs(poses.time_s).max():.4g} s: is the unit wrong?"
+    if (largest := np.abs(poses.time_s).max()) > FAR_FUTURE_S:
+        what = f"expected times in {poses.time_unit}, found {largest:.4g} s: is the unit wrong?"
         raise InputError(poses.source, what)
     stuck = np.flatnonzero(np.diff(poses.time_s) <= 0)
     if len(stuck):
-        raise InputError(
-            f"{poses.source}: pose {stuck[0] + 2}",
-            f"expected times that rise, found {poses.time_s[stuck[0] + 1]:.9g} s again",
-        )
+        what = f"expected times that rise, found {poses.time_s[stuck[0] + 1]:.9g} s again"
+        raise InputError(f"{poses.source}: pose {stuck[0] + 2}", what)
 
 
 # Frames placed by the way that has been gone: an encoder's reading, or the y of a surface.
@@ -347,33 +334,32 @@ def joined(sources: Sequence[ProfileFrames], each_a_pass: bool = False) -> Profi
         number = np.zeros(counts[0], np.int64) if first.pass_index is None else np.asarray(first.pass_index)
         return replace(first, pass_index=number)
     width = max(source.z_mm.shape[1] for source in sources)
-    light = [source.intensity for source in sources if source.intensity is not None]
+    light = all(source.intensity is not None for source in sources)
     return replace(
         first,
-        x_mm=np.concatenate([_widened(source.x_mm, width) for source in sources]),
-        z_mm=np.concatenate([_widened(source.z_mm, width) for source in sources]),
-        intensity=_light(light, width) if len(light) == len(sources) else None,
+        x_mm=_stacked(sources, "x_mm", width, np.nan),
+        z_mm=_stacked(sources, "z_mm", width, np.nan),
+        intensity=_stacked(sources, "intensity", width, 0) if light else None,
         time_s=_all_or_none(sources, "time_s", "times"),
         travel_mm=_all_or_none(sources, "travel_mm", "travel"),
         pass_index=(np.zeros(len(sources), np.int64) if max(counts) == 1 and not each_a_pass else _numbered(sources)),
     )
 
 
-def _widened(grid: Float32, width: int) -> Float32:
-    return np.pad(grid, ((0, 0), (0, width - grid.shape[1])), constant_values=np.nan)
-
-
-def _light(grids: Sequence[np.ndarray], width: int) -> np.ndarray:
-    return np.concatenate([np.pad(grid, ((0, 0), (0, width - grid.shape[1]))) for grid in grids])
+def _stacked(sources: Sequence[ProfileFrames], name: str, width: int, filler: float) -> AnyArray:
+    """The grids of all sources, one below the other; narrower ones are filled up to `width`."""
+    grids = [getattr(source, name) for source in sources]
+    return np.concatenate(
+        [np.pad(grid, ((0, 0), (0, width - grid.shape[1])), constant_values=filler) for grid in grids]
+    )
 
 
 def _all_or_none(sources: Sequence[ProfileFrames], name: str, what: str) -> Float | None:
-    values = [getattr(source, name) for source in sources]
-    present = [value is not None for value in values]
-    if any(present) and not all(present):
-        lone = sources[present.index(False)]
-        raise InputError(lone.source, f"has no {what}, but {sources[present.index(True)].source} has")
-    return np.concatenate(values) if all(present) else None
+    having = [source for source in sources if getattr(source, name) is not None]
+    lacking = [source for source in sources if getattr(source, name) is None]
+    if having and lacking:
+        raise InputError(lacking[0].source, f"has no {what}, but {having[0].source} has")
+    return np.concatenate([getattr(source, name) for source in having]) if having else None
 
 
 def _numbered(sources: Sequence[ProfileFrames]) -> Int:

@@ -184,16 +184,28 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     names = {role: one.column for role, one in roles.items()}
     if part["frames"] != "column":
         names.pop("frame", None)
-    if "time" in names:
-        time = _values(form, names["time"])
-        step = _step(np.unique(time), FRAME_S)
-        part["time_unit"], more = _unit("profiles.time_unit", roles["time"].unit, TIME_S, step)
-        doubts += more
+    doubts += _timed(part, "profiles", form, roles, FRAME_S)
     part["columns"] = names
-    if missing:
-        part["missing"] = missing
-        doubts.append(f"profiles.missing: {', '.join(f'{v:g}' for v in missing)} is taken as no return")
-    return part, doubts
+    return part, doubts + _no_return(part, missing)
+
+
+def _timed(part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: tuple[float, float]) -> list[str]:
+    """Adds the unit of times, where the table has some; returns its doubts."""
+    if "time" not in roles:
+        return []
+    step = _step(np.unique(_values(form, roles["time"].column)), usual_s)
+    part["time_unit"], doubts = _unit(f"{name}.time_unit", roles["time"].unit, TIME_S, step)
+    if name != "profiles":
+        part["time"] = roles["time"].column
+    return doubts
+
+
+def _no_return(part: Tree, missing: list[float]) -> list[str]:
+    """Adds the numbers that mean no return; returns the doubt about them."""
+    if not missing:
+        return []
+    part["missing"] = missing
+    return [f"profiles.missing: {', '.join(f'{v:g}' for v in missing)} is taken as no return"]
 
 
 def _frames(form: Form, columns: Columns, x: Float) -> str:
@@ -209,15 +221,11 @@ def _frames(form: Form, columns: Columns, x: Float) -> str:
 
 def _ranges(form: Form) -> tuple[Tree, list[str]]:
     """A row of ranges a frame: nothing tells x, and often nothing the unit."""
-    values = form.rows[np.isfinite(form.rows)]
-    missing = _codes(values)
     part: Tree = {**form.as_part(), "length_unit": "mm", "frames": "rows", "x_first": 0.0, "x_pitch": 1.0}
-    if missing:
-        part["missing"] = missing
     return part, [
         "profiles.x_pitch, profiles.x_first: a row of ranges does not tell x; 1 and 0 stand for the sensor's values",
         "profiles.length_unit: a row of ranges does not tell its unit",
-        *([f"profiles.missing: {', '.join(f'{v:g}' for v in missing)} is taken as no return"] if missing else []),
+        *_no_return(part, _codes(form.rows)),
     ]
 
 
@@ -228,12 +236,7 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     reach = float(np.nanmax(np.linalg.norm(position, axis=1)))
     unit, doubts = _unit("poses.length_unit", roles["x"].unit, LENGTH_MM, (reach, USUAL_REACH_MM))
     part: Tree = {**form.as_part(), "length_unit": unit}
-    if "time" in roles:
-        time = _values(form, roles["time"].column)
-        usual = STREAM_S if len(time) >= STREAM else POSE_S
-        part["time_unit"], more = _unit("poses.time_unit", roles["time"].unit, TIME_S, _step(np.unique(time), usual))
-        part["time"] = roles["time"].column
-        doubts += more
+    doubts += _timed(part, "poses", form, roles, STREAM_S if len(form.rows) >= STREAM else POSE_S)
     part["position"] = [roles[role].column for role in "xyz"]
     part["orientation"] = [roles[role].column for role in columns.orientation]
     part["convention"] = columns.convention
@@ -259,11 +262,7 @@ def _joints(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     linear = [one for one in axes if one.unit in LENGTHS]
     part["length_unit"] = linear[0].unit if linear else "mm"
     part["angle_unit"] = unit
-    if "time" in roles:
-        time = _values(form, roles["time"].column)
-        part["time_unit"], more = _unit("joints.time_unit", roles["time"].unit, TIME_S, _step(np.unique(time), POSE_S))
-        part["time"] = roles["time"].column
-        doubts += more
+    doubts += _timed(part, "joints", form, roles, POSE_S)
     if "number" in roles:
         part["number"] = roles["number"].column
     part["columns"] = [one.column for one in axes]

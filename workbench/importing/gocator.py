@@ -91,35 +91,20 @@ def _surface(lines: Lines, titles: list[str], number: int, where: str) -> Surfac
     if not all(count.isascii() and count.isdigit() and 0 < len(count) < 7 for count in counts):
         raise InputError(place, f"expected 'Row Count' and 'Column Count', found {' and '.join(map(repr, counts))}")
     rows, columns = map(int, counts)
-    line_number, line = next(lines, (0, ""))
-    head = cells(line, ",")
-    if head[0] != CORNER or len(head) != columns + 1:
-        raise InputError(
-            f"{where}: line {line_number or number}",
-            f"expected '{CORNER}' and {columns} columns, found {head[0][:20]!r} and {len(head) - 1}",
-        )
-    x_mm = _known(numbers(head[1:], f"{where}: line {line_number}"), f"{where}: line {line_number}")
-    grid = [_profile(lines, columns, row, rows, where) for row in range(rows)]
+    grid: list[Float] = []
+    for row in range(rows + 1):
+        at, line = next(lines, (0, ""))
+        cell, place = cells(line, ","), f"{where}: line {at or number}"
+        if len(cell) != columns + 1 or (row == 0 and cell[0] != CORNER):
+            found = f"found {cell[0][:20]!r} and {len(cell) - 1}" if at else "the file ends"
+            told = f"row {row} of {rows}: y and {columns} heights" if row else f"'{CORNER}' and {columns} columns"
+            raise InputError(place, f"expected {told}, {found}")
+        values = numbers(cell[row == 0 :], place)
+        if np.isnan(values[: 1 if row else None]).any():
+            raise InputError(place, "expected a coordinate in every cell")
+        grid.append(values)
     end, line = next(lines, (0, ""))
     if cells(line, ",")[0] != "End":
         raise InputError(f"{where}: line {end or 'last'}", f"expected 'End' after {rows} rows")
-    table = np.stack(grid)
-    return Surface(x_mm, table[:, 0], table[:, 1:])
-
-
-def _profile(lines: Lines, columns: int, row: int, rows: int, where: str) -> Float:
-    number, line = next(lines, (0, ""))
-    place = f"{where}: line {number}" if number else where
-    cell = cells(line, ",")
-    if len(cell) != columns + 1:
-        what = f"found {len(cell)}" if number else "the file ends"
-        raise InputError(place, f"expected row {row + 1} of {rows}: y and {columns} heights, {what}")
-    values = numbers(cell, place)
-    _known(values[:1], place)
-    return values
-
-
-def _known(values: Float, where: str) -> Float:
-    if np.isnan(values).any():
-        raise InputError(where, "expected a coordinate in every cell")
-    return values
+    table = np.stack(grid[1:])
+    return Surface(grid[0], table[:, 0], table[:, 1:])

@@ -7,83 +7,66 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.artefacts import Part, Recording
+from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse
+from workbench.recording_file import Frames
 from workbench.synthetic.groove_truth import GrooveSizes, GrooveTruth
 from workbench.synthetic.raycast import Sensor
 from workbench.synthetic.recipe import SQUARE, Course, PrismGroove, PrismRecipe
-from workbench.synthetic.scan import column_offsets, disturb, generator, intensities, move, recorded_hand_eye, sensor_of
-from workbench.synthetic.workpiece import build_surface, pose
+from workbench.synthetic.scan import (
+    column_offsets,
+    coordinates,
+    disturb,
+    generator,
+    intensities,
+    plan_motion,
+    rays,
+    recorded,
+    recorded_hand_eye,
+    sensor_of,
+)
+from workbench.synthetic.workpiece import pose, seen_near
 from workbench.units import DEG, Bool, Float, Shaped
 
 BLOCK_FRAMES = 32
 STATION_MM = 0.25
-_PAUSE_S = 2.0
 
 
 def simulate_prism(recipe: PrismRecipe) -> tuple[Recording, GrooveTruth]:
     """The recording of a straight groove, and its truth. The same recipe gives the same numbers."""
-    plate = recipe.on_plate()
-    surface, sensor, offsets = (
-        build_surface(plate.part, plate.seed),
-        sensor_of(recipe.scanner),
-        column_offsets(recipe.scanner),
-    )
+    plate, sensor, offsets = recipe.on_plate(), sensor_of(recipe.scanner), column_offsets(recipe.scanner)
     part_from_base = inverse(pose(recipe.groove.base_from_part))
-    motions, xs, zs, light, seen, start = [], [], [], [], [], 1.0
-    for index in range(len(recipe.passes)):
-        motion = move(plate, surface, index, start)
-        start = float(max(motion.time_s[-1], motion.pose_time_s[-1])) + _PAUSE_S
-        motions.append(motion)
+    motions, blocks, seen = plan_motion(plate), list[Frames](), list[Float]()
+    for index, motion in enumerate(motions):
         here = []
         for number, first in enumerate(range(0, len(motion.time_s), BLOCK_FRAMES)):
             poses = part_from_base @ motion.base_from_profiler[first : first + BLOCK_FRAMES]
             exact, cosines, what, x_part = cast(recipe.groove, sensor, poses, offsets)
             rng = generator(plate, 3, index, number)
             ranges = disturb(plate, exact, cosines, rng)
-            if recipe.scanner.intensity:
-                light.append(intensities(ranges, cosines, rng))
-            lateral = ranges * offsets if sensor.angular else np.broadcast_to(offsets, ranges.shape)
-            xs.append((sensor.emitter_x + lateral).astype(np.float32))
-            zs.append((sensor.emitter_z + sensor.sign * ranges).astype(np.float32))
+            light = intensities(ranges, cosines, rng) if recipe.scanner.intensity else None
+            blocks.append(Frames(*coordinates(sensor, ranges, offsets), light))
             here.append(_seen_x(recipe.groove, what, x_part))
         seen.append(np.concatenate(here))
-    counts, poses_of = [len(m.time_s) for m in motions], [len(m.pose_time_s) for m in motions]
-    recording = Recording(
-        source="synthetic",
-        time_s=np.concatenate([m.time_s for m in motions]),
-        x_mm=np.concatenate(xs),
-        z_mm=np.concatenate(zs),
-        pass_index=np.repeat(np.arange(len(counts)), counts),
-        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
-        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
-        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=np.repeat(np.arange(len(poses_of)), poses_of),
-        flange_from_profiler=recorded_hand_eye(plate),
-        intensity=np.concatenate(light) if light else None,
-        part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
+    grey = np.concatenate([one.intensity for one in blocks if one.intensity is not None] or [np.zeros(0)])
+    grids = Frames(
+        np.concatenate([one.x_mm for one in blocks]),
+        np.concatenate([one.z_mm for one in blocks]),
+        grey if recipe.scanner.intensity else None,
     )
-    return recording, prism_truth(recipe, seen)
+    return recorded(motions, grids, recorded_hand_eye(plate), recipe.part_id), prism_truth(recipe, seen)
 
 
 def cast(groove: PrismGroove, sensor: Sensor, pose_of: Float, offsets: Float) -> tuple[Float, Float, Float, Float]:
     """Range of every ray (n, M; NaN: no return), cos(incidence), what it meets, x of the part there."""
     shape = (len(pose_of), len(offsets))
-    emitter = np.array([sensor.emitter_x, 0.0, sensor.emitter_z])
-    lateral = np.zeros((len(offsets), 3))
-    lateral[:, 0] = offsets
-    ahead = np.array([0.0, 0.0, sensor.sign])
-    origin = emitter + (0.0 * lateral if sensor.angular else lateral)
-    way = ahead + (lateral if sensor.angular else 0.0 * lateral)
+    origin, way, eyes = rays(sensor, offsets)
     turn, shift = pose_of[:, :3, :3], pose_of[:, None, :3, 3]
     start = (np.einsum("nij,mj->nmi", turn, origin) + shift).reshape(-1, 3)
     direction = np.einsum("nij,mj->nmi", turn, way).reshape(-1, 3)
     reach, cosine, what = enter(groove, start, direction, 0.0)
     good = (reach > sensor.near) & (reach < sensor.far) & (cosine >= sensor.cos_min)
     point = start + np.where(good, reach, 0.0)[:, None] * direction
-    eyes = [emitter + np.array([0.0, sensor.baseline, 0.0])]
-    if sensor.fan and not sensor.angular:
-        eyes.append(emitter)
     for eye in eyes:
         target = np.repeat(turn @ eye + pose_of[:, :3, 3], len(offsets), axis=0)
         good[good] = sees(groove, point[good], target[good])
@@ -110,18 +93,13 @@ def prism_truth(recipe: PrismRecipe, seen_x: list[Float]) -> GrooveTruth:
     groove = recipe.groove
     x = np.linspace(0.0, groove.length_mm, round(groove.length_mm / STATION_MM) + 1)
     base = pose(groove.base_from_part)
-    seen = np.zeros(len(x), dtype=bool)
-    for at in seen_x:
-        at = np.concatenate([[-np.inf], np.sort(at), [np.inf]])
-        after = np.searchsorted(at, x)
-        seen |= np.minimum(x - at[after - 1], at[after] - x) <= 0.75 * recipe.robot.frame_pitch_mm + 1e-9
     zero = np.zeros(len(x))
     return GrooveTruth(
         closed=False,
         arc_length_mm=x,
         position_mm=np.stack([x, zero, zero], axis=1) @ base[:3, :3].T + base[:3, 3],
         tangent=np.tile(base[:3, 0], (len(x), 1)),
-        seen=seen,
+        seen=seen_near(x, seen_x, recipe.robot.frame_pitch_mm),
         recipe=recipe,
         simulator="analytic",
         type=groove.type,

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from workbench.artefacts import ScanCourse
+from workbench.artefacts import Part, Recording, ScanCourse
 from workbench.geometry.poses import inverse, pose_from
 from workbench.kernels import kernel
+from workbench.recording_file import Frames
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Disturbances, Motion, Noise, Pass, Recipe, Scanner, SphereRecipe
 from workbench.synthetic.workpiece import Cut, build_surface, clamp_boxes, edge_frames, pose
@@ -20,14 +21,20 @@ from workbench.units import DEG, AnyArray, Bool, Float, Float32, Shaped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PassMotion:
-    """One pass: N frames with their true poses, K recorded ones."""
+class Logged:
+    """One pass of N frames as it is recorded: K poses."""
 
-    time_s: Shaped[Float, " N"]  # as recorded
-    base_from_profiler: Shaped[Float, "N 4 4"]  # true
+    time_s: Shaped[Float, " N"]
     pose_time_s: Shaped[Float, " K"]
-    position_mm: Shaped[Float, "K 3"]  # flange in the base, as recorded
+    position_mm: Shaped[Float, "K 3"]  # flange in the base
     quaternion_wxyz: Shaped[Float, "K 4"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassMotion(Logged):
+    """And where its frames are."""
+
+    base_from_profiler: Shaped[Float, "N 4 4"]  # true
 
 
 def move(recipe: Recipe, surface: raycast.Surface, index: int, start_s: float, repeat: int = 0) -> PassMotion:
@@ -83,7 +90,7 @@ def _driven(recipe: Recipe, poses_at: Callable[[Float], Float], whole: _Whole, r
     true[:, :3, 3] += _smooth_error(recipe, rng, travelled)
     true[:, :3, 3] += rng.normal(0.0, 1.0, (frames, 3)) * robot.vibration_mm
     position, quaternion = _recorded(recipe, poses_at(pose_travelled / length), rng)
-    return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), true, pose_time, position, quaternion)
+    return PassMotion(_jittered(time, robot.clock_jitter_s, pose_time, rng), pose_time, position, quaternion, true)
 
 
 def generator(recipe: Recipe, *key: int, repeat: int = 0) -> np.random.Generator:
@@ -317,7 +324,7 @@ def scan_pass(recipe: Recipe, motion: PassMotion, index: int, cut: Cut | None = 
         exact, faces, cosines, sight = raycast.cast(surface, boxes, table, sensor, part_from_profiler, offsets)
         rng = generator(recipe, 3, index, number, repeat=_repeat(cut))
         ranges = disturb(recipe, exact, cosines, rng)
-        x, z = _coordinates(sensor, ranges, offsets)
+        x, z = coordinates(sensor, ranges, offsets)
         seen = (sight[:, 0] >= 2) & (sight[:, 2] < 0.4 * recipe.part.root_mm.lowest)
         if surface.milled or cut is not None:
             seen &= sight[:, 1] >= 2
@@ -353,8 +360,44 @@ def column_offsets(scanner: Scanner) -> Float:
     return np.asarray(np.tan(offsets / scanner.standoff_mm) if scanner.sampling == "angular" else offsets)
 
 
-def _coordinates(sensor: raycast.Sensor, ranges: Float, offsets: Float) -> tuple[Float32, Float32]:
+def coordinates(sensor: raycast.Sensor, ranges: Float, offsets: Float) -> tuple[Float32, Float32]:
     """x and z in the profiler frame, mm."""
     z = sensor.emitter_z + sensor.sign * ranges
     lateral = ranges * offsets if sensor.angular else np.broadcast_to(offsets, ranges.shape)
     return (sensor.emitter_x + lateral).astype(np.float32), z.astype(np.float32)
+
+
+def rays(sensor: raycast.Sensor, offsets: Float) -> tuple[Float, Float, list[Float]]:
+    """Origins and directions (M, 3) of the columns' rays in the profiler frame, a mm of range each; who must see (3,).
+
+    A point counts where the camera sees it, and the emitter where its rays are no straight lines from it.
+    """
+    emitter, lateral = np.array([sensor.emitter_x, 0.0, sensor.emitter_z]), np.zeros((len(offsets), 3))
+    lateral[:, 0] = offsets
+    ahead, still = np.array([0.0, 0.0, sensor.sign]), np.zeros_like(lateral)
+    eyes = [emitter + np.array([0.0, sensor.baseline, 0.0])]
+    if sensor.angular:
+        return emitter + still, ahead + lateral, eyes
+    return emitter + lateral, ahead + still, [*eyes, emitter] if sensor.fan else eyes
+
+
+def recorded(
+    motions: Sequence[Logged], grids: Frames, hand_eye: Float, part_id: str | None = None, **more: Any
+) -> Recording:
+    """The recording of these passes; `more`: further fields of it."""
+    frames, poses = [len(m.time_s) for m in motions], [len(m.pose_time_s) for m in motions]
+    return Recording(
+        source="synthetic",
+        time_s=np.concatenate([m.time_s for m in motions]),
+        x_mm=grids.x_mm,
+        z_mm=grids.z_mm,
+        pass_index=np.repeat(np.arange(len(motions)), frames),
+        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
+        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
+        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
+        robot_pass=np.repeat(np.arange(len(motions)), poses),
+        flange_from_profiler=hand_eye,
+        intensity=grids.intensity,
+        part=Part(part_id=part_id, sensor="synthetic", robot="synthetic", simulated=True),
+        **more,
+    )

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from workbench.artefacts import Part, Recording, ScanCourse
+from workbench.artefacts import Recording, ScanCourse
 from workbench.errors import OutputError
 from workbench.recording_file import Frames, fill
 from workbench.storage import beside, digest_of
@@ -18,10 +18,10 @@ from workbench.synthetic.groove_truth import GrooveTruth
 from workbench.synthetic.prism_scan import simulate_prism
 from workbench.synthetic.recipe import PrismRecipe, Recipe, SphereRecipe
 from workbench.synthetic.recipe_file import read_any_recipe
-from workbench.synthetic.scan import PassMotion, plan_motion, recorded_hand_eye, scan_pass
+from workbench.synthetic.scan import plan_motion, recorded, recorded_hand_eye, scan_pass
 from workbench.synthetic.sphere import SphereTruth, simulate_sphere
 from workbench.synthetic.workpiece import DIGEST, Truth, Workpiece, build_truth
-from workbench.units import Float, Int
+from workbench.units import Float
 
 Progress = Callable[[int, int], None]
 AnyTruth = Truth | SphereTruth | GrooveTruth
@@ -57,24 +57,7 @@ def scan_workpiece(workpiece: Workpiece, courses: Sequence[ScanCourse] | None = 
         np.concatenate([b.intensity for b in flat if b.intensity is not None]) if recipe.scanner.intensity else None,
     )
     truth = build_truth(recipe, [np.concatenate([b.seen_u for b in scan]) for scan in blocks], cut)
-    return _recording(recipe, motions, grids), truth
-
-
-def _recording(recipe: Recipe, motions: list[PassMotion], grids: Frames) -> Recording:
-    return Recording(
-        source="synthetic",
-        time_s=np.concatenate([m.time_s for m in motions]),
-        x_mm=grids.x_mm,
-        z_mm=grids.z_mm,
-        pass_index=_pass_index(len(m.time_s) for m in motions),
-        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
-        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
-        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=_pass_index(len(m.pose_time_s) for m in motions),
-        flange_from_profiler=recorded_hand_eye(recipe),
-        intensity=grids.intensity,
-        part=Part(part_id=recipe.part_id, sensor="synthetic", robot="synthetic", simulated=True),
-    )
+    return recorded(motions, grids, recorded_hand_eye(recipe), recipe.part_id), truth
 
 
 def simulate_file(recipe_path: str | Path, out_path: str | Path, progress: Progress | None = None) -> AnyTruth:
@@ -140,10 +123,6 @@ def truth_path(recording_path: str | Path) -> Path:
     return path.with_name(path.name.removesuffix(".h5") + ".truth.json")
 
 
-def _pass_index(counts: Any) -> Int:
-    return np.concatenate([np.full(count, index, dtype=np.int64) for index, count in enumerate(counts)])
-
-
 def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> Truth:
     """The HDF5 file, block by block, so that metres of edge need little memory."""
     motions, scanner = plan_motion(recipe), recipe.scanner
@@ -162,5 +141,6 @@ def _write_recording(recipe: Recipe, path: Path, progress: Progress | None) -> T
 
     unseen = np.broadcast_to(np.float32(np.nan), shape)
     dark = np.broadcast_to(np.uint16(0), shape) if scanner.intensity else None
-    fill(path, _recording(recipe, motions, Frames(unseen, unseen, dark)), frames(), PACKING)
+    empty = recorded(motions, Frames(unseen, unseen, dark), recorded_hand_eye(recipe), recipe.part_id)
+    fill(path, empty, frames(), PACKING)
     return build_truth(recipe, [np.concatenate(scan) for scan in seen])

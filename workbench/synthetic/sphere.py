@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.artefacts import Part, Recording
+from workbench.artefacts import Recording
 from workbench.geometry.poses import (
     inverse,
     pose_from,
@@ -15,9 +15,10 @@ from workbench.geometry.poses import (
     rotation_from_rpy,
     rotation_from_vector,
 )
+from workbench.recording_file import Frames
 from workbench.synthetic import raycast
 from workbench.synthetic.recipe import Scanner, SpherePass, SphereRecipe
-from workbench.synthetic.scan import column_offsets, disturb, sensor_of
+from workbench.synthetic.scan import Logged, column_offsets, coordinates, disturb, rays, recorded, sensor_of
 from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, Bool, Float, Int, Shaped
 
@@ -61,39 +62,26 @@ class SphereTruth:
 
 def simulate_sphere(recipe: SphereRecipe) -> tuple[Recording, SphereTruth]:
     """The calibration recording that `recipe` describes, and its truth. The same recipe gives the same numbers."""
-    motions = sphere_motion(recipe)
-    poses = np.concatenate([m.base_from_flange for m in motions])
-    truth = _truth(recipe, poses, _pass_index([len(m.time_s) for m in motions]))
-    x, z = _profiles(recipe, poses, _centers(recipe, truth.pass_index))
-    sphere = recipe.sphere
-    recording = Recording(
-        source="synthetic",
-        time_s=np.concatenate([m.time_s for m in motions]),
-        x_mm=x,
-        z_mm=z,
-        pass_index=truth.pass_index,
-        robot_time_s=np.concatenate([m.pose_time_s for m in motions]),
-        robot_position_mm=np.concatenate([m.position_mm for m in motions]),
-        robot_quaternion_wxyz=np.concatenate([m.quaternion_wxyz for m in motions]),
-        robot_pass=_pass_index([len(m.pose_time_s) for m in motions]),
-        flange_from_profiler=truth.design,
-        sphere_diameter_mm=sphere.stated_diameter_mm or sphere.diameter_mm,
-        clock=recipe.robot.clock,
-        part=Part(sensor="synthetic", robot="synthetic", simulated=True),
-    )
-    return recording, truth
+    motions, robot, sphere = sphere_motion(recipe), recipe.robot, recipe.sphere
+    poses, number = _frames_of(motions)
+    design, center = design_hand_eye(recipe), _centers(recipe, number)
+    seen = scene(recipe, poses, center)
+    truth = SphereTruth(recipe, pose(robot.flange_from_profiler), design, poses, seen.centre, number)
+    stated = sphere.stated_diameter_mm or sphere.diameter_mm
+    grids = _profiles(recipe, poses, center)
+    return recorded(motions, grids, design, sphere_diameter_mm=stated, clock=robot.clock), truth
 
 
 def true_poses(recipe: SphereRecipe) -> tuple[Float, Float, Float]:
     """flange_from_profiler (4, 4), flange poses (N, 4, 4), sphere centres in the profiler frame (N, 3): true."""
-    poses = np.concatenate([m.base_from_flange for m in sphere_motion(recipe)])
-    center = _centers(recipe, _pass_index([len(m.time_s) for m in sphere_motion(recipe)]))
-    return pose(recipe.robot.flange_from_profiler), poses, scene(recipe, poses, center).centre
+    poses, number = _frames_of(sphere_motion(recipe))
+    return pose(recipe.robot.flange_from_profiler), poses, scene(recipe, poses, _centers(recipe, number)).centre
 
 
-def _truth(recipe: SphereRecipe, poses: Float, pass_index: Int) -> SphereTruth:
-    true, seen = pose(recipe.robot.flange_from_profiler), scene(recipe, poses, _centers(recipe, pass_index))
-    return SphereTruth(recipe, true, design_hand_eye(recipe), poses, seen.centre, pass_index)
+def _frames_of(motions: list[SphereMotion]) -> tuple[Float, Int]:
+    """True flange poses (N, 4, 4) and pass numbers (N,) of all frames."""
+    poses = [m.base_from_flange for m in motions]
+    return np.concatenate(poses), np.repeat(np.arange(len(poses)), [len(one) for one in poses])
 
 
 def _center(recipe: SphereRecipe, one: SpherePass) -> Float:
@@ -105,22 +93,16 @@ def _centers(recipe: SphereRecipe, pass_index: Int) -> Float:
     return np.array([_center(recipe, one) for one in recipe.passes])[pass_index]
 
 
-def _profiles(recipe: SphereRecipe, poses: Float, center: Float) -> tuple[Any, Any]:
+def _profiles(recipe: SphereRecipe, poses: Float, center: Float) -> Frames:
     """x and z (N, M) as returned."""
-    sensor, offsets = sensor_of(recipe.scanner), column_offsets(recipe.scanner)
-    xs, zs = [], []
+    sensor, offsets, blocks = sensor_of(recipe.scanner), column_offsets(recipe.scanner), []
     for number, first in enumerate(range(0, len(poses), _BLOCK_FRAMES)):
         block = slice(first, first + _BLOCK_FRAMES)
         exact, cosines = cast(scene(recipe, poses[block], center[block]), sensor, offsets)
         ranges = disturb(recipe, exact, cosines, np.random.default_rng([recipe.seed, 3, number]))
-        x = sensor.emitter_x + (ranges * offsets if sensor.angular else np.broadcast_to(offsets, ranges.shape))
-        xs.append(x.astype(np.float32))
-        zs.append((sensor.emitter_z + sensor.sign * ranges).astype(np.float32))
-    return np.concatenate(xs), np.concatenate(zs)
-
-
-def _pass_index(counts: list[int]) -> Int:
-    return np.repeat(np.arange(len(counts)), counts)
+        blocks.append(coordinates(sensor, ranges, offsets))
+    x, z = (np.concatenate(grids) for grids in zip(*blocks, strict=True))
+    return Frames(x, z, None)
 
 
 # Rays of the scanner against the sphere, its stem and the table: exact, in the profiler frame of every frame.
@@ -163,11 +145,7 @@ def cast(here: Scene, sensor: raycast.Sensor, offsets: Float) -> tuple[Float, Fl
     `offsets` (M,) are the columns' lateral positions, or the tangents of their angles where `sensor.angular`. A point
     counts where the laser meets it within the range, not too grazing, and where the camera sees it.
     """
-    emitter = np.array([sensor.emitter_x, 0.0, sensor.emitter_z])
-    lateral = np.stack([offsets, np.zeros(len(offsets)), np.zeros(len(offsets))], axis=1)
-    ahead = np.array([0.0, 0.0, sensor.sign])
-    origin = emitter + np.zeros_like(lateral) if sensor.angular else emitter + lateral
-    way = ahead + lateral if sensor.angular else ahead + np.zeros_like(lateral)
+    origin, way, eyes = rays(sensor, offsets)
     solid = _solid(here, origin, way)
     table = _table(here, origin, way)
     range_mm = np.minimum(np.minimum(*solid), table)
@@ -175,9 +153,9 @@ def cast(here: Scene, sensor: raycast.Sensor, offsets: Float) -> tuple[Float, Fl
     point = origin + np.where(reached, range_mm, 0.0)[..., None] * way
     normal = _normal(here, point, np.argmin(np.stack([*solid, table]), axis=0))
     cosine = np.abs(np.sum(normal * way, axis=-1)) / np.linalg.norm(way, axis=-1)
-    seen = reached & (cosine >= sensor.cos_min) & _sees(here, point, emitter + np.array([0.0, sensor.baseline, 0.0]))
-    if sensor.fan and not sensor.angular:
-        seen &= _sees(here, point, emitter)
+    seen = reached & (cosine >= sensor.cos_min)
+    for eye in eyes:
+        seen &= _sees(here, point, eye)
     return np.where(seen, range_mm, np.nan), np.where(seen, cosine, 0.0)
 
 
@@ -238,14 +216,10 @@ _MM_PER_RAD = 1000.0  # flange positions a metre apart are as far as orientation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereMotion:
-    """One pass: N frames, K recorded poses."""
+class SphereMotion(Logged):
+    """One pass, its frames on the profiler's clock, its poses on the robot's."""
 
-    time_s: Shaped[Float, " N"]  # on the profiler's clock
     base_from_flange: Shaped[Float, "N 4 4"]  # true
-    pose_time_s: Shaped[Float, " K"]  # on the robot's clock
-    position_mm: Shaped[Float, "K 3"]  # as recorded
-    quaternion_wxyz: Shaped[Float, "K 4"]  # as recorded
 
 
 def sphere_motion(recipe: SphereRecipe) -> list[SphereMotion]:
@@ -294,10 +268,10 @@ def _move(recipe: SphereRecipe, one: SpherePass, index: int, start_s: float) -> 
     held = flange_poses(recipe, one, time if one.to_mm is not None else np.zeros(len(time)))
     return SphereMotion(
         start_s + time + robot.clock_offset_s,
-        held,
         start_s + pose_time,
         said[:, :3, 3],
         quaternion_from_rotation(said[:, :3, :3]),
+        held,
     )
 
 

@@ -342,7 +342,7 @@ def build_truth(recipe: Recipe, seen_parameters: list[Float] | None = None, cut:
         root_mm=root,
         bevel_deg=bevel_deg,
         thickness_mm=course_values(surface.thickness, u),
-        seen=_seen(u, seen_parameters, recipe.robot.frame_pitch_mm),
+        seen=seen_near(u, seen_parameters, recipe.robot.frame_pitch_mm),
         _parameter=u,
         _surface=surface,
     )
@@ -383,7 +383,7 @@ def read_truth(path: str | Path) -> Truth:
     return truth
 
 
-def _seen(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: float) -> Bool:
+def seen_near(u: Float, seen_parameters: list[Float] | None, frame_pitch_mm: float) -> Bool:
     """Stations within three quarters of the frame pitch of a frame that sees the edge."""
     if seen_parameters is None:
         return np.ones(len(u), dtype=bool)

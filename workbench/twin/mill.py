@@ -5,14 +5,13 @@ The milling cell at work is a worn cutter moved along the path, as robot and too
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -27,8 +26,7 @@ from workbench.geometry.poses import (
     slerp,
 )
 from workbench.stage import InputFile, Seed, stage
-from workbench.storage import numbered_lines, read_text
-from workbench.strict_json import read_any_json
+from workbench.storage import csv_rows, finite_number
 from workbench.synthetic.milling import Hit, Motion, Stock
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float, Shaped
@@ -79,7 +77,7 @@ def mill(
         robot_repeating_mm: the same of an error that depends on the place alone: every run repeats it.
         robot_noise_length_mm: correlation length of both along the path.
         deflection_mm: constant deflection of the tool, in its own frame.
-        deflections: a CSV or JSON file of further deflections in the tool's frame, point by point: layer, point, dx_mm,
+        deflections: a CSV file of further deflections in the tool's frame, point by point: layer, point, dx_mm,
             dy_mm, dz_mm; null: none.
         wear_mm: loss of the cutter's radius by the end, growing with the length cut on this path.
         worn_mm: what it has lost before, as at the end of an earlier path.
@@ -248,7 +246,7 @@ def _within(u: Float, places: Float, reach: float) -> Bool:
     return np.asarray(np.minimum(u - padded[after - 1], padded[after] - u) <= reach)
 
 
-# Displacements of the tool point by point, out of a CSV or JSON file.
+# Displacements of the tool point by point, out of a CSV file.
 
 COLUMNS = ("layer", "point", "dx_mm", "dy_mm", "dz_mm")
 _MOST_MM = 100.0
@@ -258,58 +256,18 @@ MAX_BYTES = 2**28
 def read_deflections(path: Path, layers: Sequence[Layer]) -> dict[int, Float]:
     """By layer index the displacement (k, 3) of the tool in its own frame, mm; 0 at points that the file leaves out.
 
-    A CSV has a header and the columns `layer` (its index), `point` (from 0), `dx_mm`, `dy_mm`, `dz_mm`; lines that
-    begin with # are comments. A JSON file is a list of objects with these keys. InputError names the row.
+    A CSV with a header and the columns `layer` (its index), `point` (from 0), `dx_mm`, `dy_mm`, `dz_mm`; lines that
+    begin with # are comments. InputError names the line.
     """
     found = {layer.index: np.zeros((len(layer.position_mm), 3)) for layer in layers}
-    for where, row in _rows(path):
-        layer, point = _whole(where, row, "layer"), _whole(where, row, "point")
-        if layer not in found or not 0 <= point < len(found[layer]):
-            raise InputError(where, f"a point of the path; there is no point {point} in a layer {layer}")
-        found[layer][point] = [_length(where, row, name) for name in COLUMNS[2:]]
+    for where, row in csv_rows(path, MAX_BYTES, COLUMNS):
+        layer, point, *shift = (finite_number(row.get(name, ""), f"{where}: {name}") for name in COLUMNS)
+        if layer not in found or not 0 <= point < len(found[int(layer)]) or point != int(point):
+            raise InputError(where, f"a point of the path; there is no point {point:g} in a layer {layer:g}")
+        if max(map(abs, shift)) > _MOST_MM:
+            raise InputError(where, f"displacements of at most {_MOST_MM:g} mm, not {max(shift, key=abs):g}")
+        found[int(layer)][int(point)] = shift
     return found
-
-
-def _rows(path: Path) -> list[tuple[str, Mapping[str, Any]]]:
-    """Place and content of each row."""
-    if path.suffix.lower() == ".json":
-        rows, name = read_any_json(path, MAX_BYTES), "row"
-    else:
-        rows, name = _csv_rows(path), "data row"
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise InputError(str(path), f"a list of objects with the keys {', '.join(COLUMNS)}")
-    return [(f"{path}: {name} {number}", row) for number, row in enumerate(rows, start=1)]
-
-
-def _csv_rows(path: Path) -> list[dict[str, Any]]:
-    try:
-        return list(csv.DictReader(line for _, line in numbered_lines(read_text(path, MAX_BYTES))))
-    except csv.Error as error:
-        raise InputError(str(path), f"a CSV or JSON file of deflections ({error})") from None
-
-
-def _whole(where: str, row: Mapping[str, Any], name: str) -> int:
-    value = _number(where, row, name)
-    if value != int(value):
-        raise InputError(f"{where}: {name}", f"a whole number, not {value:g}")
-    return int(value)
-
-
-def _length(where: str, row: Mapping[str, Any], name: str) -> float:
-    value = _number(where, row, name)
-    if abs(value) > _MOST_MM:
-        raise InputError(f"{where}: {name}", f"a displacement of at most {_MOST_MM:g} mm, not {value:g}")
-    return value
-
-
-def _number(where: str, row: Mapping[str, Any], name: str) -> float:
-    try:
-        value = float(row[name])
-    except (KeyError, TypeError, ValueError):
-        raise InputError(f"{where}: {name}", "a number") from None
-    if not math.isfinite(value):
-        raise InputError(f"{where}: {name}", "a finite number")
-    return value
 
 
 # The milling cell at work.

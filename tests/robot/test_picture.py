@@ -14,16 +14,17 @@ from workbench.robot.picture import view_cell
 COLLIDING = "0,40,20,0,30,0"  # the forearm in the turntable
 
 
-def test_picture_and_lines(cell_file: Any, tmp_path: Path) -> None:
+def test_picture_and_lines(cell_file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workbench.robot.picture.VIEW_PX", (400, 300))
     out = tmp_path / "cell.png"
     lines = view_cell(str(cell_file()), COLLIDING, 0.0, str(out))
     assert "collision: tool with turntable" in lines
     assert not any(line.startswith("clearance") for line in lines)
     assert lines[-1] == f"picture: {out}"
     picture = matplotlib.image.imread(io.BytesIO(out.read_bytes()))[..., :3]
-    assert picture.shape == (1500, 2000, 3)
+    assert picture.shape == (600, 800, 3)
     red = (picture[..., 0] > 0.4) & (picture[..., 1:].max(axis=-1) < 0.3 * picture[..., 0])
-    for quarter in (red[:750, :1000], red[:750, 1000:], red[750:, :1000], red[750:, 1000:]):
+    for quarter in (red[:300, :400], red[:300, 400:], red[300:, :400], red[300:, 400:]):
         assert quarter.mean() > 0.005
     assert sorted(path.name for path in tmp_path.glob("*png*")) == ["cell.png"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,20 +13,35 @@ from scipy.spatial.transform import Rotation
 
 from tests.scan_plan.test_plan import DATA, SENSOR
 from workbench import cloud, edge, scan, twin
-from workbench.artefacts import Document, PlannedScan
+from workbench.artefacts import Document, PlannedScan, Recording
 from workbench.errors import InputError
 from workbench.scan import write
 from workbench.scan_plan import plan
+from workbench.synthetic import Workpiece
 
 RECIPE = DATA / "synthetic" / "raw_arc.json"
 
 
-def test_a_raw_edge_is_scanned_from_end_to_end_as_planned() -> None:
+class Followed(NamedTuple):
+    """A raw part, its planned scan and that one's file, and what the simulated cell recorded of it."""
+
+    part: Workpiece
+    planned: PlannedScan
+    content: bytes
+    recording: Recording
+
+
+@pytest.fixture(scope="module")
+def followed() -> Followed:
     part = twin.part(recipe=RECIPE)
     made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1)
     planned = next(one for one in made if isinstance(one, PlannedScan))
-    (course,) = planned.courses
-    recording = twin.scan(part, planned)
+    content = next(one.content for one in made if isinstance(one, Document))
+    return Followed(part, planned, content, twin.scan(part, planned))
+
+
+def test_a_raw_edge_is_scanned_from_end_to_end_as_planned(followed: Followed) -> None:
+    (course,), recording = followed.planned.courses, followed.recording
     fused = cloud.denoise(scan.fuse(recording))
     assert recording.x_mm.shape[1] == 1000  # columns of the shipped sensor, not of the recipe's
     ways = np.linalg.norm(fused.base_from_profiler[:, None, :3, 3] - course.base_from_profiler[None, :, :3, 3], axis=2)
@@ -35,14 +51,10 @@ def test_a_raw_edge_is_scanned_from_end_to_end_as_planned() -> None:
     assert np.isfinite(found.position_mm).all()
 
 
-def test_what_was_not_done_as_planned_is_told(tmp_path: Path) -> None:
-    part = twin.part(recipe=RECIPE)
-    made = plan(taught=twin.teach(part), sensor=SENSOR, raw=True, passes=1)
-    planned = next(one for one in made if isinstance(one, PlannedScan))
-    content = next(one.content for one in made if isinstance(one, Document))
+def test_what_was_not_done_as_planned_is_told(followed: Followed, tmp_path: Path) -> None:
+    part, planned, content, recording = followed
     file = tmp_path / "scan-plan.json"
     file.write_bytes(content)
-    recording = twin.scan(part, planned)
     write(recording, tmp_path / "recording.h5")
     fused = scan.fuse(scan.read(recording=tmp_path / "recording.h5"), scan_plan=file)
     assert fused.part.scan_plan == planned.plan_id

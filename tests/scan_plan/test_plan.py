@@ -138,7 +138,7 @@ def test_polyline_and_drawing_tell_the_same_edge(tmp_path: Path) -> None:
     rows = "".join(f"10\n{x}\n20\n{y}\n" for x, y, _ in points)
     drawn = tmp_path / "edge.dxf"
     drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{rows}0\nENDSEC\n0\nEOF\n")
-    one, other = made(edge=taught)[0], made(edge=drawn)[0]
+    one, other = (made(edge=file, passes=1)[0] for file in (taught, drawn))
     assert np.allclose(one.passes[0].base_from_view, other.passes[0].base_from_view)
     assert np.allclose(one.edge.normal[:, 1], 1.0) or np.allclose(one.edge.normal[:, 1], -1.0)
 
@@ -173,8 +173,8 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
 def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None:
     line = tmp_path / "edge.json"
     line.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[1500, 0, 800], [1530, 0, 800]]}))
-    smooth, file, _ = made(edge=line)
-    rough = made(edge=line, roughness_mm=0.05)[0]
+    smooth, file, _ = made(edge=line, passes=1)
+    rough = made(edge=line, passes=1, roughness_mm=0.05)[0]
     assert any("roughness" in one for one in file.not_checked)
     assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)
     assert np.nanmax(rough.bevel.u) < 1.01 * np.nanmin(

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.scan_plan.test_plan import CELL, EDGE, HAND_EYE, SENSOR
+from tests.seldom import seldom
 from workbench import robot
 from workbench.artefacts import Chapter, Document, Gate
 from workbench.scan_plan import ScanPlan, plan, program
@@ -43,7 +44,10 @@ def test_the_pass_is_driven_with_the_profiler_on(planned: ScanPlan) -> None:
 
 @pytest.mark.parametrize(
     ("controller", "file"),
-    [("kuka", "ScanEdge1.src"), ("fanuc", "SCANEDGE1.ls"), ("ur", "ScanEdge1.script"), ("trajectory", "ScanEdge1.csv")],
+    [
+        *(("kuka", "ScanEdge1.src"), ("ur", "ScanEdge1.script")),
+        *seldom(("fanuc", "SCANEDGE1.ls"), ("trajectory", "ScanEdge1.csv")),
+    ],
 )
 def test_other_languages(planned: ScanPlan, controller: Any, file: str) -> None:
     made = program(planned, robot.cell(cell=CELL), controller=controller, scanner_mass_kg=3)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from workbench.edge.identify import Candidate, candidates, crossing, joined, turn, vote
+from workbench.edge.identify import Candidate, candidates, vote
 from workbench.geometry.chains import COUNT, straight_faces
-from workbench.units import DEG, AnyArray, Float
+from workbench.units import DEG, Float
 
 ROOT_MM, BEVEL_DEG, THICKNESS_MM, PITCH_MM = 1.5, 40.0, 8.0, 0.05
 
@@ -72,32 +72,6 @@ def test_every_view(elevation_deg: float, upper: bool, lower: bool, side: int, s
     assert side * (best.root[2] - corner) > 0
 
 
-@pytest.mark.parametrize(("root_mm", "bevel_deg"), [(0.8, 30.0), (3.0, 30.0), (0.8, 50.0), (3.0, 50.0)])
-@pytest.mark.parametrize("elevation_deg", [50, -15])
-def test_sizes_and_angles_far_from_nominal(root_mm: float, bevel_deg: float, elevation_deg: float) -> None:
-    found = read(*profile(outline(root_mm, bevel_deg), elevation_deg, 1, -1))
-    best = min(found, key=lambda c: c.score)
-    assert (best.side, best.sense) == (1, -1)
-    assert math.atan(best.root[0]) - math.atan(best.bevel[0]) == pytest.approx(-bevel_deg * DEG, abs=0.03)
-
-
-@pytest.mark.parametrize("elevation_deg", [20, 45, 70])
-@pytest.mark.parametrize("sense", [1, -1])
-def test_a_square_edge_is_no_bevel(elevation_deg: float, sense: int) -> None:
-    corners = np.array([[-15.0, 8], [0, 8], [0, 0], [-12, 0]])
-    assert vote([read(*profile(corners, elevation_deg, 1, sense))]) is None
-    thin = np.array([[-15.0, 1.5], [0, 1.5], [0, 0], [-12, 0]])  # an end face as narrow as a root face
-    assert vote([read(*profile(thin, elevation_deg, 1, sense))]) is None
-
-
-def test_a_plate_is_no_edge() -> None:
-    for table in (False, True):
-        flat = np.array([[-15.0, 0.0], [15.0, 0.0]])
-        assert vote([read(*profile(flat, 80, 1, 1, table=table))]) is None
-    nothing = np.empty((0, 7))
-    assert list(candidates(nothing, np.zeros(2, bool), ROOT_MM, BEVEL_DEG * DEG)) == []
-
-
 def test_two_wide_faces_at_the_bevel_angle_are_a_bent_sheet() -> None:
     lean = BEVEL_DEG * DEG
     wide = np.array([[-25 * math.sin(lean), 25 * math.cos(lean)], [0, 0], [0, -25.0]])
@@ -134,40 +108,6 @@ def test_short_lines_of_stray_returns_between_the_faces_are_passed_over() -> Non
     plain, passed = (list(candidates(c, np.zeros(2, bool), ROOT_MM, BEVEL_DEG * DEG)) for c in (chain, with_strays))
     assert min(c.score for c in passed) == pytest.approx(min(c.score for c in plain))
     assert vote([passed]) == (1, 1)
-
-
-def reading(side: int, sense: int, score: float) -> Candidate:
-    line = np.zeros(3)
-    return Candidate(score, side, sense, None, line, line, None)
-
-
-def test_key_frames_vote() -> None:
-    """Many frames that agree outvote some that are sure of something else; a frame has one vote for each reading."""
-    assert vote([]) is None
-    assert vote([[], []]) is None
-    frames = [[reading(1, 1, 2.0), reading(-1, 1, 4.5)]] * 6 + [[reading(-1, 1, -2.0)]] * 2
-    assert vote(frames) == (1, 1)
-    assert vote(frames[4:]) == (-1, 1)
-    assert vote([[reading(-1, -1, 5.0)] * 9, [reading(1, -1, 3.0)]]) == (1, -1)
-
-
-def test_corners_of_two_lines() -> None:
-    a = np.array([0.0, 4.0, 0.5, 1.0, 80, 0, 79])
-    b = np.array([4.05, 9.0, -1.0, 7.0, 100, 80, 179])
-    assert crossing(a, b) == pytest.approx(4.0)
-    assert turn(a, b, 1) == pytest.approx(-math.pi / 4 - math.atan(0.5))
-    assert turn(a, b, -1) == -turn(a, b, 1)
-    assert joined(a, b)
-    assert not joined(a, b + np.array([0, 0, 0, 1.5, 0, 0, 0]))  # they cross 1 mm further on: a step, no corner
-    assert math.isnan(crossing(a, a))
-    assert not joined(a, a + np.array([4.05, 5, 0, 0.3, 0, 0, 0]))
-
-
-def test_reading_does_not_change_the_chain() -> None:
-    chain: AnyArray = straight_faces(*profile(outline(), 35, 1, 1))
-    before = chain.copy()
-    list(candidates(chain, np.zeros(2, bool), ROOT_MM, BEVEL_DEG * DEG))
-    np.testing.assert_array_equal(chain, before)
 
 
 @pytest.mark.parametrize("side", [1, -1])

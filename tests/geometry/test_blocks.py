@@ -47,12 +47,6 @@ def test_a_forked_process_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch
     assert os.waitpid(child, 0)[1] == 0
 
 
-def test_blocks_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "cores", lambda: 2)
-    both = threading.Barrier(2, timeout=120)
-    assert sorted(blocks.in_order(lambda first, last: both.wait(), 2, 1)) == [0, 1]
-
-
 def test_a_failure_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "cores", lambda: 2)
     begun = []

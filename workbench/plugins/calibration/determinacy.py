@@ -14,9 +14,9 @@ import numpy as np
 
 from workbench.api import DEG, Float, InputError, inverse, vector_from_rotation
 from workbench.plugins.calibration.model import Estimate, View, cross_matrix, volume_u
-from workbench.plugins.calibration.observations import Flange, distinct_postures
+from workbench.plugins.calibration.observations import Flange, posture_of
 
-MIN_POSTURES = 4
+MIN_POSTURES, SAME = 4, (3.0, 1 * DEG)  # mm and rad, within which they are one
 ALIKE_RAD = 3 * DEG  # orientations that differ by less hardly count
 ALIKE_MM = 1.5  # places of what is seen likewise
 OFFSET_MM = 0.2  # largest uncertainty of the clock's offset, as motion of the scans
@@ -57,7 +57,7 @@ def directions(covariance: Float, estimate: Estimate, view: View) -> tuple[tuple
 def check_postures(flange: Flange, where: str, what: str, because: str = "") -> None:
     """Refuse fewer than four postures; frames of a scan are judged by the uncertainty alone."""
     poses = flange.base_from_flange
-    if not flange.scans and (count := distinct_postures(poses)) < MIN_POSTURES:
+    if not flange.scans and (count := int(posture_of(poses, *SAME).max()) + 1) < MIN_POSTURES:
         raise InputError(
             where,
             f"expected at least {MIN_POSTURES} distinct postures that see the {what}, found {count} (of "

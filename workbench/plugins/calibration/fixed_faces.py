@@ -141,11 +141,7 @@ class Part:
         scales = np.arange(SCALES) + self.size - SCALES - self.with_offset
         prior[scales, scales], away[scales] = self.scale_u**-2, -at.scale
         covariance = alone + seen.evened[:, None, None] * (own @ np.swapaxes(own, 1, 2))
-        none = np.zeros((*residual.shape, 0))
-        shared = tuple(
-            estimator.Shared(g.rows, alone[g.rows], own[g.rows], g.node, g.fraction, g.nodes - 1, none[g.rows])
-            for g in seen.scans
-        )
+        shared = tuple(scan.shared(alone, own) for scan in seen.scans)
         values = np.full(len(residual), float(residual.shape[1]))
         return estimator.Rows(residual, jacobian, covariance, values, prior, away, shared)
 

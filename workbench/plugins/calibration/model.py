@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.api import DEG, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
-from workbench.plugins.calibration.observations import Flange, Group, Observations, Timed
+from workbench.plugins.calibration.observations import Flange, Observations, Timed
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
@@ -140,16 +140,15 @@ def to_base(centre: Float, estimate: Estimate, seen: Observations) -> Float:
     return np.asarray((poses[:, :3, :3] @ at[..., None])[..., 0] + poses[:, :3, 3])
 
 
-def shared_of(linear: Linear, scan: Group, noise: Noise) -> estimator.Shared:
-    """What the frames of a scan share: errors that each recorded pose has of its own, and those of all of them."""
-    spread = linear.by_pose[scan.rows] * noise.spread
-    bent = np.zeros((len(spread), 3, 1))
-    scale = noise.common / (noise.common + (1 - noise.common) * (scan.fraction**2 + (1 - scan.fraction) ** 2))
-    bent[:, 2, 0] = scale * linear.bent[scan.rows]  # an error in common is so squared too
-    alone = linear.covariance[scan.rows] - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
+def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.Shared, ...]:
+    """What the frames of each scan share: errors that each recorded pose has of its own, and those of all of them."""
+    spread, bent = linear.by_pose * noise.spread, np.zeros((len(linear.bent), 3, 1))
+    scale = noise.common / (noise.common + (1 - noise.common) * flange.evened)
+    bent[:, 2, 0] = scale * linear.bent  # an error in common is so squared too
+    alone = linear.covariance - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
     whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
     own = spread * np.sqrt(1 - noise.common)
-    return estimator.Shared(scan.rows, alone, own, scan.node, scan.fraction, scan.nodes - 1, whole)
+    return tuple(scan.shared(alone, own, whole) for scan in flange.scans)
 
 
 def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> estimator.Rows:
@@ -158,7 +157,7 @@ def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) 
     prior, away = np.zeros((size, size)), np.zeros(size)
     prior[SIZE - 1, SIZE - 1], away[SIZE - 1] = noise.radius_u_mm**-2, noise.radius_mm - radius_mm
     flange = seen.here
-    shared = tuple(shared_of(linear, scan, noise) for scan in flange.scans)
+    shared = shared_of(linear, flange, noise)
     covariance = linear.covariance.copy()
     for one in shared:
         evened = flange.evened[one.rows, None, None]

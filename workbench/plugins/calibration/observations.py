@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
 from workbench.api import (
@@ -20,8 +21,8 @@ from workbench.api import (
     Int,
     Recording,
     Shaped,
+    estimator,
     interpolate_poses,
-    inverse,
     rotation_from_quaternion,
     rotation_from_vector,
     vector_from_rotation,
@@ -33,7 +34,6 @@ DIFFERENCE_S = 1e-4  # for turning a rotation vector's rate into a spin
 MARGIN_S = 0.3  # of poses before and after a scan's frames that tell its motion
 PIECE_S = 4.0  # of a long scan, whose motion is taken for one polynomial
 MAX_DEGREE = 15  # of the polynomial in time that a scan's motion is taken for; fewer poses are too few for a piece
-SAME_MM, SAME_RAD = 3.0, 0.0175  # poses nearer than both are one posture
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,12 @@ class Group:
     node: Shaped[Int, " m"]  # recorded pose before each, of those beside a frame
     fraction: Shaped[Float, " m"]  # of the way to the next one
     nodes: int  # recorded poses
+
+    def shared(self, alone: Float, own: Float, whole: Float | None = None) -> estimator.Shared:
+        """Of all k observations: what is theirs alone (k, d, d), by a pose's errors (k, d, e), by all in common."""
+        alone, own = alone[self.rows], own[self.rows]
+        whole = np.zeros((*own.shape[:2], 0)) if whole is None else whole[self.rows]
+        return estimator.Shared(self.rows, alone, own, self.node, self.fraction, self.nodes - 1, whole)
 
 
 @dataclass(frozen=True)
@@ -255,17 +261,15 @@ def by_pass(profiles: SphereProfiles, recording: Recording) -> Observations:
     return Observations(circle, covariance, flange, frames, tuple(rejected))
 
 
-def distinct_postures(base_from_flange: Float) -> int:
-    """How many of the poses (k, 4, 4) are postures of their own: the others repeat one of them."""
-    kept: list[Float] = []
-    for pose in base_from_flange:
-        if kept:
-            between = inverse(np.stack(kept)) @ pose
-            angle = np.linalg.norm(vector_from_rotation(between[:, :3, :3]), axis=1)
-            if ((np.linalg.norm(between[:, :3, 3], axis=1) < SAME_MM) & (angle < SAME_RAD)).any():
-                continue
-        kept.append(pose)
-    return len(kept)
+def posture_of(base_from_flange: Float, same_mm: float, same_rad: float) -> Int:
+    """Number (k,) of the posture of each pose (k, 4, 4): poses nearer than both together are one."""
+    turn = base_from_flange[:, :3, :3].reshape(-1, 9)  # sqrt(2) of a small turn apart
+    apart = np.hypot(
+        scipy.spatial.distance.pdist(base_from_flange[:, :3, 3]) / same_mm,
+        scipy.spatial.distance.pdist(turn) / (np.sqrt(2.0) * same_rad),
+    )
+    near = scipy.spatial.distance.squareform(apart) <= 1.0
+    return np.asarray(scipy.sparse.csgraph.connected_components(near, directed=False)[1])
 
 
 def _agreeing(circle: Float, covariance: Float) -> Bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -44,6 +45,7 @@ from workbench.plugins.calibration.model import (
     View,
     cross_matrix,
     linearise,
+    rows_of,
     view_of_points,
     volume_u,
     volume_weight,
@@ -87,11 +89,13 @@ class Posed:
         poses = self.seen.here.base_from_flange @ self.back @ flange
         moved = dataclasses.replace(self.seen, flange=dataclasses.replace(self.seen.here, base_from_flange=poses))
         linear = linearise(at.estimate, moved, self.noise)
-        slope = np.concatenate([linear.jacobian, linear.by_pose @ by_errors], axis=2)
-        prior = np.concatenate([np.zeros(SIZE - 1), [self.noise.radius_u_mm**-2], self.arm.prior**-2])
-        away = np.concatenate([np.zeros(SIZE - 1), [self.noise.radius_mm - at.estimate.radius_mm], -at.errors])
-        values = np.full(len(slope), 3.0)
-        return estimator.Rows(linear.residual, slope, linear.covariance, values, np.diag(prior), away)
+        ball = rows_of(linear, moved, self.noise, at.estimate.radius_mm)
+        return dataclasses.replace(
+            ball,
+            jacobian=np.concatenate([ball.jacobian, linear.by_pose @ by_errors], axis=2),
+            prior=scipy.linalg.block_diag(ball.prior, np.diag(self.arm.prior**-2)),
+            away=np.concatenate([ball.away, -at.errors]),
+        )
 
     def moved(self, at: Together, step: Float) -> Together:
         """Steps in the order of the unknowns."""

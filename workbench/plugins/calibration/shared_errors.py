@@ -208,11 +208,7 @@ class _Likelihood:
         joined = [np.swapaxes(still, 1, 2) @ np.linalg.solve(at_rest, still)]
         log_size = float(np.linalg.slogdet(at_rest)[1].sum())
         for scan in seen.scans:
-            by_pose, none = own * self._spread[scan.rows], np.zeros((len(scan.rows), 3, 0))
-            shared = estimator.Shared(
-                scan.rows, alone[scan.rows], by_pose, scan.node, scan.fraction, scan.nodes - 1, none
-            )
-            more, log = estimator.within_poses(columns[scan.rows], shared)
+            more, log = estimator.within_poses(columns[scan.rows], scan.shared(alone, own * self._spread))
             joined.append(more[None])
             log_size += log
         return np.concatenate(joined), log_size

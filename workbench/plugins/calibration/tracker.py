@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import scipy
 from pydantic import Field
 
 from workbench.api import (
@@ -38,6 +36,7 @@ from workbench.plugins.calibration.arm_errors import (
     robot_results,
 )
 from workbench.plugins.calibration.model import cross_matrix
+from workbench.plugins.calibration.observations import posture_of
 from workbench.plugins.calibration.tables import JOINTS, POSE, check_misfit, enough, fit_words, noisy, poses, told
 from workbench.plugins.table import Table
 
@@ -67,11 +66,7 @@ class Seen:
     @property
     def posture(self) -> Int:
         """Number (n,) of each reading's posture: its pose error is one, also where a robot came back to it."""
-        place, turn = self.flange[:, :3, 3], self.flange[:, :3, :3].reshape(len(self.lines), 9)
-        distance = scipy.spatial.distance
-        apart = np.hypot(distance.pdist(place) / SAME_MM, distance.pdist(turn) / (math.sqrt(2.0) * SAME))
-        near = distance.squareform(apart) <= 1.0
-        return np.asarray(scipy.sparse.csgraph.connected_components(near, directed=False)[1])
+        return posture_of(self.flange, SAME_MM, SAME)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,7 +24,7 @@ from workbench.api import (
     stage,
     within_limits,
 )
-from workbench.plugins.stiffness.elastic import MM
+from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, moved_columns
@@ -94,9 +94,8 @@ def _directions() -> Float:
 
 def _at_sensor(setup: LoadingSetup, point_mm: Float, force: Float) -> Float:
     """Wrenches (D, 6) in the sensor frame of forces at points of the flange."""
-    rotation, origin = setup.flange_from_sensor[:3, :3], setup.flange_from_sensor[:3, 3]
-    moment = np.cross(point_mm - origin, force) / MM
-    return np.hstack([force @ rotation, moment @ rotation])
+    turn, origin = setup.flange_from_sensor[:3, :3].T, setup.flange_from_sensor[:3, 3]
+    return wrench_at(turn, (point_mm - origin) @ turn.T, np.hstack([force, np.zeros_like(force)]))
 
 
 Posture = tuple[float, float, float, float, float, float]

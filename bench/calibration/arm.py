@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from bench.harness import ROOT
 from bench.metrology.sphere_truth import circle_covariance
 from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
-from workbench.plugins.calibration.arm_errors import ArmErrors, Priors, arm_errors
+from workbench.plugins.calibration.arm_errors import ArmErrors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
 from workbench.plugins.calibration.observations import from_arrays
 from workbench.plugins.calibration.robot import together
@@ -47,7 +47,7 @@ class Arm:
 def draw(rng: np.random.Generator) -> Arm:
     """A robot built as its priors say."""
     chain = read_cell(CELL).chain
-    errors = arm_errors(chain, Priors())
+    errors = arm_errors(chain)
     return Arm(chain, errors, rng.normal(size=len(errors)) * errors.prior)
 
 

@@ -38,15 +38,6 @@ ALIKE = 0.7  # correlation from which two parameters are told to be hard to tell
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Priors:
-    """Standard deviations with which the robot was built; 0: not estimated."""
-
-    offset: float = 0.3 * DEG  # of a joint's zero
-    length_mm: float = 1.0  # of where an axis lies beside the one before
-    tilt: float = 0.0  # of an axis' direction
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ArmErrors:
     """P parameters of a chain: rad of offsets and tilts, mm of lengths."""
 
@@ -61,23 +52,25 @@ class ArmErrors:
         return len(self.names)
 
 
-def arm_errors(chain: Chain, priors: Priors) -> ArmErrors:
-    """All parameters that a chain has under `priors`; none is kept twice, but for what data alone can tell apart.
+def arm_errors(chain: Chain, offset: float = 0.3 * DEG, length_mm: float = 1.0, tilt: float = 0.0) -> ArmErrors:
+    """All parameters that a chain has; none is kept twice, but for what data alone can tell apart.
 
+    With which standard deviations it was built (0: right): of a joint's zero, of where an axis lies beside the one
+    before, of an axis' direction.
     Beyond parallel axes a shift across their plane is two offsets; along an axis it belongs to the next one.
     """
     rows: list[tuple[str, int, Float, float, bool]] = []
     for k in range(6):
         axis, point = chain.axes[k], chain.points_mm[k]
-        if priors.offset > 0.0:
-            rows.append((f"offset of joint {k + 1}", k, _turn(axis, point), priors.offset, False))
-        if k and priors.length_mm > 0.0:
+        if offset > 0.0:
+            rows.append((f"offset of joint {k + 1}", k, _turn(axis, point), offset, False))
+        if k and length_mm > 0.0:
             for way in _ways(chain, k):
                 name = f"shift of axis {k + 1} along {_words(way)}"
-                rows.append((name, k, np.concatenate([way, np.zeros(3)]), priors.length_mm, True))
-        if k and priors.tilt > 0.0:
+                rows.append((name, k, np.concatenate([way, np.zeros(3)]), length_mm, True))
+        if k and tilt > 0.0:
             for way in _across(axis):
-                rows.append((f"tilt of axis {k + 1} about {_words(way)}", k, _turn(way, point), priors.tilt, False))
+                rows.append((f"tilt of axis {k + 1} about {_words(way)}", k, _turn(way, point), tilt, False))
     return ArmErrors(
         tuple(r[0] for r in rows),
         np.array([r[1] for r in rows], np.int64),

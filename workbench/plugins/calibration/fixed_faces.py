@@ -127,23 +127,21 @@ class Part:
             moving = seen.velocity[:, None, :3] + np.cross(seen.velocity[:, None, 3:], lever[:, which])
             jacobian[..., -1] = -(here * moving).sum(axis=2)
         spread = np.concatenate([np.broadcast_to(normal, here.shape), np.cross(lever[:, which], here)], axis=2)
-        return self._rows(
-            at, -(off * normal).sum(axis=2), jacobian, self._alone(by_x_z, which), spread * self.noise.spread, seen
-        )
-
-    def _alone(self, by_x_z: Float, which: Int) -> Float:
-        """Covariance (k, D, D) of the distances by the marks' own."""
-        spread = np.einsum("kdi,kdij,kej->kde", by_x_z, self.marks.covariance[:, which], by_x_z)
-        return np.asarray(np.where(which[:, None] == which[None, :], spread, 0.0))
-
-    def _rows(self, at: At, residual: Float, jacobian: Float, alone: Float, own: Float, seen: Flange) -> estimator.Rows:
+        own = spread * self.noise.spread
+        by_marks = np.einsum("kdi,kdij,kej->kde", by_x_z, self.marks.covariance[:, which], by_x_z)
+        alone = np.where(which[:, None] == which, by_marks, 0.0)  # two distances of one point share its errors
         prior, away = np.zeros((self.size, self.size)), np.zeros(self.size)
-        scales = np.arange(SCALES) + self.size - SCALES - self.with_offset
+        scales = np.arange(behind, behind + SCALES)
         prior[scales, scales], away[scales] = self.scale_u**-2, -at.scale
-        covariance = alone + seen.evened[:, None, None] * (own @ np.swapaxes(own, 1, 2))
-        shared = tuple(scan.shared(alone, own) for scan in seen.scans)
-        values = np.full(len(residual), float(residual.shape[1]))
-        return estimator.Rows(residual, jacobian, covariance, values, prior, away, shared)
+        return estimator.Rows(
+            residual=-(off * normal).sum(axis=2),
+            jacobian=jacobian,
+            covariance=alone + seen.evened[:, None, None] * (own @ np.swapaxes(own, 1, 2)),
+            values=np.full(len(A), float(len(which))),
+            prior=prior,
+            away=away,
+            shared=tuple(scan.shared(alone, own) for scan in seen.scans),
+        )
 
     def moved(self, at: At, step: Float) -> At:
         """Turns by half a rad at most: beyond, the model is no plane."""

@@ -31,7 +31,6 @@ from workbench.api import (
 from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
-    Priors,
     arm_errors,
     chain_of,
     erring_flange,
@@ -165,7 +164,7 @@ def robot(
     shown = profiles.frame
     view = view_of_points(recording.x_mm[shown].astype(float), recording.z_mm[shown].astype(float), seen.circle)
     start = solve(seen, noise, recording.flange_from_profiler, where=where, limit_mm=BUILT_MM, view=view).found.estimate
-    arm = arm_errors(chain, Priors(offset_prior_deg * DEG, length_prior_mm))
+    arm = arm_errors(chain, offset_prior_deg * DEG, length_prior_mm)
 
     passes = tuple(int(recording.pass_index[frames[0]]) for frames in seen.frames)
     labels = estimator.Labels(where, passes, "pass", "did the sphere move, do joints and poses belong together?")

@@ -29,7 +29,6 @@ from workbench.api import (
 from workbench.plugins.calibration.arm_errors import (
     NO_ERRORS,
     ArmErrors,
-    Priors,
     arm_errors,
     chain_of,
     erring_flange,
@@ -182,8 +181,8 @@ def tracker(
     """
     where, chain = str(readings), chain_of(cell)
     every = read_readings(readings, chain)
-    priors = Priors(offset_prior_deg * DEG, length_prior_mm, tilt_prior_deg * DEG)
-    arm = NO_ERRORS if chain is None else arm_errors(chain, priors)
+    priors = offset_prior_deg * DEG, length_prior_mm, tilt_prior_deg * DEG
+    arm = NO_ERRORS if chain is None else arm_errors(chain, *priors)
     sigma = (tracker_noise_mm, robot_noise_mm, robot_noise_deg * DEG)
     tracking, labels = Tracking(every, chain, arm, sigma), estimator.Labels(where, every.lines, ask=ORDERLY)
     start = tracking.begun()

@@ -19,11 +19,10 @@ from workbench.api import (
     strict_json,
 )
 from workbench.plugins.stiffness.elastic import balance, give_way, tangent_stiffness, way
-from workbench.plugins.stiffness.values import Deflection, JointStiffness
+from workbench.plugins.stiffness.values import Deflection, JointStiffness, Six
 
 Vector = tuple[float, float, float]
 Method = Literal["balance", "linear_kc", "linear"]
-Joints = tuple[float, float, float, float, float, float]
 
 
 @stage("stiffness.deflection")
@@ -31,7 +30,7 @@ def deflection(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    joints_deg: Joints = (0, -3, 5, 45, -45, 225),
+    joints_deg: Six = (0, -3, 5, 45, -45, 225),
     angle_convention: AngleConvention = "abb",
     force_n: Vector = (0, 0, -200),
     torque_nm: Vector = (0, 0, 0),

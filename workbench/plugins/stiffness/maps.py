@@ -9,9 +9,8 @@ from pydantic import Field
 
 from workbench.api import DEG, Cell, Chapter, Float, InputError, abb_angles, jacobian, pieces, plot, stage
 from workbench.plugins.stiffness.elastic import MM, give_way
-from workbench.plugins.stiffness.values import TABLE_A1_DEG, JointStiffness, StiffnessMaps
+from workbench.plugins.stiffness.values import TABLE_A1_DEG, JointStiffness, Six, StiffnessMaps
 
-Posture = tuple[float, float, float, float, float, float]
 Axis = Annotated[int, Field(ge=1, le=6)]
 Range = tuple[float, float]
 NEGLIGIBLE_FP, NEGLIGIBLE_FR = 0.01, 1e-4  # the paper's section 5.2; the second in rad
@@ -23,9 +22,9 @@ def maps(
     stiffness: JointStiffness,
     *,
     axes: tuple[Axis, Axis] = (2, 3),
-    joints_deg: Posture = (0, 0, 0, 45, -45, 225),
+    joints_deg: Six = (0, 0, 0, 45, -45, 225),
     ranges_deg: tuple[Range, Range] | None = None,
-    postures_deg: list[Posture] | None = None,
+    postures_deg: list[Six] | None = None,
     force_n: Annotated[float, Field(gt=0, le=1e6)] = 2000.0,
     torque_nm: Annotated[float, Field(gt=0, le=1e6)] = 200.0,
     steps: Annotated[int, Field(ge=5, le=400)] = 41,

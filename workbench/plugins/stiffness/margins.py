@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,20 +95,23 @@ def cuts_of(toolpath: Toolpath, force: MillingForce, layer: Int, base_from_point
 
 def screen_limits(dynamics: Dynamics, cuts: Cuts, way: int, *, regeneration: bool = True) -> Float:
     """Limits (m,), mm, of the averaged cut: `way` 0 as the path runs (up-milling), 1 backwards."""
-    found = np.full(len(cuts.at), np.inf)
-    for radial, here in cuts.groups:
-        some = Dynamics(*(part[here] for part in dynamics))
-        found[here] = screened(some, cuts.milling(radial)[way], LARGEST_MM, regeneration=regeneration)
-    return found
+    return _by_depth(dynamics, cuts, way, lambda some, cut: screened(some, cut, LARGEST_MM, regeneration=regeneration))
 
 
 def judged_limits(dynamics: Dynamics, cuts: Cuts, way: int, largest_mm: float) -> Float:
     """The judge's limits (m,), mm; its search begins well below what the screen says."""
+
+    def judge(some: Dynamics, cut: Milling) -> Float:
+        return limits(some, cut, largest_mm, np.minimum(screened(some, cut, LARGEST_MM) / 4, largest_mm / 30))
+
+    return _by_depth(dynamics, cuts, way, judge)
+
+
+def _by_depth(dynamics: Dynamics, cuts: Cuts, way: int, rule: Callable[[Dynamics, Milling], Float]) -> Float:
+    """What a rule says of all points (m,), those of one radial depth together."""
     found = np.full(len(cuts.at), np.inf)
     for radial, here in cuts.groups:
-        some, cut = Dynamics(*(part[here] for part in dynamics)), cuts.milling(radial)[way]
-        start = np.minimum(screened(some, cut, LARGEST_MM) / 4, largest_mm / 30)
-        found[here] = limits(some, cut, largest_mm, start)
+        found[here] = rule(Dynamics(*(part[here] for part in dynamics)), cuts.milling(radial)[way])
     return found
 
 

@@ -16,7 +16,7 @@ from workbench.api import DEG, Cell, Float, Int, Shaped, Toolpath
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.force import mean_matrices
 from workbench.plugins.stiffness.margins import COVERAGE, Cuts, is_stable
-from workbench.plugins.stiffness.stability import Dynamics, Milling
+from workbench.plugins.stiffness.stability import Dynamics
 
 DIRECTIONS = ("up", "down")  # as the path runs, and backwards
 A_LOBE = 8  # speeds across a lobe of the fastest mode
@@ -86,12 +86,6 @@ def speeds(rpm: float, change: float, flutes: int, fastest_hz: float) -> Float:
     return np.asarray(rpm * np.linspace(1 - change, 1 + change, count))
 
 
-def mean_load(cuts: Cuts, cut: Milling, chip_mm: Float, axial_mm: Float) -> tuple[Float, Float]:
-    """Mean force (m, 3), N, in the points' axes and torque (m,), Nm, of an even cutter with chips along a path (m,)."""
-    means = mean_matrices(cuts.cutter, cut.entry, cut.exit, chip_mm) @ cuts.process.coefficients.values
-    return axial_mm[:, None] * means[:, :3], axial_mm * means[:, 3]
-
-
 def choose(
     cell: Cell, toolpath: Toolpath, cuts: Cuts, layer: Shaped[Int, " m"], dynamics: Dynamics, bounds: Bounds
 ) -> Chosen:
@@ -127,7 +121,9 @@ def _option(toolpath: Toolpath, met: Cuts, way: int, layers: int, time_s: float,
     """What an option asks of spindle and robot, which gives way across the bevel face by `give` (m, 3), mm/N."""
     force, torque = np.zeros((len(met.at), 3)), np.zeros(len(met.at))
     for radial, here in met.groups:
-        force[here], torque[here] = mean_load(met, met.milling(radial)[way], met.chip_mm[here], met.axial_mm[here])
+        cut, axial = met.milling(radial)[way], met.axial_mm[here]
+        mean = mean_matrices(met.cutter, cut.entry, cut.exit, met.chip_mm[here]) @ met.process.coefficients.values
+        force[here], torque[here] = axial[:, None] * mean[:, :3], axial * mean[:, 3]
     most, moved = float(torque.max()), np.abs(np.einsum("mr,mr->m", give, force))
     return Option(
         layers=layers,

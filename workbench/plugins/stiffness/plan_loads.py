@@ -27,7 +27,7 @@ from workbench.api import (
 from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
-from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, moved_columns
+from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, Six, moved_columns
 from workbench.plugins.table import csv_bytes
 
 # Postures and loads that a loading test could use, and what each would tell.
@@ -98,15 +98,12 @@ def _at_sensor(setup: LoadingSetup, point_mm: Float, force: Float) -> Float:
     return wrench_at(turn, (point_mm - origin) @ turn.T, np.hstack([force, np.zeros_like(force)]))
 
 
-Posture = tuple[float, float, float, float, float, float]
-
-
 @stage("stiffness.plan_loads")
 def plan_loads(
     cell: Cell,
     stiffness: JointStiffness,
     *,
-    postures_deg: Annotated[list[Posture] | None, Field(min_length=1)] = None,
+    postures_deg: Annotated[list[Six] | None, Field(min_length=1)] = None,
     angle_convention: AngleConvention = "abb",
     postures: Annotated[int, Field(ge=1, le=20)] = 3,
     loads_per_posture: Annotated[int, Field(ge=2, le=400)] = 40,

@@ -10,6 +10,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -157,15 +158,6 @@ def words_of(arm: AnyArm, chain: Chain) -> list[tuple[str, ...]]:
     return [tuple(pair[side] for pair, side in zip(SIDES, one, strict=True)) for one in named]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Verdicts:
-    """What was found out about c cells of the grid."""
-
-    cause: Shaped[Int, " c"]  # index into CAUSES
-    hit: Shaped[Int, " c"]  # pair of bodies that collides, or -1
-    how: Shaped[Int, " c"]  # index into JUDGED
-
-
 class Examiner:
     """Asks whether a path can be milled with a constant cutter rotation and turntable angle."""
 
@@ -180,23 +172,21 @@ class Examiner:
         self.on_part = (links == 6).any(axis=1) & (links == beside).any(axis=1)
         self.dense = points.densified(STATION_MM)  # as the tool goes from point to point
 
-    def examine(self, configuration: Int, rotation: Float, table: Float) -> Verdicts:
-        """Verdicts on cells (c,), each in one configuration all along the path.
+    def examine(self, configuration: Int, rotation: Float, table: Float) -> Int:
+        """Of cells (c,), each in one configuration all along: cause, hit (pair of bodies, or -1) and how (3, c).
 
         Joint angles and their limits at the stations. Bodies are proven apart along the whole way or, round the
         stations where that fails, asked of fcl at every point. Margins to singular postures at SAMPLED_AT stations.
         """
-        count = len(configuration)
-        made = Verdicts(np.full(count, LIMIT), np.full(count, -1), np.full(count, SAMPLED))
+        made = np.empty((3, len(configuration)), int)
         flange = flange_poses(self.cell, self.dense, self._stations[None], rotation[:, None], table[:, None])
         for which in np.unique(configuration).tolist():
             some = np.flatnonzero(configuration == which)
-            found = self._judged(which, flange[some], rotation[some], table[some])
-            made.cause[some], made.hit[some], made.how[some] = found.cause, found.hit, found.how
+            made[:, some] = self._judged(which, flange[some], rotation[some], table[some])
         return made
 
-    def _judged(self, configuration: int, flange: Float, rotation: Float, table: Float) -> Verdicts:
-        """Verdicts on cells (c,) in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
+    def _judged(self, configuration: int, flange: Float, rotation: Float, table: Float) -> Int:
+        """As `examine`, in one configuration, with poses of the flange (c, s, 4, 4) at the stations."""
         count, places = flange.shape[:2]
         joints = self.arm.joint_angles(flange.reshape(-1, 4, 4), configuration).reshape(count, places, 6)
         joints, within = followed(self.cell.chain, joints)
@@ -223,7 +213,7 @@ class Examiner:
         some = asked[doubtful]
         hit[some] = self._hits(configuration, joints[some], open_[doubtful], rotation[some], table[some])
         cause[some[hit[some] >= 0]] = COLLISION
-        return Verdicts(cause, hit, how)
+        return np.stack([cause, hit, how])
 
     def _hits(self, configuration: int, joints: Float, open_: Bool, rotation: Float, table: Float) -> Int:
         """The first hit (c,) of paths with joints (c, s, 6) at the stations, or -1; where they are `open_` (c, s)."""
@@ -486,27 +476,26 @@ class _State:
     """What is known of each (configuration, turntable, rotation)."""
 
     def __init__(self, examiner: Examiner, grid: Traversal) -> None:
-        self.examiner, self.grid, self.cause = examiner, grid, grid.said.astype(np.int64).reshape(-1)
-        self.hit = np.full(self.cause.shape, -1)
-        self.how = np.full(self.cause.shape, SOLVED)
+        self.examiner, self.grid = examiner, grid
+        self.said = np.repeat([[FREE], [-1], [SOLVED]], grid.said.size, axis=1)
+        self.cause, self.hit, self.how = self.said  # views
+        self.cause[:] = grid.said.reshape(-1)
         self.cells = grid.said[0].size
         self.settled = np.zeros(self.cells, bool)  # it is free in a configuration
         self.margin = np.full((2, self.cause.size), np.nan)  # from chatter, and the same less U
         self.driven: Float = np.empty((0, 6))  # joint angles of the cell that was driven last
         self.examined = 0
 
-    def place(self, flat: int) -> tuple[int, float, float]:
-        """Configuration, rotation and turntable angle."""
+    def place(self, flat: Int | int) -> tuple[Any, Any, Any]:
+        """Configuration, rotation and turntable angle of cells (c,), or of one."""
         which, table, rotation = np.unravel_index(flat, self.grid.said.shape)
-        return int(which), float(self.grid.rotations[rotation]), float(self.grid.tables[table])
+        return which, self.grid.rotations[rotation], self.grid.tables[table]
 
     def examine(self, flat: Int) -> Int:
         """What stands in the way of each."""
         if len(flat):
-            which, table, rotation = np.unravel_index(flat, self.grid.said.shape)
-            found = self.examiner.examine(which, self.grid.rotations[rotation], self.grid.tables[table])
-            self.note(flat, found)
-            self._spread(rotation, found)
+            self.note(flat, self.examiner.examine(*self.place(flat)))
+            self._spread(flat)
             self.examined += len(flat)
         return np.asarray(self.cause[flat])
 
@@ -517,16 +506,15 @@ class _State:
             return np.ones(len(flat), bool)
         new = flat[np.isnan(self.margin[0, flat])]
         if len(new):
-            which, table, rotation = np.unravel_index(new, self.grid.said.shape)
-            self.margin[:, new] = self.examiner.margins(which, self.grid.rotations[rotation], self.grid.tables[table])
+            self.margin[:, new] = self.examiner.margins(*self.place(new))
         return np.asarray(self.margin[1, flat] >= keeps.asked)
 
     def choose(self, one: int, *, unsteady: bool) -> bool:
         """Whether a free cell is so as it is driven and, unless `unsteady`, as chatter's judge sees it."""
         which, rotation, table = self.place(one)
-        self.driven, cause, hit = self.examiner.driven(which, rotation, table)
+        self.driven, cause, hit = self.examiner.driven(int(which), rotation, table)
         if cause != FREE:
-            self.note(np.array([one]), Verdicts(*(np.array([x]) for x in (cause, hit, EVERY_POINT))))
+            self.note(np.array([one]), np.array([[cause], [hit], [EVERY_POINT]]))
         elif not (unsteady or self.examiner.steady(self.driven, table)):
             assert self.examiner.keeps is not None
             self.margin[1, one] = np.nextafter(self.examiner.keeps.asked, 0.0)  # the judge overrules the screen
@@ -539,20 +527,21 @@ class _State:
         which, rotation, table = self.place(one)
         margin = None if self.examiner.keeps is None else float(self.margin[1, one])
         joints, of, mean = self.driven, self.grid.said[0].size, float(self.grid.mean.reshape(-1)[one])
-        return Choice(rotation, table, which, joints, mean, self.examined, of, margin=margin)
+        return Choice(float(rotation), float(table), int(which), joints, mean, self.examined, of, margin=margin)
 
-    def _spread(self, rotation: Int, found: Verdicts) -> None:
+    def _spread(self, flat: Int) -> None:
         """What the tool hits on the part along the path it hits in every posture of that cutter rotation."""
-        of_part = np.append(self.examiner.on_part, False)[found.hit]
-        hits = (found.cause == COLLISION) & (found.how == EVERY_POINT) & of_part
-        for turn, hit in dict(zip(rotation[hits].tolist(), found.hit[hits].tolist(), strict=True)).items():
-            flat = np.arange(turn, self.cause.size, len(self.grid.rotations))
-            flat = flat[self.cause[flat] == FREE]
-            self.cause[flat], self.hit[flat], self.how[flat] = COLLISION, hit, EVERY_POINT
+        of_part = np.append(self.examiner.on_part, False)[self.hit[flat]]
+        hits = flat[(self.cause[flat] == COLLISION) & (self.how[flat] == EVERY_POINT) & of_part]
+        turns = len(self.grid.rotations)
+        for turn, hit in dict(zip((hits % turns).tolist(), self.hit[hits].tolist(), strict=True)).items():
+            every = np.arange(turn, self.cause.size, turns)
+            self.said[:, every[self.cause[every] == FREE]] = [[COLLISION], [hit], [EVERY_POINT]]
 
-    def note(self, flat: Int, found: Verdicts) -> None:
-        self.cause[flat], self.hit[flat], self.how[flat] = found.cause, found.hit, found.how
-        self.settled[(flat % self.cells)[found.cause == FREE]] = True
+    def note(self, flat: Int, found: Int) -> None:
+        """What is found (3, c) of cells (c,)."""
+        self.said[:, flat] = found
+        self.settled[(flat % self.cells)[found[0] == FREE]] = True
 
     def map(self, *, margins: bool = False) -> PostureMap:
         """The best free configuration of each cell, or the cause of the one that came farthest.
@@ -560,7 +549,7 @@ class _State:
         `margins`: from chatter, of all that are free; else of those only whose margin was asked.
         """
         shape, screen = self.grid.said.shape, self.examiner.screen
-        cause, hit, how = self.cause.reshape(shape), self.hit.reshape(shape), self.how.reshape(shape)
+        cause, hit, how = self.said.reshape(3, *shape)
         mean = np.where(cause == FREE, self.grid.mean, np.inf)
         far = np.where(cause == COLLISION, -1, cause)  # nearest to free: collision, then singular, limit, unreachable
         which = np.where(np.isfinite(mean).any(axis=0), mean.argmin(axis=0), far.argmin(axis=0))[None]

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.api import DEG, Bodies, Float, InputError, Int, Shaped
 from workbench.plugins.stiffness.coefficients import CuttingCoefficients
 
+Six = tuple[float, float, float, float, float, float]  # of the joints
 TABLE_2_NM_PER_RAD = (1.77e6, 3.43e6, 0.85e6, 0.87e6, 0.50e6, 0.14e6)  # the paper's Table 2
 DISPLACEMENT = ("dx_mm", "dy_mm", "dz_mm", "rx_deg", "ry_deg", "rz_deg")
 TABLE_A1_DEG = ((0, 93, -5, 45, 45, 45), (0, 113, -26, 45, 45, 45), (0, 88, -12, 45, 45, 45))  # Denavit-Hartenberg

@@ -11,6 +11,7 @@ import pytest
 
 from bench.drawn.plates import random_recipe
 from bench.metrology.users import inspect_as_a_user
+from bench.odd_plates import odd_plate
 from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_rim import measured
 from workbench.artefacts import FORM
@@ -93,3 +94,35 @@ def test_a_place_that_is_missing_changes_little() -> None:
 
     for missing in range(1, 24):
         assert turn_u(np.delete(np.arange(25), missing)) == pytest.approx(turn_u(np.arange(25)), rel=0.2)
+
+
+@pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])
+def test_the_line_goes_without_a_part_that_stands_aside(begin: int, end: int, end_mm: float) -> None:
+    """A step, a second return in the middle; an end of the face is that of the part there, or not: half of it in u."""
+    place_mm = np.linspace(-0.75, 0.75, 16)
+    part = np.where((np.arange(16) >= begin) & (np.arange(16) < end), 0.06, 0.0)
+    line = np.polynomial.Polynomial.fit(place_mm, part, 1).convert()
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, 16)
+    image = FaceImage(np.zeros(1), (part + noise - line(place_mm))[None], 1e-6 * np.eye(16)[None], place_mm, 1.0)
+    form = forms([image], np.zeros(1), Linearity())[0]
+    assert form.turn[0] == pytest.approx(line.coef[1], abs=1e-3)
+    assert form.turn_u[0] < 0.5 * DEG
+    side = form.lower_u_mm if end == 16 else form.upper_u_mm
+    assert side[0] == pytest.approx(end_mm, abs=0.01)
+
+
+def test_noise_alone_turns_no_line() -> None:
+    place_mm, rng = np.linspace(-0.75, 0.75, 16), np.random.default_rng(6)
+    for _ in range(20):
+        image = FaceImage(np.zeros(1), rng.normal(0.0, 1e-3, (1, 16)), 1e-6 * np.eye(16)[None], place_mm, 1.0)
+        form = forms([image], np.zeros(1), Linearity())[0]
+        assert abs(form.turn[0]) < 0.1 * form.turn_u[0]
+
+
+def test_a_root_face_in_two_levels_has_the_angle_of_both() -> None:
+    """The lower part stands back by 0.07 mm: a line through both has 3.3 deg more."""
+    part = odd_plate("lower part of the root face stands back", 3015, False)
+    edge = measured(part)
+    off = (edge.bevel.value - part.section.bevel / DEG)[edge.seen]
+    assert np.abs(off).max() < 0.4
+    assert np.abs(off / edge.bevel.u[edge.seen]).max() < 4.0

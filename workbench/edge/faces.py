@@ -16,7 +16,6 @@ from workbench.errors import InputError
 from workbench.geometry import tracking
 from workbench.geometry.blocks import in_order
 from workbench.geometry.chains import FaceLines, noise_sigma, straight_faces
-from workbench.geometry.ghosts import ghosts
 from workbench.geometry.medians import median
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
@@ -269,33 +268,22 @@ def _alike(states: Float) -> Bool:
 def _follow_pass(
     cloud: Cloud, frames: slice | Int, keys: Int, states: Float, side: int, rim_mm: float, labels: AnyArray
 ) -> tuple[AnyArray, ...]:
-    """Follow the faces through one pass, and once more without the ghosts that this shows."""
-    x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
-    grid, known = tracking.Profiles(x, z, keep, keep), (keys, states, side, rim_mm, labels)
-    sums, _, seen, *_ = found = _followed(grid, *known)
-    aside = ghosts(x, z, keep, sums, seen)
-    return _followed(grid._replace(own=keep & ~aside), *known) if aside.any() else found
-
-
-def _followed(
-    grid: tracking.Profiles, keys: Int, states: Float, side: int, rim_mm: float, labels: AnyArray
-) -> tuple[AnyArray, ...]:
     """Follow the faces through one pass: first its key frames alone, for the noise, then all of it."""
-    x, z, own = grid.x, grid.z, grid.own
+    x, z, keep = cloud.x_mm[frames], cloud.z_mm[frames], cloud.keep[frames]
     beyond = states[:, [0, 3], 2]
     common = beyond.mean(axis=0) > 0.5  # upper and lower surface: seen in most key frames, or not at all
     fitting = (beyond >= common).all(axis=1)
     keys, states = keys[fitting], states[fitting].copy()
     states[:, [0, 3], 2] = common
-    sigma = _first_sigmas(x[keys], z[keys], own[keys], states)
+    sigma = _first_sigmas(x[keys], z[keys], keep[keys], states)
     for chosen in (keys, np.arange(x.shape[0])):
         n = chosen.size
         sums, end = np.zeros((n, 4, 8)), np.full((n, 5), np.nan)
         seen, whole = np.zeros(n, bool), n == x.shape[0]
         named = labels if whole else np.empty((n, x.shape[1]), np.uint8)
-        these = grid if whole else tracking.Profiles(x[chosen], z[chosen], grid.keep[chosen], own[chosen])
+        grid = tracking.Profiles(*((x, z, keep) if whole else (x[chosen], z[chosen], keep[chosen])))
         known = tracking.KeyFrames(keys if whole else np.arange(n), states, sigma)
-        tracking.follow(these, float(side), known, LABELS, rim_mm, tracking.Followed(sums, end, seen, named))
+        tracking.follow(grid, float(side), known, LABELS, rim_mm, tracking.Followed(sums, end, seen, named))
         if not whole:
             sigma = tracking.face_sigmas(sums, seen)
     return sums, end, seen, np.tile(sigma, (n, 1)), np.full(n, common[1])

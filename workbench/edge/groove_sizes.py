@@ -105,7 +105,7 @@ class GrooveSizes:
             replace(
                 one, turn_u=SURELY * one.turn_u, lower_u_mm=SURELY * one.lower_u_mm, upper_u_mm=SURELY * one.upper_u_mm
             )
-            for one in forms(images, self.at, sensor)
+            for one in (form.uncorrected for form in forms(images, self.at, sensor))
         ]
         self.right = len(plates[0].lines)  # number of the right plate's upper surface among all lines
         self.places, self.angles = [one.place for one in lines], [one.angle for one in lines]

@@ -1,9 +1,10 @@
 """What straight lines leave of a face in all frames together, and what that makes of its direction and its ends.
 
 The residuals of a face are an image, frame by place on the face. What its noise does not explain, averaged over the
-frames of a stretch of edge, lasts: a bow of the face, a pattern or the linearity of the sensor, a ghost. It is taken
-for a parabola, a random walk along the face and errors of single places; how strong the two latter are is weighed by
-their restricted likelihood (Harville, JASA 72 (1977), 320), and their part in the line follows (docs/method.md, 4).
+frames of a stretch of edge, lasts: a bow of the face, a pattern or the linearity of the sensor, a second return of a
+part of it (ghost), a step. It is taken for a parabola, a random walk along the face, errors of single places and a part
+that stands aside as a whole; how strong they are is weighed by their restricted likelihood (Harville, JASA 72 (1977),
+320), and what they make of the line follows (docs/method.md, 4).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.geometry.chains import FaceLines
-from workbench.units import AnyArray, Float, Shaped
+from workbench.units import AnyArray, Float, Int, Shaped
 
 FRAMES, LEAST_FRAMES = 480, 4  # evenly over the recording; of a stretch at the least
 STRETCH_MM, STRETCH_FRAMES = 40.0, 30  # of edge, whose frames are pooled; as long as it takes for so many
@@ -33,6 +34,9 @@ SENSOR = 1000.0  # odds, before, that what lasts is the sensor's, with one walk 
 # Share, before, of no walk and of no errors of single places; strengths beyond that of good sensors are the rarer.
 NOTHING, USUAL_MM = 0.5, 0.001
 FREE_MM = 1.0  # by which a line and a parabola may be anything
+# Share, before, of faces of which a part stands aside as a whole; by how much, mm, alike likely.
+PART, ASIDE_MM = 0.01, np.array([0.01, 0.03, 0.1, 0.3])
+RARE = 5.0  # a likelihood smaller by a factor whose logarithm is this counts for nothing
 
 
 class Linearity(NamedTuple):
@@ -63,12 +67,29 @@ def declared_linearity(sensor: Path | None) -> Linearity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceForm:
-    """Standard uncertainties of a face's line by what lasts, at m places of the edge."""
+    """What lasts makes of a face's line at m places of the edge: its errors, and what their u is."""
 
     turn_u: Shaped[Float, " m"]  # of its direction, rad
     lower_u_mm: Shaped[Float, " m"]  # of its place across the face at the lower end
     upper_u_mm: Shaped[Float, " m"]  # and at the upper one
     width_mm: float  # of the face, as far as its points reach
+    turn: Shaped[Float, " m"]  # its slope towards the lower end that a part of the face makes which stands aside
+    lower_mm: Shaped[Float, " m"]  # and its places that this makes, along the sensor's z as all of these
+    upper_mm: Shaped[Float, " m"]
+
+    @property
+    def uncorrected(self) -> FaceForm:
+        """The same for a line that keeps these errors."""
+        turn_u, lower_u, upper_u = (
+            np.hypot(u, error)
+            for u, error in (
+                (self.turn_u, self.turn),
+                (self.lower_u_mm, self.lower_mm),
+                (self.upper_u_mm, self.upper_mm),
+            )
+        )
+        nothing = np.zeros_like(turn_u)
+        return FaceForm(turn_u, lower_u, upper_u, self.width_mm, nothing, nothing, nothing)
 
     @property
     def offset_u_mm(self) -> Float:
@@ -206,21 +227,21 @@ def forms(images: Sequence[FaceImage | None], at: Float, sensor: Linearity) -> t
     A walk's strength, along the faces or over the sensor's columns, is one for all faces, as a sensor's is, so that
     each that a scan shows tells it, a wide one most; or each face's own: weighed by what the images say.
     """
-    tables = [None if one is None else _likelihoods(one) for one in images]
+    known = [None if one is None else _weighed(one, True) for one in images]
     nothing, out = np.zeros(at.size), []
-    for f, (image, table, walk) in enumerate(zip(images, tables, _walks(tables), strict=True)):
-        if image is None or table is None:
-            out.append(FaceForm(nothing, nothing, nothing, 1.0))
+    for f, (image, weighed, walk) in enumerate(zip(images, known, _walks(known), strict=True)):
+        if image is None or weighed is None:
+            out.append(FaceForm(nothing, nothing, nothing, 1.0, nothing, nothing, nothing))
             continue
         columns = [None if one is None else one.by_columns(image) for one in images]
-        fixed = _walks([None if one is None else _likelihoods(one) for one in columns])[f] @ WALKS**2 * _walk(image)
-        out.append(_form(image, [_lasting(image, one, walk) + fixed for one in table], at, sensor))
+        by_columns = _walks([None if one is None else _weighed(one, False) for one in columns])[f]
+        out.append(_form(image, weighed.lasting(walk, by_columns), at, sensor))
     return tuple(out)
 
 
-def _walks(tables: Sequence[Float | None]) -> list[Float]:
+def _walks(weighed: Sequence[_Weighed | None]) -> list[Float]:
     """Shares (w,) of the walk's strengths for each face: one for all, SENSOR times likelier before, or its own."""
-    known = [None if one is None else np.logaddexp.reduce(one.sum(axis=0), axis=1) for one in tables]
+    known = [None if one is None else np.logaddexp.reduce(one.log.sum(axis=0), axis=1) for one in weighed]
     logs = [one for one in known if one is not None]
     before = _log_prior(WALKS)
     together = np.sum(logs, axis=0) - (len(logs) - 1) * before if logs else before
@@ -230,25 +251,88 @@ def _walks(tables: Sequence[Float | None]) -> list[Float]:
     return [shared if one is None else shared + (1.0 - share) * np.exp(one - np.logaddexp.reduce(one)) for one in known]
 
 
-def _lasting(image: FaceImage, log: Float, walk: Float) -> Float:
-    """Covariance (p, p) across the face by shares `walk` (w,) of strengths; of single places by log (w, singles)."""
-    single = np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
-    square = float(walk @ (single @ SINGLES**2))
-    return float(walk @ WALKS**2) * _walk(image) + square * np.eye(image.place_mm.size)
+class _Lasting(NamedTuple):
+    """What lasts across the face in one stretch."""
+
+    covariance: Float  # (p, p) of what may be anywhere, mm^2
+    aside_mm: Float  # (p,) by which a part of the face stands aside
+    aside_covariance: Float  # (p, p), mm^2
 
 
-def _likelihoods(image: FaceImage) -> Float:
-    """Restricted log-likelihoods (k, walks, singles) of each stretch's mean residuals, with its share of the prior."""
+class _Weighed(NamedTuple):
+    """Strengths of what lasts in k stretches, weighed by their likelihood."""
+
+    image: FaceImage
+    log: Float  # (k, walks, singles), parts that stand aside integrated out, with its share of the prior
+    aside_mm: Float  # (k, walks, singles, p) by which such parts stand aside
+    aside_square: Float  # (k, walks, singles, p, p) the mean products of that, mm^2
+
+    def lasting(self, walk: Float, by_columns: Float) -> list[_Lasting]:
+        """By shares (walks,) of the walk's strengths, along the face and over the sensor's columns."""
+        shape, found = _walk(self.image), []
+        for log, aside, square in zip(self.log, self.aside_mm, self.aside_square, strict=True):
+            share = walk[:, None] * np.exp(log - np.logaddexp.reduce(log, axis=1)[:, None])
+            covariance = float((walk + by_columns) @ WALKS**2) * shape
+            covariance += float((share @ SINGLES**2).sum()) * np.eye(len(shape))
+            mean, moment = np.tensordot(share, aside), np.tensordot(share, square)
+            found.append(_Lasting(covariance, mean, moment - np.outer(mean, mean)))
+        return found
+
+
+def _weighed(image: FaceImage, with_parts: bool) -> _Weighed:
+    """Restricted log-likelihoods of each stretch's mean residuals; with_parts: a part of the face may stand aside."""
     t = image.place_mm
     shapes = np.stack([np.ones_like(t), t / t[-1], (t / t[-1]) ** 2], axis=1)
-    free = FREE_MM**2 * shapes @ shapes.T
-    base = image.noise[:, None, None] + free + 1e-16 * np.eye(t.size)
+    base = image.noise[:, None, None] + FREE_MM**2 * shapes @ shapes.T + 1e-16 * np.eye(t.size)
     lasting = WALKS[:, None, None, None] ** 2 * _walk(image) + SINGLES[None, :, None, None] ** 2 * np.eye(t.size)
     factor = np.linalg.cholesky(base + lasting)
     white = np.linalg.solve(factor, np.broadcast_to(image.mean[:, None, None, :, None], (*factor.shape[:-1], 1)))
-    logs = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     prior = (_log_prior(WALKS)[:, None] + _log_prior(SINGLES)) / len(image.mean)  # once for all stretches
-    return np.asarray(-0.5 * (white[..., 0] ** 2).sum(axis=-1) - logs + prior)
+    log = prior - np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1) - 0.5 * (white[..., 0] ** 2).sum(axis=-1)
+    found = _Weighed(image, log, np.zeros((*log.shape, t.size)), np.zeros((*log.shape, t.size, t.size)))
+    if with_parts:
+        _add_parts(found, factor, white)
+    return found
+
+
+def _add_parts(found: _Weighed, factor: Float, white: Float) -> None:
+    """Let a part of the face stand aside as well, in place.
+
+    factor (k, walks, singles, p, p): of the covariance, which makes the residuals white (k, walks, singles, p, 1).
+    """
+    ends, parts = _parts(factor.shape[-1])
+    begin, end = parts.T
+    least = found.log.max(axis=(1, 2), keepdims=True) - math.log(PART) - RARE
+    cells = np.nonzero(found.log + 0.5 * (white[..., 0] ** 2).sum(axis=-1) > least)
+    upto = np.linalg.solve(factor[cells], np.broadcast_to(ends.T, (len(cells[0]), *ends.T.shape)))
+    products = np.swapaxes(upto, 1, 2) @ upto  # of all that lies above one end of a part and above another
+    known = products[:, begin, begin] + products[:, end, end] - 2.0 * products[:, begin, end]
+    told = (np.swapaxes(upto, 1, 2) @ white[cells])[..., 0]
+    told = told[:, end] - told[:, begin]
+    likely = found.log[cells] + 0.5 * (told**2 / known).max(axis=1) > np.broadcast_to(least, found.log.shape)[cells]
+    cells = tuple(of[likely] for of in cells)
+    known, told, square = known[likely, :, None], told[likely, :, None], ASIDE_MM**2
+    variance = square / (1.0 + square * known)
+    size = variance * told
+    each = 0.5 * (size * told + np.log(variance / square)) + math.log(PART / (len(parts) * square.size))
+    total = np.logaddexp(np.logaddexp.reduce(each, axis=(1, 2)), math.log1p(-PART))
+    share = np.exp(each - total[:, None, None])
+    shapes = ends[end] - ends[begin]
+    moment = (share * (size**2 + variance)).sum(axis=2)
+    found.log[cells] += total
+    found.aside_mm[cells] = (share * size).sum(axis=2) @ shapes
+    found.aside_square[cells] = (shapes.T * moment[:, None]) @ shapes
+
+
+def _parts(places: int) -> tuple[Float, Int]:
+    """Ends within a face (e, p), 1 on the places before each, and parts of up to half of it (b, 2) from end to end.
+
+    An end may lie in the middle of a place.
+    """
+    at = np.arange(0.0, places + 0.5, 0.5)
+    ends = np.clip(at[:, None] - np.arange(places), 0.0, 1.0)
+    parts = np.stack(np.triu_indices(at.size, 1), axis=1)
+    return ends, parts[np.diff(at[parts], axis=1)[:, 0] <= places / 2.0]
 
 
 def _log_prior(strengths: Float) -> Float:
@@ -267,20 +351,27 @@ def _walk(image: FaceImage) -> Float:
     return np.asarray(np.minimum.outer(t, t) - wide / 6.0 * np.eye(t.size)) / image.lean**2
 
 
-def _form(image: FaceImage, lasting: Sequence[Float], at: Float, sensor: Linearity) -> FaceForm:
-    """The uncertainties by what may last in each stretch: covariances (p, p) across the face."""
+def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Linearity) -> FaceForm:
+    """What the line owes to what may last in each stretch."""
     t = image.place_mm
     end = 0.5 * (3.0 * t[-1] - t[-2])
     line = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))  # least squares: level and slope of places
     weights = np.stack([line[1], line[0] + end * line[1], line[0] - end * line[1]])
+    # A part that stands aside at an end of the face is the face there, or not: as likely.
+    beside = weights - 0.5 * np.stack([np.zeros_like(t), np.eye(t.size)[-1], np.eye(t.size)[0]])
     field = sensor.covariance(t[:, None] - t)
-    centred = np.eye(t.size) - 1.0 / t.size  # a sensor's or a face's common offset moves nothing
+    centred = weights @ (np.eye(t.size) - 1.0 / t.size)  # a sensor's or a face's common offset moves nothing
     rows = []
-    for covariance, mean, noise in zip(lasting, image.mean, image.noise, strict=True):
-        known = np.einsum("wp,pq,wq->w", weights, noise, weights)
+    for one, mean, noise in zip(lasting, image.mean, image.noise, strict=True):
+        either = (beside - weights) @ one.aside_mm
         # returns of the face lie along another line than its own
-        aside = np.maximum((weights @ mean) ** 2 - known, 0.0)
-        rows.append(np.einsum("wp,pq,wq->w", weights, centred @ (covariance + field) @ centred, weights) + aside)
-    of_stretch = np.array(rows)
-    turn, lower, upper = (np.sqrt(np.interp(at, image.s, of)) for of in of_stretch.T)
-    return FaceForm(turn, lower, upper, 2.0 * end)
+        other = np.maximum((weights @ mean) ** 2 - _variance(weights, noise), 0.0)
+        variance = _variance(centred, one.covariance + field) + _variance(beside, one.aside_covariance)
+        rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
+    turn_u, lower_u, upper_u, turn, lower, upper = (np.interp(at, image.s, of) for of in np.array(rows).T)
+    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper)
+
+
+def _variance(weights: Float, covariance: Float) -> Float:
+    """Of sums (w,) with weights (w, p)."""
+    return np.asarray(np.einsum("wp,pq,wq->w", weights, covariance, weights))

@@ -46,7 +46,7 @@ from workbench.edge.rim import (
     together_along,
     weights,
 )
-from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes
+from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, root_end_check, unseen_of
 from workbench.errors import InputError
@@ -220,12 +220,13 @@ def milled_edge(
     seen = covered(s_low, cloud.pass_index, at)
     position = measured.curve.position(at + measured.shift)
     position[~seen] = np.nan
+    root_form, bevel_form, lower_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
+    measured = straightened(measured, at, root_form, bevel_form)
     tangent, normal, across = section_axes(measured, at)
     by_robot = turn_by_robot(measured.curve, length, declared.robot_noise_mm, declared.robot_noise_length_mm)
     shared = math.hypot(by_robot, laser_plane_u(cloud), cloud.sparse_poses_u[1])
     shared_u = np.hypot(shared, _late_u(cloud, measured, at))
     tangent_u = np.hypot(measured.curve.tangent_u(at + measured.shift), shared_u)
-    root_form, bevel_form, lower_form = _forms(cloud, tracked, s_low, at, checks, declared.sensor)
     end = _end_terms(cloud, tracked, measured, rounding, at, lower_form, declared.end_u_mm)
     ledge_mm = ledge_takes_mm(_value(checks, "close_stands_out_mm"), corrected_angles(measured, at + measured.shift)[1])
     end = end._replace(hidden_u_mm=np.hypot(end.hidden_u_mm, ledge_mm))

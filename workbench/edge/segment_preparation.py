@@ -292,7 +292,8 @@ class _Chain:
             face_image(self.cloud, tracked.labels, tracked.faces[label], label, tracked.side, self.s)
             for label in self.frames.order
         )
-        return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in forms(images, self.at, sensor)]
+        known = (one.uncorrected for one in forms(images, self.at, sensor))
+        return [replace(one, turn_u=np.hypot(one.turn_u, either)) for one in known]
 
     def _few_values(self, places: list[Float], angles: list[Float]) -> Values:
         """With the fillets of few frames: they take long."""

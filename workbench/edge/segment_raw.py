@@ -187,7 +187,7 @@ def _edge(
         face_image(cloud, found.labels, found.faces[ROOT_FACE], ROOT_FACE, -found.side, measured.s_face),
         face_image(cloud, found.labels, found.faces[LOWER_SURFACE], LOWER_SURFACE, -found.side, lower_s),
     )
-    form, below = forms(images, at, declared.sensor)
+    form, below = (one.uncorrected for one in forms(images, at, declared.sensor))
     turning = np.hypot(measured.out.course.slope_u(at), measured.lower.course.slope_u(at))
     sparse_mm, sparse_turn = cloud.sparse_poses_u
     only_ends_mm = declared.robot.most_mm if cloud.only_end_poses else 0.0

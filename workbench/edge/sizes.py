@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from workbench.artefacts import DECLARED, DIRECTIONS, END, FORM, HIDDEN, ROUNDIN
 from workbench.edge.directions import LOCAL_MM, between
 from workbench.edge.measure import Measured, face_angles
 from workbench.edge.residual_image import FaceForm
+from workbench.geometry.sections import SectionLines
 from workbench.units import DEG, Float, Shaped
 
 NEAR_MM = 1.5  # of a section: frames that speak for it
@@ -41,7 +43,7 @@ def sizes(
     s = at + measured.shift
     tilt_u, bevel_u, angle_u = direction_u(measured, s)
     _, beta = corrected_angles(measured, s)
-    root = measured.end.course.value(s)
+    root = measured.end.course.value(s) + _by_parts(measured, s, beta, root_form, bevel_form)
     of_frames = measured.lever_mm, measured.faces.root.run, measured.faces.bevel.run
     lever, run_root, run_bevel = (between(measured.upper_s, of, s) for of in of_frames)
     leverage = np.sqrt(np.maximum(run_root**2 + run_bevel**2 - 2.0 * run_root * run_bevel * np.cos(beta), 0.0))
@@ -69,6 +71,31 @@ def sizes(
         Quantity.of("root_mm", root, root_u),
         Quantity.of("bevel_deg", beta / DEG, {name: u / DEG for name, u in angle.items()}),
     )
+
+
+def straightened(measured: Measured, at: Float, root_form: FaceForm, bevel_form: FaceForm) -> Measured:
+    """Without the turns of both faces' lines by parts of them that stand aside; forms at arc lengths `at` (m,)."""
+    s = np.nan_to_num(measured.upper_s - measured.shift)
+    root, bevel = (
+        -_facing(lines) * np.interp(s, at, form.turn)
+        for lines, form in ((measured.faces.root, root_form), (measured.faces.bevel, bevel_form))
+    )
+    return replace(measured, root_turn=measured.root_turn + root, bevel_turn=measured.bevel_turn + bevel)
+
+
+def _by_parts(measured: Measured, s: Float, beta: Float, root_form: FaceForm, bevel_form: FaceForm) -> Float:
+    """By how much parts of the faces that stand aside make the root face too short (m,) at s, mm."""
+    root, bevel = measured.faces.root, measured.faces.bevel
+    along = np.cos(root.angle) * root.ray[:, 0] + np.sin(root.angle) * root.ray[:, 1]
+    of_frames = _facing(root), _facing(bevel), along / np.sqrt(1.0 - along**2)
+    facing, bevel_facing, lean = (between(measured.upper_s, of, s) for of in of_frames)
+    corner = facing * root_form.upper_mm / np.tan(beta) - bevel_facing * bevel_form.lower_mm / np.sin(beta)
+    return np.asarray(corner + lean * root_form.lower_mm)
+
+
+def _facing(lines: SectionLines) -> Float:
+    """+1 or -1 (N,): whether the sensor's z axis points to the left or to the right of lines, seen up along them."""
+    return np.sign(np.cos(lines.angle) * lines.ray[:, 1] - np.sin(lines.angle) * lines.ray[:, 0])
 
 
 def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:

@@ -24,7 +24,7 @@ COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 
 SLACK_MM = 2.0  # how far the ends of the faces may move while a frame's lines settle
 GATES_MM = np.array([0.6, 0.3, 0.15])  # how far off its line a point may lie while the frame's lines settle
-TWO_LINES, SHIFTS = 1.7, 12  # sigmas of a face's points that are more than one line; steps of half a gate, each way
+TWO_LINES = 1.7  # sigmas of a face's points that are more than one line
 CORNER_MARGIN_MM = 0.03  # points this near to a corner are left out of both faces: corners are never quite sharp,
 CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray point of the bevel turns the root face
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
@@ -188,40 +188,6 @@ def _is_more_than_one(sums: Float, f: int, sigma: Float) -> bool:
 
 
 @kernel
-def _leave_ghosts(
-    x: Float32,
-    z: Float32,
-    keep: Bool,
-    spans: Int,
-    side: float,
-    state: Float,
-    limits: Float,
-    slopes: Float,
-    sigma: Float,
-    sums: Float,
-) -> None:
-    """Put the lines of bevel and root face, where their points are more than one line, onto most of the points.
-
-    Second returns (ghosts) of a part of a face draw a least-squares line between both. slopes (4,): of before.
-    """
-    for f in (BEVEL, ROOT):
-        if sums[f, COUNT] < 6 or not _is_more_than_one(sums, f, sigma):
-            continue
-        offset = state[f, OFFSET] + (state[f, SLOPE] - slopes[f]) * sums[f, X_MEAN]
-        gate = FINAL_SIGMAS * sigma[f] + 0.004
-        most, best = 0, 0.0
-        for k in range(-SHIFTS, SHIFTS + 1):
-            count = 0
-            for j in range(spans[f, 0], spans[f, 1]):
-                if keep[j] and limits[f, 0] <= side * x[j] <= limits[f, 1]:
-                    r = z[j] - slopes[f] * np.float64(x[j]) - offset - 0.5 * k * gate
-                    count += abs(r) <= gate
-            if count > most:
-                most, best = count, 0.5 * k * gate
-        state[f, SLOPE], state[f, OFFSET] = slopes[f], offset + best
-
-
-@kernel
 def _window(x: Float32, side: float, low: float, high: float) -> tuple[int, int]:
     """First and last + 1 column whose u = side * x lies in [low, high]."""
     first, last = x.size, 0
@@ -320,16 +286,7 @@ def _enough(sums: Float, face: int, least: int) -> bool:
 
 @kernel
 def _follow_frame(
-    x: Float32,
-    z: Float32,
-    keep: Bool,
-    own: Bool,
-    side: float,
-    state: Float,
-    sigma: Float,
-    rim_mm: float,
-    sums: Float,
-    end: Float,
+    x: Float32, z: Float32, keep: Bool, side: float, state: Float, sigma: Float, rim_mm: float, sums: Float, end: Float
 ) -> bool:
     """Settle `state` on one frame in place; write its sums and the root face's end. False: edge not seen."""
     width0 = abs(_crossing(state, BEVEL, ROOT) - state[ROOT, END])
@@ -347,20 +304,18 @@ def _follow_frame(
             gates[f] = lean * GATES_MM[step] if step < GATES_MM.size else settled
             if step < GATES_MM.size:
                 gates[f] = max(gates[f], settled)
-        _sums(x, z, own, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
+        _sums(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), gates, sums)
         if sums[BEVEL, COUNT] < 5 or sums[ROOT, COUNT] < 3:
             return False
         moved = _refit(state, sums, sigma, step > 0)
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
-        if step == GATES_MM.size - 1:
-            _leave_ghosts(x, z, own, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
             plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))
     limits = _limits(state, side, margin, rim_mm)
     if moved > STILL:
-        _sums(x, z, own, spans, side, state, limits, gates, sums)
-    _mark_ends(x, z, own, spans, side, state, limits, gates, sums)
+        _sums(x, z, keep, spans, side, state, limits, gates, sums)
+    _mark_ends(x, z, keep, spans, side, state, limits, gates, sums)
     if not (_enough(sums, BEVEL, 6) and _enough(sums, ROOT, 3)):
         return False
     for k, value in enumerate(root_end(x, z, keep, side, state, sums, gates[ROOT])):
@@ -418,7 +373,6 @@ class Profiles(NamedTuple):
     x: Shaped[Float32, "r M"]  # one row for all frames, or each frame's own
     z: Shaped[Float32, "n M"]
     keep: Shaped[Bool, "n M"]
-    own: Shaped[Bool, "n M"]  # of these, what may be a face's; where the root face ends, all that is kept tells
 
 
 class KeyFrames(NamedTuple):
@@ -464,12 +418,12 @@ def _follow_from(
             for f in range(4):
                 for k in range(4):
                     state[f, k] = (1.0 - w) * ends[0, f, k] + w * ends[1, f, k]
-        trial, x, z, own = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.own[frame]
-        seen[frame] = _follow_frame(x, z, grid.keep[frame], own, side, trial, sigma, rim_mm, sums[frame], end[frame])
+        trial, x, z, keep = state.copy(), grid.x[min(frame, len(grid.x) - 1)], grid.z[frame], grid.keep[frame]
+        seen[frame] = _follow_frame(x, z, keep, side, trial, sigma, rim_mm, sums[frame], end[frame])
         if seen[frame]:
             _copy(trial, state)
             lost = 0
-            _label(x, z, own, side, state, sigma, names, labels[frame])
+            _label(x, z, keep, side, state, sigma, names, labels[frame])
         else:
             for f in range(4):
                 for k in range(8):
@@ -504,7 +458,7 @@ def follow(grid: Profiles, side: float, keys: KeyFrames, names: Int, rim_mm: flo
 
     names (4,): label of each face; rim_mm: rounded end of the root face that its line leaves out.
     """
-    profiles = Profiles(as_rows(grid.x), *(as_input(of) for of in grid[1:]))
+    profiles = Profiles(as_rows(grid.x), as_input(grid.z), as_input(grid.keep))
     frames, states = as_input(keys.frames), as_input(keys.states)
     faces = KnownFaces(side, as_input(keys.sigma), as_input(names), rim_mm)
 

@@ -254,7 +254,9 @@ def _forms(faces: Sequence[_Face], profiler: Profiler, view: View, length_mm: fl
         found = forms(images, at, profiler.linearity)
         total += np.square([[one.turn_u[0], one.lower_u_mm[0], one.upper_u_mm[0]] for one in found])
     rms = np.sqrt(total / DRAWS)[:, :, None]
-    return [FaceForm(one[0], one[1], one[2], face.width_mm) for one, face in zip(rms, faces, strict=True)]
+    return [
+        FaceForm(one[0], one[1], one[2], face.width_mm, *np.zeros((3, 1))) for one, face in zip(rms, faces, strict=True)
+    ]
 
 
 def _image(face: _Face, view: View, length_mm: float, rng: np.random.Generator) -> FaceImage:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.seldom import seldom
 from workbench.api import pose_from, rotation_from_vector
 from workbench.artefacts import PointSet
 from workbench.cloud import denoise, register
@@ -65,7 +66,7 @@ def test_point_sets_go_to_open3d_and_back():
     np.testing.assert_array_equal(PointSet.from_open3d(there.to_legacy()).points_mm, points)
 
 
-@pytest.mark.parametrize("turn", [[0.1, 0, 0], [0.5, -1.0, 2.0], [0, 3.0, 0]])
+@pytest.mark.parametrize("turn", [[0.5, -1.0, 2.0], *seldom([0.1, 0, 0], [0, 3.0, 0])])
 def test_register_finds_a_cloud_wherever_it_lies(turn, corner, tmp_path):
     reference = tmp_path / "reference.xyz"
     np.savetxt(reference, corner[::2], fmt="%.5f")
@@ -83,7 +84,7 @@ def test_register_refuses_another_part(corner, tmp_path):
     ball = rng.normal(size=(8000, 3))
     np.savetxt(tmp_path / "ball.xyz", 30 * ball / np.linalg.norm(ball, axis=1)[:, None], fmt="%.5f")
     with pytest.raises(InputError, match="expected 90 %; another part"):
-        register(PointSet(corner), reference=tmp_path / "ball.xyz", voxel_mm=2.0, least_overlap=0.9)
+        register(PointSet(corner[::3]), reference=tmp_path / "ball.xyz", voxel_mm=4.0, least_overlap=0.9)
 
 
 def test_an_organised_pcd_keeps_the_grid_for_pcl(cloud, tmp_path):

@@ -13,7 +13,7 @@ from workbench.children import in_one_thread
 from workbench.cloud.read import in_process, unit_stated
 from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
-from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration
+from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration, fine_registration
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.stage import InputFile, Seed, stage
 from workbench.strict_json import strict_json
@@ -98,16 +98,7 @@ def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> 
         o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(one))) for one in (source_mm, target_mm - origin)
     ]
     clouds[1].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
-    pose = away @ start
-    for scale in (4.0, 2.0, 1.0):
-        found = o3d.pipelines.registration.registration_icp(
-            *clouds,
-            scale * reach_mm,
-            pose,
-            o3d.pipelines.registration.TransformationEstimationPointToPlane(),
-            o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
-        )
-        pose = np.array(found.transformation)
-    pose = inverse(away) @ pose
+    found = fine_registration(*clouds, away @ start, reach_mm)
+    pose = inverse(away) @ found.target_from_source
     turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
-    return pose_from(turn, pose[:3, 3].round(6)), float(found.fitness), float(found.inlier_rmse)
+    return pose_from(turn, pose[:3, 3].round(6)), found.overlap, found.rms_mm

@@ -7,6 +7,7 @@ from pathlib import PurePath
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
@@ -15,6 +16,7 @@ from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
 from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.pieces import BLUE, GREY, ORANGE, PALE, styled, svg
+from workbench.units import Bool
 
 MOST_REGIONS = 10
 NO_FRAMES = "the points' frames are not known: errors that a frame's points share count as independent noise"
@@ -186,50 +188,26 @@ def map_picture(found: Deviations, summary: Summary) -> bytes:
     """Distances over arc length and across the part; below, what of them is significant."""
     seen = np.isfinite(found.distance_mm)
     reach = max(float(np.percentile(np.abs(found.distance_mm[seen]), 99)), 1e-4)
-    arc, aside, distance = found.arc_length_mm[seen], found.across_mm[seen], found.distance_mm[seen]
+    size = float(np.clip(5e4 / seen.sum(), 1.5, 22.0))
+    colours = {"cmap": COLOURS, "norm": TwoSlopeNorm(0.0, -reach, reach)}
+
+    def dots(axes: Axes, mask: Bool, colour: str | None = None) -> PathCollection:
+        c, how = (found.distance_mm[mask], colours) if colour is None else (colour, {})
+        at = found.arc_length_mm[mask], found.across_mm[mask]
+        return axes.scatter(*at, c=c, s=size, linewidths=0.0, rasterized=True, **how)
+
     with styled():
         figure = Figure(figsize=(10, 5.2), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, sharey=True)
-        size = float(np.clip(5e4 / len(arc), 1.5, 22.0))
-        dots = above.scatter(
-            arc,
-            aside,
-            c=distance,
-            s=size,
-            cmap=COLOURS,
-            norm=TwoSlopeNorm(0.0, -reach, reach),
-            linewidths=0.0,
-            rasterized=True,
-        )
-        figure.colorbar(dots, ax=above, label="distance, mm", pad=0.01)
-        above.set(
-            title="Signed distance along the normal (red: outside the reference, blue: inside)", ylabel="across, mm"
-        )
-        _significance(below, found, summary)
-        figure.colorbar(dots, ax=below, label="distance, mm", pad=0.01)
+        scale = dots(above, seen)
+        for mask, colour in ((~seen, "#f0e0c0"), (seen & ~summary.changed, PALE), (summary.changed, None)):
+            dots(below, mask, colour)
+        for axes in (above, below):
+            figure.colorbar(scale, ax=axes, label="distance, mm", pad=0.01)
+            axes.set(ylabel="across, mm")
+        above.set(title="Signed distance along the normal (red: outside the reference, blue: inside)")
+        below.set(title=f"Significant {summary.what}s alone", xlabel="arc length, mm")
         return svg(figure)
-
-
-def _significance(axes: Axes, found: Deviations, summary: Summary) -> None:
-    seen = np.isfinite(found.distance_mm)
-    reach = max(float(np.percentile(np.abs(found.distance_mm[seen]), 99)), 1e-4)
-    size = float(np.clip(5e4 / max(int(seen.sum()), 1), 1.5, 22.0))
-    for mask, colour in ((~seen, "#f0e0c0"), (seen & ~summary.changed, PALE)):
-        axes.scatter(
-            found.arc_length_mm[mask], found.across_mm[mask], c=colour, s=size, linewidths=0.0, rasterized=True
-        )
-    mine = summary.changed
-    axes.scatter(
-        found.arc_length_mm[mine],
-        found.across_mm[mine],
-        c=found.distance_mm[mine],
-        s=size,
-        cmap=COLOURS,
-        norm=TwoSlopeNorm(0.0, -reach, reach),
-        linewidths=0.0,
-        rasterized=True,
-    )
-    axes.set(title=f"Significant {summary.what}s alone", xlabel="arc length, mm", ylabel="across, mm")
 
 
 def course_picture(found: Deviations, summary: Summary) -> bytes:

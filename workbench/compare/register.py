@@ -19,14 +19,13 @@ from workbench.children import in_one_thread
 from workbench.compare.local_planes import Surfels, Target, surfels, target_of
 from workbench.compare.surface import Registration, Surface, rigid
 from workbench.errors import InputError
-from workbench.geometry.coarse import coarse_registration
+from workbench.geometry.coarse import coarse_registration, fine_registration
 from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
 from workbench.stage import stage
 from workbench.strict_json import strict_json
 from workbench.units import Bool, Float, Int, Shaped
 
 OPEN = 2e-3  # mean square of the motion along the normals, per mm of motion: below, a direction is open
-SCALES = (4.0, 2.0, 1.0)  # of the reach
 STEPS = 30
 TUKEY = 4.685  # cut-off of the biweight in standard deviations
 SAME_SIDE = 0.8  # least cosine between normals that belong together
@@ -68,18 +67,9 @@ def coarse(source: Surfels, target: Surfels, initial: Float, reach_mm: float) ->
     origin = target.centre_mm.mean(axis=0)
     away = pose_from(np.eye(3), -origin)
     clouds = [_cloud(o3d, one, shift) for one, shift in ((source, np.zeros(3)), (target, -origin))]
-    pose = away @ initial
-    for scale in SCALES:
-        kernel = o3d.pipelines.registration.TukeyLoss(k=scale * reach_mm)
-        found = o3d.pipelines.registration.registration_icp(
-            *clouds,
-            scale * reach_mm,
-            pose,
-            o3d.pipelines.registration.TransformationEstimationPointToPlane(kernel),
-            o3d.pipelines.registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
-        )
-        pose = np.array(found.transformation)
-    return _rounded(np.asarray(inverse(away) @ pose))
+    pose = inverse(away) @ fine_registration(*clouds, away @ initial, reach_mm, robust=True).target_from_source
+    turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
+    return pose_from(turn, pose[:3, 3].round(3))  # Open3D sums in threads, whose last digits differ from run to run
 
 
 def refine(
@@ -135,11 +125,6 @@ def _without_open_motion(equations: Equations, pose: Float, initial: Float) -> F
     step = np.r_[shift, turn * equations.lever_mm]
     known = vectors[:, size > OPEN]
     return moved(equations, known @ (known.T @ step)) @ initial
-
-
-def _rounded(pose: Float) -> Float:
-    """The pose to a micrometre and a microradian: Open3D sums in threads, whose last digits differ from run to run."""
-    return pose_from(rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6)), pose[:3, 3].round(3))
 
 
 def _cloud(o3d: Any, surfels: Surfels, shift: Float) -> Any:
@@ -244,17 +229,17 @@ def _sampled(reference: Surface, spacing_mm: float, radius_mm: float) -> Surfels
     """Local planes of a reference; of a mesh, points on it with their normals."""
     if reference.triangles is None:
         return surfels(reference, spacing_mm, radius_mm)
-    corners = reference.points_mm[reference.triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = 0.5 * np.linalg.norm(normal, axis=1)
-    rng = np.random.default_rng(0)
-    count = int(np.clip(area.sum() / spacing_mm**2, 1000, MOST_PLACES))
-    chosen = rng.choice(len(area), count, p=area / area.sum())
-    u, v = rng.random((2, count))
-    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    a, b, c = (corners[chosen, k] for k in range(3))
-    points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-    return Surfels(points, normal[chosen] / (2.0 * area[chosen, None]), np.ones(count, bool))
+    import open3d
+
+    o3d: Any = open3d
+    mesh = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(reference.points_mm),
+        o3d.utility.Vector3iVector(reference.triangles.astype(np.int32)),
+    )
+    o3d.utility.random.seed(0)
+    count = int(np.clip(mesh.get_surface_area() / spacing_mm**2, 1000, MOST_PLACES))
+    made = mesh.sample_points_uniformly(count, use_triangle_normal=True)
+    return Surfels(np.array(made.points), np.array(made.normals), np.ones(count, bool))
 
 
 def _overlap(source: Surfels, equations: Equations) -> float:

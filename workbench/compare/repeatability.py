@@ -28,6 +28,7 @@ from workbench.compare.measurements import Study
 from workbench.pieces import GREY, ORANGE, PALE, SERIES, styled, svg
 from workbench.stage import stage
 from workbench.strict_json import strict_json
+from workbench.units import Float
 
 GOOD_PERCENT, BAD_PERCENT = 10.0, 30.0  # AIAG: %GRR below, above which a gauge is acceptable, is not
 LEAST_CATEGORIES = 5  # AIAG
@@ -358,18 +359,7 @@ def _components(axes: Axes, study: Study, one: Characteristic) -> None:
 
 def _values(axes: Axes, study: Study, one: Characteristic) -> None:
     """Every measurement by section; operators side by side."""
-    values, count = study.measured[one.name], len(study.operators)
-    for j in range(count):
-        at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
-        spread = np.broadcast_to(at, values[:, j].shape)
-        axes.plot(
-            spread.ravel(),
-            values[:, j].ravel(),
-            ".",
-            color=SERIES[j % MOST_OPERATORS],
-            markersize=3.5,
-            label=study.operators[j] if count <= MOST_OPERATORS else None,
-        )
+    _by_operator(axes, study, study.measured[one.name], 3.5)
     reference = study.reference[one.name]
     for row in reference[np.isfinite(reference).any(axis=1)]:
         axes.plot(np.arange(len(row)), row, "_", color=GREY, markersize=16, zorder=0.5)
@@ -377,28 +367,33 @@ def _values(axes: Axes, study: Study, one: Characteristic) -> None:
     for limit in one.limits or ():
         if low - 0.5 * (high - low) < limit < high + 0.5 * (high - low):
             axes.axhline(limit, color="#00664b", linewidth=0.9, linestyle="--")
-    _by_section(axes, study)
     axes.set(title="Measurements by section and operator", ylabel=study.unit_of(one.name))
-    if 1 < count <= MOST_OPERATORS:
-        axes.legend(ncols=count, fontsize=8, loc="best", handletextpad=0.1, columnspacing=0.8)
+    if 1 < len(study.operators) <= MOST_OPERATORS:
+        axes.legend(ncols=len(study.operators), fontsize=8, loc="best", handletextpad=0.1, columnspacing=0.8)
+
+
+def _by_operator(axes: Axes, study: Study, values: Float, size: float) -> None:
+    """Values (parts, operators, ..., sections) over the sections."""
+    count = len(study.operators)
+    for j, name in enumerate(study.operators):
+        spread = np.broadcast_to(_beside(study, j, count), values[:, j].shape)
+        label = name if count <= MOST_OPERATORS else None
+        colour = SERIES[j % MOST_OPERATORS]
+        axes.plot(spread.ravel(), values[:, j].ravel(), ".", color=colour, markersize=size, label=label)
+    _by_section(axes, study)
+
+
+def _beside(study: Study, k: int, count: int) -> Float:
+    """Places (S,) of the k-th of `count` beside each other at every section."""
+    return np.arange(len(study.section)) + 0.5 * ((k + 0.5) / count - 0.5)
 
 
 def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:
     """Range of the trials of each part, operator and section (R chart)."""
-    values, count = study.measured[one.name], len(study.operators)
-    spread = np.ptp(values, axis=2)
-    for j in range(count):
-        at = np.arange(len(study.section)) + 0.5 * ((j + 0.5) / count - 0.5)
-        axes.plot(
-            np.broadcast_to(at, spread[:, j].shape).ravel(),
-            spread[:, j].ravel(),
-            ".",
-            color=SERIES[j % MOST_OPERATORS],
-            markersize=5,
-        )
+    spread = np.ptp(study.measured[one.name], axis=2)
+    _by_operator(axes, study, spread, 5.0)
     axes.axhline(float(np.nanmean(spread)), color=GREY, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
-    _by_section(axes, study)
     axes.set(title="Range of the trials; line: its mean", ylabel=study.unit_of(one.name))
 
 
@@ -413,9 +408,8 @@ def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
     count = len(study.parts)
     axes.axhline(0.0, color=PALE, linewidth=0.8)
     for i in range(count):
-        at = np.arange(len(study.section)) + 0.5 * ((i + 0.5) / count - 0.5)
         axes.errorbar(
-            at,
+            _beside(study, i, count),
             found.bias[i],
             COVERAGE * found.bias_u[i],
             fmt=".",

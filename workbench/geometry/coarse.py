@@ -74,6 +74,31 @@ def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float, see
     return sorted(found, key=lambda one: (-one.overlap, one.rms_mm))
 
 
+SCALES = (4.0, 2.0, 1.0)  # of the reach
+
+
+def fine_registration(source: Any, target: Any, start: Float, reach_mm: float, *, robust: bool = False) -> Found:
+    """Open3D's point-to-plane ICP of clouds of it, the target with normals, at 4, 2 and 1 times the reach.
+
+    robust: with Tukey's kernel. The overlap is the share of the source's points.
+    """
+    import open3d
+
+    registration = open3d.pipelines.registration
+    for scale in SCALES:
+        kernel = [registration.TukeyLoss(k=scale * reach_mm)] if robust else []
+        found = registration.registration_icp(
+            source,
+            target,
+            scale * reach_mm,
+            start,
+            registration.TransformationEstimationPointToPlane(*kernel),
+            registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
+        )
+        start = np.array(found.transformation)
+    return Found(start, float(found.fitness), float(found.inlier_rmse))
+
+
 def _thinned(o3d: Any, points_mm: Float, voxel_mm: float) -> Any:
     """A point a voxel, with normals."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points_mm)))

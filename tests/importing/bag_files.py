@@ -13,7 +13,7 @@ from workbench.units import AnyArray, Float
 
 Kind = Literal["mcap", "sqlite3", "rosbag1"]
 KINDS: tuple[Kind, ...] = ("mcap", "sqlite3", "rosbag1")
-CLOUD, SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
 ODOMETRY, JOINTS, TF = "nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 ZSTD = (rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
@@ -69,22 +69,6 @@ class Ros:
             row_step=data.shape[1],
             data=data.ravel(),
             is_dense=False,
-        )
-
-    def scan(self, time_s: float, angle_min: float, step: float, ranges: Float, far: float = 10.0) -> Any:
-        """A LaserScan."""
-        return self.make(
-            "sensor_msgs/LaserScan",
-            header=self.header(time_s, "laser"),
-            angle_min=angle_min,
-            angle_max=angle_min + step * (len(ranges) - 1),
-            angle_increment=step,
-            time_increment=0.0,
-            scan_time=0.0,
-            range_min=0.01,
-            range_max=far,
-            ranges=ranges.astype(np.float32),
-            intensities=np.zeros(0, np.float32),
         )
 
     def pose(

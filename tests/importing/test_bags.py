@@ -15,7 +15,6 @@ from tests.importing.bag_files import (
     KINDS,
     ODOMETRY,
     POSE,
-    SCAN,
     TF,
     TRANSFORM,
     Entry,
@@ -174,18 +173,6 @@ def test_units_and_axes_as_the_mapping_says(recording: Recording, tmp_path: Path
     agrees(imported(path, length_unit="mm", lateral="y", range="-x"), recording)
     with pytest.raises(InputError, match=r"/profiles\[0\]: expected points in the plane"):
         imported(path, length_unit="mm")
-
-
-def test_a_laser_scan_is_a_profile(tmp_path: Path, recording: Recording) -> None:
-    """A wall at range 0.2 m: z is 200 mm all over, x grows with the angle."""
-    ros, angle = Ros("mcap"), -0.2 + 0.004 * np.arange(101)
-    entries: list[Entry] = [
-        ("/scan", SCAN, round(t * 1e9), ros.scan(t, -0.2, 0.004, 0.2 / np.cos(angle))) for t in recording.time_s
-    ]
-    found = imported(ros.write(tmp_path / "bag", [*entries, *pose_entries(ros, recording)]))
-    assert found.profiles is not None
-    np.testing.assert_allclose(found.profiles.z_mm, 200, atol=1e-4)
-    np.testing.assert_allclose(found.profiles.x_mm[7], 200 * np.tan(angle), atol=1e-3)
 
 
 def test_an_organised_cloud_is_many_profiles(recording: Recording, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Clouds and scans of any layout give the points that were put in."""
+"""Clouds of any layout give the points that were put in."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 
 from tests.importing.bag_files import Ros
 from workbench.errors import InputError
-from workbench.importing.bags_profiles import cloud_points, scan_points
+from workbench.importing.bags_profiles import cloud_points
 
 ROS = Ros("mcap")
 X = np.array([-1.5, 0.25, 7.0])
@@ -55,21 +55,3 @@ def test_a_cloud_that_contradicts_itself_is_refused(change: Any, said: str) -> N
     change(message)
     with pytest.raises(InputError, match=said):
         cloud_points(message, "bag: /profiles[0]")
-
-
-def test_a_scan_lies_in_its_own_plane_and_knows_its_limits() -> None:
-    """A straight wall at x = 0.2: every return has that x; beyond range_max, NaN and infinities are no returns."""
-    angle = -0.5 + 0.01 * np.arange(101)
-    ranges = 0.2 / np.cos(angle)
-    ranges[[3, 4, 5, 6]] = np.nan, np.inf, 5.1, 0.001
-    points = scan_points(ROS.scan(1.0, -0.5, 0.01, ranges, far=5.0), "bag")
-    missing = np.isnan(points.xyz[0, 0])
-    np.testing.assert_array_equal(np.flatnonzero(missing), [3, 4, 5, 6])
-    np.testing.assert_allclose(points.xyz[0, 0, ~missing], 0.2, atol=1e-7)
-    np.testing.assert_allclose(points.xyz[1, 0, ~missing], 0.2 * np.tan(angle[~missing]), atol=1e-6)
-
-
-@pytest.mark.parametrize("step", [0.0, np.nan, 1.0])
-def test_a_scan_without_usable_angles_is_refused(step: float) -> None:
-    with pytest.raises(InputError, match="angle"):
-        scan_points(ROS.scan(1.0, 0.0, step, np.ones(100)), "bag")

@@ -1,19 +1,18 @@
-"""Profiles out of a bag's PointCloud2 or LaserScan messages, gathered one by one into a grid of frames x columns."""
+"""Profiles out of a bag's PointCloud2 messages, gathered one by one into a grid of frames x columns."""
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.importing.bags_reader import CLOUD, SCAN, Bag, chosen_topic, listed, stamp_s
+from workbench.importing.bags_reader import CLOUD, Bag, chosen_topic, listed, stamp_s
 from workbench.importing.mapping_parts import LENGTH_MM, BagPart
 from workbench.importing.neutral import Points, ProfileFrames
 from workbench.units import AnyArray, Float, Int, Shaped
 
-# One message of a bag as points: PointCloud2 by its fields, LaserScan by its angles and ranges.
+# One message of a bag as points, by its fields.
 #
 # Coordinates here are the message's own, in its own frame and unit.
 
@@ -74,30 +73,7 @@ def _field_type(field: Any, is_bigendian: bool, point_step: int, where: str) -> 
     return (">" if is_bigendian else "<") + known
 
 
-def scan_points(message: Any, where: str) -> Returns:
-    """Points of a sensor_msgs/LaserScan in its own x-y plane: x = r cos a, y = r sin a, angles from x towards y.
-
-    No return: NaN, an infinity (REP 117), or a range outside range_min to range_max.
-
-    Raises:
-        InputError: angles or limits that are no numbers, no ranges.
-    """
-    ranges = np.asarray(message.ranges, float)
-    limits = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
-    if not all(map(math.isfinite, limits[:3])) or math.isnan(limits[3]) or message.angle_increment == 0:
-        raise InputError(where, f"expected angle_min, angle_increment, range_min and range_max, found {limits}")
-    if abs(message.angle_increment) * len(ranges) > 2.1 * math.pi:
-        raise InputError(where, f"expected angles within one turn, in rad, found steps of {message.angle_increment:g}")
-    angle = message.angle_min + np.arange(len(ranges)) * message.angle_increment
-    seen = np.isfinite(ranges) & (ranges >= message.range_min) & (ranges <= message.range_max)
-    r = np.where(seen, ranges, np.nan)
-    xyz = np.stack([r * np.cos(angle), r * np.sin(angle), np.zeros(len(r))])[:, None, :]
-    intensity = np.asarray(message.intensities)
-    return Returns(xyz, intensity[None, :] if len(intensity) == len(ranges) else None)
-
-
 MAX_COLUMNS = 10_000
-AXES = {CLOUD: ("x", "z"), SCAN: ("y", "x")}  # lateral and range, unless the mapping names them
 MAX_MM = 1e6  # of a coordinate: what is beyond was not measured
 FLAT_MM = 0.01  # how far a profile's points may lie off the laser plane
 
@@ -115,18 +91,18 @@ def profile_topics(bag: Bag, part: BagPart) -> list[str]:
     """The topics of the profiles: the mapping's, or the only one that there is; none where the bag has none.
 
     Raises:
-        InputError: an unknown topic, several candidates, topics of different types.
+        InputError: an unknown topic, several candidates, one twice.
     """
     if part.profiles is None:
-        found = bag.topics(CLOUD, SCAN)
+        found = bag.topics(CLOUD)
         if len(found) > 1:
             raise InputError(
                 str(bag.path), f"expected $.bag.profiles in the mapping to choose from {listed(bag, found)}"
             )
         return found
-    topics = [chosen_topic(bag, topic, (CLOUD, SCAN), "profiles") for topic in part.profiles]
-    if len({bag.types[topic] for topic in topics}) > 1 or len(set(topics)) < len(topics):
-        raise InputError(str(bag.path), f"expected different topics of one type in $.bag.profiles, found {topics}")
+    topics = [chosen_topic(bag, topic, (CLOUD,), "profiles") for topic in part.profiles]
+    if len(set(topics)) < len(topics):
+        raise InputError(str(bag.path), f"expected different topics in $.bag.profiles, found {topics}")
     return topics
 
 
@@ -136,9 +112,7 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
     Raises:
         InputError: a message that is no profile, or leaves doubt about what it means.
     """
-    usual = AXES[bag.types[topics[0]]]
-    lateral, upward = part.lateral or usual[0], part.range or usual[1]
-    ros_from_profiler = _axes(lateral, upward, str(bag.path))
+    ros_from_profiler = _axes(part.lateral, part.range, str(bag.path))
     points, frame_id, times, of_topic = Points(), "", list[float](), list[int]()
     left_out, empty = "", 0  # why there is no intensity; messages without points
     for number, topic in enumerate(topics):
@@ -147,7 +121,7 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
             if message.value.header.frame_id != frame_id:
                 what = f"expected frame_id '{frame_id}', found '{message.value.header.frame_id}'"
                 raise InputError(message.where, what)
-            found = (cloud_points if bag.types[topic] == CLOUD else scan_points)(message.value, message.where)
+            found = cloud_points(message.value, message.where)
             xyz_mm = _checked_mm(found.xyz, part, message.where)
             local = np.einsum("rp,rhw->phw", ros_from_profiler, xyz_mm).astype(np.float32)  # R^T: into the profiler
             _check_flat(local[1], message.where)
@@ -179,7 +153,7 @@ def read_profiles(bag: Bag, topics: list[str], part: BagPart) -> Found:
     )
     notes = [
         f"profiles: {listed(bag, topics)}, frame '{frame_id}', in {part.length_unit}; "
-        f"x of the profiler is {lateral}, its z is {upward}",
+        f"x of the profiler is {part.lateral}, its z is {part.range}",
         f"intensity: {left_out or 'taken'}",
         *([f"{empty} messages without points: frames without returns"] if empty else []),
         *filter(None, [grid.note]),

@@ -24,11 +24,10 @@ from workbench.geometry.poses import interpolate_poses, inverse, pose_from, rota
 from workbench.scan.checks import normalised
 from workbench.units import Float, Shaped
 
-CLOUD, SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 POSE, TRANSFORM = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped"
 ODOMETRY, JOINTS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"
 TF, TF_OF_ROS1 = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-KNOWN = (CLOUD, SCAN, POSE, TRANSFORM, ODOMETRY, JOINTS, TF, TF_OF_ROS1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -279,8 +279,8 @@ class BagPart(FramesPart):
     )
     length_unit: Literal["m", "mm"] = Field(default="m", description="of profiles; REP 103 says m")
     pose_length_unit: Literal["m", "mm"] = Field(default="m", description="of poses; REP 103 says m")
-    lateral: Axis | None = Field(default=None, description="axis that is x of the profiler; PointCloud2 x, LaserScan y")
-    range: Axis | None = Field(default=None, description="axis that is z of the profiler; PointCloud2 z, LaserScan x")
+    lateral: Axis = Field(default="x", description="axis that is x of the profiler")
+    range: Axis = Field(default="z", description="axis that is z of the profiler")
     no_return: list[NoReturn] | None = Field(
         default=None, description="points that mean no return, besides NaN: all coordinates 0, an infinite one"
     )

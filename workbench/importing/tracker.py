@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -281,14 +281,13 @@ def joined(sources: Sequence[Imported], mapping: Mapping) -> tuple[list[str], tu
     (readings,) = found
     postures = _postures(sources, readings)
     way = part.pair or _usual(readings, postures)
-    ways: dict[str, Callable[[], Pairs]] = {
-        "number": lambda: _by_number(readings, postures),
-        "time": lambda: _by_time(
-            readings, postures, part.within_s, mapping.times.clock_offset_s if mapping.times else 0.0
-        ),
-        "order": lambda: _by_order(readings, postures),
-    }
-    pairs = ways[way]()
+    if way == "number":
+        pairs = _by_number(readings, postures)
+    elif way == "time":
+        offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
+        pairs = _by_time(readings, postures, part.within_s, offset_s)
+    else:
+        pairs = _by_order(readings, postures)
     if not pairs.groups:
         hint = "; other clocks? times.clock_offset_s in the mapping" if way == "time" else ""
         raise InputError(readings.source, f"no reading goes with a posture of {postures.source} by {way}{hint}")

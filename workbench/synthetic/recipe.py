@@ -242,19 +242,29 @@ class Robot(RecordedRobot):
     clock_jitter_s: NonNegative = 0.0
 
 
-class Recipe(Strict):
-    """A synthetic recording in full. The same recipe gives the same bytes."""
+class Headed(Strict):
+    """What every recipe says of itself."""
 
-    format: Literal["bevel-recipe"] = "bevel-recipe"
     version: Literal[1] = 1
     title: str = ""
-    part_id: str | None = None
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    part: Part = Part()
+
+
+class Scanned(Headed):
+    """A part before a scanner: by which passes it is scanned, and what goes wrong."""
+
+    part_id: str | None = None
     scanner: Scanner = Scanner()
     robot: Robot = Robot()
     disturbances: Disturbances = Disturbances()
     passes: Annotated[tuple[Pass, ...], Field(min_length=1, max_length=100)]
+
+
+class Recipe(Scanned):
+    """A synthetic recording in full. The same recipe gives the same bytes."""
+
+    format: Literal["bevel-recipe"] = "bevel-recipe"
+    part: Part = Part()
 
     @model_validator(mode="after")
     def _bounded(self) -> Recipe:
@@ -308,13 +318,10 @@ class SphereRobot(Strict):
     clock_offset_s: Annotated[float, Field(ge=-10, le=10)] = 0.0  # profile time - robot time
 
 
-class SphereRecipe(Strict):
+class SphereRecipe(Headed):
     """A synthetic calibration recording in full. The same recipe gives the same bytes."""
 
     format: Literal["sphere-recipe"]
-    version: Literal[1] = 1
-    title: str = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sphere: Sphere = Sphere()
     scanner: Scanner = Scanner(noise=Noise(sd_mm=0.015, grazing_power=0.0))
     robot: SphereRobot = SphereRobot()
@@ -377,34 +384,18 @@ class PrismGroove(Strict):
         return self
 
 
-class PrismRecipe(Strict):
+class PrismRecipe(Scanned):
     """A synthetic recording of a straight groove in full. The same recipe gives the same numbers."""
 
     format: Literal["groove-recipe"] = "groove-recipe"
-    version: Literal[1] = 1
-    title: str = ""
-    part_id: str | None = None
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     groove: PrismGroove = PrismGroove()
-    scanner: Scanner = Scanner()
-    robot: Robot = Robot()
-    disturbances: Disturbances = Disturbances()
-    passes: Annotated[tuple[Pass, ...], Field(min_length=1, max_length=100)]
 
     def on_plate(self) -> Recipe:
         """The same scan past a raw plate's edge that lies where the groove's middle does: it moves alike."""
         groove = self.groove
         part = Part(kind="raw", length_mm=groove.length_mm, base_from_part=groove.base_from_part)
-        return Recipe(
-            title=self.title,
-            part_id=self.part_id,
-            seed=self.seed,
-            part=part,
-            scanner=self.scanner,
-            robot=self.robot,
-            disturbances=self.disturbances,
-            passes=self.passes,
-        )
+        shared = {name: getattr(self, name) for name in Scanned.model_fields}
+        return Recipe(part=part, **shared)
 
 
 TYPES = ("I", "V", "Y", "HV", "HY", "X", "K", "U", "J")

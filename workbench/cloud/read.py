@@ -83,15 +83,10 @@ def unit_stated(file: Path) -> Unit | None:
 
 def grid_of(file: Path) -> tuple[int, int]:
     """(HEIGHT, WIDTH) of a PCD file by its header; (0, 0) where they are not told."""
-    with open(file, "rb") as stream:
-        head = stream.read(HEAD_BYTES).decode("ascii", errors="replace")
-    told = dict.fromkeys(("HEIGHT", "WIDTH"), 0)
-    for words in map(str.split, head.splitlines()):
-        if len(words) == 2 and words[0] in told and words[1].isascii() and words[1].isdigit() and len(words[1]) < 9:
-            told[words[0]] = int(words[1])
-        if words[:1] == ["DATA"]:
-            break
-    return told["HEIGHT"], told["WIDTH"]
+    header, _ = readers.pcd_header(file)
+    told = [header.get(name, [""])[0] for name in ("HEIGHT", "WIDTH")]
+    rows, columns = (int(one) if one.isascii() and one.isdigit() and len(one) < 9 else 0 for one in told)
+    return rows, columns
 
 
 def in_process(file: Path) -> Float:

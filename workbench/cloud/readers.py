@@ -55,8 +55,12 @@ def _pcd(file: str) -> Float:
     return np.asarray(points.positions.numpy(), dtype=np.float64) if "positions" in points else np.empty((0, 3))
 
 
-def _check_pcd(file: str) -> None:
-    """Compare what the header declares with the file's length: Open3D allocates it unseen."""
+def pcd_header(file: str | Path) -> tuple[dict[str, list[str]], int]:
+    """The header's lines by their first word, DATA the last, and where the points begin.
+
+    Raises:
+        ValueError: no line DATA.
+    """
     with open(file, "rb") as stream:
         header: dict[str, list[str]] = {}
         while "DATA" not in header:
@@ -65,8 +69,13 @@ def _check_pcd(file: str) -> None:
                 raise ValueError("its header has no DATA line")
             name, *values = line.decode("ascii", errors="replace").split() or [""]
             header[name] = values
-        left = os.path.getsize(file) - stream.tell()
-    points = int(header["POINTS"][0])
+        return header, stream.tell()
+
+
+def _check_pcd(file: str) -> None:
+    """Compare what the header declares with the file's length: Open3D allocates it unseen."""
+    header, start = pcd_header(file)
+    left, points = os.path.getsize(file) - start, int(header["POINTS"][0])
     record = sum(int(size) * int(n) for size, n in zip(header["SIZE"], header["COUNT"], strict=True))
     need = {"binary": points * record, "ascii": 2 * points}.get(header["DATA"][0], 0)
     if left < need:

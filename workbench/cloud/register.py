@@ -98,7 +98,7 @@ def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> 
         o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(one))) for one in (source_mm, target_mm - origin)
     ]
     clouds[1].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
-    found = fine_registration(*clouds, away @ start, reach_mm)
+    found = fine_registration(clouds[0], clouds[1], away @ start, reach_mm)
     pose = inverse(away) @ found.target_from_source
     turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
     return pose_from(turn, pose[:3, 3].round(6)), found.overlap, found.rms_mm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import PurePath
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -192,9 +193,9 @@ def map_picture(found: Deviations, summary: Summary) -> bytes:
     colours = {"cmap": COLOURS, "norm": TwoSlopeNorm(0.0, -reach, reach)}
 
     def dots(axes: Axes, mask: Bool, colour: str | None = None) -> PathCollection:
-        c, how = (found.distance_mm[mask], colours) if colour is None else (colour, {})
         at = found.arc_length_mm[mask], found.across_mm[mask]
-        return axes.scatter(*at, c=c, s=size, linewidths=0.0, rasterized=True, **how)
+        how: dict[str, Any] = {"c": found.distance_mm[mask], **colours} if colour is None else {"c": colour}
+        return axes.scatter(*at, s=size, linewidths=0.0, rasterized=True, **how)
 
     with styled():
         figure = Figure(figsize=(10, 5.2), layout="constrained")

@@ -67,7 +67,10 @@ def coarse(source: Surfels, target: Surfels, initial: Float, reach_mm: float) ->
     origin = target.centre_mm.mean(axis=0)
     away = pose_from(np.eye(3), -origin)
     clouds = [_cloud(o3d, one, shift) for one, shift in ((source, np.zeros(3)), (target, -origin))]
-    pose = inverse(away) @ fine_registration(*clouds, away @ initial, reach_mm, robust=True).target_from_source
+    pose = (
+        inverse(away)
+        @ fine_registration(clouds[0], clouds[1], away @ initial, reach_mm, robust=True).target_from_source
+    )
     turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
     return pose_from(turn, pose[:3, 3].round(3))  # Open3D sums in threads, whose last digits differ from run to run
 

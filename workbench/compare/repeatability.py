@@ -385,7 +385,7 @@ def _by_operator(axes: Axes, study: Study, values: Float, size: float) -> None:
 
 def _beside(study: Study, k: int, count: int) -> Float:
     """Places (S,) of the k-th of `count` beside each other at every section."""
-    return np.arange(len(study.section)) + 0.5 * ((k + 0.5) / count - 0.5)
+    return np.asarray(np.arange(len(study.section)) + 0.5 * ((k + 0.5) / count - 0.5), float)
 
 
 def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:

@@ -31,9 +31,9 @@ from workbench.importing.roles import (
 )
 from workbench.importing.suspicions import WIDTH_MM
 from workbench.importing.tables import way_of
-from workbench.importing.text import SAMPLE_BYTES, Form, first_bytes, sniffed
+from workbench.importing.text import Form, first_bytes, form_of
 from workbench.importing.tracker import joined as joined_with_postures
-from workbench.storage import regular_file, write_whole
+from workbench.storage import write_whole
 from workbench.units import AnyArray, Float
 
 FRAME_S, POSE_S = (2e-5, 1.0), (1e-3, 60.0)  # from one frame, or pose, to the next
@@ -139,16 +139,7 @@ def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
 
 def _table(source: Path, error: InputError) -> tuple[Form, Columns]:
     """A table of numbers whose columns can be told; else the reader's own refusal."""
-    if source.is_dir():
-        raise error
-    size = regular_file(source).st_size
-    with open(source, "rb") as file:
-        content = file.read(SAMPLE_BYTES)
-    form = (
-        None
-        if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff")
-        else sniffed(content, size <= SAMPLE_BYTES)
-    )
+    form = form_of(source) if source.is_file() else None
     if form is None:
         raise error
     columns = columns_of(form)

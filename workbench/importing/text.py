@@ -181,6 +181,14 @@ class Form:
         return {key: value for key, value in told.items() if value != usual[key]}
 
 
+def form_of(path: Path) -> Form | None:
+    """How a file is written, if it is a table of numbers; None of what is no text."""
+    with open(path, "rb") as file:
+        content = file.read(SAMPLE_BYTES)
+    binary = b"\0" in content[:4096] and not content.startswith(tuple(BOMS))
+    return None if binary else sniffed(content, len(content) < SAMPLE_BYTES)
+
+
 def sniffed(content: bytes, whole: bool) -> Form | None:
     """The form under which most of a table's first bytes are numbers; None where none gives rows of numbers."""
     lines = head_text(content).split("\n")[: None if whole else -1][: MOST_ROWS + 1000]

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -281,13 +282,10 @@ def joined(sources: Sequence[Imported], mapping: Mapping) -> tuple[list[str], tu
     (readings,) = found
     postures = _postures(sources, readings)
     way = part.pair or _usual(readings, postures)
-    if way == "number":
-        pairs = _by_number(readings, postures)
-    elif way == "time":
-        offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
-        pairs = _by_time(readings, postures, part.within_s, offset_s)
-    else:
-        pairs = _by_order(readings, postures)
+    offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
+    by_time = partial(_by_time, within_s=part.within_s, offset_s=offset_s)
+    ways: dict[str, Callable[..., Pairs]] = {"number": _by_number, "time": by_time, "order": _by_order}
+    pairs = ways[way](readings, postures)
     if not pairs.groups:
         hint = "; other clocks? times.clock_offset_s in the mapping" if way == "time" else ""
         raise InputError(readings.source, f"no reading goes with a posture of {postures.source} by {way}{hint}")

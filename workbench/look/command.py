@@ -22,7 +22,7 @@ from workbench.importing.draft import drafted
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.roles import leading
-from workbench.importing.text import SAMPLE_BYTES, Form, first_bytes, head_text, read_text, sniffed
+from workbench.importing.text import first_bytes, form_of, head_text, read_text
 from workbench.look.foreign import frames_alone, joints_alone, numbers_alone, poses_alone, tracker_alone
 from workbench.look.recorded import recording_seen, unchecked
 from workbench.look.rows import groove_of_rows
@@ -239,7 +239,7 @@ def _cloud(file: Path) -> Seen:
 
 def _cloud_of_text(file: Path) -> Seen:
     """A cloud whose points stand in a table; a few rows are something else, unless they are homogeneous coordinates."""
-    form = _form(file)
+    form = form_of(file)
     found = _cloud(file)
     rows = len(found.points_mm) if form is None else len(form.rows)
     homogeneous = form is not None and form.rows.shape[1] > 3 and bool((form.rows[:, 3] == 1.0).all())
@@ -254,17 +254,10 @@ def _cloud_of_text(file: Path) -> Seen:
 
 def _numbers(file: Path) -> Seen:
     """A table of numbers of another kind."""
-    form = _form(file)
+    form = form_of(file)
     if form is None:
         raise InputError(str(file), "expected a table of numbers")
     return numbers_alone(form, str(file))
-
-
-def _form(file: Path) -> Form | None:
-    """How the file is written, if it is a table of numbers."""
-    with open(file, "rb") as stream:
-        content = stream.read(SAMPLE_BYTES)
-    return sniffed(content, file.stat().st_size <= SAMPLE_BYTES)
 
 
 def _drafted(file: Path) -> Seen:

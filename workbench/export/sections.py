@@ -26,6 +26,7 @@ from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.units import DEG, Float, Int, Shaped
 
+PLACE = ",".join(["%.6f"] * 5)
 HEADER = "section,arc_length_mm,kind,face,frame,column,normal_mm,across_mm,x_mm,y_mm,z_mm"
 
 
@@ -66,29 +67,22 @@ def sections(
     ]
     if format == "dxf":
         return Document("sections.dxf", sections_dxf(shapes))
-    rows = [HEADER, *(row for shape in shapes for row in _rows(shape))]
-    return Document("section_points.csv", "\r\n".join([*rows, ""]).encode("ascii"))
+    out = io.StringIO(HEADER + "\r\n")
+    out.seek(0, io.SEEK_END)
+    for shape in shapes:
+        _write_rows(out, shape)
+    return Document("section_points.csv", out.getvalue().encode("ascii"))
 
 
-def _rows(shape: SectionShape) -> list[str]:
+def _write_rows(out: io.StringIO, shape: SectionShape) -> None:
+    """A row a point, then a row a corner."""
     section, table = shape.section, shape.points
     start = f"{section.index},{section.arc_length_mm:.6f}"
-    values = zip(
-        table.face.tolist(),
-        table.frame.tolist(),
-        table.column.tolist(),
-        shape.place_mm.tolist(),
-        table.position_mm.tolist(),
-        strict=True,
-    )
-    rows = [
-        f"{start},point,{face},{frame},{column},{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}"
-        for face, frame, column, (u, v), (x, y, z) in values
-    ]
-    for name, (u, v) in shape.corners_mm.items():
-        x, y, z = section.origin_mm + u * section.normal + v * section.across
-        rows.append(f"{start},{name},,,,{u:.6f},{v:.6f},{x:.6f},{y:.6f},{z:.6f}")
-    return rows
+    columns = (table.face, table.frame, table.column, shape.place_mm, table.position_mm)
+    np.savetxt(out, np.column_stack(columns), f"{start},point,%d,%d,%d,{PLACE}", newline="\r\n")
+    for name, corner in shape.corners_mm.items():
+        place = section.origin_mm + corner @ np.array([section.normal, section.across])
+        np.savetxt(out, [(*corner, *place)], f"{start},{name},,,,{PLACE}", newline="\r\n")
 
 
 # Sections as a DXF drawing: a block a section, side by side, in millimetres.

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
 
 import numpy as np
 
-from workbench.artefacts import Document, Layer, PathGate, RobotCell, Toolpath, Travel
+from workbench.artefacts import Document, Layer, PathGate, RobotCell, Toolpath
 from workbench.dialect import released
 from workbench.stage import stage
+from workbench.units import AnyArray
 
+POINT = ",".join(["%.6f"] * 3 + ["%.9f"] * 4 + ["%.6f"])  # place, quaternion, feed
 HEADER = "layer,arc_length_mm,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,cutting,measured"
 
 
@@ -37,20 +39,13 @@ def csv(toolpath: Toolpath, gate: PathGate, cell: RobotCell | None = None) -> Do
     """
     if not released("program.csv", toolpath, gate, cell) or gate.loosened:
         return None
-    rows = [HEADER]
+    out = io.StringIO(HEADER + "\r\n")
+    out.seek(0, io.SEEK_END)
     for part in toolpath.in_order:
-        rows += _rows(part)
-    return Document("toolpath.csv", "\r\n".join([*rows, ""]).encode("ascii"))
-
-
-def _rows(part: Layer | Travel) -> Iterator[str]:
-    pose = zip(
-        np.round(part.position_mm, 6).tolist(), part.quaternion_wxyz.tolist(), part.feed_mm_s.tolist(), strict=True
-    )
-    if isinstance(part, Layer):
-        starts = [f"{part.index},{s:.6f}" for s in part.arc_length_mm.tolist()]
-        ends = [f"{c:d},{m:d}" for c, m in zip(part.cutting.tolist(), part.measured.tolist(), strict=True)]
-    else:
-        starts, ends = ["0,"] * len(part.feed_mm_s), ["0,1"] * len(part.feed_mm_s)
-    for start, (p, q, feed), end in zip(starts, pose, ends, strict=True):
-        yield (f"{start},{p[0]:.6f},{p[1]:.6f},{p[2]:.6f},{q[0]:.9f},{q[1]:.9f},{q[2]:.9f},{q[3]:.9f},{feed:.6f},{end}")
+        begin, end = "0,,", ",0,1"
+        columns: list[AnyArray] = [part.position_mm, part.quaternion_wxyz, part.feed_mm_s]
+        if isinstance(part, Layer):
+            begin, end = f"{part.index},%.6f,", ",%d,%d"
+            columns = [part.arc_length_mm, *columns, part.cutting, part.measured]
+        np.savetxt(out, np.column_stack(columns), f"{begin}{POINT}{end}", newline="\r\n")
+    return Document("toolpath.csv", out.getvalue().encode("ascii"))

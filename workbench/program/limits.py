@@ -31,31 +31,26 @@ def root_checks(moves: Moves, gate: PathGate, cell: Cell, tolerance_mm: float) -
         moved = np.abs((made.displacement_mm[final] * normal).sum(axis=1))
         value = 0.0 if gate.loaded else float(moved.max(initial=0.0)) * lever
         limit = DEFLECTION_SHARE * tolerance_mm + path.finish_allowance_mm * lever
-        checks.append(
-            Check(
-                "root_deflection_mm",
-                round(value, 4) if np.isfinite(value) else None,
-                round(limit, 4),
-                not value > limit,
-                "half of the root face's tolerance, and the allowance that is left",
-                f"the cutter gives way by {value:.3g} mm of the root face, expected at most {limit:.3g}: a stiffer "
-                "posture, a smaller depth of cut, or a path that allows for it (stiffness.compensate, then path.check)",
-            )
+        why = "half of the root face's tolerance, and the allowance that is left"
+        finding = (
+            f"the cutter gives way by {value:.3g} mm of the root face, expected at most {limit:.3g}: a stiffer "
+            "posture, a smaller depth of cut, or a path that allows for it (stiffness.compensate, then path.check)"
         )
+        checks.append(_held("root_deflection_mm", value, limit, why, finding))
     if cell.repeatability_mm is not None:
         value, limit = cell.repeatability_mm * lever, REPEATABILITY_SHARE * tolerance_mm
-        checks.append(
-            Check(
-                "root_repeatability_mm",
-                round(value, 4),
-                round(limit, 4),
-                value <= limit,
-                "a quarter of the root face's tolerance",
-                f"the robot's repeatability is {value:.3g} mm of the root face, expected at most {limit:.3g}: another "
-                "robot, or a wider tolerance (program.write: root_tolerance_mm)",
-            )
+        finding = (
+            f"the robot's repeatability is {value:.3g} mm of the root face, expected at most {limit:.3g}: another "
+            "robot, or a wider tolerance (program.write: root_tolerance_mm)"
         )
+        checks.append(_held("root_repeatability_mm", value, limit, "a quarter of the root face's tolerance", finding))
     return tuple(checks)
+
+
+def _held(name: str, value: float, limit: float, why: str, finding: str) -> Check:
+    """A value against the most that it may be; what is not known passes."""
+    known = round(value, 4) if np.isfinite(value) else None
+    return Check(name, known, round(limit, 4), not value > limit, why, finding)
 
 
 def spindle_checks(moves: Moves, cell: Cell) -> tuple[Check, ...]:
@@ -78,15 +73,10 @@ def spindle_checks(moves: Moves, cell: Cell) -> tuple[Check, ...]:
         limit = float(np.interp(speed, curve.speed_rpm, stated, left=0.0, right=0.0))
         what, unit = name.split("_")[0], {"torque_nm": "Nm", "power_kw": "kW"}[name]
         why = f"its speed is between {low:g} and {high:g} rpm" if limit == 0 else f"at most {limit:.3g}"
-        checks.append(
-            Check(
-                f"spindle_{name}",
-                round(value, 4) if np.isfinite(value) else None,
-                round(limit, 4),
-                not value > limit,
-                "what the spindle gives at this speed for any length of time, by its data sheet ($.tool.spindle)",
-                f"the cutter asks {what} of {value:.3g} {unit} of the spindle at {speed:g} rpm, expected {why}: a "
-                "smaller depth of cut or feed, or another speed (stiffness.force: spindle_rpm)",
-            )
+        stays = "what the spindle gives at this speed for any length of time, by its data sheet ($.tool.spindle)"
+        finding = (
+            f"the cutter asks {what} of {value:.3g} {unit} of the spindle at {speed:g} rpm, expected {why}: a "
+            "smaller depth of cut or feed, or another speed (stiffness.force: spindle_rpm)"
         )
+        checks.append(_held(f"spindle_{name}", value, limit, stays, finding))
     return tuple(checks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -74,8 +74,7 @@ def loop_scene(
     """The milled part by its deviation from the plan, the sections, the final layer; without a scan no points."""
     final = toolpath.layers[-1]
     path = toolpath.in_base(final.position_mm)
-    colour = np.tile(rgb(INK), (len(path), 1))
-    strokes = (lower_edge(inspection.profile), Strokes("final layer of the path", (path,), (colour,)))
+    strokes = (lower_edge(inspection.profile), lines_of("final layer of the path", [(path, INK)]))
     sections, axes = tuple(row.section for row in rows), section_axes(inspection)
     if cloud is None or not isinstance(edge, MilledEdge):
         nothing = Points(np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0, np.int64), np.zeros(0, np.int64))
@@ -205,20 +204,24 @@ def fitted_lines(points: Points, sections: tuple[Section, ...]) -> Strokes:
         beta, up = s.bevel_deg * DEG, max(0.0, top - s.root_mm)
         corners = np.array([[0.0, 0.0], [0.0, s.root_mm], [-up * math.tan(beta), s.root_mm + up]])
         lines.append(s.origin_mm + corners @ np.array([s.normal, s.across]))
-    return Strokes("fitted lines of the sections", tuple(lines), tuple(np.tile(rgb(INK), (3, 1)) for _ in lines))
+    return lines_of("fitted lines of the sections", [(line, INK) for line in lines])
 
 
 def lower_edge(profile: EdgeProfile) -> Strokes:
     """The measured lower edge, broken where hidden."""
-    lines = tuple(runs(profile.position_mm))
-    return Strokes("lower edge", lines, tuple(np.tile(rgb(LOWER_EDGE), (len(line), 1)) for line in lines))
+    return lines_of("lower edge", [(line, LOWER_EDGE) for line in runs(profile.position_mm)])
+
+
+def lines_of(name: str, found: Sequence[tuple[Float, str]], *, shown: bool = True) -> Strokes:
+    """Lines (k, 3), each of one colour ('#rrggbb')."""
+    colours = tuple(np.tile(rgb(colour), (len(line), 1)) for line, colour in found)
+    return Strokes(name, tuple(line for line, _ in found), colours, shown)
 
 
 def both_edges(edge: RawEdge, here: Bool | slice = slice(None)) -> Strokes:
     """Lower and upper edge of a raw part at the stations `here`, broken where hidden."""
     curves = ((edge.position_mm[here], LOWER_EDGE), (edge.upper_position_mm[here], UPPER_EDGE))
-    found = [(line, rgb(colour)) for curve, colour in curves for line in runs(curve)]
-    return Strokes("edges", tuple(line for line, _ in found), tuple(np.tile(c, (len(line), 1)) for line, c in found))
+    return lines_of("edges", [(line, colour) for curve, colour in curves for line in runs(curve)])
 
 
 def path_lines(name: str, run: Run, colours: AnyArray, here: Bool, *, shown: bool = True) -> Strokes:
@@ -233,9 +236,12 @@ def tool_axes(toolpath: Toolpath, keys: Int, most: int, length_mm: float) -> Str
     final, keys = toolpath.layers[-1], keys[:: max(1, math.ceil(len(keys) / most))]
     place, frames = toolpath.in_base(final.position_mm)[keys], frames_in_base(toolpath, final)[keys]
     ends = place[:, None] + length_mm * frames.transpose(0, 2, 1)
-    lines = tuple(np.array([p, end]) for p, three in zip(place, ends, strict=True) for end in three)
-    colours = tuple(np.tile(rgb(TOOL_AXES[k % 3]), (2, 1)) for k in range(len(lines)))
-    return Strokes("tool axes x, y, z of the final layer", lines, colours, shown=False)
+    axes = [
+        (np.array([p, end]), colour)
+        for p, three in zip(place, ends, strict=True)
+        for end, colour in zip(three, TOOL_AXES, strict=True)
+    ]
+    return lines_of("tool axes x, y, z of the final layer", axes, shown=False)
 
 
 def runs(position_mm: Float) -> list[Float]:

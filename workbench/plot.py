@@ -378,20 +378,6 @@ class Axes:
 
         self._later.append((2.0, True, drawn))
 
-    def shades(self, colours: Sequence[Colour]) -> None:
-        """The axes filled from left to right with colours of the same width."""
-
-        def drawn() -> str:
-            left, top, width, height = self.box
-            one = width / len(colours)
-            return "".join(
-                f'<rect x="{pt(left + k * one)}" y="{pt(top)}" width="{pt(one + 0.3)}" height="{pt(height)}" '
-                f'fill="{code(colour)}"/>'
-                for k, colour in enumerate(colours)
-            )
-
-        self._later.append((1.0, True, drawn))
-
     def heat(self, values: Float, x: Limits, y: Limits, behind: Sequence[Sequence[str]] = ()) -> None:
         """Cells (rows, columns), the first row lowest, coloured by their value, over x and y; their scale at the right.
 

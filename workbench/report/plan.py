@@ -20,11 +20,11 @@ from workbench.report.planned import (
     LOCAL_MM,
     Run,
     duration,
-    feed_scale,
+    feed_key,
     frames_in_base,
     layer_colours,
+    layer_key,
     layer_rows,
-    layer_scale,
     local_turn_deg,
     middle_of_cut_mm,
     move_rows,
@@ -77,6 +77,8 @@ def plan_html(
         stretch=f"{stretch.from_mm:.0f} to {stretch.to_mm:.0f} mm",
         whole=stretch.to_mm - stretch.from_mm >= float(edge.arc_length_mm[-1]),
         local_mm=f"{LOCAL_MM:g}",
+        layer_key=layer_key(toolpath),
+        feed_key=feed_key(run),
         axis_mm=f"{AXIS_MM:g}",
         tool_axis_mm=f"{TOOL_AXIS_MM:g}",
         tool_axes=list(zip("xyz", TOOL_AXES, strict=True)),
@@ -142,8 +144,6 @@ def plan(
     drawn = {
         **pictures(views),
         "d": edges_in_plane(cloud, edge),
-        "layer_scale": layer_scale(toolpath),
-        "feed_scale": feed_scale(run),
         "feed_chart": feed_chart(edge, toolpath),
     }
     if stepped := stepped_section(edge, toolpath):

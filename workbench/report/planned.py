@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,15 +11,14 @@ from workbench.artefacts import Edge, Gate, Inspection, Layer, Moves, RawEdge, S
 from workbench.errors import one_line
 from workbench.geometry.moves import runs, step_lengths_mm, step_times_s
 from workbench.geometry.poses import rotation_from_quaternion
-from workbench.marks import AIR, ramp, rgb
-from workbench.plot import Figure
+from workbench.marks import AIR, code, ramp, rgb
 from workbench.report.along import axes_at, developed, hidden_stretches
 from workbench.report.text import COVERAGE, alike, decimals, span
 from workbench.units import DEG, AnyArray, Bool, Float, Int, Shaped
 
 LOCAL_MM = 10.0  # of edge to both sides, whose least-squares plane is the direction of a rough end face
-SHADES = 64  # of a continuous scale
-MOST_NAMES = 12  # layers that a scale names
+FEEDS, MOST_NAMES = 5, 12  # feeds, and layers, that a key names
+Row = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,38 +155,21 @@ def feed_range(run: Run) -> tuple[float, float]:
     return (low, high) if high - low > 1e-3 * high else (0.0, high)
 
 
-def feed_scale(run: Run) -> bytes:
-    """SVG of the colour bar of feeds."""
-    return _scale(ramp(np.linspace(0.0, 1.0, SHADES)), feed_range(run), "feed, mm/s")
+def feed_key(run: Run) -> list[Row]:
+    """Some feeds, evenly from the slowest on, and their colours."""
+    low, high = feed_range(run)
+    share = np.linspace(0.0, 1.0, FEEDS)
+    named = zip(low + share * (high - low), ramp(share) / 255.0, strict=True)
+    return [(f"{feed:.3g} mm/s", code(colour)) for feed, colour in named]
 
 
-def layer_scale(toolpath: Toolpath) -> bytes:
-    """SVG of the colour bar of layers, with their heights above the finished bevel."""
+def layer_key(toolpath: Toolpath) -> list[Row]:
+    """Layers with their heights above the finished bevel, and their colours."""
     count = len(toolpath.layers)
-    shades = layer_colours(np.arange(1, count + 1), count)
     heights = alike(*(round(layer.height_mm, 6) for layer in toolpath.layers))
     named = np.unique(np.linspace(1, count, min(count, MOST_NAMES)).round().astype(int))
-    names = [f"{k} ({heights[k - 1]} mm)" for k in named]
-    label = "layer (its height above the finished bevel)"
-    return _scale(shades, (0.5, count + 0.5), label, named.tolist(), names)
-
-
-def _scale(
-    shades: AnyArray, limits: tuple[float, float], label: str, at: Sequence[float] = (), names: Sequence[str] = ()
-) -> bytes:
-    figure = Figure(figsize=(10, 0.62))
-    axes = figure.add_axes((0.2, 0.72, 0.6, 0.22))
-    axes.set(xlim=limits, ylim=(0.0, 1.0))
-    axes.shades(list(shades / 255.0))
-    axes.set(yticks=([], []))
-    if at:
-        axes.set(xticks=(at, names))
-    axes.tick_params(length=2.5, pad=2)
-    axes.set(xlabel=label)
-    return figure.svg()
-
-
-Row = tuple[str, str]
+    shades = layer_colours(named, count) / 255.0
+    return [(f"{k} ({heights[k - 1]} mm)", code(shade)) for k, shade in zip(named.tolist(), shades, strict=True)]
 
 
 def thickness(edge: Edge) -> str:

@@ -488,14 +488,15 @@ def test_a_job_for_yaskawa_names_its_tool(made, tmp_path: Path) -> None:
         files(made["gp25"], cell, "yaskawa")
 
 
-def test_a_feed_beyond_the_tag_is_refused(made, cells) -> None:
-    for feed in (0.05, 1600.0):
-        other = replace(made["gp25"], feed_mm_s=np.full(len(made["gp25"].layer), feed))
-        with pytest.raises(InputError, match=r"expected feeds of 0.1 to 1500 mm/s for Yaskawa, found"):
-            files(other, cells["gp25"], "yaskawa")
-
-
-def test_a_feed_too_small_for_tenths_is_refused(made, cells) -> None:
-    slow = replace(made["m20ia"], feed_mm_s=np.full(len(made["m20ia"].layer), 0.05))
-    with pytest.raises(InputError, match=r"expected feeds of 0.1 mm/s or more for FANUC, found 0.05"):
-        files(slow, cells["m20ia"], "fanuc")
+@pytest.mark.parametrize(
+    ("controller", "robot", "feed", "said"),
+    [
+        ("yaskawa", "gp25", 0.05, "feeds of 0.1 to 1500 mm/s for Yaskawa, found 0.05"),
+        ("yaskawa", "gp25", 1600.0, "feeds of 0.1 to 1500 mm/s for Yaskawa, found"),
+        ("fanuc", "m20ia", 0.05, "feeds of 0.1 mm/s or more for FANUC, found 0.05"),
+    ],
+)
+def test_a_feed_that_no_tag_says_is_refused(made, cells, controller: str, robot: str, feed: float, said: str) -> None:
+    other = replace(made[robot], feed_mm_s=np.full(len(made[robot].layer), feed))
+    with pytest.raises(InputError, match=f"expected {said}"):
+        files(other, cells[robot], controller)

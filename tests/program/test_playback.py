@@ -19,10 +19,11 @@ def test_bodies_stand_where_the_robot_has_them(moves: Moves, irb6700: Cell, shar
     assert scene is not None
     frame = int(share * (len(scene.frames) - 1))
     assert len(scene.frames) == len(driven["line"]) <= 600  # none is left out
-    drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]))
+    drawn = cell_triangles(irb6700, driven["joints"][frame], float(driven["turntable"][frame]), sides=8)
     corners = cKDTree(np.concatenate([corners.reshape(-1, 3) for _, corners in drawn]))
     bodies = [one for one in scene.strokes if one.name != "way of the tool"]
     assert {"robot"} <= {one.name for one in bodies}
+    assert len({id(one.moved) for one in bodies if one.name == "robot"}) > 5  # the arm too, whose links are capsules
     for one in bodies:
         ends = np.concatenate(one.lines_mm)
         pose = np.eye(4) if one.moved is None else one.moved[frame]

@@ -103,7 +103,7 @@ def test_all_pictures_are_there_and_the_page_needs_nothing_else(chapter, element
     pictures = [attributes for tag, attributes in elements(chapter.html).tags if tag == "img"]
     sorts = [attributes["src"].partition(";")[0] for attributes in pictures]
     assert sorts.count("data:image/png") == 8  # a, b, c, e, f; all layers twice; feed
-    assert sorts.count("data:image/svg+xml") == 7  # d, section, feed, engagement, scales
+    assert sorts.count("data:image/svg+xml") == 4  # d, section, feed, engagement
     assert all(attributes["alt"] for attributes in pictures)
     assert chapter.html in html((chapter,)).content.decode()
 

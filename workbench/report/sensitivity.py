@@ -36,8 +36,8 @@ class Link:
 
     name: str
     source: str  # where its numbers come from, in words
-    along_b_mm: float  # of the face's place, along its normal
-    tilt_deg: float  # of its direction, about the feed
+    along_b_u_mm: float  # of the face's place, along its normal
+    tilt_u_deg: float  # of its direction, about the feed
     left: float  # share that remains after a correction by a measured cut
     why_left: str
 
@@ -85,8 +85,8 @@ def needs(
 ) -> tuple[Need, Need]:
     """Root face and bevel angle (`bevel` in rad): milled blindly, or corrected by a measured cut."""
     share = [link.left if measured else 1.0 for link in links]
-    root = tuple(link.along_b_mm * s / math.sin(bevel) for link, s in zip(links, share, strict=True))
-    tilt = tuple(link.tilt_deg * s for link, s in zip(links, share, strict=True))
+    root = tuple(link.along_b_u_mm * s / math.sin(bevel) for link, s in zip(links, share, strict=True))
+    tilt = tuple(link.tilt_u_deg * s for link, s in zip(links, share, strict=True))
     return Need("root face", "mm", root_half_mm, root), Need("bevel angle", "deg", bevel_half_deg, tilt)
 
 
@@ -142,6 +142,7 @@ PAPER_HAND_EYE_MM = 0.41  # the paper's section 7, as a length
 HAND_EYE_DEG = 0.05  # where its calibration has no covariance
 INSPECTED_MM, INSPECTED_DEG = 0.044, 0.052  # mean u of a section: median over simulated conditions
 CALIBRATED = "its calibration"
+LINK_IN_FILE = ("name", "source", "along_b_u_mm", "tilt_u_deg", "left")
 Length = Annotated[float, Field(ge=0, le=100)]
 Angle = Annotated[float, Field(ge=0, le=20)]
 Deviations = tuple[Annotated[float, Field(le=0)], Annotated[float, Field(ge=0)]]
@@ -278,16 +279,7 @@ def sensitivity(
         "version": 1,
         "part": dataclasses.asdict(toolpath.part),
         "bevel_deg": toolpath.bevel_deg,
-        "links": [
-            {
-                "name": link.name,
-                "source": link.source,
-                "along_b_u_mm": link.along_b_mm,
-                "tilt_u_deg": link.tilt_deg,
-                "left": link.left,
-            }
-            for link in (*links, measured)
-        ],
+        "links": [{key: dataclasses.asdict(link)[key] for key in LINK_IN_FILE} for link in (*links, measured)],
         "characteristics": [
             {
                 "name": need.name,

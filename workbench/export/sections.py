@@ -26,7 +26,7 @@ from workbench.extras import Extra
 from workbench.stage import stage
 from workbench.units import DEG, Float, Int, Shaped
 
-PLACE = ",".join(["%.6f"] * 5)
+PLACE = "%.6f,%.6f,%.6f,%.6f,%.6f"
 HEADER = "section,arc_length_mm,kind,face,frame,column,normal_mm,across_mm,x_mm,y_mm,z_mm"
 
 

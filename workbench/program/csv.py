@@ -11,7 +11,7 @@ from workbench.dialect import released
 from workbench.stage import stage
 from workbench.units import AnyArray
 
-POINT = ",".join(["%.6f"] * 3 + ["%.9f"] * 4 + ["%.6f"])  # place, quaternion, feed
+POINT = "%.6f,%.6f,%.6f,%.9f,%.9f,%.9f,%.9f,%.6f"  # place, quaternion, feed
 HEADER = "layer,arc_length_mm,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,cutting,measured"
 
 

@@ -15,7 +15,6 @@ from workbench.units import AnyArray, Float
 
 FRAMES = 600  # that are shown at most, spread evenly over the places at which the judge looked first
 CREASE = np.cos(np.radians(20.0))  # of neighbouring triangles: sharper, their edge is drawn
-SIDES = 8  # of a round body, so few that its edges are drawn: a capsule has no others
 ROUND_MM = 0.01  # by which corners of two triangles may differ and be one
 WAY, AROUND = "way of the tool", (120, 140, 125)
 COLOURS = {
@@ -54,7 +53,8 @@ def playback(judgement: Judgement, cell: Cell) -> Scene | None:
     for shape in cell.shapes:
         if 2 * shape.sphere[1] <= HUGE_MM:
             name = "robot" if 0 <= shape.link <= 6 and shape.body not in COLOURS else shape.body
-            lines = edges(shape_triangles(shape, SIDES) @ shape.pose[:3, :3].T + shape.pose[:3, 3])
+            corners = shape_triangles(shape, sides=8)  # so few that a capsule has edges to be drawn
+            lines = edges(corners @ shape.pose[:3, :3].T + shape.pose[:3, 3])
             bodies.setdefault((name, shape.link), []).extend(lines)
     strokes = [
         Strokes(name, tuple(lines), (_colour(name, 2),) * len(lines), moved=moved[max(link, 0)])

@@ -167,13 +167,6 @@ def on_arc(x: Float, z: Float, circle: Float, sense: float, sigma: float, gap: f
     return np.asarray(good)
 
 
-def second_differences(z: Float) -> float:
-    """Noise of the returns (n,) along a profile, from their second differences: blind to slopes, robust to jumps."""
-    if len(z) < 5:
-        return float("inf")
-    return float(np.median(np.abs(np.diff(z, 2))) / (0.6745 * np.sqrt(6.0)))
-
-
 def returns(x_mm: Any, z_mm: Any) -> tuple[Float, Float, Int]:
     """Points of one frame that came back, in float64, and their columns."""
     columns = np.flatnonzero(np.isfinite(x_mm) & np.isfinite(z_mm))
@@ -234,9 +227,13 @@ def circles(
 
 
 def _noise(recording: Recording, least_mm: float, radius: float) -> float:
-    """Noise of a point, as a gate for the search: the median frame's, within the least and a tenth of the sphere."""
-    each = [second_differences(returns(x, z)[1]) for x, z in zip(recording.x_mm, recording.z_mm, strict=True)]
-    return float(np.clip(np.median(each), least_mm, 0.02 * radius))
+    """Noise of a point, as a gate for the search: the median frame's, within the least and a fiftieth of the sphere.
+
+    From second differences along a profile: blind to slopes, robust to jumps.
+    """
+    each = [np.abs(np.diff(returns(*one)[1], 2)) for one in zip(recording.x_mm, recording.z_mm, strict=True)]
+    sizes = [np.median(one) / (0.6745 * np.sqrt(6.0)) if len(one) > 2 else np.inf for one in each]
+    return float(np.clip(np.median(sizes), least_mm, 0.02 * radius))
 
 
 def _arcs(recording: Recording, radius: float, sigma: float) -> tuple[list[Arc], list[Rejected]]:

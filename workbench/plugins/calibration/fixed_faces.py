@@ -95,17 +95,12 @@ class Part:
         marks = self.marks._replace(**{name: getattr(self.marks, name)[some] for name in columns})
         return replace(self, marks=marks, flange=(flange or self.flange).subset(some))
 
-    def on_flange(self, at: At) -> tuple[Float, Float]:
-        """R p (k, Q, 3) of the marks, and the same less what the scales leave: x and z (k, Q, 2) from the middle."""
-        away = self.marks.point_mm - self.middle_mm
-        xz = self.middle_mm + away / (1.0 + at.scale)
-        return xz @ at.pose.rotation[:, [0, 2]].T, away
-
     def rows(self, at: At) -> estimator.Rows:
         """Distances from the faces, all of them 0 as measured."""
         seen = self.flange.at(at.pose.offset_s)
         A, b = seen.base_from_flange[:, :3, :3], seen.base_from_flange[:, :3, 3]
-        turned, away = self.on_flange(at)
+        away = self.marks.point_mm - self.middle_mm
+        turned = (self.middle_mm + away / (1.0 + at.scale)) @ at.pose.rotation[:, [0, 2]].T  # R p (k, Q, 3)
         lever = turned + at.pose.translation_mm
         point = np.einsum("kij,kqj->kqi", A, lever) + b[:, None]
         which, face, axis = (np.array(one) for one in zip(*self.pairs, strict=True))

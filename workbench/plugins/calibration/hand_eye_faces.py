@@ -30,7 +30,7 @@ from workbench.plugins.calibration.search import located, undetermined
 from workbench.plugins.calibration.suspicions import turned
 from workbench.plugins.calibration.tables import fit_words, noisy, sentence
 from workbench.plugins.calibration.values import Rejected
-from workbench.plugins.calibration.verdicts import hand_eye_file, pose_facts, serves
+from workbench.plugins.calibration.verdicts import directions_html, hand_eye_file, pose_facts, serves
 
 NO_SUCH = "is the part fixed and flat, and are the poses the flange's, in order?"
 ASK = "turn the flange about two axes, and give the design's pose"
@@ -165,12 +165,11 @@ def _results(
     gross = [Rejected(int(frames[k]), "all other profiles contradict it") for k in left_out]
     document = hand_eye_file(eye, recording.part, verdict, [*part.marks.rejected, *gross], more)
     facts = [*pose_facts(eye, clock), ("Distance from the faces, RMS", f"{residual:.3f} mm")]
-    rows = [(words, f"{size:.3f}") for words, size in directions(covariance, best.at.pose, view)]
     html = "\n".join(
         (
             pieces.facts_html(facts),
             pieces.paragraph(f"{sentence(verdict[1])} {fit_words(best)}"),
-            pieces.table_html(("Direction, least certain first", "u over the field of view, mm"), rows),
+            directions_html(directions(covariance, best.at.pose, view)),
         )
     )
     summary = f"Predicted error over the field of view {volume:.3f} mm (standard uncertainty); {verdict[1]}."

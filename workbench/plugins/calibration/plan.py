@@ -145,12 +145,6 @@ def _best(gain: Float, start: Float, taken: list[int]) -> int:
     return int(np.argmax(score))
 
 
-def volume_after(information: Float, weight: Float) -> Float:
-    """Predicted volume_u (...) in mm of informations (..., 10, 10)."""
-    covariance = np.linalg.inv(information)[..., :POSE, :POSE]
-    return np.asarray(np.sqrt(np.einsum("ij,...ji->...", weight, covariance)))
-
-
 def _to_limit(rng: np.random.Generator, count: int) -> Float:
     """Shares of a limit (count,): 1 for most, the rest evenly between 0 and 1."""
     return np.where(rng.random(count) < AT_LIMIT, 1.0, rng.random(count))
@@ -218,7 +212,7 @@ def plan(
     chosen = chosen_postures(gain, known, postures)
     weight = volume_weight(estimate.rotation, calibration.view)
     totals = known + np.concatenate([np.zeros((1, 10, 10)), np.cumsum(gain[chosen], axis=0)])
-    volume = volume_after(totals, weight)
+    volume = np.sqrt(np.einsum("ij,kji->k", weight, np.linalg.inv(totals)[:, :POSE, :POSE]))
     scale = calibration.volume_u_mm / volume[0]  # the model tells gains; where the calibration stands, it says itself
     found = PosturePlan(
         base_from_flange=frozen(flange[chosen]),

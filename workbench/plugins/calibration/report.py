@@ -11,7 +11,7 @@ import numpy as np
 from workbench.api import DEG, Chapter, Part, Recording, pieces, plot, rpy_from_rotation, stage
 from workbench.plugins.calibration.tables import sentence
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles, Validation
-from workbench.plugins.calibration.verdicts import pose_facts
+from workbench.plugins.calibration.verdicts import directions_html, pose_facts
 
 MOST_ROWS = 40  # of the table of postures
 MOST_PROFILES = 12
@@ -89,11 +89,11 @@ def _answer(found: Calibration) -> str:
 
 def _uncertainty(found: Calibration) -> Iterable[str]:
     yield pieces.heading("Principal directions of the uncertainty")
-    rows = [(words, f"{u:.3f}") for words, u in found.directions]
-    yield pieces.table_html(("Direction, least certain first", "u over the field of view, mm"), rows)
+    yield directions_html(found.directions)
+    across, deep = found.view.half_mm
     yield pieces.note(
-        "A rotation is one about the mean of the sphere centres; its u is the displacement at the RMS distance of "
-        "the field of view (± 16 mm by ± 20 mm)."
+        "A rotation is one about the middle of the field of view; its u is the displacement at the RMS distance of "
+        f"the field's points (± {across:.0f} mm by ± {deep:.0f} mm)."
     )
 
 

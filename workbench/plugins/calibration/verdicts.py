@@ -21,6 +21,7 @@ from workbench.api import (
     Recording,
     Shaped,
     estimator,
+    pieces,
     rpy_from_rotation,
 )
 from workbench.plugins.calibration.circles import fit_arc
@@ -185,6 +186,12 @@ def hand_eye_file(
         "verdict": verdict[1],
     }
     return Document(HandEyeFile.NAME, HandEyeFile.written(content))
+
+
+def directions_html(directions: Iterable[tuple[str, float]]) -> str:
+    """Principal directions of the uncertainty, in words and mm, as a table."""
+    head = ("Direction, least certain first", "u over the field of view, mm")
+    return pieces.table_html(head, [(words, f"{u:.3f}") for words, u in directions])
 
 
 def pose_facts(eye: HandEye, clock_s: tuple[float, float] | None) -> list[tuple[str, str]]:

@@ -14,7 +14,6 @@ from workbench.api import (
     ChatterFile,
     Document,
     Float,
-    InputError,
     Postures,
     Toolpath,
     pieces,
@@ -82,9 +81,7 @@ def chatter(
         >>> found.up_limit_mm.shape, file.name
         ((3,), 'chatter.json')
     """
-    if postures.toolpath is not toolpath:
-        raise InputError("postures", "expected those of this path, found another path's")
-    whole = cuts_of(toolpath, force, postures.layer, base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2))
+    whole = cuts_of(toolpath, force, postures.layer, base_from_point(cell, postures, toolpath))
     cuts = whole.spread(stations)
     joints, u_force = postures.joints[cuts.at], cuts.process.coefficients.relative_u
     dynamics = cuts.dynamics(cell.chain, modes, joints)

@@ -226,17 +226,8 @@ def mean_of(found: Found) -> str:
     return f"mean awkwardness {found.cost.mean():.2f} (1 is best; no stiffness is known)"
 
 
-def _sought(made: Postures) -> Float:
-    """Values (n,) of the external axis of the map."""
-    return made.turntable if made.turntable.ndim == 1 else made.turntable[:, -1]
-
-
 def _axis(made: Postures) -> str:
     return "track, mm" if made.on_track else "turntable, °"
-
-
-def _heads(found: Found) -> tuple[str, str, str]:
-    return "Cutter rotation, °", _axis(found.postures).capitalize(), _label(found.measure)
 
 
 def _label(measure: Measure) -> str:
@@ -269,7 +260,8 @@ def _table(found: Found) -> str:
     at = np.unravel_index(np.nanargmin(solved), solved.shape)
     angles = (f"{angle / DEG:g}" for angle in (found.map.rotations[at[0]], found.map.tables[at[1]]))
     rows.append(("best, without the collision check", *angles, f"{solved[at]:.4f}", "–", ""))
-    head = ("Posture", *_heads(found), "Largest", "Remark")
+    names = "Cutter rotation, °", _axis(found.postures).capitalize(), _label(found.measure)
+    head = ("Posture", *names, "Largest", "Remark")
     return pieces.table_html(head, rows, text=(5,))
 
 
@@ -329,7 +321,8 @@ def map_picture(found: Found) -> bytes:
 def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
     """The choice at each point, and the pairs that it is compared with; on the margin's map the choice alone."""
     made, loaded = found.postures, found.points.loaded
-    height = found.cost if flat else _sought(made)[loaded] / DEG
+    sought = made.turntable.reshape(len(made.joints), -1)[loaded, -1]  # the outermost of the axes
+    height = found.cost if flat else sought / DEG
     every[0].points(made.cutter_rotation[loaded] / DEG, height, "o", color=pieces.PURPLE, markersize=2.5)
     for name, case in found.cases.items():
         for axes in every if name == "best" and not flat else every[:1]:

@@ -61,9 +61,7 @@ def predict(
         >>> file.name
         'deflections.csv'
     """
-    if postures.toolpath is not toolpath:
-        raise InputError("postures", "expected those of this path, found another path's")
-    point = base_from_point(cell, postures, toolpath.cutter.diameter_mm / 2)
+    point = base_from_point(cell, postures, toolpath)
     push = np.einsum("nij,nj->ni", point[:, :3, :3], force.at_points(postures.layer, f"{load}_n"))
     moved = pushed(cell.chain, stiffness.nm_per_rad, postures.joints, point[:, :3, 3], push)
     in_point = np.einsum("nji,nj->ni", point[:, :3, :3], moved)
@@ -71,8 +69,15 @@ def predict(
     return PathDeflection(found), Document("deflections.csv", _table(found))
 
 
-def base_from_point(cell: Cell, postures: Postures, radius_mm: float) -> Float:
-    """Frames (n, 4, 4) of the path's points where the turntable carries them: the tool's, turned back."""
+def base_from_point(cell: Cell, postures: Postures, toolpath: Toolpath) -> Float:
+    """Frames (n, 4, 4) of the path's points where the turntable carries them: the tool's, turned back.
+
+    Raises:
+        InputError: postures of another path.
+    """
+    if postures.toolpath is not toolpath:
+        raise InputError("postures", "expected those of this path, found another path's")
+    radius_mm = toolpath.cutter.diameter_mm / 2
     tool = forward_kinematics(cell.chain, postures.joints) @ postures.flange_from_point
     out, back = (pose_from(np.eye(3), np.array([sign * radius_mm, 0.0, 0.0])) for sign in (-1, 1))
     return np.asarray(tool @ out @ turn_about_z(-postures.cutter_rotation) @ back)

@@ -1,13 +1,16 @@
 """Charts written by hand: what they show, where, and that any text and any value leaves a well-formed file."""
 
+import base64
+import io
 import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
-from workbench.marks import Lettering
+from workbench.marks import Lettering, ramp
 from workbench.plot import Figure, nice_ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -81,3 +84,17 @@ def test_dots_are_a_picture_darker_where_they_are_many():
 
     assert ink(1) != ink(9)
     assert ink(1) == ink(1)
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_cells_are_coloured_by_their_value_the_first_row_lowest(columns):
+    figure = Figure(figsize=(10, 5))
+    axes = figure.add_axes((0.1, 0.1, 0.7, 0.8))
+    values, behind = np.array([[0.0, 0.5], [np.nan, 1.0]])[:, :columns], [["#ffffff"] * columns, ["#ff0000"] * columns]
+    axes.heat(values, 10.0 * np.arange(1, columns + 1), np.array([0.0, 4.0]), behind)
+    image = next(ET.fromstring(figure.svg()).iter(f"{SVG}image"))
+    pixels = np.array(Image.open(io.BytesIO(base64.b64decode(image.get("href").split(",")[1]))))
+    assert pixels[0, 0].tolist() == [255, 0, 0, 140]
+    assert pixels[1, 0].tolist() == [*ramp(np.zeros(1))[0], 255]
+    assert axes.get_ylim() == (-2.0, 6.0)
+    assert axes.get_xlim() == ((5.0, 25.0) if columns > 1 else (9.5, 10.5))

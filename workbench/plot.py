@@ -378,8 +378,8 @@ class Axes:
 
         self._later.append((2.0, True, drawn))
 
-    def heat(self, values: Float, x: Limits, y: Limits, behind: Sequence[Sequence[str]] = ()) -> None:
-        """Cells (rows, columns), the first row lowest, coloured by their value, over x and y; their scale at the right.
+    def heat(self, values: Float, x: Float, y: Float, behind: Sequence[Sequence[str]] = ()) -> None:
+        """Cells (rows, columns) about x (columns,) and y (rows,), rising evenly, by colour; their scale at the right.
 
         Where a value is not finite the colour `behind` it is seen, faint.
         """
@@ -389,9 +389,14 @@ class Axes:
         if behind:
             shades[...] = [[(*rgb(one), FAINT) for one in row] for row in behind]
         shades[known, :3], shades[known, 3] = ramp((values[known] - low) / (high - low or 1.0)), 255
-        self.set(xlim=x, ylim=y)
+        (left, right), (bottom, top) = (
+            (at[0] - half, at[-1] + half)
+            for at, half in ((at, np.ptp(at) / max(len(at) - 1, 1) / 2.0 or 0.5) for at in (x, y))
+        )
+        self.set(xlim=(left, right), ylim=(bottom, top))
         self._later.append((1.0, True, lambda: cells(shades, self.box)))
-        scale = self.inset_axes((1.04, 0.0, 0.04, 1.0))
+        point = 1.0 / (self.rect[2] * self.figure.width)
+        scale = self.inset_axes((1.0 + 8.0 * point, 0.0, 10.0 * point, 1.0))
         scale.ticks_right = True
         scale.set(xlim=(0.0, 1.0), ylim=(low, high if high > low else low + 1.0), xticks=((), ()))
         bar = np.insert(ramp(np.linspace(0.0, 1.0, 64))[:, None], 3, 255, axis=2)

@@ -170,11 +170,11 @@ def _picture(maps: StiffnessMaps, fields: tuple[tuple[str, Float], ...]) -> byte
     marked = maps.marked[:, [axis - 1 for axis in maps.axes]] / DEG
     figure = plot.Figure((10.0, 3.4))
     every = figure.subplots(1, len(fields))
-    figure.subplots_adjust(0.06, 0.15, 0.94, 0.91, wspace=0.6)
+    figure.subplots_adjust(0.06, 0.15, 0.92, 0.91, wspace=0.6)
     for axes, (title, values) in zip(every, fields, strict=True):
         shown = np.where(np.isfinite(values), values, np.nan)
         shown = np.minimum(shown, np.nanpercentile(shown, 98))
-        axes.heat(shown.T, (at[0][0], at[0][-1]), (at[1][0], at[1][-1]))
+        axes.heat(shown.T, *at)
         axes.annotate(title, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
         for colour, size in ((pieces.INK, 5.0), ("#ffffff", 3.5)):
             axes.points(*marked.T, "o", color=colour, markersize=size, zorder=4.0)

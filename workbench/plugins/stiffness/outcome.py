@@ -302,15 +302,16 @@ def map_picture(found: Found) -> bytes:
     x, y = over.rotations / DEG, over.tables / DEG
     figure = plot.Figure((10.0, 4.6))
     every = figure.subplots(1, len(fields))
-    figure.subplots_adjust(0.07, 0.12, 0.9, 0.92, wspace=0.45)
+    figure.subplots_adjust(0.07, 0.12, 0.91, 0.92, wspace=0.45)
     for axes, (label, values) in zip(every, fields, strict=True):
         axes.annotate(label, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
-        axes.set(xlabel="cutter rotation, °")
         if len(y) == 1:
             axes.plot(x, values[:, 0])
+            axes.set(xlabel="cutter rotation, °")
             continue
-        axes.heat(values.T, (x[0], x[-1]), (y[0], y[-1]), [[SHADES[cause] for cause in row] for row in over.cause.T])
-        axes.set(ylabel=_axis(found.postures))
+        axes.heat(values.T, x, y, [[SHADES[cause] for cause in row] for row in over.cause.T])
+        ticks = plot.nice_ticks(axes.get_xlim(), 6)
+        axes.set(xlabel="cutter rotation, °", xticks=ticks, ylabel=_axis(found.postures))
         if values is not over.mean and over.chatter is not None:
             at, table = np.nonzero(over.chatter[1] >= asked)
             axes.points(x[at], y[table], "o", color="#ffffff", markersize=1.6)
@@ -324,13 +325,16 @@ def _mark(every: Sequence[plot.Axes], found: Found, *, flat: bool) -> None:
     sought = made.turntable.reshape(len(made.joints), -1)[loaded, -1]  # the outermost of the axes
     height = found.cost if flat else sought / DEG
     every[0].points(made.cutter_rotation[loaded] / DEG, height, "o", color=pieces.PURPLE, markersize=2.5)
-    for name, case in found.cases.items():
-        for axes in every if name == "best" and not flat else every[:1]:
-            if case is not None:
-                at = case.rotation / DEG, case.cost.mean() if flat else case.table / DEG
-                axes.points(*at, "o", markersize=7.0)
-                axes.points(*at, "o", color="#ffffff", markersize=5.0)
-                axes.annotate(name, at, (6.0, -3.0), look=plot.ON_WHITE)
+    for axes in every[:1] if flat else every:
+        told: dict[tuple[float, float], list[str]] = {}
+        for name, case in found.cases.items():
+            if case is not None and (axes is every[0] or name == "best"):
+                at = case.rotation / DEG, float(case.cost.mean()) if flat else case.table / DEG
+                told.setdefault(at, []).append(name)
+        for at, names in told.items():
+            for colour, size in ((pieces.INK, 7.0), ("#ffffff", 5.0)):
+                axes.points(*at, "o", color=colour, markersize=size)
+            axes.annotate(", ".join(names), at, (6.0, -3.0), look=plot.ON_WHITE)
 
 
 def along_picture(cell: Cell, found: Found) -> bytes:

@@ -60,7 +60,6 @@ MAY = {  # who may do what docs/security.md tells of
         "children.py",
         "extras.py",
         "importing/kinds.py",
-        "look/foreign.py",
         "pipeline/catalogue.py",
         "pipeline/run.py",
         "stage.py",

@@ -24,7 +24,7 @@ COUNT, X_MEAN, Z_MEAN, SXX, SXZ, SZZ, FIRST, LAST = range(8)
 
 SLACK_MM = 2.0  # how far the ends of the faces may move while a frame's lines settle
 GATES_MM = np.array([0.6, 0.3, 0.15])  # how far off its line a point may lie while the frame's lines settle
-TWO_LINES = 1.7  # sigmas of a face's points that are more than one line
+TWO_LINES, SHIFTS = 1.7, 12  # sigmas of a face's points that are more than one line; steps of half a gate, each way
 CORNER_MARGIN_MM = 0.03  # points this near to a corner are left out of both faces: corners are never quite sharp,
 CORNER_SIGMAS = 4.0  # and their place in the frame is this uncertain; a stray point of the bevel turns the root face
 SIDE_FACE_MM = 4.0  # of the upper and lower surface only this much next to the corner serves to measure it
@@ -188,6 +188,40 @@ def _is_more_than_one(sums: Float, f: int, sigma: Float) -> bool:
 
 
 @kernel
+def _onto_most(
+    x: Float32,
+    z: Float32,
+    keep: Bool,
+    spans: Int,
+    side: float,
+    state: Float,
+    limits: Float,
+    slopes: Float,
+    sigma: Float,
+    sums: Float,
+) -> None:
+    """Put the lines of bevel and root face, where their points are more than one line, onto most of the points.
+
+    Spatter or second returns on a part of a face draw a least-squares line between both. slopes (4,): of before.
+    """
+    for f in (BEVEL, ROOT):
+        if sums[f, COUNT] < 6 or not _is_more_than_one(sums, f, sigma):
+            continue
+        offset = state[f, OFFSET] + (state[f, SLOPE] - slopes[f]) * sums[f, X_MEAN]
+        gate = FINAL_SIGMAS * sigma[f] + 0.004
+        most, best = 0, 0.0
+        for k in range(-SHIFTS, SHIFTS + 1):
+            count = 0
+            for j in range(spans[f, 0], spans[f, 1]):
+                if keep[j] and limits[f, 0] <= side * x[j] <= limits[f, 1]:
+                    r = z[j] - slopes[f] * np.float64(x[j]) - offset - 0.5 * k * gate
+                    count += abs(r) <= gate
+            if count > most:
+                most, best = count, 0.5 * k * gate
+        state[f, SLOPE], state[f, OFFSET] = slopes[f], offset + best
+
+
+@kernel
 def _window(x: Float32, side: float, low: float, high: float) -> tuple[int, int]:
     """First and last + 1 column whose u = side * x lies in [low, high]."""
     first, last = x.size, 0
@@ -309,6 +343,8 @@ def _follow_frame(
             return False
         moved = _refit(state, sums, sigma, step > 0)
         margin = CORNER_MARGIN_MM + CORNER_SIGMAS * _corner_sigma(state, sums[ROOT, COUNT], sigma[ROOT])
+        if step == GATES_MM.size - 1:
+            _onto_most(x, z, keep, spans, side, state, _limits(state, side, margin, rim_mm), before, sigma, sums)
         if step == 0:  # the frame as a whole may have moved: carry the free ends along with the corner
             _carry_ends(state, width0, bevel0, side)
             plain = not (_is_more_than_one(sums, BEVEL, sigma) or _is_more_than_one(sums, ROOT, sigma))

@@ -144,69 +144,6 @@ def test_a_step_that_cannot_be_solved_is_shortened_and_what_runs_away_ends_with_
         raise estimator.contradictory(lost.misfit, Labels("touches.csv", tuple(range(5))))
 
 
-def test_one_more_unknown_that_the_others_can_be_is_open() -> None:
-    one = drawn(3)
-    found, covariance = fit(dataclasses.replace(one, prior=np.zeros((4, 4))), np.zeros(4)).tested(one.slope[..., 1:2])
-    assert covariance[0, 0] > 1e9
-    assert np.abs(found[0]) < 1e-3 * np.sqrt(covariance[0, 0])
-
-
-def test_an_error_that_is_not_fitted_is_carried_as_a_refit_moves() -> None:
-    one, change = with_shared(5), np.random.default_rng(6).normal(size=(17, 3, 1))
-    moved = fit(dataclasses.replace(one, seen=one.seen + change[..., 0]), np.zeros(4)).at
-    found = fit(one, np.zeros(4))
-    np.testing.assert_allclose(found.carried(change)[:, 0], moved - found.at, atol=1e-8)
-
-
-def test_what_nothing_determines_is_open_and_the_rest_is_as_sure_as_without_it() -> None:
-    one = drawn(4)
-    slope, way = one.slope.copy(), np.array([1.0, -2.0, 0.0, 0.5]) / np.sqrt(5.25)
-    slope -= np.einsum("ndp,p,q->ndq", slope, way, way)
-    found = fit(Linear(slope @ np.ones(4), slope, 1e-4 * one.covariance), np.zeros(4))
-    u, open_ = estimator.worst(found.covariance)
-    assert u > 1e4
-    assert abs(open_ @ way) == pytest.approx(1.0, abs=1e-6)
-    assert np.abs(found.at).max() < 10.0  # no large step is taken along it
-    basis = np.linalg.svd(way[None])[2][1:]
-    J = (slope @ basis.T).reshape(-1, 3)
-    expected = np.linalg.inv(J.T @ np.linalg.inv(dense(Linear(one.seen, slope, 1e-4 * one.covariance))) @ J)
-    np.testing.assert_allclose(basis @ found.covariance @ basis.T, expected, rtol=0.02, atol=0.02 * expected.max())
-
-
-@dataclass
-class Circle:
-    """Distances of points from a circle: centre and radius unknown."""
-
-    points: Float
-
-    def rows(self, at: Float) -> Rows:
-        def distance(step: Float) -> Float:
-            x = at + step
-            return np.asarray((np.linalg.norm(self.points - x[:2], axis=1) - x[2])[:, None])
-
-        slope = estimator.jacobian_of(distance, np.full(3, 1e-5))
-        n = len(self.points)
-        return Rows(-distance(np.zeros(3)), slope, np.ones((n, 1, 1)), np.ones(n), np.zeros((3, 3)), -at)
-
-    def moved(self, at: Float, step: Float) -> Float:
-        return at + step
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6))
-def test_a_curved_prediction_is_fitted_as_by_levenberg_and_marquardt(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    turn = rng.uniform(0, 2.0, 15)
-    points = np.column_stack([np.cos(turn), np.sin(turn)]) * 3 + rng.normal(size=2) + 0.05 * rng.normal(size=(15, 2))
-    begin = np.r_[points.mean(axis=0), 1.0]
-    expected = scipy.optimize.least_squares(
-        lambda x: np.linalg.norm(points - x[:2], axis=1) - x[2], begin, method="lm", xtol=1e-14, ftol=1e-14
-    )
-    found = fit(Circle(points), begin)
-    np.testing.assert_allclose(found.at, expected.x, atol=1e-5)
-    assert found.chi2 == pytest.approx(2 * expected.cost, rel=1e-6)
-
-
 def test_a_covariance_grows_with_the_misfit_and_never_shrinks() -> None:
     one = drawn(8, n=400)
     found = fit(one, np.zeros(4))
@@ -217,15 +154,6 @@ def test_a_covariance_grows_with_the_misfit_and_never_shrinks() -> None:
     assert np.sqrt(np.diag(humble.covariance)) == pytest.approx(
         np.sqrt(np.diag(np.linalg.inv(humble.information))), rel=1e-6
     )
-
-
-def test_a_misfit_leaves_what_was_known_before_as_it_was() -> None:
-    """An unknown that nothing shows: no worse known than before, however large the residuals."""
-    one = drawn(9, n=40)
-    hidden = dataclasses.replace(one, slope=one.slope * [1, 1, 1, 0], covariance=0.01 * one.covariance)
-    found = fit(hidden, np.zeros(4))
-    assert found.misfit > 9.0
-    np.testing.assert_allclose(found.covariance[3], [0, 0, 0, 1 / hidden.prior[3, 3]], atol=1e-12)
 
 
 def numbers(values: Float, repeats: Float | None = None) -> Linear:
@@ -265,29 +193,3 @@ def test_where_more_than_a_quarter_is_off_or_little_checks_it_no_row_is_blamed()
         left_out(np.array([0.1, 0.2, 0.3, 0.1, 50.0, 60.0, 0.1]))
     assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), spare=13)[1] == {}
     assert left_out(np.array([1.0, 1.0, 1.0, 50.0]), spare=12)[1] != {}
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6))
-def test_the_order_of_observations_does_not_count(seed: int) -> None:
-    one, rng = drawn(seed), np.random.default_rng(seed)
-    one.seen[3] += 40.0 * np.sqrt(np.diagonal(one.covariance[3]))
-    order = rng.permutation(12)
-    other = Linear(one.seen[order], one.slope[order], one.covariance[order], one.prior)
-    (first, said), (second, again) = (
-        without_blunders(each, np.zeros(4), Labels("a.csv", tuple(int(k) for k in lines)))
-        for each, lines in ((one, np.arange(12)), (other, order))
-    )
-    assert said == again
-    np.testing.assert_allclose(first.at, second.at, atol=1e-9)
-    np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-9, atol=1e-12)
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6))
-def test_a_quarter_of_blunders_of_any_size_is_left_out_though_the_start_is_their_fit(seed: int) -> None:
-    one, rng = drawn(seed, n=40), np.random.default_rng(seed)
-    off = rng.choice(40, 10, replace=False)
-    one.seen[off] += rng.uniform(20, 1000, (10, 1)) * np.sqrt(np.diagonal(one.covariance[off], axis1=1, axis2=2))
-    found = estimator.sound(one, fit(one, np.zeros(4)).at)
-    assert np.flatnonzero(~found.used).tolist() == sorted(off)

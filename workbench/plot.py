@@ -46,6 +46,8 @@ MARGIN = 0.05  # of the data's span, free on both sides of it
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 ON_WHITE = Lettering(box=True)
 FAINT = 140  # of 255, opacity of a colour behind cells
+LEFT, RIGHT, ABOVE, BELOW = 45.0, 8.0, 20.0, 34.0  # beside subplots: for ticks and labels, and a line above
+GAPS = (56.0, 14.0)  # between them, and where they share that axis
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Limits: TypeAlias = tuple[float, float]
@@ -92,7 +94,7 @@ class Figure:
         sharey: bool = False,
         height_ratios: Sequence[float] | None = None,
     ) -> Any:
-        """Axes in rows and columns, placed by `subplots_adjust`; inner ones of shared axes have no labels there."""
+        """Axes in rows and columns, with room for labels and a line above each; inner ones of shared axes have none."""
         grid = [[self.add_axes((0, 0, 1, 1)) for _ in range(columns)] for _ in range(rows)]
         first = grid[0][0]
         for i, row in enumerate(grid):
@@ -102,7 +104,15 @@ class Figure:
                 if sharey:
                     one.shared["y"], one.labelled["y"] = first.shared["y"], j == 0
         self._grid.append((grid, height_ratios or [1.0] * rows))
-        self.subplots_adjust(0.125, 0.11, 0.9, 0.88)
+        beside, under = columns * GAPS[sharey], rows * GAPS[sharex]
+        self.subplots_adjust(
+            LEFT / self.width,
+            BELOW / self.height,
+            1.0 - RIGHT / self.width,
+            1.0 - ABOVE / self.height,
+            wspace=beside / (self.width - LEFT - RIGHT + GAPS[sharey] - beside),
+            hspace=under / (self.height - ABOVE - BELOW + GAPS[sharex] - under),
+        )
         return np.array(grid, dtype=object) if not squeeze else [one for row in grid for one in row]
 
     def subplots_adjust(

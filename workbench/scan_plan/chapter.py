@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from workbench import pieces
+from workbench import pieces, plot
 from workbench.artefacts import Chapter, Gate
 from workbench.scan_plan.information import MOST_INCIDENCE, Joint, View
 from workbench.scan_plan.plan import ScanPlan
@@ -91,37 +92,37 @@ def _section_words(number: int, view: View) -> str:
 
 
 def _section_picture(made: ScanPlan, view: View) -> bytes:
-    from matplotlib.figure import Figure
-
     joint = made.joint
     towards = np.array([math.cos(view.elevation), math.sin(view.elevation)])
     across = np.array([-towards[1], towards[0]])
     reach = float(np.ptp(joint.section_mm @ across))
     front = 0.5 * (float(np.ptp(joint.section_mm @ towards)) + reach)
-    with pieces.styled():
-        figure = Figure(figsize=(4.4, 3.1), layout="constrained")
-        axes = figure.subplots()
-        axes.fill(*np.array([one[0] for one in _faces(joint)]).T, color=pieces.PALE, lw=0)
-        feet = aim_mm(joint, view) + np.linspace(-0.6, 0.6, RAYS)[:, None] * reach * across
-        for start in feet + front * towards:
-            end, lit = _met(joint, start, towards)
-            axes.plot(*np.array([start, end]).T, color=pieces.BLUE if lit else pieces.PALE, lw=0.7)
-        laser = feet[[0, -1]] + front * towards
-        axes.plot(*laser.T, color=pieces.INK, lw=3.0)
-        x, y = laser.mean(axis=0) + 0.1 * reach * towards
-        axes.text(x, y, f"scanner,\n{view.standoff_mm:.0f} mm away", va="center")
-        axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, lw=0.8, ls="-.")
-        for a, b, normal, name in _faces(joint):
-            if name:
-                lit = _is_lit(normal, towards)
-                axes.plot(*np.array([a, b]).T, lw=2.2, color=pieces.BLUE if lit else pieces.INK, ls="-" if lit else ":")
-                x, y = 0.6 * a + 0.4 * b - 0.07 * reach * normal
-                if normal[0] > 0.5:
-                    axes.text(x, y, name, ha="right", va="center")
-                else:  # at the far end of a surface, where no other name is
-                    axes.text(min(a[0], b[0]), y, f" {name}", va="center")
-        axes.set(aspect="equal", xlabel="out of the root face (n), mm", ylabel="up from the lower surface (m), mm")
-        return pieces.svg(figure)
+    figure = plot.Figure((4.4, 3.1))
+    (axes,) = figure.subplots()
+    axes.fill(*np.array([one[0] for one in _faces(joint)]).T, facecolor=pieces.PALE)
+    feet = aim_mm(joint, view) + np.linspace(-0.6, 0.6, RAYS)[:, None] * reach * across
+    for start in feet + front * towards:
+        end, lit = _met(joint, start, towards)
+        axes.plot(*np.array([start, end]).T, color=pieces.BLUE if lit else pieces.PALE, linewidth=0.7)
+    laser = feet[[0, -1]] + front * towards
+    axes.plot(*laser.T, linewidth=3.0)
+    beside = laser.mean(axis=0) + 0.1 * reach * towards
+    axes.annotate(f"scanner,\n{view.standoff_mm:.0f} mm away", beside, va="center")
+    axes.plot([0.0, reach], [0.5 * joint.root_mm] * 2, color=pieces.GREY, linewidth=0.8, dashes=(6.0, 2.0, 1.0, 2.0))
+    for a, b, normal, name in _faces(joint):
+        if name:
+            lit = _is_lit(normal, towards)
+            look: Any = {"color": pieces.BLUE} if lit else {"dashes": (1.0, 2.0)}
+            axes.plot(*np.array([a, b]).T, linewidth=2.2, **look)
+            if normal[0] > 0.5:
+                axes.annotate(name, 0.6 * a + 0.4 * b - 0.07 * reach * normal, ha="right", va="center")
+            else:  # at the far end of a surface, where no other name is
+                axes.annotate(name, (min(a[0], b[0]), a[1]), (4.0, -7.0 * normal[1]), va="center")
+    low, high = axes.get_xlim()
+    axes.set(xlim=(low, max(high, beside[0] + (high - low) / 3.0)))  # with room for the words
+    axes.set(xticks=plot.nice_ticks(axes.get_xlim(), 6))
+    axes.set(aspect="equal", xlabel="out of the root face (n), mm", ylabel="up from the lower surface (m), mm")
+    return figure.svg()
 
 
 def _faces(joint: Joint) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
@@ -157,19 +158,16 @@ def _met(joint: Joint, start: np.ndarray, towards: np.ndarray) -> tuple[np.ndarr
 
 
 def _along_picture(made: ScanPlan) -> bytes:
-    from matplotlib.figure import Figure
-
-    with pieces.styled():
-        figure = Figure(figsize=(9, 3.6), layout="constrained")
-        rows = (
-            (COVERAGE * made.root.u, made.promised_root_mm, made.wanted.root_mm, "U root, mm"),
-            (COVERAGE * made.bevel.u, made.promised_bevel_deg, made.wanted.bevel_deg, "U bevel, °"),
-        )
-        for axes, (predicted, promised, most, name) in zip(figure.subplots(2, 1, sharex=True), rows, strict=True):
-            axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.SKY, lw=0)
-            axes.plot(made.arc_length_mm, predicted, color=pieces.BLUE, lw=1.4)
-            axes.axhline(most, color=pieces.PURPLE, lw=0.9, ls=(0, (6, 3)))
-            axes.set_ylim(0, 1.15 * max(most, float(np.fmax.reduce(promised, initial=0.0))))
-            axes.set_ylabel(name)
-        axes.set_xlabel("along the lower edge, mm")
-        return pieces.svg(figure)
+    figure = plot.Figure((9.0, 3.6))
+    every = figure.subplots(2, 1, sharex=True)
+    rows = (
+        (COVERAGE * made.root.u, made.promised_root_mm, made.wanted.root_mm, "U root, mm"),
+        (COVERAGE * made.bevel.u, made.promised_bevel_deg, made.wanted.bevel_deg, "U bevel, °"),
+    )
+    for axes, (predicted, promised, most, name) in zip(every, rows, strict=True):
+        axes.fill_between(made.arc_length_mm, predicted, promised, color=pieces.SKY)
+        axes.plot(made.arc_length_mm, predicted, color=pieces.BLUE, linewidth=1.4)
+        axes.axhline(most, color=pieces.PURPLE, linewidth=0.9, dashes=(6.0, 3.0))
+        axes.set(ylim=(0.0, 1.15 * max(most, float(np.fmax.reduce(promised, initial=0.0)))), ylabel=name)
+    every[-1].set(xlabel="along the lower edge, mm")
+    return figure.svg()

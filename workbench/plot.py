@@ -220,8 +220,14 @@ class Axes:
         xticks: Ticks | None = None,
         yticks: Ticks | None = None,
         aspect: str = "",
+        title: str = "",
     ) -> None:
-        """Limits (None: that end as it is), labels, ticks (values and names); `aspect` "equal": one scale both ways."""
+        """Limits (None: that end as it is), labels, ticks (values and names); `aspect` "equal": one scale both ways.
+
+        The `title` stands above, at the left.
+        """
+        if title:
+            self.annotate(title, (0.0, 1.0), (0.0, 6.0), xycoords="axes fraction")
         for axis, limits, label, ticks in (("x", xlim, xlabel, xticks), ("y", ylim, ylabel, yticks)):
             extent = self.shared[axis]
             if limits is not None:

@@ -275,10 +275,9 @@ def control_charts(what: Characteristic, charts: Sequence[ControlChart]) -> byte
 
 
 def _draw_values(axes: Axes, chart: ControlChart, what: Characteristic, title: str) -> None:
-    axes.annotate(title, (0, 1), (0, 5), xycoords="axes fraction")
     part = chart.order + 1
     _draw_line(axes, part, chart.value)
-    axes.set(ylim=_span([*chart.value, *chart.limits]))
+    axes.set(ylim=_span([*chart.value, *chart.limits]), title=title)
     _draw_tolerance(axes, what)
     for limit in (what.lower, what.upper):
         axes.axhline(limit, color=LIMIT, linewidth=1.0)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from typing import Annotated, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from workbench import pieces
@@ -25,7 +24,9 @@ from workbench.compare.gauge import (
     seen_everywhere,
 )
 from workbench.compare.measurements import Study
-from workbench.pieces import GREY, ORANGE, PALE, SERIES, styled, svg
+from workbench.marks import LIMIT, Lettering
+from workbench.pieces import GREY, ORANGE, PALE, SERIES
+from workbench.plot import Axes, Figure
 from workbench.stage import stage
 from workbench.strict_json import strict_json
 from workbench.units import Float
@@ -222,8 +223,10 @@ def _characteristic_html(study: Study, one: Characteristic) -> Iterator[str]:
     yield pieces.figure_html(
         gauge_picture(study, one),
         f"Gauge study of the {one.title.lower()}",
-        f"Colours: operators{', in the chart of biases parts' if len(study.parts) > 1 else ''}. Grey bars: "
-        "reference. Dashed: limits.",
+        "Grey bars: reference. Dashed: limits."
+        if one.agreement.has_reference
+        else "Dashed: limits. Without reference measurements there is no chart of biases.",
+        _key(study, one),
     )
     yield pieces.table_html(
         ("Analysis of variance", "Sum of squares", "Degrees of freedom", "Mean square", "F", "p"),
@@ -314,72 +317,60 @@ def _number(value: float | None, form: str) -> str:
 
 # Pictures of a gauge study: components of variation, values by section and operator, ranges, bias.
 
-MOST_OPERATORS = len(SERIES)  # beyond, colours would repeat: operators share one
+
+def _key(study: Study, one: Characteristic) -> list[tuple[str, str]]:
+    """What the colours mean, where none repeats: operators, in the chart of biases parts."""
+    kinds = [("operator", study.operators), ("part", study.parts if one.agreement.has_reference else ())]
+    every = [[f"{kind} {name}" for name in names] for kind, names in kinds if 1 < len(names) <= len(SERIES)]
+    return [(ink, ", ".join(filter(None, names))) for ink, names in zip(SERIES, zip_longest(*every), strict=False)]
 
 
 def gauge_picture(study: Study, one: Characteristic) -> bytes:
-    """Four charts about one characteristic, as SVG."""
-    with styled():
-        figure = Figure(figsize=(10, 6.6), layout="constrained")
-        (components, values), (ranges, bias) = figure.subplots(2, 2)
-        _components(components, study, one)
-        _values(values, study, one)
-        _ranges(ranges, study, one)
-        _bias(bias, study, one)
-        return svg(figure)
+    """Charts about one characteristic, as SVG: four, without references three."""
+    figure = Figure(figsize=(10, 6.6))
+    components, values, ranges, bias = figure.subplots(2, 2)
+    _components(components, study, one)
+    _values(values, study, one)
+    _ranges(ranges, study, one)
+    _bias(bias, study, one)
+    return figure.svg()
 
 
 def _components(axes: Axes, study: Study, one: Characteristic) -> None:
     """Standard deviations with their intervals."""
-    shown = [part for part in one.gauge.components if part.sd is not None and part.interval is not None]
-    for row, part in enumerate(shown):
-        low, high = part.interval or (0.0, 0.0)
-        axes.barh(row, part.sd or 0.0, color=SERIES[0] if part.name != "GRR" else ORANGE, height=0.55)
-        axes.plot([low, high], [row, row], color=GREY, linewidth=1.4, marker="|", markersize=7)
-    axes.set_yticks(range(len(shown)), [part.name for part in shown])
-    axes.invert_yaxis()
-    limit = 3.0 * max(part.sd or 0.0 for part in shown)
-    axes.set_xlim(0.0, max(min(limit, 1.05 * max((part.interval or (0, 0))[1] for part in shown)), 1e-9))
-    end = axes.get_xlim()[1]
-    for row, part in enumerate(shown):
-        high = (part.interval or (0.0, 0.0))[1]
+    shown = [(part, part.sd, part.interval) for part in one.gauge.components if part.sd is not None and part.interval]
+    end = max(min(3.0 * max(sd for _, sd, _ in shown), 1.05 * max(high for *_, (_, high) in shown)), 1e-9)
+    for row, (part, sd, (low, high)) in enumerate(shown):
+        up = row + np.array([-0.3, 0.3])
+        axes.fill([0.0, sd, sd, 0.0], np.repeat(up, 2), facecolor=ORANGE if part.name == "GRR" else SERIES[0])
+        ends = row + np.array([-0.1, 0.1, 0.0, 0.0, 0.1, -0.1])
+        axes.plot(np.repeat([low, high], 3), ends, color=GREY, linewidth=1.4)
         if high > end:  # said, not cut off without a word
-            axes.annotate(
-                f"to {high:.3g} \u25b6",
-                (end, row),
-                (-2, 7),
-                textcoords="offset points",
-                ha="right",
-                va="bottom",
-                fontsize=7.5,
-                color=GREY,
-            )
-    axes.set(title="Components of variation, standard deviation with 95 % interval", xlabel=study.unit_of(one.name))
+            axes.annotate(f"to {high:.3g} \u25b6", (end, row), (-2.0, 7.0), ha="right", look=Lettering(GREY))
+    axes.set(xlim=(0.0, end), ylim=(len(shown) - 0.5, -0.5), xlabel=study.unit_of(one.name))
+    axes.set(yticks=(range(len(shown)), [part.name for part, *_ in shown]))
+    axes.set(title="Components of variation, standard deviation with 95 % interval")
 
 
 def _values(axes: Axes, study: Study, one: Characteristic) -> None:
     """Every measurement by section; operators side by side."""
-    _by_operator(axes, study, study.measured[one.name], 3.5)
+    _by_operator(axes, study, study.measured[one.name])
     reference = study.reference[one.name]
     for row in reference[np.isfinite(reference).any(axis=1)]:
-        axes.plot(np.arange(len(row)), row, "_", color=GREY, markersize=16, zorder=0.5)
+        across = np.add.outer(np.arange(len(row)), [-0.1, 0.1, np.nan])
+        axes.plot(across, np.repeat(row, 3), color=GREY, linewidth=1.0, zorder=0.5)
     low, high = axes.get_ylim()
     for limit in one.limits or ():
         if low - 0.5 * (high - low) < limit < high + 0.5 * (high - low):
-            axes.axhline(limit, color="#00664b", linewidth=0.9, linestyle="--")
+            axes.axhline(limit, color=LIMIT, linewidth=0.9, dashes=(4.0, 2.0))
     axes.set(title="Measurements by section and operator", ylabel=study.unit_of(one.name))
-    if 1 < len(study.operators) <= MOST_OPERATORS:
-        axes.legend(ncols=len(study.operators), fontsize=8, loc="best", handletextpad=0.1, columnspacing=0.8)
 
 
-def _by_operator(axes: Axes, study: Study, values: Float, size: float) -> None:
+def _by_operator(axes: Axes, study: Study, values: Float) -> None:
     """Values (parts, operators, ..., sections) over the sections."""
-    count = len(study.operators)
-    for j, name in enumerate(study.operators):
-        spread = np.broadcast_to(_beside(study, j, count), values[:, j].shape)
-        label = name if count <= MOST_OPERATORS else None
-        colour = SERIES[j % MOST_OPERATORS]
-        axes.plot(spread.ravel(), values[:, j].ravel(), ".", color=colour, markersize=size, label=label)
+    for j in range(len(study.operators)):
+        across = np.broadcast_to(_beside(study, j, len(study.operators)), values[:, j].shape)
+        axes.points(across, values[:, j], ".", color=SERIES[j % len(SERIES)])
     _by_section(axes, study)
 
 
@@ -391,39 +382,22 @@ def _beside(study: Study, k: int, count: int) -> Float:
 def _ranges(axes: Axes, study: Study, one: Characteristic) -> None:
     """Range of the trials of each part, operator and section (R chart)."""
     spread = np.ptp(study.measured[one.name], axis=2)
-    _by_operator(axes, study, spread, 5.0)
+    _by_operator(axes, study, spread)
     axes.axhline(float(np.nanmean(spread)), color=GREY, linewidth=0.9)
-    axes.set_ylim(bottom=0.0)
-    axes.set(title="Range of the trials; line: its mean", ylabel=study.unit_of(one.name))
+    axes.set(ylim=(0.0, None), title="Range of the trials; line: its mean", ylabel=study.unit_of(one.name))
 
 
 def _bias(axes: Axes, study: Study, one: Characteristic) -> None:
     """Mean less reference, with its expanded uncertainty."""
-    found = one.agreement
-    axes.set_title("Bias against the reference, with expanded uncertainty (k = 2)")
-    if not found.has_reference:
-        axes.text(0.5, 0.5, "no reference measurements in the study", transform=axes.transAxes, ha="center", color=GREY)
-        axes.set_axis_off()
-        return
-    count = len(study.parts)
+    found, count = one.agreement, len(study.parts)
+    axes.visible = found.has_reference
     axes.axhline(0.0, color=PALE, linewidth=0.8)
-    for i in range(count):
-        axes.errorbar(
-            _beside(study, i, count),
-            found.bias[i],
-            COVERAGE * found.bias_u[i],
-            fmt=".",
-            color=SERIES[i % MOST_OPERATORS],
-            linewidth=1.0,
-            markersize=5,
-            label=study.parts[i],
-        )
+    for i, k in np.argwhere(np.isfinite(found.bias)):
+        u = COVERAGE * found.bias_u[i, k]
+        axes.errorbar(_beside(study, i, count)[k], found.bias[i, k], u, color=SERIES[i % len(SERIES)])
     _by_section(axes, study)
-    axes.set(ylabel=study.unit_of(one.name))
-    if 1 < count <= MOST_OPERATORS:
-        axes.legend(ncols=min(count, 3), fontsize=8, loc="best", title="part", title_fontsize=8)
+    axes.set(title="Bias against the reference, with expanded uncertainty (k = 2)", ylabel=study.unit_of(one.name))
 
 
 def _by_section(axes: Axes, study: Study) -> None:
-    axes.set_xticks(range(len(study.section)), [str(index) for index in study.section])
-    axes.set_xlabel("section")
+    axes.set(xlabel="section", xticks=(range(len(study.section)), [str(index) for index in study.section]))

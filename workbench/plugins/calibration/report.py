@@ -247,9 +247,8 @@ def _profile(
     axes.points([middle_x], [up * middle_z], "x", color=pieces.ORANGE, markersize=4.0)
     axes.set(xlim=(middle_x - half, middle_x + half), ylim=(up * middle_z - half, up * middle_z + half), aspect="equal")
     ticks, names = plot.nice_ticks((middle_z - half, middle_z + half), MOST_TICKS)
-    axes.set(yticks=([up * one for one in ticks], names))
     words = f"posture {posture + 1}{'' if used else ', rejected'}"
-    axes.annotate(words, (0.0, 1.0), (0.0, 4.0), xycoords="axes fraction")
+    axes.set(yticks=([up * one for one in ticks], names), title=words)
 
 
 def centres_picture(calibration: Calibration) -> bytes:
@@ -275,8 +274,7 @@ def centres_picture(calibration: Calibration) -> bytes:
                 axes.annotate(f"{i + 1}", (off[i, a], off[i, b]), (3.0, 3.0), fontsize=7.0)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xticks=ticks, yticks=ticks, aspect="equal")
             axes.set(xlabel=f"{'xyz'[a]} less its mean, mm", ylabel=f"{'xyz'[b]}, mm")
-        said = f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)}) mm"
-        row[0].annotate(said, (0.0, 1.0), (0.0, 6.0), xycoords="axes fraction")
+        row[0].set(title=f"{name}, mean ({', '.join(f'{v:.2f}' for v in mean)}) mm")
     return figure.svg()
 
 

@@ -175,11 +175,10 @@ def _picture(maps: StiffnessMaps, fields: tuple[tuple[str, Float], ...]) -> byte
         shown = np.where(np.isfinite(values), values, np.nan)
         shown = np.minimum(shown, np.nanpercentile(shown, 98))
         axes.heat(shown.T, *at)
-        axes.annotate(title, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
         for colour, size in ((pieces.INK, 5.0), ("#ffffff", 3.5)):
             axes.points(*marked.T, "o", color=colour, markersize=size, zorder=4.0)
         for i, place in enumerate(marked, 1):
             axes.annotate(f"{i}", place, (4.0, 4.0), look=plot.ON_WHITE)
-        axes.set(xlabel=f"axis {maps.axes[0]}, °", xticks=plot.nice_ticks(axes.get_xlim(), 4))
+        axes.set(title=title, xlabel=f"axis {maps.axes[0]}, °", xticks=plot.nice_ticks(axes.get_xlim(), 4))
     every[0].set(ylabel=f"axis {maps.axes[1]}, °")
     return figure.svg()

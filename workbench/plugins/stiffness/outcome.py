@@ -304,7 +304,7 @@ def map_picture(found: Found) -> bytes:
     every = figure.subplots(1, len(fields))
     figure.subplots_adjust(0.07, 0.12, 0.91, 0.92, wspace=0.45)
     for axes, (label, values) in zip(every, fields, strict=True):
-        axes.annotate(label, (0.0, 1.0), (0.0, 8.0), xycoords="axes fraction")
+        axes.set(title=label)
         if len(y) == 1:
             axes.plot(x, values[:, 0])
             axes.set(xlabel="cutter rotation, °")

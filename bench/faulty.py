@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.confidently_wrong.kinds import dense_stream
 from bench.outside import (
     Errors,
     Part,
@@ -24,6 +23,7 @@ from bench.outside import (
     raw_errors,
     simulate,
 )
+from bench.recordings import dense_stream, frames, with_values
 from workbench.errors import WorkbenchError
 from workbench.units import Float
 
@@ -62,41 +62,32 @@ class Chattered(Section):
 
 
 def _with(part: Part, **changes: object) -> Part:
-    return part._replace(recording=dataclasses.replace(part.recording, **changes))  # type: ignore[arg-type]
+    return part._replace(recording=with_values(part.recording, **changes))
 
 
 def _moved(part: Part, by_mm: Float) -> Part:
     """Recorded positions beside the true ones by (N, 3) mm in the section's frame: the part, or its poses, moved."""
-    dense = part._replace(recording=dense_stream(part.recording))
-    place = dense.recording.robot_position_mm + by_mm @ part.base_from_section[:3, :3].T
-    return _with(dense, robot_position_mm=place)
+    dense = dense_stream(part.recording)
+    place = dense.robot_position_mm + by_mm @ part.base_from_section[:3, :3].T
+    return part._replace(recording=with_values(dense, robot_position_mm=place))
 
 
 def slipped(seed: int, is_raw: bool, rng: Rng) -> Part:
     """An encoder slips by some tenths of a millimetre within the scan, at once or over some poses."""
     part = simulate(seed, is_raw)
-    frames = len(part.recording.time_s)
+    count = len(part.recording.time_s)
     over = rng.choice([1, 1, rng.integers(2, 12)])
-    share = np.clip((np.arange(frames) - rng.uniform(0.15, 0.85) * frames) / over, 0.0, 1.0)
+    share = np.clip((np.arange(count) - rng.uniform(0.15, 0.85) * count) / over, 0.0, 1.0)
     axis = rng.normal(size=3)
     return _moved(part, share[:, None] * rng.uniform(0.1, 0.5) * axis / np.linalg.norm(axis))
 
 
 def _clocked(part: Part, offset_s: Float) -> Part:
     """Frames (N,) stamped so much later than poses that were taken with them."""
-    dense = part._replace(recording=dense_stream(part.recording)).recording
+    dense = dense_stream(part.recording)
     time = dense.time_s + offset_s
     keep = (time >= dense.robot_time_s[0]) & (time <= dense.robot_time_s[-1])
-    return part._replace(
-        recording=dataclasses.replace(
-            dense,
-            time_s=time[keep],
-            x_mm=dense.x_mm[keep],
-            z_mm=dense.z_mm[keep],
-            pass_index=dense.pass_index[keep],
-            intensity=None,
-        )
-    )
+    return part._replace(recording=with_values(frames(dense, keep), time_s=time[keep], intensity=None))
 
 
 def late(seed: int, is_raw: bool, rng: Rng, cell: type[Usual] = Swaying) -> Part:

@@ -108,30 +108,14 @@ def plain(rng: np.random.Generator) -> Groove:
     left, right = (Plate(float(r), float(b), float(root + height - r)) for r, b in zip(roots, bevels, strict=True))
     raised = rng.choice([0.0, rng.uniform(-1.0, 1.0)])
     table = None if rng.random() < 0.5 else rng.uniform(4.0, 30.0)
-    return _groove(left, right, rng.choice([0.0, rng.uniform(0.5, 4.0)], p=[0.2, 0.8]), raised, table)
-
-
-def _groove(
-    left: Plate,
-    right: Plate,
-    gap_mm: float,
-    raised_mm: float,
-    table_mm: float | None,
-    fixed: tuple[Corners, ...] = (),
-    varied: tuple[Chain, ...] = (),
-) -> Groove:
-    thick = left.root_mm + left.height_mm
-    return Groove(thick, 1e-9, 0.0, thick, 0.0, table_mm, left, right, gap_mm, raised_mm, fixed, varied)
-
-
-def _with(of: Groove, fixed: tuple[Corners, ...] = (), varied: tuple[Chain, ...] = ()) -> Groove:
-    return _groove(of.left, of.right, of.gap_mm, of.raised_mm, of.table_mm, fixed, varied)
+    gap, thick = rng.choice([0.0, rng.uniform(0.5, 4.0)], p=[0.2, 0.8]), left.root_mm + left.height_mm
+    return Groove(thick, 1e-9, 0.0, thick, 0.0, table, left, right, gap, raised)
 
 
 def _backing(rng: np.random.Generator) -> Groove:
     """A backing strip under the root, close or some tenths off, wider than the gap."""
     of, under, reach = plain(rng), rng.choice([0.0, rng.uniform(0.05, 1.0)]), rng.uniform(5.0, 20.0)
-    return _with(of, (((-reach, -under), (reach, -under)),))
+    return replace(of, fixed=(((-reach, -under), (reach, -under)),))
 
 
 def _bead(of: Groove, level_mm: float, crown_mm: float) -> Corners:
@@ -159,13 +143,13 @@ def _tacks(rng: np.random.Generator) -> Groove:
         off = np.where(np.mod(w - first, pitch) < length, 0.0, -AWAY_MM)
         return np.stack([np.broadcast_to(bead[:, 0], (w.size, len(bead))), bead[:, 1] + off[:, None]], axis=-1)
 
-    return _with(of, varied=(chain,))
+    return replace(of, varied=(chain,))
 
 
 def _root_run(rng: np.random.Generator) -> Groove:
     """A root run all along."""
     of = plain(rng)
-    return _with(of, (_drawn_bead(rng, of),))
+    return replace(of, fixed=(_drawn_bead(rng, of),))
 
 
 def _spatter(rng: np.random.Generator) -> Groove:
@@ -187,7 +171,12 @@ def _spatter(rng: np.random.Generator) -> Groove:
             return np.stack([centre[0] + r * np.cos(turn), centre[1] + off + r * np.sin(turn)], axis=-1)
 
         drops.append(chain)
-    return _with(of, varied=tuple(drops))
+    return replace(of, varied=tuple(drops))
+
+
+def _one_or_both(rng: np.random.Generator, of: Groove, change: Callable[[Plate], Plate]) -> Groove:
+    """The left plate changed, the right one too half of the time."""
+    return replace(of, left=change(of.left), right=of.right if rng.random() < 0.5 else change(of.right))
 
 
 def _dressed(rng: np.random.Generator) -> Groove:
@@ -200,10 +189,9 @@ def _dressed(rng: np.random.Generator) -> Groove:
         cut = plate.height_mm - size
         lean = slope + turn * (3.0 - slope)
         above = ((-slope * cut, cut), (-slope * cut - lean * size, plate.height_mm))
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=above)
+        return replace(plate, above=above)
 
-    left, right = ground(of.left), of.right if rng.random() < 0.5 else ground(of.right)
-    return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
+    return _one_or_both(rng, of, ground)
 
 
 def _compound(rng: np.random.Generator) -> Groove:
@@ -215,10 +203,9 @@ def _compound(rng: np.random.Generator) -> Groove:
         low, high = np.tan(np.array([plate.bevel_deg, other]) * DEG)
         part = rng.uniform(0.15, 0.85) * plate.height_mm
         above = ((-low * part, part), (-low * part - high * (plate.height_mm - part), plate.height_mm))
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=above)
+        return replace(plate, above=above)
 
-    left, right = bent(of.left), of.right if rng.random() < 0.5 else bent(of.right)
-    return _groove(left, right, of.gap_mm, of.raised_mm, of.table_mm)
+    return _one_or_both(rng, of, bent)
 
 
 def _rounded(rng: np.random.Generator) -> Groove:
@@ -230,23 +217,23 @@ def _rounded(rng: np.random.Generator) -> Groove:
         centre = (-np.tan(bevel) * top - radius * np.tan(0.5 * (np.pi / 2 - bevel)), top - radius)
         turn = np.linspace(bevel, np.pi / 2, 13)  # of the outward normal over the horizontal
         arc = tuple((centre[0] + radius * np.cos(t), centre[1] + radius * np.sin(t)) for t in turn)
-        return Plate(plate.root_mm, plate.bevel_deg, plate.height_mm, above=arc)
+        return replace(plate, above=arc)
 
-    return _groove(round_(of.left), round_(of.right), of.gap_mm, of.raised_mm, of.table_mm)
+    return replace(of, left=round_(of.left), right=round_(of.right))
 
 
 def _two_thicknesses(rng: np.random.Generator) -> Groove:
     """Plates of different thickness, level below."""
     of = plain(rng)
-    right = Plate(of.right.root_mm, of.right.bevel_deg, of.right.height_mm + rng.uniform(-3.0, 3.0))
-    return _groove(of.left, right, of.gap_mm, 0.0, of.table_mm)
+    right = replace(of.right, height_mm=of.right.height_mm + rng.uniform(-3.0, 3.0))
+    return replace(of, right=right, raised_mm=0.0)
 
 
 def _single(rng: np.random.Generator) -> Groove:
     """One plate square, the other bevelled: HV or HY."""
     of = plain(rng)
     right = Plate(of.left.root_mm + of.left.height_mm - 1e-6, 0.0, 1e-6)
-    return _groove(of.left, right, max(of.gap_mm, 0.5), of.raised_mm, of.table_mm)
+    return replace(of, right=right, gap_mm=max(of.gap_mm, 0.5))
 
 
 def _on_surface(rng: np.random.Generator) -> Groove:
@@ -255,13 +242,13 @@ def _on_surface(rng: np.random.Generator) -> Groove:
     upper, height, wide = of.left.root_mm + of.left.height_mm, rng.choice([-0.3, 0.1, 0.3, 1.0]), rng.uniform(0.5, 6.0)
     edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(1.0, 6.0)
     strip = ((edge, upper - 1.0), (edge, upper + height), (edge - wide, upper + height), (edge - wide, upper - 1.0))
-    return _with(of, (strip,))
+    return replace(of, fixed=(strip,))
 
 
 def _below(rng: np.random.Generator) -> Groove:
     """A strip that hangs some millimetres below the plates: a backing that does not touch."""
     of, under, reach = plain(rng), rng.uniform(1.0, 6.0), rng.uniform(3.0, 20.0)
-    return _with(of, (((-reach, -under), (reach, -under)),))
+    return replace(of, fixed=(((-reach, -under), (reach, -under)),))
 
 
 def _ceramic(rng: np.random.Generator) -> Groove:
@@ -269,21 +256,23 @@ def _ceramic(rng: np.random.Generator) -> Groove:
     of, deep, share = plain(rng), rng.uniform(0.5, 2.0), np.linspace(-1.0, 1.0, 15)
     wide = of.gap_mm / 2 + rng.uniform(0.5, 5.0)
     arc = tuple(zip((wide * share).tolist(), (deep * (share**2 - 1.0)).tolist(), strict=True))
-    return _with(of, (((-20.0, 0.0), *arc, (20.0, 0.0)),))
+    return replace(of, fixed=(((-20.0, 0.0), *arc, (20.0, 0.0)),))
 
 
 def _part_filled(rng: np.random.Generator) -> Groove:
     """Layers of weld up to a third and more of the depth; the next one not begun."""
     of = plain(rng)
     level = of.left.root_mm + rng.uniform(0.3, 0.95) * of.left.height_mm
-    return _with(of, (_bead(of, level, rng.uniform(-0.6, 0.6)),))
+    return replace(of, fixed=(_bead(of, level, rng.uniform(-0.6, 0.6)),))
 
 
 def _thin_run(rng: np.random.Generator) -> Groove:
     """A thin weld, of 0.05 to 0.6 mm, between roots that touch or nearly."""
     of = plain(rng)
-    of = _groove(of.left, of.right, rng.choice([0.0, 0.2]), of.raised_mm, of.table_mm)
-    return _with(of, (_bead(of, max(of.left.root_mm, of.right.root_mm + of.raised_mm) + rng.uniform(0.05, 0.6), 0.0),))
+    of = replace(of, gap_mm=rng.choice([0.0, 0.2]))
+    return replace(
+        of, fixed=(_bead(of, max(of.left.root_mm, of.right.root_mm + of.raised_mm) + rng.uniform(0.05, 0.6), 0.0),)
+    )
 
 
 def _primer(rng: np.random.Generator) -> Groove:
@@ -291,7 +280,7 @@ def _primer(rng: np.random.Generator) -> Groove:
     of, height = plain(rng), rng.uniform(0.03, 0.15)
     upper = of.left.root_mm + of.left.height_mm
     edge = -of.gap_mm / 2 - of.left.height_mm * np.tan(of.left.bevel_deg * DEG) - rng.uniform(0.5, 8.0)
-    return _with(of, (((edge, upper - 1.0), (edge, upper + height), (edge - FAR_MM, upper + height)),))
+    return replace(of, fixed=(((edge, upper - 1.0), (edge, upper + height), (edge - FAR_MM, upper + height)),))
 
 
 def _bent(rng: np.random.Generator) -> Groove:
@@ -301,7 +290,7 @@ def _bent(rng: np.random.Generator) -> Groove:
     corner = np.array([-slope * left.height_mm, left.height_mm])
     spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     upper = spin @ corner
-    bent = Plate(left.root_mm, left.bevel_deg, left.height_mm, float(np.tan(turn)), ((upper[0], upper[1]),))
+    bent = replace(left, rise=float(np.tan(turn)), above=((upper[0], upper[1]),))
     right = of.right
     reach = np.array([np.tan(right.bevel_deg * DEG) * right.height_mm, right.height_mm])
     root = np.array([max(of.gap_mm, 1.0), of.raised_mm + right.root_mm - left.root_mm])  # from the left one
@@ -309,7 +298,7 @@ def _bent(rng: np.random.Generator) -> Groove:
     gap, (width, step) = axes[0] @ root, axes @ (root + reach - upper)
     bevels = left.bevel_deg + right.bevel_deg
     told = {"gap_mm": gap, "width_mm": width, "misalignment_mm": step, "included_deg": bevels - turn / DEG}
-    return replace(_groove(bent, right, float(root[0]), of.raised_mm, of.table_mm), told=told)
+    return replace(of, left=bent, gap_mm=float(root[0]), told=told)
 
 
 SHAPES: dict[str, Callable[[np.random.Generator], Groove]] = {

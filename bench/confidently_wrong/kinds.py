@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Concatenate, Literal, NamedTuple, ParamSpec
 
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter1d, median_filter, uniform_filter1d
@@ -12,14 +11,16 @@ from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from bench.recordings import columns, dense_stream, frames, with_values
 from workbench.artefacts import Recording
-from workbench.geometry.poses import inverse, pose_from, quaternion_from_rotation
+from workbench.geometry.poses import inverse, pose_from
 from workbench.scan.checks import normalised
 from workbench.scan.fuse import flange_poses
 from workbench.synthetic import Truth
-from workbench.units import Float
+from workbench.units import Bool, Float
 
-Spoil = Callable[[Recording, np.random.Generator], Recording]
+Rng = np.random.Generator
+Spoil = Callable[[Recording, Rng], Recording]
 
 
 class Lost(NamedTuple):
@@ -40,7 +41,7 @@ class Lost(NamedTuple):
             up, out = ((off * axes[station]).sum(axis=1) for axes in (truth.across, truth.normal))
             gone = up < self.above_mm
             row[seen[gone & (np.abs(out) < FACE_MM) if self.only_face else gone]] = np.nan
-        return _with(r, z_mm=z_mm)
+        return with_values(r, z_mm=z_mm)
 
 
 class Kind(NamedTuple):
@@ -70,28 +71,37 @@ FILTERED = ("filter", "blurred")
 FACE_MM = 0.3  # before or behind the root face or end face: of it
 
 
-def _with(r: Recording, **changes: object) -> Recording:
-    return dataclasses.replace(r, **changes)  # type: ignore[arg-type]
+P = ParamSpec("P")
+
+
+def _kinds(spoil: Callable[Concatenate[Recording, Rng, P], Recording]) -> Callable[P, Spoil]:
+    """What spoils a recording by the figures that it is called with."""
+    return lambda *given, **named: lambda r, rng: spoil(r, rng, *given, **named)
+
+
+def _ranges(change: Callable[Concatenate[Recording, Rng, P], Float]) -> Callable[P, Spoil]:
+    """The same where the ranges alone are others."""
+    return _kinds(lambda r, rng, *given, **named: _gridded(r, r.x_mm, change(r, rng, *given, **named)))
+
+
+def _gridded(r: Recording, x: Float, z: Float) -> Recording:
+    return with_values(r, x_mm=np.ascontiguousarray(x, np.float32), z_mm=np.ascontiguousarray(z, np.float32))
+
+
+def _grid(change: Callable[[Recording], tuple[Float, Float]]) -> Spoil:
+    return lambda r, _: _gridded(r, *change(r))
 
 
 def _quaternion(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: _with(r, robot_quaternion_wxyz=change(r.robot_quaternion_wxyz))
+    return lambda r, _: with_values(r, robot_quaternion_wxyz=change(r.robot_quaternion_wxyz))
 
 
 def _position(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: _with(r, robot_position_mm=change(r.robot_position_mm))
+    return lambda r, _: with_values(r, robot_position_mm=change(r.robot_position_mm))
 
 
 def _hand_eye(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: _with(r, flange_from_profiler=change(np.asarray(r.flange_from_profiler)))
-
-
-def _grid(change: Callable[[Recording, np.random.Generator], tuple[Float, Float]]) -> Spoil:
-    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        x, z = change(r, rng)
-        return _with(r, x_mm=np.ascontiguousarray(x, np.float32), z_mm=np.ascontiguousarray(z, np.float32))
-
-    return spoil
+    return lambda r, _: with_values(r, flange_from_profiler=change(np.asarray(r.flange_from_profiler)))
 
 
 def _euler(written: str, read: str) -> Spoil:
@@ -102,24 +112,17 @@ def _euler(written: str, read: str) -> Spoil:
     return _quaternion(change)
 
 
-def _turned_hand_eye(degrees: float) -> Spoil:
-    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        axis = rng.normal(size=3)
-        turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix()
-        pose = np.asarray(r.flange_from_profiler)
-        return _with(r, flange_from_profiler=pose_from(pose[:3, :3] @ turn, pose[:3, 3]))
-
-    return spoil
+@_kinds
+def _turned_hand_eye(r: Recording, rng: Rng, degrees: float) -> Recording:
+    axis = rng.normal(size=3)
+    turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix()
+    pose = np.asarray(r.flange_from_profiler)
+    return with_values(r, flange_from_profiler=pose_from(pose[:3, :3] @ turn, pose[:3, 3]))
 
 
 def _frames(pick: Callable[[int], Float]) -> Spoil:
     """Frame i shows what frame pick[i] saw."""
-
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        which = np.asarray(pick(len(r.time_s)), int)
-        return _with(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
-
-    return spoil
+    return _grid(lambda r: (r.x_mm[(which := np.asarray(pick(len(r.time_s)), int))], r.z_mm[which]))
 
 
 def _hangs(n: int) -> Float:
@@ -132,136 +135,114 @@ def _shuffled(n: int) -> Float:
     return np.random.default_rng(1).permutation(n)
 
 
-def _mean(columns: int) -> Spoil:
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        seen = np.isfinite(r.z_mm)
-        count = uniform_filter1d(seen.astype(float), columns, axis=1)
-        total = uniform_filter1d(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
-        return r.x_mm, np.where(seen, total / np.maximum(count, 1e-9), np.nan)
-
-    return _grid(change)
-
-
-def _median(columns: int) -> Spoil:
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        seen = np.isfinite(r.z_mm)
-        return r.x_mm, np.where(seen, median_filter(np.where(seen, r.z_mm, 1e3), (1, columns)), np.nan)
-
-    return _grid(change)
+@_ranges
+def _smoothed(r: Recording, _: Rng, smooth: Callable[..., Float], columns: float) -> Float:
+    """Means of what returned, weighted by a filter over so many columns."""
+    seen = np.isfinite(r.z_mm)
+    weight = smooth(seen.astype(float), columns, axis=1)
+    total = smooth(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
+    return np.where(seen, total / np.maximum(weight, 1e-9), np.nan)
 
 
-def _median_of_returns(columns: int) -> Spoil:
+@_ranges
+def _median(r: Recording, _: Rng, columns: int) -> Float:
+    seen = np.isfinite(r.z_mm)
+    return np.where(seen, median_filter(np.where(seen, r.z_mm, 1e3), (1, columns)), np.nan)
+
+
+@_ranges
+def _median_of_returns(r: Recording, _: Rng, columns: int) -> Float:
     """Of what returned within the window, and nothing where nothing did."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        seen, half = np.isfinite(r.z_mm), columns // 2
-        padded = np.pad(r.z_mm.astype(float), ((0, 0), (half, half)), constant_values=np.nan)
-        around = np.lib.stride_tricks.sliding_window_view(padded, columns, axis=1)
-        found = np.full(seen.shape, np.nan)
-        found[seen] = np.nanmedian(around[seen], axis=1)
-        return r.x_mm, found
-
-    return _grid(change)
+    seen, half = np.isfinite(r.z_mm), columns // 2
+    padded = np.pad(r.z_mm.astype(float), ((0, 0), (half, half)), constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, columns, axis=1)
+    found = np.full(seen.shape, np.nan)
+    found[seen] = np.nanmedian(around[seen], axis=1)
+    return found
 
 
-def _continued(columns: int, held: bool) -> Spoil:
+@_ranges
+def _continued(r: Recording, _: Rng, columns: int, held: bool) -> Float:
     """The sensor goes on beyond the last return beside lost ones: with its range, or with the slope before it."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        made = r.z_mm.astype(float)
-        for z in (made, made[:, ::-1]):
-            ends = np.isfinite(z[:, :-1]) & ~np.isfinite(z[:, 1:])
-            for i, j in zip(*np.nonzero(ends), strict=True):
-                step = 0.0 if held or j < 3 or not np.isfinite(z[i, j - 3]) else (z[i, j] - z[i, j - 3]) / 3.0
-                for k in range(1, min(columns, z.shape[1] - 1 - j) + 1):
-                    if np.isfinite(z[i, j + k]):
-                        break
-                    z[i, j + k] = z[i, j] + k * step
-        return r.x_mm, made
-
-    return _grid(change)
+    made = r.z_mm.astype(float)
+    for z in (made, made[:, ::-1]):
+        ends = np.isfinite(z[:, :-1]) & ~np.isfinite(z[:, 1:])
+        for i, j in zip(*np.nonzero(ends), strict=True):
+            step = 0.0 if held or j < 3 or not np.isfinite(z[i, j - 3]) else (z[i, j] - z[i, j - 3]) / 3.0
+            for k in range(1, min(columns, z.shape[1] - 1 - j) + 1):
+                if np.isfinite(z[i, j + k]):
+                    break
+                z[i, j + k] = z[i, j] + k * step
+    return made
 
 
-def _trimmed(columns: int) -> Spoil:
+@_ranges
+def _trimmed(r: Recording, _: Rng, columns: int) -> Float:
     """The last returns beside lost ones are lost too."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        lost = ~np.isfinite(r.z_mm)
-        near = binary_dilation(lost, np.ones((1, 2 * columns + 1), bool))
-        return r.x_mm, np.where(near, np.nan, r.z_mm)
-
-    return _grid(change)
+    near = binary_dilation(~np.isfinite(r.z_mm), np.ones((1, 2 * columns + 1), bool))
+    return np.where(near, np.nan, r.z_mm)
 
 
-def _blind(columns: int, bands: int = 1) -> Spoil:
+@_ranges
+def _blind(r: Recording, rng: Rng, columns: int, bands: int = 1) -> Float:
     """Neighbouring columns that never return: at the end of the part that most frames show, and anywhere else."""
-
-    def change(r: Recording, rng: np.random.Generator) -> tuple[Float, Float]:
-        z, ends = r.z_mm.copy(), []
-        for row in z[:: max(1, len(z) // 40)]:
-            seen = np.flatnonzero(np.isfinite(row))
-            if len(seen) > 50:
-                steps = np.abs(np.diff(row[seen])) + 50.0 * (np.diff(seen) > 20)
-                ends.append(seen[np.argmax(steps)] + rng.integers(2))
-        places = [int(np.median(ends)), *rng.integers(0, z.shape[1], bands - 1)] if ends else []
-        for place in places:
-            z[:, max(place - columns // 2, 0) : place - columns // 2 + columns] = np.nan
-        return r.x_mm, z
-
-    return _grid(change)
+    z, ends = r.z_mm.copy(), []
+    for row in z[:: max(1, len(z) // 40)]:
+        seen = np.flatnonzero(np.isfinite(row))
+        if len(seen) > 50:
+            steps = np.abs(np.diff(row[seen])) + 50.0 * (np.diff(seen) > 20)
+            ends.append(seen[np.argmax(steps)] + rng.integers(2))
+    places = [int(np.median(ends)), *rng.integers(0, z.shape[1], bands - 1)] if ends else []
+    for place in places:
+        z[:, max(place - columns // 2, 0) : place - columns // 2 + columns] = np.nan
+    return z
 
 
-def _gauss(columns: float) -> Spoil:
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        seen = np.isfinite(r.z_mm)
-        weight = gaussian_filter1d(seen.astype(float), columns, axis=1)
-        total = gaussian_filter1d(np.where(seen, r.z_mm, 0.0).astype(float), columns, axis=1)
-        return r.x_mm, np.where(seen, total / np.maximum(weight, 1e-9), np.nan)
-
-    return _grid(change)
-
-
-def _savitzky_golay(columns: int) -> Spoil:
+@_ranges
+def _savitzky_golay(r: Recording, _: Rng, columns: int) -> Float:
     """Parabolas through the returns beside each one, whatever gaps and jumps lie between."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        z = r.z_mm.astype(float)
-        for row in z:
-            seen = np.flatnonzero(np.isfinite(row))
-            if len(seen) >= columns:
-                row[seen] = savgol_filter(row[seen], columns, 2)
-        return r.x_mm, z
-
-    return _grid(change)
+    z = r.z_mm.astype(float)
+    for row in z:
+        seen = np.flatnonzero(np.isfinite(row))
+        if len(seen) >= columns:
+            row[seen] = savgol_filter(row[seen], columns, 2)
+    return z
 
 
-def _frame_mean(frames: int) -> Spoil:
+@_ranges
+def _frame_mean(r: Recording, _: Rng, count: int) -> Float:
     """Every frame is the mean of the last ones, where all of them returned."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        z = r.z_mm.astype(float)
-        for number in np.unique(r.pass_index):
-            at = np.flatnonzero(r.pass_index == number)
-            before = np.maximum(np.arange(len(at))[:, None] - np.arange(frames), 0)
-            z[at] = np.mean([r.z_mm[at][before[:, k]] for k in range(frames)], axis=0)
-        return r.x_mm, z
-
-    return _grid(change)
+    z = r.z_mm.astype(float)
+    for number in np.unique(r.pass_index):
+        at = np.flatnonzero(r.pass_index == number)
+        before = np.maximum(np.arange(len(at))[:, None] - np.arange(count), 0)
+        z[at] = np.mean([r.z_mm[at][before[:, k]] for k in range(count)], axis=0)
+    return z
 
 
-def _every(columns: int, absent: bool) -> Spoil:
-    """One column of so many is delivered; the others return nothing, or are left out."""
-
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        keep = np.arange(r.z_mm.shape[1]) % columns == 0
-        if absent:
-            return _with(r, x_mm=r.x_mm[:, keep], z_mm=r.z_mm[:, keep], intensity=None)
-        return _with(r, z_mm=np.where(keep, r.z_mm, np.nan).astype(np.float32))
-
-    return spoil
+def _delivered(r: Recording, keep: Bool, absent: bool) -> Recording:
+    """The columns that are kept: the others return nothing, or are left out."""
+    if absent:
+        return with_values(columns(r, keep), intensity=None)
+    return with_values(r, z_mm=np.where(keep, r.z_mm, np.nan).astype(np.float32))
 
 
-def _filled(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
+@_kinds
+def _every(r: Recording, _: Rng, step: int, absent: bool) -> Recording:
+    """One column of so many is delivered."""
+    return _delivered(r, np.arange(r.z_mm.shape[1]) % step == 0, absent)
+
+
+@_kinds
+def _cropped(r: Recording, _: Rng, side: int, share: float, absent: bool = False) -> Recording:
+    """The sensor's window ends in the part."""
+    seen = np.flatnonzero(np.isfinite(r.z_mm).any(axis=0))
+    beyond = side * (np.arange(r.z_mm.shape[1]) - seen[int(share * (len(seen) - 1))])
+    return _delivered(r, beyond > 0, absent)
+
+
+@_ranges
+def _filled(r: Recording, _: Rng) -> Float:
     """Lost returns are interpolated by the sensor, also over the plate's ends."""
     z = r.z_mm.astype(float)
     column = np.arange(z.shape[1])
@@ -270,7 +251,7 @@ def _filled(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
         if seen.sum() > 1:
             inside = (column > column[seen][0]) & (column < column[seen][-1])
             row[inside] = np.interp(column[inside], column[seen], row[seen])
-    return r.x_mm, z
+    return z
 
 
 def _steps_of(step: float) -> Callable[[Float], Float]:
@@ -282,38 +263,30 @@ def _as_read(step: float) -> Callable[[Float], Float]:
     return lambda q: normalised(np.round(q / step) * step, "/robot/quaternion_wxyz")
 
 
-def _noisy(position_mm: float, degrees: float) -> Spoil:
-    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        q = r.robot_quaternion_wxyz
-        turn = Rotation.from_rotvec(np.radians(degrees) * rng.normal(size=(len(q), 3)))
-        turned = (Rotation.from_quat(q[:, [1, 2, 3, 0]]) * turn).as_quat()[:, [3, 0, 1, 2]]
-        moved = r.robot_position_mm + position_mm * rng.normal(size=(len(q), 3))
-        return _with(r, robot_position_mm=moved, robot_quaternion_wxyz=turned)
-
-    return spoil
+@_kinds
+def _noisy(r: Recording, rng: Rng, position_mm: float, degrees: float) -> Recording:
+    q = r.robot_quaternion_wxyz
+    turn = Rotation.from_rotvec(np.radians(degrees) * rng.normal(size=(len(q), 3)))
+    turned = (Rotation.from_quat(q[:, [1, 2, 3, 0]]) * turn).as_quat()[:, [3, 0, 1, 2]]
+    moved = r.robot_position_mm + position_mm * rng.normal(size=(len(q), 3))
+    return with_values(r, robot_position_mm=moved, robot_quaternion_wxyz=turned)
 
 
-def _drifting_clock(rate: float) -> Spoil:
+def _stamped(r: Recording, keep: Bool, time_s: Float) -> Recording:
+    """The frames that are kept, at other times."""
+    return with_values(frames(r, keep), time_s=time_s, intensity=None)
+
+
+@_kinds
+def _drifting_clock(r: Recording, _: Rng, rate: float) -> Recording:
     """The profiler's clock runs fast by a share; both begin together."""
-
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        start = np.array([r.time_s[r.pass_index == n][0] for n in r.pass_index])
-        last = np.array([r.robot_time_s[r.robot_pass == n].max() for n in r.pass_index])
-        late = start + (r.time_s - start) * (1.0 + rate)
-        keep = late <= last
-        return _with(
-            r,
-            time_s=late[keep],
-            x_mm=r.x_mm[keep],
-            z_mm=r.z_mm[keep],
-            pass_index=r.pass_index[keep],
-            intensity=None,
-        )
-
-    return spoil
+    start = np.array([r.time_s[r.pass_index == n][0] for n in r.pass_index])
+    last = np.array([r.robot_time_s[r.robot_pass == n].max() for n in r.pass_index])
+    late = start + (r.time_s - start) * (1.0 + rate)
+    return _stamped(r, late <= last, late[late <= last])
 
 
-def _evenly_stamped(r: Recording, rng: np.random.Generator) -> Recording:
+def _evenly_stamped(r: Recording, rng: Rng) -> Recording:
     """A tenth of the frames is lost in bursts; the others are stamped evenly, as if none were."""
     n = len(r.time_s)
     keep = np.ones(n, bool)
@@ -323,65 +296,36 @@ def _evenly_stamped(r: Recording, rng: np.random.Generator) -> Recording:
     for number in np.unique(r.pass_index):
         whole = r.time_s[r.pass_index == number]
         time.append(np.linspace(whole[0], whole[-1], int((keep & (r.pass_index == number)).sum())))
-    return _with(
-        r,
-        time_s=np.concatenate(time),
-        x_mm=r.x_mm[keep],
-        z_mm=r.z_mm[keep],
-        pass_index=r.pass_index[keep],
-        intensity=None,
-    )
+    return _stamped(r, keep, np.concatenate(time))
 
 
-def _second_pass_off(millimetres: float) -> Spoil:
+@_kinds
+def _second_pass_off(r: Recording, rng: Rng, millimetres: float) -> Recording:
     """The scan again as a second pass with noise of its own, the whole of it shifted across the edge."""
-
-    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        twice = _passes(2, 0.0)(r, rng)
-        n = len(r.time_s)
-        noise = rng.normal(0, 0.01, (n, r.z_mm.shape[1])).astype(np.float32)
-        z = twice.z_mm.copy()
-        z[:n] += rng.normal(0, 0.01, z[:n].shape).astype(np.float32)
-        z[n:] += noise
-        place = twice.robot_position_mm.copy()
-        along = np.ptp(r.robot_position_mm[r.robot_pass == r.robot_pass[0]], axis=0)
-        across = np.cross(along, rng.normal(size=3))
-        place[len(r.robot_position_mm) :] += millimetres * across / np.linalg.norm(across)
-        return _with(twice, z_mm=z, robot_position_mm=place)
-
-    return spoil
+    twice = _passes(2, 0.0)(r, rng)
+    n = len(r.time_s)
+    noise = rng.normal(0, 0.01, (n, r.z_mm.shape[1])).astype(np.float32)
+    z = twice.z_mm.copy()
+    z[:n] += rng.normal(0, 0.01, z[:n].shape).astype(np.float32)
+    z[n:] += noise
+    place = twice.robot_position_mm.copy()
+    along = np.ptp(r.robot_position_mm[r.robot_pass == r.robot_pass[0]], axis=0)
+    across = np.cross(along, rng.normal(size=3))
+    place[len(r.robot_position_mm) :] += millimetres * across / np.linalg.norm(across)
+    return with_values(twice, z_mm=z, robot_position_mm=place)
 
 
-def _mirrored(x: bool, z: bool) -> Spoil:
+@_kinds
+def _mirrored(r: Recording, _: Rng, x: bool, z: bool) -> Recording:
     """Signs of the profiler's axes: z less the mirrored stand-off, so that ranges stay what they were."""
-
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        middle = np.nanmedian(r.z_mm)
-        return (-r.x_mm if x else r.x_mm), (2 * middle - r.z_mm if z else r.z_mm)
-
-    return _grid(change)
-
-
-def _cropped(side: int, share: float, absent: bool = False) -> Spoil:
-    """The sensor's window ends in the part: the columns beyond return nothing, or are left out."""
-
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        seen = np.flatnonzero(np.isfinite(r.z_mm).any(axis=0))
-        at = seen[int(share * (len(seen) - 1))]
-        columns = np.arange(r.z_mm.shape[1])
-        keep = columns < at if side < 0 else columns > at
-        if absent:
-            return _with(r, x_mm=r.x_mm[:, keep], z_mm=r.z_mm[:, keep], intensity=None)
-        return _with(r, z_mm=np.where(keep, r.z_mm, np.nan).astype(np.float32))
-
-    return spoil
+    return _gridded(r, -r.x_mm if x else r.x_mm, 2 * np.nanmedian(r.z_mm) - r.z_mm if z else r.z_mm)
 
 
 def _rounded(step_x: float, step_z: float) -> Spoil:
     def one(values: Float, step: float) -> Float:
-        return np.round(values / step) * step if step else values
+        return _steps_of(step)(values) if step else values
 
-    return _grid(lambda r, _: (one(r.x_mm, step_x), one(r.z_mm, step_z)))
+    return _grid(lambda r: (one(r.x_mm, step_x), one(r.z_mm, step_z)))
 
 
 def _copied(number: Float, count: int) -> Float:
@@ -389,85 +333,55 @@ def _copied(number: Float, count: int) -> Float:
     return (number + (number.max() + 1) * np.arange(count)[:, None]).ravel()
 
 
-def _passes(count: int, dither_mm: float) -> Spoil:
-    def spoil(r: Recording, rng: np.random.Generator) -> Recording:
-        n = len(r.time_s)
-        z = np.tile(r.z_mm, (count, 1)) + rng.normal(0, dither_mm, (count * n, r.z_mm.shape[1])).astype(np.float32)
-        return _with(
-            r,
-            time_s=np.tile(r.time_s, count),
-            x_mm=np.tile(r.x_mm, (count, 1)),
-            z_mm=z,
-            pass_index=_copied(r.pass_index, count),
-            intensity=None,
-            robot_time_s=np.tile(r.robot_time_s, count),
-            robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
-            robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (count, 1)),
-            robot_pass=_copied(r.robot_pass, count),
-        )
-
-    return spoil
-
-
-def _frozen_stream(share: float) -> Spoil:
-    """The pose stream hangs for a share of the scan; poses at every frame, so that it can."""
-
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        dense = dense_stream(r)
-        n = len(dense.robot_time_s)
-        which = np.arange(n)
-        which[n // 4 : n // 4 + int(share * n)] = n // 4
-        return _with(
-            dense,
-            robot_position_mm=dense.robot_position_mm[which],
-            robot_quaternion_wxyz=dense.robot_quaternion_wxyz[which],
-        )
-
-    return spoil
-
-
-def dense_stream(r: Recording) -> Recording:
-    """The same poses, told at every frame's time."""
-    poses = flange_poses(r)
-    return _with(
+@_kinds
+def _passes(r: Recording, rng: Rng, count: int, dither_mm: float) -> Recording:
+    n = len(r.time_s)
+    z = np.tile(r.z_mm, (count, 1)) + rng.normal(0, dither_mm, (count * n, r.z_mm.shape[1])).astype(np.float32)
+    return with_values(
         r,
-        robot_time_s=r.time_s,
-        robot_position_mm=poses[:, :3, 3],
-        robot_pass=r.pass_index,
-        robot_quaternion_wxyz=quaternion_from_rotation(poses[:, :3, :3]),
+        time_s=np.tile(r.time_s, count),
+        x_mm=np.tile(r.x_mm, (count, 1)),
+        z_mm=z,
+        pass_index=_copied(r.pass_index, count),
+        intensity=None,
+        robot_time_s=np.tile(r.robot_time_s, count),
+        robot_position_mm=np.tile(r.robot_position_mm, (count, 1)),
+        robot_quaternion_wxyz=np.tile(r.robot_quaternion_wxyz, (count, 1)),
+        robot_pass=_copied(r.robot_pass, count),
     )
 
 
-def _clock(offset_s: float) -> Spoil:
-    def spoil(r: Recording, _: np.random.Generator) -> Recording:
-        dense = dense_stream(r)
-        keep = np.zeros(len(r.time_s), bool)
-        for number in np.unique(r.pass_index):
-            time = r.time_s[r.pass_index == number]
-            keep[r.pass_index == number] = time + offset_s <= time[-1]
-        return _with(
-            dense,
-            time_s=r.time_s[keep] + offset_s,
-            x_mm=r.x_mm[keep],
-            z_mm=r.z_mm[keep],
-            pass_index=r.pass_index[keep],
-            intensity=None,
-        )
+@_kinds
+def _frozen_stream(r: Recording, _: Rng, share: float) -> Recording:
+    """The pose stream hangs for a share of the scan; poses at every frame, so that it can."""
+    dense = dense_stream(r)
+    n = len(dense.robot_time_s)
+    which = np.arange(n)
+    which[n // 4 : n // 4 + int(share * n)] = n // 4
+    place, turn = dense.robot_position_mm[which], dense.robot_quaternion_wxyz[which]
+    return with_values(dense, robot_position_mm=place, robot_quaternion_wxyz=turn)
 
-    return spoil
+
+@_kinds
+def _clock(r: Recording, _: Rng, offset_s: float) -> Recording:
+    keep = np.zeros(len(r.time_s), bool)
+    for number in np.unique(r.pass_index):
+        time = r.time_s[r.pass_index == number]
+        keep[r.pass_index == number] = time + offset_s <= time[-1]
+    return _stamped(dense_stream(r), keep, r.time_s[keep] + offset_s)
 
 
 def _bowed(millimetres: float) -> Spoil:
     """x is off by a parabola over the columns, by so much at both ends of what they see."""
+    return _grid(
+        lambda r: (
+            (x := r.x_mm.astype(float)) + millimetres * (x / np.nanmax(np.abs(x))) ** 2,
+            r.z_mm,
+        )
+    )
 
-    def change(r: Recording, _: np.random.Generator) -> tuple[Float, Float]:
-        x = r.x_mm.astype(float)
-        return x + millimetres * (x / np.nanmax(np.abs(x))) ** 2, r.z_mm
 
-    return _grid(change)
-
-
-def _same(r: Recording, _: np.random.Generator) -> Recording:
+def _same(r: Recording, _: Rng) -> Recording:
     return r
 
 
@@ -532,15 +446,15 @@ KINDS: dict[str, Kind] = {
     "poses frozen": Kind(_position(lambda p: np.repeat(p[:1], len(p), axis=0)), ("frozen",)),
     "pose stream hangs for 60 %": Kind(_frozen_stream(0.6), ("frozen",)),
     "pose stream hangs for 20 %": Kind(_frozen_stream(0.2), ("frozen",)),
-    "profiles in m": Kind(_grid(lambda r, _: (r.x_mm / 1e3, r.z_mm / 1e3)), UNIT),
-    "profiles in inches": Kind(_grid(lambda r, _: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
-    "profiles in cm": Kind(_grid(lambda r, _: (r.x_mm / 10, r.z_mm / 10)), UNIT),
-    "x and z swapped": Kind(_grid(lambda r, _: (r.z_mm, r.x_mm)), ("axes", "edge"), "flange"),
-    "x scale 1.01": Kind(_grid(lambda r, _: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
-    "x scale 1.02": Kind(_grid(lambda r, _: (r.x_mm * 1.02, r.z_mm)), ("scale",), "sensor"),
+    "profiles in m": Kind(_grid(lambda r: (r.x_mm / 1e3, r.z_mm / 1e3)), UNIT),
+    "profiles in inches": Kind(_grid(lambda r: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
+    "profiles in cm": Kind(_grid(lambda r: (r.x_mm / 10, r.z_mm / 10)), UNIT),
+    "x and z swapped": Kind(_grid(lambda r: (r.z_mm, r.x_mm)), ("axes", "edge"), "flange"),
+    "x scale 1.01": Kind(_grid(lambda r: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
+    "x scale 1.02": Kind(_grid(lambda r: (r.x_mm * 1.02, r.z_mm)), ("scale",), "sensor"),
     "x bowed by 0.1 mm": Kind(_bowed(0.1), ("scale",), "sensor"),
-    "x scale 1.2": Kind(_grid(lambda r, _: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
-    "z scale 1.05": Kind(_grid(lambda r, _: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
+    "x scale 1.2": Kind(_grid(lambda r: (r.x_mm * 1.2, r.z_mm)), ("scale",), "sensor"),
+    "z scale 1.05": Kind(_grid(lambda r: (r.x_mm, r.z_mm * 1.05)), ("scale",), "sensor"),
     "all frames alike": Kind(_frames(lambda n: np.full(n, n // 2)), ("repeating", "frozen")),
     "scanner hangs for an eighth": Kind(_frames(_hangs), ("repeating", "frozen")),
     "every frame twice": Kind(_frames(lambda n: np.arange(n) // 2 * 2), ("repeating", "frozen")),
@@ -550,9 +464,9 @@ KINDS: dict[str, Kind] = {
     "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES), "travel"),
     "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
     "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),
-    "mean over 3 columns": Kind(_mean(3), ("averaged", "filter")),
-    "mean over 5 columns": Kind(_mean(5), ("averaged", "filter")),
-    "mean over 9 columns": Kind(_mean(9), ("averaged", "filter")),
+    "mean over 3 columns": Kind(_smoothed(uniform_filter1d, 3), ("averaged", "filter")),
+    "mean over 5 columns": Kind(_smoothed(uniform_filter1d, 5), ("averaged", "filter")),
+    "mean over 9 columns": Kind(_smoothed(uniform_filter1d, 9), ("averaged", "filter")),
     "median over 5 columns": Kind(_median(5), ("filter",)),
     "median over 11 columns": Kind(_median(11), ("filter",)),
     "median of returns over 3 columns": Kind(_median_of_returns(3), FILTERED),
@@ -567,15 +481,15 @@ KINDS: dict[str, Kind] = {
     "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),
     "x rounded to 0.1 mm": Kind(_rounded(0.1, 0), ("rounded",)),
     "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
-    "Gauss over 1 column": Kind(_gauss(1.0), ("averaged", "filter")),
-    "Gauss over 3 columns": Kind(_gauss(3.0), ("averaged", "filter")),
+    "Gauss over 1 column": Kind(_smoothed(gaussian_filter1d, 1.0), ("averaged", "filter")),
+    "Gauss over 3 columns": Kind(_smoothed(gaussian_filter1d, 3.0), ("averaged", "filter")),
     "Savitzky-Golay over 7 columns": Kind(_savitzky_golay(7), ("averaged", "filter")),
     "mean over 3 frames": Kind(_frame_mean(3), ("averaged", "filter")),
     "mean over 15 frames": Kind(_frame_mean(15), ("averaged", "filter")),
     "every 2nd column returns": Kind(_every(2, absent=False), ("column",)),
     "every 8th column returns": Kind(_every(8, absent=False), ("column",)),
     "every 8th column delivered": Kind(_every(8, absent=True), ("column",)),
-    "lost returns interpolated": Kind(_grid(_filled), ("interpolated", "filled")),
+    "lost returns interpolated": Kind(_filled(), ("interpolated", "filled")),
     "profile x mirrored": Kind(_mirrored(x=True, z=False), AXES, "flange"),
     "profile z mirrored": Kind(_mirrored(x=False, z=True), AXES, "flange"),
     "profile x and z mirrored": Kind(_mirrored(x=True, z=True), AXES, "flange"),

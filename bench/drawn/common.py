@@ -5,14 +5,7 @@ The order in which values are drawn belongs to it: a seed gives the part that it
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
-
-import numpy as np
-
-from bench.drawn.plates import draw_course
-
-Document: TypeAlias = dict[str, Any]
-Generator: TypeAlias = np.random.Generator
+from bench.drawn.plates import Document, Generator, draw_course
 
 
 def course(rng: Generator, mean: float, drift: float, wave: float) -> Document:

@@ -35,7 +35,7 @@ def draw_part(rng: Generator) -> Document:
         "end_face_tilt_deg": rng.uniform(-3, 3),
         "table_gap_mm": None if rng.random() < 0.3 else math.exp(rng.uniform(math.log(3), math.log(80))),
         "base_from_part": {
-            "position_mm": (_direction(rng) * (1, 1, 0.6) * rng.uniform(1000, 2000)).tolist(),
+            "position_mm": around_the_base(rng),
             "rpy_deg": [rng.uniform(-180, 180), rng.uniform(-90, 90), rng.uniform(-180, 180)],
         },
     }
@@ -53,9 +53,18 @@ def draw_course(rng: Generator, mean: float, drift: float, wave: float, shortest
     }
 
 
-def _direction(rng: Generator) -> Any:
+def around_the_base(rng: Generator) -> list[float]:
+    """A place 1 to 2 m from the robot's base in any direction, lower above it and below."""
     vector = rng.normal(size=3)
-    return vector / np.linalg.norm(vector)
+    return list((vector / np.linalg.norm(vector) * (1, 1, 0.6) * rng.uniform(1000, 2000)).tolist())
+
+
+def draw_hand_eye(rng: Generator) -> Document:
+    """The paper's hand-eye pose, off by up to 30 mm and 20 deg an axis."""
+    return {
+        "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
+        "rpy_deg": (np.array([60.489, -3.813, -2.024]) + rng.uniform(-20, 20, 3)).tolist(),
+    }
 
 
 def draw_scanner(rng: Generator) -> Document:
@@ -96,10 +105,7 @@ def draw_robot(rng: Generator) -> Document:
     """A robot whose poses and hand-eye calibration are a little off."""
     return {
         "pose_rate_hz": float(rng.choice([25, 50, 100, 250])),
-        "flange_from_profiler": {
-            "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
-            "rpy_deg": (np.array([60.489, -3.813, -2.024]) + rng.uniform(-20, 20, 3)).tolist(),
-        },
+        "flange_from_profiler": draw_hand_eye(rng),
         "hand_eye_error_mm": rng.uniform(0, 0.1),
         "hand_eye_error_deg": rng.uniform(0, 0.01),
         "pose_noise_mm": rng.uniform(0, 0.05),
@@ -262,11 +268,16 @@ def robot_error(rng: Generator, document: Document) -> None:
 
 def clamps(rng: Generator, document: Document) -> None:
     """One to three clamps."""
-    length, clamps = document["part"]["length_mm"], []
-    for _ in range(rng.integers(1, 4)):
-        start = rng.uniform(5, length - 30)
-        clamps.append({"from_mm": start, "to_mm": start + rng.uniform(8, 25), "height_mm": rng.uniform(3, 20)})
-    document["part"]["clamps"] = clamps
+    document["part"]["clamps"] = some_clamps(rng, document["part"]["length_mm"], 25, 20)
+
+
+def some_clamps(rng: Generator, length_mm: float, widest_mm: float, highest_mm: float) -> list[Document]:
+    """One to three along an edge, at least 8 mm wide and 3 mm high."""
+    starts = (rng.uniform(5, length_mm - 30) for _ in range(rng.integers(1, 4)))
+    return [
+        {"from_mm": start, "to_mm": start + rng.uniform(8, widest_mm), "height_mm": rng.uniform(3, highest_mm)}
+        for start in starts
+    ]
 
 
 def vibration(rng: Generator, document: Document) -> None:

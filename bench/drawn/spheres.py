@@ -7,17 +7,13 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
 
-from bench.drawn.plates import Document, Generator
+from bench.drawn.plates import Condition, Document, Generator, around_the_base, draw_disturbances, draw_hand_eye
 from workbench.errors import InputError, nearest
 from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
-
-Condition: TypeAlias = Callable[[Generator, Document], None]
 
 TURN_DEG = 25.0  # of the flange about each axis, at most
 VIEW_MM = (10.0, 15.0)  # half width and half height of where the sphere's centre is shown
@@ -40,7 +36,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
         "format": "sphere-recipe",
         "title": condition,
         "seed": seed,
-        "sphere": {"center_mm": _center(rng)},
+        "sphere": {"center_mm": around_the_base(rng)},
         "scanner": {
             "columns": 800,
             "noise": {"sd_mm": 0.015, "grazing_power": 0.0},
@@ -49,10 +45,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
             "far_mm": 210.0,
         },
         "robot": {
-            "flange_from_profiler": {
-                "position_mm": (np.array([126.92, 9.44, 41.48]) + rng.uniform(-30, 30, 3)).tolist(),
-                "rpy_deg": (np.array([60.489, -3.813, -2.024]) + rng.uniform(-20, 20, 3)).tolist(),
-            },
+            "flange_from_profiler": draw_hand_eye(rng),
             "nominal_rpy_deg": [rng.uniform(-180, 180), rng.uniform(-80, 80), rng.uniform(-180, 180)],
             "design_error_mm": rng.uniform(0, 50),
             "design_error_deg": rng.uniform(0, 20),
@@ -61,11 +54,6 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
     }
     known[condition](rng, document)
     return parse_sphere_recipe(document, source=condition)
-
-
-def _center(rng: Generator) -> list[float]:
-    way = rng.normal(size=3)
-    return [float(v) for v in way / np.linalg.norm(way) * (1, 1, 0.6) * rng.uniform(1000, 2000)]
 
 
 def turn(rng: Generator) -> list[float]:
@@ -106,14 +94,8 @@ def stray(rng: Generator, document: Document) -> None:
         "stem_diameter_mm": rng.uniform(2, 5),
         "stated_diameter_mm": 2 * RADIUS_MM + rng.uniform(-0.2, 0.2),
     }
-    document["disturbances"] = {
-        "outlier_share": 0.02,
-        "streak_outlier_share": 0.01,
-        "dropout_share": 0.01,
-        "grazing_dropout": rng.uniform(0, 0.3),
-        "outlier_reach_mm": rng.uniform(1, 10),
-        "mixed_pixel_probability": rng.uniform(0.2, 0.8),
-    }
+    shares = {"outlier_share": 0.02, "streak_outlier_share": 0.01, "dropout_share": 0.01}
+    document["disturbances"] = draw_disturbances(rng) | shares
 
 
 def gross(rng: Generator, document: Document) -> None:

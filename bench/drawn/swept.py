@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
 
-from bench.drawn.common import Document, Generator, anywhere, course, held, noise, robot, scanner
+from bench.drawn.common import anywhere, course, held, noise, robot, scanner
+from bench.drawn.plates import Condition, Document, Generator, aim_at, some_clamps, upper_end_mm
 from bench.simulators.swept.recipe import SweptRecipe
 from workbench.errors import InputError, nearest
-from workbench.units import DEG
-
-Condition: TypeAlias = Callable[[Generator, Document], None]
 
 
 def random_swept_recipe(condition: str, seed: int) -> SweptRecipe:
@@ -78,12 +74,12 @@ def _look(rng: Generator, document: Document) -> None:
     for number in range(count):
         elevation = rng.uniform(25, 65)
         there = [low + high - s for s in way] if rng.random() < 0.5 or number % 2 else way
-        lateral = 0.5 * _seen_width(part, elevation) + rng.uniform(-2, 2)
+        lateral = 0.5 * upper_end_mm(document, elevation) + rng.uniform(-2, 2)
         passes.append(
             {
                 "way_mm": there,
                 "elevation_deg": elevation,
-                "aim_mm": [-math.sin(elevation * DEG) * lateral, math.cos(elevation * DEG) * lateral],
+                "aim_mm": aim_at(lateral, elevation),
                 "skew_mm": [-skew, skew],
                 "motion": "stream",
             }
@@ -91,14 +87,6 @@ def _look(rng: Generator, document: Document) -> None:
             | asked
         )
     document["passes"] = passes
-
-
-def _seen_width(part: Document, elevation_deg: float) -> float:
-    thickness = float(part["thickness_mm"]["start"])
-    back = 0.0
-    if part["kind"] == "milled":
-        back = (thickness - part["root_mm"]["start"]) * math.tan(part["bevel_deg"]["start"] * DEG)
-    return math.sin(elevation_deg * DEG) * back + math.cos(elevation_deg * DEG) * thickness
 
 
 def _log(rng: Generator, low: float, high: float) -> float:
@@ -327,11 +315,7 @@ def drift(rng: Generator, document: Document) -> None:
 
 def clamps(rng: Generator, document: Document) -> None:
     """One to three clamps."""
-    length, found = document["part"]["spine"]["length_mm"], []
-    for _ in range(rng.integers(1, 4)):
-        start = rng.uniform(5, length - 30)
-        found.append({"from_mm": start, "to_mm": start + rng.uniform(8, 20), "height_mm": rng.uniform(3, 15)})
-    document["part"]["clamps"] = found
+    document["part"]["clamps"] = some_clamps(rng, document["part"]["spine"]["length_mm"], 20, 15)
 
 
 def arc(rng: Generator, document: Document) -> None:
@@ -359,30 +343,12 @@ def rough(rng: Generator, document: Document) -> None:
 
 def mixed(rng: Generator, document: Document) -> None:
     """Two to four of the others at random, one of them often the shape."""
-    shapes = [arc, space_wave, twist, saddle]
-    faults = [
-        texture,
-        rounded,
-        lost_blocks,
-        lost_edge,
-        burr_out,
-        burr_in,
-        wavy_root,
-        bowed,
-        ghosts,
-        correlated,
-        fixed_pattern,
-        sway,
-        reversal,
-        there_and_back,
-        drift,
-        clamps,
-    ]
+    faults = list(FAULTS)
     if document["part"]["kind"] == "raw":
-        faults = [c for c in faults if c not in (wavy_root,)] + [rough]
+        faults = [*(c for c in FAULTS if c is not wavy_root), rough]
     chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]
     if rng.random() < 0.6:
-        chosen.insert(0, shapes[rng.integers(len(shapes))])
+        chosen.insert(0, SHAPES[rng.integers(len(SHAPES))])
     if rough in chosen and bowed in chosen:
         chosen.remove(bowed)
     document["title"] = "mixed: " + ", ".join(c.__name__ for c in chosen)
@@ -390,6 +356,25 @@ def mixed(rng: Generator, document: Document) -> None:
         condition(rng, document)
 
 
+SHAPES = (arc, space_wave, twist, saddle)
+FAULTS = (
+    texture,
+    rounded,
+    lost_blocks,
+    lost_edge,
+    burr_out,
+    burr_in,
+    wavy_root,
+    bowed,
+    ghosts,
+    correlated,
+    fixed_pattern,
+    sway,
+    reversal,
+    there_and_back,
+    drift,
+    clamps,
+)
 _MILLED = (
     plain,
     two_poses,

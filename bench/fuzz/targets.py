@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import random
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 
 from bench.fuzz.mutate import mutated
 from bench.fuzz.recordings import mutated_recording
+from bench.harness import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 CORPUS = Path(__file__).with_name("corpus")
 
 
@@ -41,6 +43,16 @@ class Target:
         return place
 
 
+def reads(place: str, parameter: str = "") -> Callable[[Path], object]:
+    """The function at `place` (module:name), imported when it is called; of a stage the parameter that is the file."""
+
+    def read(path: Path) -> object:
+        function = resolve_name(place)
+        return function(**{parameter: path}) if parameter else function(path)
+
+    return read
+
+
 def _pipeline(path: Path) -> object:
     from workbench.pipeline import Pipeline
 
@@ -60,21 +72,7 @@ def _run(pipeline: str, path: Path) -> object:
         raise
 
 
-def _recipe(path: Path) -> object:
-    from workbench.synthetic.recipe_file import read_any_recipe
-
-    return read_any_recipe(path)
-
-
-def _cell(path: Path) -> object:
-    from workbench.robot import cell
-
-    return cell(cell=path)
-
-
 def _urdf(path: Path) -> object:
-    import json
-
     from workbench.robot import cell
 
     shipped = json.loads((ROOT / "data/robot/cell.json").read_text())
@@ -83,30 +81,6 @@ def _urdf(path: Path) -> object:
         around = Path(folder) / "cell.json"
         around.write_text(json.dumps(shipped))
         return cell(cell=around)
-
-
-def _toolpath(path: Path) -> object:
-    from workbench.path import read
-
-    return read(toolpath=path)
-
-
-def _hand_eye(path: Path) -> object:
-    from workbench.scan.checks import read_hand_eye
-
-    return read_hand_eye(path)
-
-
-def _stiffness(path: Path) -> object:
-    from workbench.plugins.stiffness import read
-
-    return read(stiffness=path)
-
-
-def _loads(path: Path) -> object:
-    from workbench.plugins.stiffness.read import read_loads
-
-    return read_loads(path)
 
 
 def _deflections(path: Path) -> object:
@@ -123,48 +97,13 @@ def _identify(path: Path) -> object:
     return identify(cell(cell=ROOT / "data/robot/cell.json"), loads=path)
 
 
-def _recording(path: Path) -> object:
-    from workbench.scan import read
-
-    return read(recording=path)
-
-
-def _mapping(path: Path) -> object:
-    from workbench.importing.mapping import read_mapping
-
-    return read_mapping(path)
-
-
-def _source(path: Path) -> object:
+def _source(path: Path, **parts: object) -> object:
+    """A source of a recording, with a mapping whose parts are about the file."""
     from workbench.importing.kinds import read_source
-    from workbench.importing.mapping import no_mapping
+    from workbench.importing.mapping import Mapping
 
-    return read_source(path, no_mapping())
-
-
-def _with(**parts: object) -> Callable[[Path], object]:
-    """A reader of sources with a mapping whose one part is about the file."""
-
-    def read(path: Path) -> object:
-        from workbench.importing.kinds import read_source
-        from workbench.importing.mapping import Mapping
-
-        given = {"format": "import-mapping", "version": 1, **parts}
-        return read_source(path, Mapping.model_validate(given).model_copy(update={"base_dir": ROOT}))
-
-    return read
-
-
-def _draft(path: Path) -> object:
-    from workbench.importing.draft import drafted
-
-    return drafted([path])
-
-
-def _forces(path: Path) -> object:
-    from workbench.force_file import read_forces
-
-    return read_forces(path)
+    given = {"format": "import-mapping", "version": 1, **parts}
+    return read_source(path, Mapping.model_validate(given).model_copy(update={"base_dir": ROOT}))
 
 
 def _seven_corners(path: Path) -> object:
@@ -172,32 +111,6 @@ def _seven_corners(path: Path) -> object:
     from workbench.look.seven_corners import read_corners
 
     return read_corners(read_text(path), str(path))
-
-
-def _bag(path: Path) -> object:
-    from workbench.importing import bags
-    from workbench.importing.mapping import Mapping
-
-    frames = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
-    return bags.read(path, Mapping.model_validate({"format": "import-mapping", "version": 1, "bag": frames}))
-
-
-def _cloud(path: Path) -> object:
-    from workbench.cloud import read
-
-    return read(file=path)
-
-
-def _inspection(path: Path) -> object:
-    from workbench.compare.measurements import read_inspection
-
-    return read_inspection(path)
-
-
-def _study(path: Path) -> object:
-    from workbench.compare import study
-
-    return study(study=path)
 
 
 JOINTS = {
@@ -210,33 +123,38 @@ JOINTS = {
     "base_frame": "base_link",
     "flange_frame": "tool0",
 }
+BAG = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
 TARGETS = (
     Target("pipeline", _pipeline, ("pipelines/*.json",), beside=("../data",)),
-    Target("recipe", _recipe, ("data/synthetic/*edge.json", "data/synthetic/sphere.json")),
-    Target("cell", _cell, ("data/robot/cell.json",), beside=("irb6700_150_320.urdf",)),
+    Target(
+        "recipe",
+        reads("workbench.synthetic.recipe_file:read_any_recipe"),
+        ("data/synthetic/*edge.json", "data/synthetic/sphere.json"),
+    ),
+    Target("cell", reads("workbench.robot:cell", "cell"), ("data/robot/cell.json",), beside=("irb6700_150_320.urdf",)),
     Target("urdf", _urdf, ("data/robot/*.urdf",), 0.3),
-    Target("toolpath", _toolpath, ()),
-    Target("hand_eye", _hand_eye, ()),
-    Target("stiffness", _stiffness, ()),
-    Target("loads", _loads, ("data/synthetic/loads.csv",), 0.3),
+    Target("toolpath", reads("workbench.path:read", "toolpath"), ()),
+    Target("hand_eye", reads("workbench.scan.checks:read_hand_eye"), ()),
+    Target("stiffness", reads("workbench.plugins.stiffness:read", "stiffness"), ()),
+    Target("loads", reads("workbench.plugins.stiffness.read:read_loads"), ("data/synthetic/loads.csv",), 0.3),
     Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
     Target("deflections", _deflections, ()),
-    Target("recording", _recording, (), 0.02),
+    Target("recording", reads("workbench.scan:read", "recording"), (), 0.02),
     Target("inspecting", partial(_run, "inspect_bevel.json"), (), 0.02, mutated_recording),
     Target("planning", partial(_run, "plan_bevel.json"), (), 0.02, mutated_recording),
-    Target("mapping", _mapping, ()),
+    Target("mapping", reads("workbench.importing.mapping:read_mapping"), ()),
     Target("profiles", _source, ()),
     Target("poses", _source, ()),
     Target("scancontrol", _source, ()),
     Target("gocator", _source, ()),
     Target("gopxl", _source, ()),
     Target("arrays", _source, (), 0.1),
-    Target("joints", _with(joints=JOINTS), (), 0.1),
-    Target("draft", _draft, (), 0.1),
-    Target("forces", _forces, ()),
+    Target("joints", partial(_source, joints=JOINTS), (), 0.1),
+    Target("draft", lambda path: reads("workbench.importing.draft:drafted")([path]), (), 0.1),
+    Target("forces", reads("workbench.force_file:read_forces"), ()),
     Target("seven_corners", _seven_corners, ()),
-    Target("bag", _bag, (), 0.02),
-    Target("cloud", _cloud, (), 0.003),
-    Target("inspection", _inspection, ()),
-    Target("study", _study, ()),
+    Target("bag", partial(_source, bag=BAG), (), 0.02),
+    Target("cloud", reads("workbench.cloud:read", "file"), (), 0.003),
+    Target("inspection", reads("workbench.compare.measurements:read_inspection"), ()),
+    Target("study", reads("workbench.compare:study", "study"), ()),
 )

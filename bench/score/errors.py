@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 
+from bench.recordings import told, with_values
 from workbench.artefacts import Recording
-from workbench.geometry.poses import quaternion_from_rotation
 from workbench.scan.fuse import flange_poses
 from workbench.units import Float
 
@@ -26,7 +25,7 @@ def with_linearity(recording: Recording, rng: np.random.Generator, rms_um: float
     for k, a, p in zip(wave.ravel(), turn.ravel(), phase.ravel(), strict=True):
         field += np.cos(k * (np.cos(a) * x + np.sin(a) * z) + p)
     field *= rms_um / 1e3 / np.sqrt(3.0)  # six cosines have variance 3
-    return dataclasses.replace(recording, z_mm=(z + field).astype(np.float32))
+    return with_values(recording, z_mm=(z + field).astype(np.float32))
 
 
 def with_robot_error(recording: Recording, rng: np.random.Generator, strength_mm: float, length_mm: float) -> Recording:
@@ -37,13 +36,7 @@ def with_robot_error(recording: Recording, rng: np.random.Generator, strength_mm
         mine = recording.pass_index == number
         way = np.concatenate([[0.0], np.linalg.norm(np.diff(place[mine], axis=0), axis=1).cumsum()])
         place[mine] += strength_mm * process(rng, way, length_mm)
-    return dataclasses.replace(
-        recording,
-        robot_time_s=recording.time_s,
-        robot_position_mm=place,
-        robot_quaternion_wxyz=quaternion_from_rotation(poses[:, :3, :3]),
-        robot_pass=recording.pass_index,
-    )
+    return told(recording, place, poses[:, :3, :3])
 
 
 def process(rng: np.random.Generator, way_mm: Float, length_mm: float) -> Float:
@@ -72,8 +65,8 @@ def as_real(
     sheet = {"linearity_mm": LINEARITY_UM / 1e3, "linearity_length_mm": SLOW_MM[0]}
     known = {
         "sensor": sheet,
-        "robot_noise_mm": float(f"{strength:.1g}"),
-        "robot_noise_length_mm": float(f"{length:.1g}"),
+        "robot_noise_mm": digit(strength),
+        "robot_noise_length_mm": digit(length),
     }
     return made, known
 

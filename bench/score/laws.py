@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bench.harness import made_by
 from bench.open.rivals import rival
+from bench.recordings import columns, dense_stream, frames, told, with_values
 from bench.score import triangulated
 from bench.score.parts import ROOT, Drawn
 from bench.score.table import put
+from bench.tables import markdown
 from workbench.artefacts import Recording
 from workbench.errors import WorkbenchError
-from workbench.geometry.poses import quaternion_from_rotation
 from workbench.scan import read, write
 from workbench.scan.fuse import flange_poses
 from workbench.units import Float
@@ -34,31 +33,9 @@ DRAWN = {"sharp": (1, 2, 3), "worn": (1, 2, 4)}
 Change = Callable[[Recording], Recording]
 
 
-def frames(r: Recording, at: Any) -> Recording:
-    """Some frames, in their order."""
-    light = None if r.intensity is None else r.intensity[at]
-    kept = dataclasses.replace(
-        r, time_s=r.time_s[at], x_mm=r.x_mm[at], z_mm=r.z_mm[at], pass_index=r.pass_index[at], intensity=light
-    )
-    there = np.isin(r.robot_pass, kept.pass_index)
-    return dataclasses.replace(
-        kept,
-        robot_time_s=r.robot_time_s[there],
-        robot_position_mm=r.robot_position_mm[there],
-        robot_quaternion_wxyz=r.robot_quaternion_wxyz[there],
-        robot_pass=r.robot_pass[there],
-    )
-
-
-def columns(r: Recording, at: Any) -> Recording:
-    light = None if r.intensity is None else np.ascontiguousarray(r.intensity[:, at])
-    x, z = np.ascontiguousarray(r.x_mm[:, at]), np.ascontiguousarray(r.z_mm[:, at])
-    return dataclasses.replace(r, x_mm=x, z_mm=z, intensity=light)
-
-
 def noisier(r: Recording) -> Recording:
     noise = np.random.default_rng(7).normal(0.0, 0.02, r.z_mm.shape)
-    return dataclasses.replace(r, z_mm=(r.z_mm + noise).astype(np.float32))
+    return with_values(r, z_mm=(r.z_mm + noise).astype(np.float32))
 
 
 POORER: dict[str, Change] = {
@@ -68,18 +45,6 @@ POORER: dict[str, Change] = {
     "the first pass alone": lambda r: frames(r, r.pass_index == r.pass_index[0]),
     "the last pass alone": lambda r: frames(r, r.pass_index == r.pass_index[-1]),
 }
-
-
-def told(r: Recording, place: Float, turn: Float, **changes: Any) -> Recording:
-    """A pose a frame."""
-    return dataclasses.replace(
-        r,
-        robot_time_s=r.time_s,
-        robot_position_mm=place,
-        robot_quaternion_wxyz=quaternion_from_rotation(turn),
-        robot_pass=r.pass_index,
-        **changes,
-    )
 
 
 def moved(r: Recording) -> Recording:
@@ -100,33 +65,16 @@ def mirrored(r: Recording) -> Recording:
 def backwards(r: Recording) -> Recording:
     """The scan run the other way: frames and passes in the opposite order."""
     poses, last = flange_poses(r)[::-1], r.time_s[-1] + r.time_s[0]
-    light = None if r.intensity is None else r.intensity[::-1].copy()
-    turned = dataclasses.replace(
-        r,
-        time_s=last - r.time_s[::-1],
-        x_mm=r.x_mm[::-1].copy(),
-        z_mm=r.z_mm[::-1].copy(),
-        pass_index=(r.pass_index.max() - r.pass_index[::-1]).copy(),
-        intensity=light,
-    )
+    turned = frames(r, np.arange(len(r.time_s))[::-1])
+    turned = with_values(turned, time_s=last - turned.time_s, pass_index=r.pass_index.max() - turned.pass_index)
     return told(turned, poses[:, :3, 3], poses[:, :3, :3])
-
-
-def columns_reversed(r: Recording) -> Recording:
-    return columns(r, slice(None, None, -1))
-
-
-def as_told(r: Recording) -> Recording:
-    """A pose a frame instead of those between which it was interpolated: what the others are compared with."""
-    poses = flange_poses(r)
-    return told(r, poses[:, :3, 3], poses[:, :3, :3])
 
 
 ALIKE: dict[str, Change] = {
     "the base moved and turned": moved,
     "in a mirror": mirrored,
     "run backwards": backwards,
-    "columns in the other order": columns_reversed,
+    "columns in the other order": lambda r: columns(r, slice(None, None, -1)),
 }
 
 
@@ -151,7 +99,7 @@ def names() -> list[str]:
 def measured(name: str, change: str) -> Mapping[str, Float]:
     """Sections of a recording, as it is ('') or changed; refused: a WorkbenchError."""
     part = drawn(name)
-    changed = {"": lambda r: r, "as told": as_told, **POORER, **ALIKE}[change](part.recording)
+    changed = {"": lambda r: r, "as told": dense_stream, **POORER, **ALIKE}[change](part.recording)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "part.h5")
         write(changed, path)
@@ -195,26 +143,22 @@ def applies(name: str, change: str) -> bool:
 
 def table() -> str:
     """Every law over all recordings: by how much it fails at most, and where."""
-    lines = ["| against | value | held | worst | of |", "| --- | --- | --- | --- | --- |"]
+    rows = []
     for change in POORER:
         mine = [name for name in names() if applies(name, change)]
         for quantity in ROUNDING:
             found = {name: growth(name, change, quantity) for name in mine}
             worst = max(found, key=found.__getitem__, default="none")
-            lines.append(
-                f"| {change} | `{quantity}` | {sum(g <= GROWS for g in found.values())} of {len(mine)} | "
-                f"u {found.get(worst, 0.0):.2f} times | {worst} |"
-            )
+            held = f"{sum(g <= GROWS for g in found.values())} of {len(mine)}"
+            rows.append([change, f"`{quantity}`", held, f"u {found.get(worst, 0.0):.2f} times", worst])
     for change in ALIKE:
         for quantity, limit in ROUNDING.items():
             both = {name: change_of(name, change, quantity) for name in names()}
             worst = max(both, key=both.__getitem__)
             value, u = both[worst][0], max(one[1] for one in both.values())
-            lines.append(
-                f"| {change} | `{quantity}` | {sum(v <= limit for v, _ in both.values())} of {len(both)} | "
-                f"{value:.5f}, u {100 * u:.1f} % | {worst} |"
-            )
-    return "\n".join(lines)
+            held = f"{sum(v <= limit for v, _ in both.values())} of {len(both)}"
+            rows.append([change, f"`{quantity}`", held, f"{value:.5f}, u {100 * u:.1f} %", worst])
+    return "\n".join(markdown(["against", "value", "held", "worst", "of"], rows))
 
 
 def main() -> int:

@@ -24,14 +24,7 @@ from workbench.scan import write
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = tuple(ROOT / name for name in ("workbench/synthetic", "bench/score", "bench/drawn", "bench/simulators"))
 JUDGES = ("__main__.py", "laws.py", "measure.py", "scorer.py", "table.py")  # draw nothing
-OTHERS = tuple(
-    ROOT / "bench" / name
-    for name in (
-        "outside.py",
-        "odd_plates.py",
-        "faulty.py",
-    )
-)
+OTHERS = tuple(ROOT / "bench" / name for name in ("outside.py", "odd_plates.py", "faulty.py", "recordings.py"))
 
 
 class Drawn(NamedTuple):

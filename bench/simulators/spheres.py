@@ -6,13 +6,14 @@ ball in a circle, of which columns sample the arc that faces the sensor.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from workbench.artefacts import Recording
+from workbench.geometry.poses import pose_from
 from workbench.units import Float
 
 
@@ -52,7 +53,7 @@ def shown(rng: np.random.Generator, postures: int, robot_mm: float, robot_deg: f
     """Postures about a nominal one, 25 deg each way; the sphere within the view."""
     sensor = SENSORS[rng.integers(len(SENSORS))]
     radius = float(rng.choice(DIAMETERS_MM)) / 2.0
-    hand_eye = rigid(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 90.0, 3))
+    hand_eye = pose_from(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 90.0, 3))
     half = 0.5 * sensor.width_mm - radius, 0.35 * sensor.range_mm - radius
     side = rng.choice([-1.0, 1.0], postures) * rng.uniform(*OFF_SHARE, postures) * radius
     x, z = (h * rng.uniform(-0.8, 0.8, postures) for h in half)
@@ -64,7 +65,7 @@ def shown(rng: np.random.Generator, postures: int, robot_mm: float, robot_deg: f
     place = ball - np.einsum("kij,kj->ki", turns, at)
     wrong = Rotation.from_rotvec(np.radians(rng.normal(0.0, robot_deg, (postures, 3)))).as_matrix()
     return Shown(
-        sensor, radius, hand_eye, centre, rigid(wrong @ turns, place + rng.normal(0.0, robot_mm, (postures, 3)))
+        sensor, radius, hand_eye, centre, pose_from(wrong @ turns, place + rng.normal(0.0, robot_mm, (postures, 3)))
     )
 
 
@@ -131,9 +132,3 @@ def by_sections(rng: np.random.Generator, seen: Shown, repeats: int, strays: flo
     flying = rng.random(z.shape) < strays
     z[flying] = rng.uniform(sensor.stand_off_mm - 5.0, sensor.stand_off_mm + 15.0, int(flying.sum()))
     return recorded(rng, seen, np.where(np.isfinite(z), x, np.nan), z, repeats)
-
-
-def rigid(turn: Any, place: Any) -> Float:
-    out = np.zeros((*np.shape(place)[:-1], 4, 4))
-    out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = turn, place, 1.0
-    return out

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.drawn.plates import random_recipe
-from bench.score.laws import frames
+from bench.recordings import frames
 from workbench.artefacts import Edge, Recording
 from workbench.edge import segment_raw
 from workbench.scan import fuse

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.outside import Part, Usual, drawn_section, simulate
-from bench.score.laws import frames
+from bench.recordings import frames
 from bench.score.outsider import below as outside_below
 from bench.score.parts import Drawn, generator, nominal
 from bench.score.triangulated import below as triangulated_below

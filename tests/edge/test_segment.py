@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.drawn.plates import random_recipe
-from bench.score.laws import frames
+from bench.recordings import frames
 from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
 from workbench.cloud import denoise

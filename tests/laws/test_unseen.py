@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.outside import raw_edge, simulate
-from bench.score.laws import frames
+from bench.recordings import frames
 from bench.score.outsider import Sharp, sharp
 from bench.score.parts import generator, nominal
 from bench.score.triangulated import sensor, way, workpiece

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ import scipy
 
 from bench.simulators.swept.recipe import AnyRecipe, Block, EdgeBurr, SweptPart, SweptScanner, Way
 from bench.simulators.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of, shape_of
-from workbench.geometry.poses import inverse, pose_from, rotation_from_rpy
-from workbench.synthetic.recipe import Placement
+from workbench.geometry.poses import inverse, pose_from
+from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, AnyArray, Bool, Float, Float32, Int, Shaped
 
 STEP_STRAIGHT_MM, STEP_BENT_MM = 0.5, 0.3  # between stations
@@ -88,9 +88,7 @@ def stations(curve: Curve, step_mm: float = STEP_STRAIGHT_MM) -> Frames:
     twist = curve.part.twist_deg
     bent = curve.part.spine.shape != "straight" or twist.lowest != twist.highest
     step = min(step_mm, STEP_BENT_MM) if bent else step_mm
-    s = np.linspace(0.0, curve.length, max(2, math.ceil(curve.length / step) + 1))
-    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
-    return replace(frames, s=s)
+    return curve.stations(max(2, math.ceil(curve.length / step) + 1))
 
 
 def swept(frames: Frames, points: Float) -> Float:
@@ -260,12 +258,6 @@ class Motion:
     quaternion_wxyz: Shaped[Float, "K 4"]
 
 
-def placed(placement: Placement) -> Float:
-    """The pose (4, 4) of a placement."""
-    roll, pitch, yaw = np.array(placement.rpy_deg) * DEG
-    return pose_from(rotation_from_rpy(roll, pitch, yaw), np.array(placement.position_mm))
-
-
 def moves(recipe: AnyRecipe, curve: Curve) -> list[Motion]:
     """The motion of every pass, one after the other in time."""
     start, motions = 1.0, []
@@ -278,7 +270,7 @@ def moves(recipe: AnyRecipe, curve: Curve) -> list[Motion]:
 def recorded_hand_eye(recipe: AnyRecipe) -> Float:
     """flange_from_profiler as the recording states it."""
     robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 12])
-    true = placed(robot.flange_from_profiler)
+    true = pose(robot.flange_from_profiler)
     turn = scipy.spatial.transform.Rotation.from_rotvec(
         rng.standard_normal(3) * robot.hand_eye_error_deg * DEG
     ).as_matrix()
@@ -297,11 +289,11 @@ def _move(recipe: AnyRecipe, curve: Curve, way: Way, start_s: float, rng: np.ran
         gone = (at_s - start_s) * speed
         return _poses(recipe, curve, way, np.interp(gone, turns, way.way_mm), gone)
 
-    to_base = placed(recipe.part.base_from_part)
+    to_base = pose(recipe.part.base_from_part)
     true = poses(time)
     from_base = inverse(to_base)[:3, :3]
     true[:, :3, 3] += _unrecorded(recipe, (time - start_s) * speed, turns[-1], rng) @ from_base.T
-    flange = to_base @ poses(pose_time) @ inverse(placed(robot.flange_from_profiler))
+    flange = to_base @ poses(pose_time) @ inverse(pose(robot.flange_from_profiler))
     position = flange[:, :3, 3] + rng.standard_normal((len(flange), 3)) * robot.pose_noise_mm
     noise = scipy.spatial.transform.Rotation.from_rotvec(
         rng.standard_normal((len(flange), 3)) * robot.pose_noise_deg * DEG

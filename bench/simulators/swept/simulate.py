@@ -62,11 +62,10 @@ from workbench.synthetic import GrooveTruth
 from workbench.units import AnyArray, Bool, Float, Float32
 
 BLOCK_FRAMES = 128
-Progress = Callable[[int, int], None]
 
 
-def simulate_swept(recipe: SweptRecipe, progress: Progress | None = None) -> tuple[Recording, SweptTruth]:
-    """The recording that `recipe` describes, and its truth. `progress` is told frames done and frames in all.
+def simulate_swept(recipe: SweptRecipe) -> tuple[Recording, SweptTruth]:
+    """The recording that `recipe` describes, and its truth.
 
     Raises:
         InputError: the section cannot be built, such as a rounding that is wider than its face.
@@ -74,18 +73,18 @@ def simulate_swept(recipe: SweptRecipe, progress: Progress | None = None) -> tup
     part, curve = recipe.part, curve_of(recipe.part)
     with _section_refused():
         mesh = plate_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
-    recording, seen = _scanned(recipe, curve, mesh, ghosts_of(part.ghosts), partial(_edge_seen, part=part), progress)
+    recording, seen = _scanned(recipe, curve, mesh, ghosts_of(part.ghosts), partial(_edge_seen, part=part))
     relief = relief_of(part, curve.length, np.random.default_rng([recipe.seed, 21]))  # the same numbers as the mesh's
     return recording, truth_of(recipe, curve, relief, seen)
 
 
-def simulate_groove(recipe: GrooveRecipe, progress: Progress | None = None) -> tuple[Recording, GrooveTruth]:
+def simulate_groove(recipe: GrooveRecipe) -> tuple[Recording, GrooveTruth]:
     """As `simulate_swept`, of a groove."""
     part, curve = recipe.part, curve_of(recipe.part)
     with _section_refused():
         mesh = groove_mesh(part, curve, np.random.default_rng([recipe.seed, 21]))
     spoil = reflections_of(part.reflections, mesh, np.random.default_rng([recipe.seed, 25]))
-    recording, seen = _scanned(recipe, curve, mesh, spoil, partial(_groove_seen, part=part), progress)
+    recording, seen = _scanned(recipe, curve, mesh, spoil, partial(_groove_seen, part=part))
     return recording, groove_truth(recipe, curve, seen)
 
 
@@ -103,13 +102,11 @@ def _scanned(
     mesh: Mesh,
     spoil: Spoil,
     edge_seen: Callable[[Profiles], Float],
-    progress: Progress | None,
 ) -> tuple[Recording, list[Float]]:
     """The recording, and for each pass where along the spine its frames see the edge."""
     textures = _textures(recipe.part.texture, np.random.default_rng([recipe.seed, 22]))
     pattern = fixed_pattern(recipe.scanner, np.random.default_rng([recipe.seed, 23]))
     motions = moves(recipe, curve)
-    total, done = sum(len(m.time_s) for m in motions), 0
     x, z, light, seen = [], [], [], []
     for number, motion in enumerate(motions):
         here = []
@@ -123,9 +120,6 @@ def _scanned(
             z.append(found[1])
             light.append(bright)
             here.append(edge_seen(profiles))
-            done += len(poses)
-            if progress is not None:
-                progress(done, total)
         seen.append(np.concatenate(here))
     recording = _recording(recipe, motions, np.concatenate(x), np.concatenate(z), np.concatenate(light))
     return recording, seen

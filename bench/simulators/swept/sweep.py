@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -65,6 +65,11 @@ class Curve:
         turn = along(self.part.twist_deg, within, self.length)[:, None] * DEG
         n, m = np.cos(turn) * n0 + np.sin(turn) * m0, np.cos(turn) * m0 - np.sin(turn) * n0
         return Frames(s, position, t, n, m, n0, m0)
+
+    def stations(self, count: int) -> Frames:
+        """Frames at so many places from end to end; the last one of a closed curve not yet the first again."""
+        s = np.linspace(0.0, self.length, count)
+        return replace(self.frames(np.append(s[:-1], s[-1] - (1e-9 if self.closed else 0.0))), s=s)
 
     def _length_to(self, u: Float) -> Float:
         """Arc length to u, exact to the quadrature: the table up to the node before, then five-point Gauss."""

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from bench.simulators.swept.recipe import GrooveRecipe, ScanRecipe, SweptRecipe
-from bench.simulators.swept.scanner import Relief, placed
+from bench.simulators.swept.scanner import Relief
 from bench.simulators.swept.sweep import (
     Curve,
     along,
@@ -20,6 +20,7 @@ from bench.simulators.swept.sweep import (
     virtual_edges,
 )
 from workbench.synthetic.groove_truth import PLACES, GrooveTruth, Stations, rounded
+from workbench.synthetic.workpiece import pose
 from workbench.units import DEG, Bool, Float, Shaped
 
 STATION_MM = 0.25
@@ -61,8 +62,8 @@ class SweptTruth(Stations):
             **{name: rounded(getattr(self, name)) for name in names},
             "preparation": {name: rounded(value) for name, value in self.preparation.items()},
             "seen": self.seen.tolist(),
-            "base_from_part": placed(self.recipe.part.base_from_part).tolist(),
-            "flange_from_profiler": placed(self.recipe.robot.flange_from_profiler).tolist(),
+            "base_from_part": pose(self.recipe.part.base_from_part).tolist(),
+            "flange_from_profiler": pose(self.recipe.robot.flange_from_profiler).tolist(),
             "recipe": self.recipe.model_dump(mode="json"),
         }
 
@@ -70,8 +71,8 @@ class SweptTruth(Stations):
 def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: list[Float]) -> SweptTruth:
     """The truth; `seen_s`: of each pass, where along the spine its frames saw the edge."""
     part = recipe.part
-    s = np.linspace(0.0, curve.length, round(curve.length / STATION_MM) + 1)
-    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
+    frames = curve.stations(round(curve.length / STATION_MM) + 1)
+    s = frames.s
     edges = virtual_edges(part, shape_of(part, s, curve.length))
     thickness = along(part.thickness_mm, s, curve.length)
     lower, upper = edges.lower.copy(), edges.upper.copy()
@@ -91,7 +92,7 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
     m = np.cross(n, t)
     outward = np.cos(edges.bevel)[:, None] * frames.n + np.sin(edges.bevel)[:, None] * frames.m
     bevel = np.arctan2((outward * m).sum(axis=1), (outward * n).sum(axis=1))
-    base = placed(part.base_from_part)
+    base = pose(part.base_from_part)
     step = np.linalg.norm(np.diff(position, axis=0), axis=1)
     return SweptTruth(
         recipe=recipe,
@@ -112,9 +113,9 @@ def truth_of(recipe: SweptRecipe, curve: Curve, relief: Relief | None, seen_s: l
 
 def groove_truth(recipe: GrooveRecipe, curve: Curve, seen_s: list[Float]) -> GrooveTruth:
     """The truth of a groove; `seen_s` as for `truth_of`."""
-    s = np.linspace(0.0, curve.length, round(curve.length / STATION_MM) + 1)
-    frames = curve.frames(np.append(s[:-1], s[-1] - (1e-9 if curve.closed else 0.0)))
-    base = placed(recipe.part.base_from_part)
+    frames = curve.stations(round(curve.length / STATION_MM) + 1)
+    s = frames.s
+    base = pose(recipe.part.base_from_part)
     turn = base[:3, :3].T
     return GrooveTruth(
         closed=curve.closed,
@@ -129,7 +130,7 @@ def groove_truth(recipe: GrooveRecipe, curve: Curve, seen_s: list[Float]) -> Gro
         across=frames.m @ turn,
         sizes=groove_sizes(recipe.part, s, curve.length),
         base_from_part=base,
-        flange_from_profiler=placed(recipe.robot.flange_from_profiler),
+        flange_from_profiler=pose(recipe.robot.flange_from_profiler),
     )
 
 

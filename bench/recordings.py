@@ -1,0 +1,59 @@
+"""A recording with other frames, columns or poses than it has."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from workbench.artefacts import Recording
+from workbench.geometry.poses import quaternion_from_rotation
+from workbench.scan.fuse import flange_poses
+from workbench.units import Float
+
+
+def with_values(r: Recording, **changes: Any) -> Recording:
+    return dataclasses.replace(r, **changes)
+
+
+def frames(r: Recording, at: Any) -> Recording:
+    """Some frames, in their order, and the poses of their passes."""
+    light = None if r.intensity is None else r.intensity[at]
+    there = np.isin(r.robot_pass, r.pass_index[at])
+    return with_values(
+        r,
+        time_s=r.time_s[at],
+        x_mm=r.x_mm[at],
+        z_mm=r.z_mm[at],
+        pass_index=r.pass_index[at],
+        intensity=light,
+        robot_time_s=r.robot_time_s[there],
+        robot_position_mm=r.robot_position_mm[there],
+        robot_quaternion_wxyz=r.robot_quaternion_wxyz[there],
+        robot_pass=r.robot_pass[there],
+    )
+
+
+def columns(r: Recording, at: Any) -> Recording:
+    """Some columns."""
+    x, z, light = (None if g is None else np.ascontiguousarray(g[:, at]) for g in (r.x_mm, r.z_mm, r.intensity))
+    return with_values(r, x_mm=x, z_mm=z, intensity=light)
+
+
+def told(r: Recording, place_mm: Float, turn: Float, **changes: Any) -> Recording:
+    """A pose a frame: places (n, 3) and rotations (n, 3, 3) of the flange in the base."""
+    return with_values(
+        r,
+        robot_time_s=r.time_s,
+        robot_position_mm=place_mm,
+        robot_quaternion_wxyz=quaternion_from_rotation(turn),
+        robot_pass=r.pass_index,
+        **changes,
+    )
+
+
+def dense_stream(r: Recording) -> Recording:
+    """The same poses, told at every frame's time."""
+    poses = flange_poses(r)
+    return told(r, poses[:, :3, 3], poses[:, :3, :3])

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bench.score.parts import nominal_sizes
 from workbench.artefacts import RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw
@@ -318,11 +319,9 @@ Errors = dict[str, tuple[Float, Float]]  # by quantity: errors and standard unce
 
 def inspected(part: Part, limits: Mapping[str, float] | None = None) -> Errors:
     """Root faces and bevel angles of the sections, by a user who knows both to 0.5 mm and 5 deg; limits of checks."""
-    root = max(0.5, round(2 * part.section.root_mm) / 2)
-    bevel = 5.0 * round(part.section.bevel / DEG / 5.0)
-    given = dict(limits or {})
-    edge = segment(denoise(fuse(part.recording)), root_nominal_mm=root, bevel_nominal_deg=bevel, limits=given)
-    found = [s for s in sections(edge, root_nominal_mm=root, bevel_nominal_deg=bevel).sections if s.root_mm is not None]
+    near: Any = nominal_sizes(part.section.root_mm, part.section.bevel / DEG)
+    edge = segment(denoise(fuse(part.recording)), **near, limits=dict(limits or {}))
+    found = [s for s in sections(edge, **near).sections if s.root_mm is not None]
     section_from_base = np.linalg.inv(part.base_from_section)
     along = np.array([(section_from_base @ np.append(s.origin_mm, 1.0))[2] for s in found])
     true = part.section.root_at(along)

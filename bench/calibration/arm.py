@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from bench.calibration.faces import TRUE
 from bench.harness import ROOT
 from bench.metrology.sphere_truth import circle_covariance
 from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
@@ -23,9 +24,6 @@ from workbench.plugins.calibration.robot import together
 from workbench.plugins.calibration.tracker import Seen, Tracking
 
 CELL = ROOT / "data" / "robot" / "cell.json"
-TRUE = pose_from(
-    Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
-)  # the paper's hand-eye pose
 CENTER, RADIUS_MM = np.array([1890.33, 241.48, 1079.72]), 5.0
 NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
 TARGETS_MM = np.array([[200.0, 50.0, 100.0], [-100.0, 150.0, 120.0], [0.0, -180.0, 300.0]])

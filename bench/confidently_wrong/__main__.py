@@ -13,6 +13,7 @@ from bench.confidently_wrong.kinds import KINDS, Kind
 from bench.harness import ROOT, each, made_by
 from bench.metrology.planning import plan_as_a_user
 from bench.score.named import ANALYTIC, SWEPT, simulated
+from bench.score.parts import nominal_sizes
 from bench.tables import markdown, put_into, written
 from workbench.artefacts import Check, Inspection, PointSet, Recording
 from workbench.checks import judge_recording
@@ -89,7 +90,7 @@ def inspected(recording: Recording, truth: Truth, kind: Kind) -> str:
 def passing(recording: Recording, truth: Truth, kind: Kind) -> Inspection:
     """The inspection by a user whose drawing says the true sizes, to 0.5 mm and 5 deg, and allows much."""
     root, bevel = float(truth.root_mm.mean()), float(truth.bevel_deg.mean())
-    near = {"root_nominal_mm": max(0.5, round(root * 2) / 2), "bevel_nominal_deg": round(bevel / 5) * 5.0}
+    near = nominal_sizes(root, bevel)
     cloud = denoise(fuse(recording))
     if kind.as_cloud:
         points = cloud.placed(*np.nonzero(cloud.keep))

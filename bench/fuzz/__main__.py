@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.fuzz.run import as_row, confine, fuzz
-from bench.fuzz.targets import ROOT, TARGETS
+from bench.fuzz.targets import TARGETS
+from bench.harness import ROOT
 from bench.tables import put_into, written
 
 PAGE = ROOT / "docs" / "reliability.md"

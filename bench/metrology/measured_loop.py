@@ -13,9 +13,9 @@ import numpy as np
 
 from bench.drawn.plates import random_recipe
 from bench.harness import ROOT
-from bench.metrology.planning import rough_upper_side
 from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Cover, Row, Study, cover, spread
 from bench.metrology.users import Clock, numbers
+from bench.score.face import rough_upper_side
 from workbench.api import forward_kinematics, jacobian_at, joint_axes
 from workbench.artefacts import Engagement, PathCorrection, PathDeflection, Requirements, Toolpath
 from workbench.cloud import denoise

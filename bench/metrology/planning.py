@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,17 +11,17 @@ from bench.metrology.places import clear_of_boundaries
 from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Row, Study, marked, spread
 from bench.metrology.true_edge import true_edge_at
 from bench.metrology.users import Clock
+from bench.score.face import rough_upper_side
 from workbench.artefacts import Gate, Layer, RawEdge, Recording, Toolpath
 from workbench.cloud import denoise
 from workbench.edge import segment_raw
 from workbench.errors import WorkbenchError
-from workbench.geometry.poses import rotation_from_quaternion, rotation_from_vector
+from workbench.geometry.poses import rotation_from_quaternion
 from workbench.path import check, feed, layers
 from workbench.scan import fuse
 from workbench.synthetic import Truth, simulate_recording
 from workbench.units import DEG, Bool, Float
 
-MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 NEAR_MM = 0.55  # a place along the edge this near to a cutting point is cut: points are 1 mm apart
 REACH_MM = 20.0  # of the cutter's radius, clearance and rise: no more than that is lost beside a clamp
 RIGHT_SIDE = 0.7  # least cosine of a frame's axes against the true ones
@@ -60,15 +59,6 @@ def plan_as_a_user(recording: Recording, truth: Truth) -> tuple[RawEdge, Toolpat
     edge = segment_raw(cloud, upper_side=rough_upper_side(truth), z_away=z_away)
     toolpath = feed(layers(edge, cloud), cloud, edge)
     return edge, toolpath, check(toolpath, edge, cloud)
-
-
-def rough_upper_side(truth: Truth) -> tuple[float, float, float]:
-    """The true direction from the lower to the upper side, turned by up to 10 deg about any axis square to it."""
-    rng = np.random.default_rng([truth.recipe.seed, zlib.crc32(truth.recipe.title.encode()), 1])
-    across = truth.across[len(truth.across) // 2]
-    axis = np.cross(across, rng.normal(size=3))
-    turned = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0, MOST_TURNED_DEG) * DEG) @ across
-    return float(turned[0]), float(turned[1]), float(turned[2])
 
 
 def compare_path(toolpath: Toolpath, truth: Truth) -> Row:

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from bench.score.parts import nominal_sizes
 from workbench.artefacts import Inspection, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment
@@ -31,9 +32,7 @@ class Clock:
 
 def inspect_as_a_user(recording: Recording, truth: Truth) -> Inspection:
     """The pipeline with all its defaults, but for what the part's drawing says: rounded to 0.5 mm and 5 deg."""
-    root_mm = max(0.5, round(float(truth.root_mm.mean()) * 2) / 2)
-    bevel_deg = round(float(truth.bevel_deg.mean()) / 5) * 5.0
-    return sections(segment(denoise(fuse(recording)), root_nominal_mm=root_mm, bevel_nominal_deg=bevel_deg))
+    return sections(segment(denoise(fuse(recording)), **nominal_sizes(truth.root_mm.mean(), truth.bevel_deg.mean())))
 
 
 def numbers(values: Float) -> Numbers:

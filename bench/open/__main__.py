@@ -16,7 +16,8 @@ from bench.harness import made_by
 from bench.open.rivals import FROZEN, NAMES, rival
 from bench.open.run import answers
 from bench.open.table import put, table
-from bench.open.tracks import ROUNDS, TRACKS, Entry, drawn, entries, kept, keys, new_round, rounds, truth, write
+from bench.open.tracks import ROUNDS, TRACKS, Entry, drawn, entries, keys, new_round, rounds, truth, write
+from bench.score.parts import kept
 from workbench.score.judge import judged
 from workbench.score.page import picture
 

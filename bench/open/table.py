@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from bench.score.parts import ROOT
-from bench.tables import put_into
+from bench.harness import ROOT
+from bench.tables import markdown, put_into
 
-HEAD = (
-    "| track | method | score | refused | coverage, % | beyond 4u, % | worst error/u | sharpness, U/T | by value | s |"
-)
+HEAD = ("track", "method", "score", "refused", "coverage, %", "beyond 4u, %", "worst error/u")
+HEAD += ("sharpness, U/T", "by value", "s")
 PAGE = ROOT / "docs" / "benchmark.md"
 
 
 def table(cards: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """A row a track and method. Coverage and what lies beyond 4u over all values, sharpness the median's mean."""
-    return "\n".join(
-        [HEAD, "|" + " --- |" * (HEAD.count("|") - 1), *(row(one) for some in cards.values() for one in some)]
-    )
+    return "\n".join(markdown(HEAD, (row(one) for some in cards.values() for one in some)))
 
 
-def row(card: Mapping[str, Any]) -> str:
+def row(card: Mapping[str, Any]) -> list[str]:
     """Of one method in one track."""
     from workbench.score.scorer import scale
 
@@ -44,7 +41,7 @@ def row(card: Mapping[str, Any]) -> str:
     ]
     cells += [mean("beyond_4u"), f"{worst:.1f}" if known else "", f"{sum(sharp) / len(sharp):.2f}" if sharp else "", by]
     seconds = card["seconds_median"]
-    return f"| {' | '.join([*cells, '' if seconds is None else f'{seconds:.2f}'])} |"
+    return [*cells, "" if seconds is None else f"{seconds:.2f}"]
 
 
 def put(text: str, pictures: Mapping[str, bytes]) -> None:

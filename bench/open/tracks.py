@@ -10,14 +10,14 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.score.parts import GROUPS, Part, digest, part
+from bench.score.parts import GROUPS, Part, kept, part
 from workbench.scan import read
-from workbench.user_folder import UserFolder
 
 ROUNDS = Path(__file__).with_name("rounds.json")
 SETS = {"practice": 20, "blind": 40}
@@ -74,18 +74,11 @@ def keys(version: str, secret: str | None = None) -> dict[str, str]:
     return {"practice": f"practice {version}"} | ({"blind": blind} if blind else {})
 
 
-def kept() -> Path:
-    """Where drawn recordings are kept, by the digest of what draws them."""
-    return (UserFolder().path or Path("out")) / "score" / digest()
-
-
 def drawn(entry: Entry, keep: Path | None = None) -> Part:
     """The recording, fetched or drawn; `declared` complete."""
     group = GROUPS[entry.group]
     found = part(entry.simulator, group.recordings, entry.seed, keep or kept())
-    return Part(
-        found.simulator, found.seed, found.recording, found.truth, {**found.declared, **group.declared}, found.about
-    )
+    return replace(found, declared={**found.declared, **group.declared})
 
 
 def truth(version: str, track: str, chosen: str, parts: Mapping[str, Part]) -> dict[str, Any]:

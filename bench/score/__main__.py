@@ -9,16 +9,15 @@ from pathlib import Path
 from bench.harness import each, made_by
 from bench.open.rivals import NAMES
 from bench.score.measure import Result, one
-from bench.score.parts import GROUPS, digest, group, simulators
+from bench.score.parts import GROUPS, group, kept, simulators
 from bench.score.table import lines_of, put, table
-from workbench.user_folder import UserFolder
 
 FIRST_SEED = 5_000_000  # seeds below 10,000 are for developing
 
 
 def main(arguments: list[str] | None = None) -> int:
     given = parse(arguments)
-    keep = given.keep or (UserFolder().path or Path("out")) / "score" / digest()
+    keep = given.keep or kept()
     tasks = [
         (name, simulator, given.seed + k, keep, given.engine)
         for k in range(given.parts)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,14 +13,11 @@ from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import plates
 from bench.drawn.plates import random_recipe
 from bench.score.errors import about_robot, as_real
-from bench.score.face import local_face
+from bench.score.face import local_face, rough_upper_side
 from bench.score.parts import Drawn, generator, nominal
-from workbench.geometry.poses import rotation_from_vector
 from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
-from workbench.units import DEG
 
-MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
 ORDINARY = (
     plates.as_is,
     plates.arc,
@@ -61,19 +60,16 @@ def milled(rng: np.random.Generator, seed: int, elevation_deg: tuple[float, floa
     return simulate_recording(parse_recipe(document, source=f"analytic {seed}"))
 
 
-def truth_of(truth: Any) -> dict[str, Any]:
-    """Stations of a milled part."""
-    return {name: getattr(truth, name) for name in ("position_mm", "seen", "root_mm", "bevel_deg")}
-
-
-def declared_of(truth: Any) -> dict[str, Any]:
-    return nominal(truth.root_mm.mean(), truth.bevel_deg.mean())
+def milled_part(recording: Any, truth: Any, known: Mapping[str, Any] = MappingProxyType({}), about: str = "") -> Drawn:
+    """A milled part, of which a user knows the nominal sizes and what is `known` besides."""
+    stations = {name: getattr(truth, name) for name in ("position_mm", "seen", "root_mm", "bevel_deg")}
+    declared = nominal(truth.root_mm.mean(), truth.bevel_deg.mean()) | known
+    return Drawn(recording, stations, declared, about or truth.recipe.title)
 
 
 def sharp(seed: int) -> Drawn:
     rng = generator("score analytic sharp", seed)
-    recording, truth = milled(rng, seed, (35.0, 55.0), ORDINARY[rng.integers(len(ORDINARY))])
-    return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
+    return milled_part(*milled(rng, seed, (35.0, 55.0), ORDINARY[rng.integers(len(ORDINARY))]))
 
 
 def odd(seed: int) -> Drawn:
@@ -82,37 +78,28 @@ def odd(seed: int) -> Drawn:
     number = seed % (len(CONDITIONS) + len(SPOILS))
     more = CONDITIONS[number : number + 1]
     recording, truth = milled(rng, seed, (25.0, 60.0), *more)
-    about = truth.recipe.title
-    if not more:
-        about = SPOILS[number - len(CONDITIONS)]
-        recording = KINDS[about].spoil(recording, rng)
-    return Drawn(recording, truth_of(truth), declared_of(truth), about)
+    if more:
+        return milled_part(recording, truth)
+    about = SPOILS[number - len(CONDITIONS)]
+    return milled_part(KINDS[about].spoil(recording, rng), truth, about=about)
 
 
 def raw(seed: int) -> Drawn:
     rng = generator("score analytic raw", seed)
     name = f"raw_{RAW[seed % len(RAW)]}"
-    recording, truth = simulate_recording(random_recipe(name, seed))
-    recording, known = as_real(recording, rng, 0.01, 0.06)
-    return raw_part(rng, recording, truth, known, name)
+    return raw_part(*simulate_recording(random_recipe(name, seed)), name, rng)
 
 
-def raw_part(rng: np.random.Generator, recording: Any, truth: Any, known: dict[str, Any], about: str) -> Drawn:
-    """A raw edge, its upper side known to 10 deg."""
-    across = truth.across[len(truth.across) // 2]
-    axis = np.cross(across, rng.normal(size=3))
-    up = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0.0, MOST_TURNED_DEG) * DEG) @ across
+def raw_part(recording: Any, truth: Any, about: str, rng: np.random.Generator | None = None) -> Drawn:
+    """A raw edge, its upper side known to 10 deg; with `rng` its sensor and robot err as real ones do."""
+    recording, known = (recording, {}) if rng is None else as_real(recording, rng, 0.01, 0.06)
+    up = rough_upper_side(truth, rng)
     robot = truth.recipe.robot  # its slow errors are declared, since no scan shows them
     slow = math.hypot(getattr(robot, "drift_mm", 0.0) / 12**0.5, getattr(robot, "smooth_error_mm", 0.0) / 2**0.5)
     position, normal, m, _ = local_face(truth)
     stations = {"position_mm": position, "normal": normal, "across": m, "tangent": truth.tangent, "seen": truth.seen}
-    declared = {"kind": "raw", "upper_side": up.tolist(), "robot_drift_u_mm": slow} | known
-    return Drawn(
-        recording,
-        stations,
-        declared,
-        f"{about}, {about_robot(known)}" if known else about,
-    )
+    declared = {"kind": "raw", "upper_side": list(up), "robot_drift_u_mm": slow} | known
+    return Drawn(recording, stations, declared, f"{about}, {about_robot(known)}" if known else about)
 
 
 def groove(seed: int) -> Drawn:

@@ -1,15 +1,32 @@
-"""The truth of raw edges: on a rough end face, its local least-squares plane."""
+"""The truth of raw edges: on a rough end face its local least-squares plane; what a user knows of the upper side."""
 
 from __future__ import annotations
 
+import zlib
 from typing import Any
 
 import numpy as np
 
+from workbench.geometry.poses import rotation_from_vector
 from workbench.synthetic.workpiece import build_surface, pose
-from workbench.units import Float
+from workbench.units import DEG, Float
 
 LOCAL_MM = 10.0  # a rough end face is its least-squares plane over this much to both sides
+
+
+MOST_TURNED_DEG = 10.0  # of `upper_side`, which a user knows roughly
+
+
+def rough_upper_side(truth: Any, rng: np.random.Generator | None = None) -> tuple[float, float, float]:
+    """The true direction from the lower to the upper side, turned by up to 10 deg about any axis square to it.
+
+    Without `rng` by the part's own random numbers.
+    """
+    rng = rng or np.random.default_rng([truth.recipe.seed, zlib.crc32(truth.recipe.title.encode()), 1])
+    across = truth.across[len(truth.across) // 2]
+    axis = np.cross(across, rng.normal(size=3))
+    turned = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0, MOST_TURNED_DEG) * DEG) @ across
+    return float(turned[0]), float(turned[1]), float(turned[2])
 
 
 def local_face(truth: Any) -> tuple[Float, Float, Float, Float]:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.harness import made_by
+from bench.harness import ROOT, made_by
 from bench.open.rivals import rival
 from bench.recordings import columns, dense_stream, frames, told, with_values
 from bench.score import triangulated
-from bench.score.parts import ROOT, Drawn
+from bench.score.parts import Drawn
 from bench.score.table import put
 from bench.tables import markdown
 from workbench.artefacts import Recording

@@ -11,7 +11,7 @@ import numpy as np
 from bench.drawn import plates
 from bench.drawn.plates import CONDITIONS, RAW_CONDITIONS, random_recipe
 from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
-from bench.score.analytic import declared_of, raw_part, truth_of
+from bench.score.analytic import milled_part, raw_part
 from bench.score.parts import Drawn
 from bench.simulators.swept import simulate_swept
 from workbench.artefacts import Recording
@@ -52,10 +52,7 @@ def is_raw(condition: str) -> bool:
 def drawn(condition: str, seed: int) -> Drawn:
     """Part `seed`; of a raw one the upper side is known to 10 deg, and the robot's slow error is declared."""
     recording, truth = simulated(condition, seed)
-    if not is_raw(condition):
-        return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
-    rng = np.random.default_rng([truth.recipe.seed, zlib.crc32(truth.recipe.title.encode()), 1])
-    return raw_part(rng, recording, truth, {}, truth.recipe.title)
+    return raw_part(recording, truth, truth.recipe.title) if is_raw(condition) else milled_part(recording, truth)
 
 
 def simulated(condition: str, seed: int) -> tuple[Recording, Any]:

@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bench.harness import ROOT
 from workbench.artefacts import Recording
 from workbench.scan import write
+from workbench.user_folder import UserFolder
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCES = tuple(ROOT / name for name in ("workbench/synthetic", "bench/score", "bench/drawn", "bench/simulators"))
 JUDGES = ("__main__.py", "laws.py", "measure.py", "scorer.py", "table.py")  # draw nothing
 OTHERS = tuple(ROOT / "bench" / name for name in ("outside.py", "odd_plates.py", "faulty.py", "recordings.py"))
@@ -136,6 +137,11 @@ def digest() -> str:
     return hashlib.sha256(b"".join(drawing)).hexdigest()[:12]
 
 
+def kept() -> Path:
+    """Where drawn recordings are kept, by the digest of what draws them."""
+    return (UserFolder().path or Path("out")) / "score" / digest()
+
+
 def generator(*words: str | int) -> np.random.Generator:
     """Random numbers that belong to these words."""
     return np.random.default_rng([zlib.crc32(w.encode()) if isinstance(w, str) else w for w in words])
@@ -143,8 +149,10 @@ def generator(*words: str | int) -> np.random.Generator:
 
 def nominal(root_mm: float, bevel_deg: float) -> dict[str, Any]:
     """What a drawing says: rounded to 0.5 mm and 5 deg."""
-    return {
-        "kind": "milled",
-        "root_nominal_mm": max(0.5, round(2.0 * float(root_mm)) / 2.0),
-        "bevel_nominal_deg": 5.0 * round(float(bevel_deg) / 5.0),
-    }
+    return {"kind": "milled"} | nominal_sizes(root_mm, bevel_deg)
+
+
+def nominal_sizes(root_mm: float, bevel_deg: float) -> dict[str, float]:
+    """The sizes alone, by the parameters' names."""
+    root, bevel = max(0.5, round(2.0 * float(root_mm)) / 2.0), 5.0 * round(float(bevel_deg) / 5.0)
+    return {"root_nominal_mm": root, "bevel_nominal_deg": bevel}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from bench.drawn.swept import random_swept_recipe
-from bench.score.analytic import declared_of, groove_part, raw_part, truth_of
+from bench.score.analytic import groove_part, milled_part, raw_part
 from bench.score.errors import about_robot, as_real
 from bench.score.parts import Drawn, generator
 from bench.simulators.swept import simulate_groove, simulate_swept
@@ -44,8 +44,7 @@ def recipe(condition: str, seed: int, low_deg: float, high_deg: float) -> SweptR
 
 def sharp(seed: int) -> Drawn:
     name = f"swept_{ORDINARY[seed % len(ORDINARY)]}"
-    recording, truth = simulate_swept(recipe(name, seed, 35.0, 55.0))
-    return Drawn(recording, truth_of(truth), declared_of(truth), name)
+    return milled_part(*simulate_swept(recipe(name, seed, 35.0, 55.0)), about=name)
 
 
 def worn(seed: int) -> Drawn:
@@ -56,21 +55,17 @@ def worn(seed: int) -> Drawn:
     document["part"] |= {"lower_radius_mm": radius, "middle_radius_mm": radius / 4, "upper_radius_mm": radius / 4}
     recording, truth = simulate_swept(SweptRecipe.model_validate(document))
     recording, known = as_real(recording, rng, 0.005, 0.03)
-    about = f"{name}, radius {radius:.3f} mm, {about_robot(known)}"
-    return Drawn(recording, truth_of(truth), declared_of(truth) | known, about)
+    return milled_part(recording, truth, known, f"{name}, radius {radius:.3f} mm, {about_robot(known)}")
 
 
 def odd(seed: int) -> Drawn:
-    recording, truth = simulate_swept(random_swept_recipe(f"swept_{ODD[seed % len(ODD)]}", seed))
-    return Drawn(recording, truth_of(truth), declared_of(truth), truth.recipe.title)
+    return milled_part(*simulate_swept(random_swept_recipe(f"swept_{ODD[seed % len(ODD)]}", seed)))
 
 
 def raw(seed: int) -> Drawn:
     rng = generator("score swept raw", seed)
     name = f"swept_raw_{RAW[seed % len(RAW)]}"
-    recording, truth = simulate_swept(random_swept_recipe(name, seed))
-    recording, known = as_real(recording, rng, 0.01, 0.06)
-    return raw_part(rng, recording, truth, known, name)
+    return raw_part(*simulate_swept(random_swept_recipe(name, seed)), name, rng)
 
 
 def groove(seed: int) -> Drawn:

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.harness import ROOT
 from bench.score.measure import Result
-from bench.score.parts import ROOT
-from bench.tables import folded, put_into, written
+from bench.tables import folded, markdown, put_into, written
 from workbench.score.scorer import card, scale
 
-HEAD = (
-    "| group | simulator | value | parts | refused | score | rms error | median u | within 2u, % "
-    "| worst error/u | beyond 4u, % | U/T <= 0.2, % |"
-)
+HEAD = ("group", "simulator", "value", "parts", "refused", "score", "rms error", "median u", "within 2u, %")
+HEAD += ("worst error/u", "beyond 4u, %", "U/T <= 0.2, %")
 ODD_SHARE = 0.15  # of a shop's parts
 Card = dict[str, float]
 ALL, SIMULATOR = "all", "simulator"
@@ -42,7 +40,7 @@ def lines_of(result: Result) -> Iterator[str]:
 
 def table(results: Sequence[Result]) -> str:
     """Every quantity of every group by simulator, and of the shop that has 15 % odd parts."""
-    lines = [HEAD, "|" + " --- |" * HEAD[1:].count("|")]
+    rows = []
     cards: dict[tuple[str, str], Card] = {}
     for group in dict.fromkeys(r.group for r in results):
         mine = [r for r in results if r.group == group]
@@ -52,17 +50,16 @@ def table(results: Sequence[Result]) -> str:
                 found = [r.found[quantity] for r in some if quantity in r.found]
                 one = cards[group, quantity] = card(found, quantity)
                 if simulator != ALL or len(by) > 1:
-                    lines.append(row(group, simulator, quantity, one))
-    lines += ["", *shop(cards), *verdicts(results)]
-    return "\n".join(lines)
+                    rows.append(row(group, simulator, quantity, one))
+    return "\n".join([*markdown(HEAD, rows), "", *shop(cards), *verdicts(results)])
 
 
-def row(group: str, simulator: str, quantity: str, c: Card) -> str:
+def row(group: str, simulator: str, quantity: str, c: Card) -> list[str]:
     digits = 4 if quantity.endswith("mm") else 3
     numbers = [f"{c['score']:.3f}", f"{c['rms_error']:.{digits}f}", f"{c['sharpness'] / 2:.{digits}f}"]
     numbers += [f"{100 * c['coverage']:.1f}", f"{c['worst_error_over_u']:.1f}"]
     numbers += [f"{100 * c['beyond_4u']:.2f}", f"{100 * c['useful']:.0f}"]
-    return f"| {' | '.join([group, simulator, f'`{quantity}`', str(c['recordings']), str(c['refused']), *numbers])} |"
+    return [group, simulator, f"`{quantity}`", str(c["recordings"]), str(c["refused"]), *numbers]
 
 
 def shop(cards: dict[tuple[str, str], Card]) -> list[str]:

@@ -19,7 +19,6 @@ from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
-from bench.metrology.planning import rough_upper_side
 from bench.odd_plates import (
     DEBURRED,
     SURROUNDED,
@@ -36,6 +35,7 @@ from bench.odd_plates import (
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
+from bench.score.face import rough_upper_side
 from bench.simulators.swept import simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES
 from tests.checks.conftest import good

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bench.drawn.plates import RAW_CONDITIONS, random_recipe
-from bench.metrology.planning import GOALS, MOST_TURNED_DEG, SPACING_GOAL, measure, rough_upper_side
+from bench.metrology.planning import GOALS, SPACING_GOAL, measure
+from bench.score.face import MOST_TURNED_DEG, rough_upper_side
 from workbench.synthetic import Workpiece, milled_truth
 from workbench.units import DEG
 

@@ -1,6 +1,5 @@
-"""Shared fixtures: small stages of our own, the command run in this process, a browser, charts left undrawn."""
+"""Shared fixtures: small stages of our own, the command run in this process, a browser."""
 
-import io
 import os
 import shutil
 import signal
@@ -12,7 +11,6 @@ from typing import Annotated, Any
 import numpy as np
 import pytest
 from hypothesis import settings
-from PIL import Image
 from pydantic import Field
 
 from tests import shapes
@@ -113,26 +111,6 @@ def demo() -> Iterator[Mapping[str, Callable[..., Any]]]:
 
     yield {"read": read, "turn": turn, "merge": merge, "inspect": inspect, "gate": gate, "page": page}
     forget_strangers()
-
-
-@pytest.fixture(scope="module")
-def undrawn() -> Iterator[None]:
-    """Charts are laid out but not drawn, robots drawn small, half of what a stage takes: where nobody looks at them.
-
-    tests/docs and tests/contracts draw those of every stage.
-    """
-    from matplotlib.figure import Figure
-
-    def blank(figure: Figure, out: io.BytesIO, **how: Any) -> None:
-        if how["format"] == "svg":
-            out.write(b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 40"/>')
-        else:
-            Image.new("RGB", (40, 40)).save(out, how["format"])
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", blank)
-        patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))
-        yield
 
 
 # A real browser, headless.

@@ -36,6 +36,7 @@ LOWER_EDGE, UPPER_EDGE = "#0072b2", "#d55e00"
 TOOL_AXES = ("#d55e00", "#009e73", "#0072b2")  # x, y, z of a key point
 # viridis up to 0.86: it keeps its order with any colour vision, and in grey.
 ANCHORS = ("#440154", "#482677", "#3f4889", "#32658e", "#27808e", "#1f998a", "#2eb37c", "#5ec962", "#a2da37")
+DIVERGING = ("#063a6b", "#2f7fbf", "#a5cbe6", "#ececec", "#f5b195", "#cc463c", "#6b0a1e")  # below 0 blue, above red
 VERDICTS = {"pass": "#00664b", "fail": "#a8200d", "undecided": "#8a5a00"}
 SIGNS = {"pass": "✓", "fail": "✕", "undecided": "?"}
 
@@ -45,9 +46,9 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def ramp(fraction: Float) -> AnyArray:
-    """(n, 3) uint8 for values (n,) from 0 (dark) to 1 (light)."""
-    known = np.array([rgb(anchor) for anchor in ANCHORS], float)
+def ramp(fraction: Float, anchors: Sequence[str] = ANCHORS) -> AnyArray:
+    """(n, 3) uint8 for values (n,) from 0, the first of the colours (dark), to 1, the last (light)."""
+    known = np.array([rgb(anchor) for anchor in anchors], float)
     at = np.clip(np.nan_to_num(np.asarray(fraction, float)), 0.0, 1.0) * (len(known) - 1)
     return np.stack([np.interp(at, np.arange(len(known)), known[:, k]) for k in range(3)], axis=-1).astype(np.uint8)
 

@@ -1,57 +1,15 @@
-"""Pieces of a report's chapter: HTML with every text escaped, and the style of its pictures in matplotlib."""
+"""Pieces of a report's chapter: HTML with every text escaped; colours of its pictures."""
 
 from __future__ import annotations
 
 import base64
-import io
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)  # told apart with any colour vision (after Okabe and Ito)
-STYLE: Any = {
-    "font.size": 9.0,
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same everywhere
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": GREY,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "hatch.color": PALE,
-    "hatch.linewidth": 0.8,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "workbench",  # element names must not be random
-}
-
-
-def styled() -> Any:
-    """Context in which pictures are made and written."""
-    from matplotlib import rc_context
-    from matplotlib.rcsetup import cycler
-
-    return rc_context({**STYLE, "axes.prop_cycle": cycler(color=SERIES)})
-
-
-def svg(figure: Figure) -> bytes:
-    """The figure as SVG, the same for the same data; dots in it are a picture of 200 dpi."""
-    out = io.BytesIO()
-    figure.savefig(out, format="svg", dpi=200, metadata={"Date": None, "Creator": None})
-    return out.getvalue()
 
 
 def figure_html(picture: bytes, words: str, caption: str = "", colours: Iterable[tuple[str, str]] = ()) -> str:

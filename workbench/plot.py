@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from workbench.marks import (
+    ANCHORS,
     GREY,
     INK,
     PALE,
@@ -46,8 +47,9 @@ MARGIN = 0.05  # of the data's span, free on both sides of it
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 ON_WHITE = Lettering(box=True)
 FAINT = 140  # of 255, opacity of a colour behind cells
-LEFT, RIGHT, ABOVE, BELOW = 45.0, 8.0, 20.0, 34.0  # beside subplots: for ticks and labels, and a line above
-GAPS = (56.0, 14.0)  # between them, and where they share that axis
+LEFT, RIGHT, ABOVE, BELOW = 45.0, 14.0, 20.0, 34.0  # beside subplots: for ticks and labels, and a line above
+GAPS = (56.0, 26.0)  # between them, and where they share that axis
+SCALE = (8.0, 10.0, 40.0)  # of a chart's width, for a scale: gap, colours, their values
 TICKS_EACH_PT = {"x": 62.0, "y": 20.0}  # room that a tick's label needs
 
 Limits: TypeAlias = tuple[float, float]
@@ -411,11 +413,18 @@ class Axes:
         )
         self.set(xlim=(left, right), ylim=(bottom, top))
         self._later.append((1.0, True, lambda: cells(shades, self.box)))
-        point = 1.0 / (self.rect[2] * self.figure.width)
-        scale = self.inset_axes((1.0 + 8.0 * point, 0.0, 10.0 * point, 1.0))
+        self.scale((low, high if high > low else low + 1.0))
+
+    def scale(self, limits: Limits, anchors: Sequence[str] = ANCHORS) -> None:
+        """What the colours between these mean, at the right, where the chart becomes narrower."""
+        left, bottom, width, height = self.rect
+        gap, wide, names = (one / self.figure.width for one in SCALE)
+        self.rect = (left, bottom, width - gap - wide - names, height)
+        scale = Axes(self.figure, (left + width - wide - names, bottom, wide, height))
+        self._insets.append(scale)
         scale.ticks_right = True
-        scale.set(xlim=(0.0, 1.0), ylim=(low, high if high > low else low + 1.0), xticks=((), ()))
-        bar = np.insert(ramp(np.linspace(0.0, 1.0, 64))[:, None], 3, 255, axis=2)
+        scale.set(xlim=(0.0, 1.0), ylim=limits, xticks=((), ()))
+        bar = np.insert(ramp(np.linspace(0.0, 1.0, 64), anchors)[:, None], 3, 255, axis=2)
         scale._later.append((1.0, False, lambda: cells(bar, scale.box)))
 
     def errorbar(

@@ -21,7 +21,6 @@ from bench.peers.genetic import evolve
 from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.marks import FACES, GREY, MEASURED
-from workbench.pieces import styled, svg
 from workbench.plugins.calibration.methods import Centres, _Pairs, translation
 from workbench.units import DEG, Float
 
@@ -147,26 +146,25 @@ COLOURS = (MEASURED, FACES[1], "#009e73")  # of the three orientations
 
 def write_figure(path: Path, box_deg: float = 5.0, seed: int = 3) -> None:
     """Fig. 5: centres by both ways of one set with three postures repeated, and of one with three places each."""
-    with styled():
-        figure = Figure(figsize=(9, 7.6), layout="constrained")
-        grid = figure.subplots(2, 2, subplot_kw={"projection": "3d"})
-        for row, (moved, title) in zip(grid, TITLES.items(), strict=True):
-            sets = measured(np.random.default_rng(seed), moved)
-            found = genetic(sets.centres, sets.design, box_deg, np.random.default_rng(seed))
-            ways = {"analytic": analytic(sets.centres), f"GA, box {box_deg:g} deg": found}
-            for axes, (name, pose) in zip(row, ways.items(), strict=True):
-                centre = sphere_centres(pose, sets.centres)
-                off = centre - centre.mean(axis=0)
-                for which, colour in enumerate(COLOURS):
-                    axes.scatter(*off[sets.orientation == which].T, color=colour, s=18, depthshade=False)
-                reach = 1.1 * max(float(np.abs(off).max()), 0.05)
-                for axis in "xyz":
-                    getattr(axes, f"set_{axis}lim")(-reach, reach)
-                    getattr(axes, f"set_{axis}label")(f"{axis}, mm")
-                spread = ", ".join(f"{v:.2f}" for v in centre.std(axis=0))
-                axes.set_title(f"{title}: {name}\nspread {spread} mm", fontsize=9)
-                axes.tick_params(labelsize=7, colors=GREY)
-        path.write_bytes(svg(figure))
+    figure = Figure(figsize=(9, 7.6), layout="constrained")
+    grid = figure.subplots(2, 2, subplot_kw={"projection": "3d"})
+    for row, (moved, title) in zip(grid, TITLES.items(), strict=True):
+        sets = measured(np.random.default_rng(seed), moved)
+        found = genetic(sets.centres, sets.design, box_deg, np.random.default_rng(seed))
+        ways = {"analytic": analytic(sets.centres), f"GA, box {box_deg:g} deg": found}
+        for axes, (name, pose) in zip(row, ways.items(), strict=True):
+            centre = sphere_centres(pose, sets.centres)
+            off = centre - centre.mean(axis=0)
+            for which, colour in enumerate(COLOURS):
+                axes.scatter(*off[sets.orientation == which].T, color=colour, s=18, depthshade=False)
+            reach = 1.1 * max(float(np.abs(off).max()), 0.05)
+            for axis in "xyz":
+                getattr(axes, f"set_{axis}lim")(-reach, reach)
+                getattr(axes, f"set_{axis}label")(f"{axis}, mm")
+            spread = ", ".join(f"{v:.2f}" for v in centre.std(axis=0))
+            axes.set_title(f"{title}: {name}\nspread {spread} mm", fontsize=9)
+            axes.tick_params(labelsize=7, colors=GREY)
+    figure.savefig(path, metadata={"Date": None})
 
 
 if __name__ == "__main__":

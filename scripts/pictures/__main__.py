@@ -18,10 +18,8 @@ from html import unescape
 from scripts.pictures.kinds import DRAWN
 from scripts.pictures.panels import drawn, titled
 from scripts.stage_pages import DIRECTORY, PICTURES
-from workbench import pieces
 from workbench.artefacts import Chapter, Document
 from workbench.pipeline.catalogue import every_stage
-from workbench.plot import FONT
 
 MOST_BYTES = 60_000  # of a picture
 HEAD_LINES, HEAD_WIDTH = 8, 96  # of a text
@@ -80,8 +78,6 @@ def ran(stage) -> tuple[list[object], list[object]]:
         return made
 
     names = {}
-    as_text = {**pieces.STYLE, "svg.fonttype": "none"}
-    before, pieces.STYLE = pieces.STYLE, as_text  # a third of the bytes, and words that can be searched
     setattr(family, function.__name__, kept)
     try:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -89,7 +85,6 @@ def ran(stage) -> tuple[list[object], list[object]]:
                 exec(compile(one.source, stage.name, "single"), names)
     finally:
         setattr(family, function.__name__, plain)
-        pieces.STYLE = before
     if not calls:
         raise SystemExit(f"{stage.name}: its example does not call it as {family.__name__}.{function.__name__}")
     return calls[-1]
@@ -105,7 +100,6 @@ def chart(chapter: Chapter) -> bytes | None:
     """The first of the chapter's charts that is small enough, on white, with its words as title."""
     for data, words in CHART.findall(chapter.html):
         svg = TAG.sub(lambda tag: DIGITS.sub(r"\1", tag[0]), base64.b64decode(data).decode())
-        svg = svg.replace("'DejaVu Sans'", FONT)
         made = titled(svg, unescape(words))
         if len(made) < MOST_BYTES:
             return made

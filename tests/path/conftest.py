@@ -120,8 +120,3 @@ def raw() -> Callable[..., Raw]:
         return Raw(truth, cloud, *true_edge(truth, cloud))
 
     return lambda **changes: make(json.dumps(changes))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def charts(undrawn: None) -> None:
-    """Nobody here looks at them."""

@@ -34,8 +34,3 @@ def moves(irb6700: Cell) -> Moves:
     assert made.postures is not None
     path = replace(made.toolpath, part=Part(part_id="plate 7"))
     return replace(made, toolpath=path, postures=replace(made.postures, toolpath=path))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def charts(undrawn: None) -> None:
-    """Nobody here looks at them."""

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import PurePath
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
-from matplotlib.colors import TwoSlopeNorm
-from matplotlib.figure import Figure
 
 from workbench import pieces
 from workbench.artefacts import Chapter
 from workbench.compare.statistics import Summary
 from workbench.compare.surface import Deviations, Registration, Surface
-from workbench.pieces import BLUE, GREY, ORANGE, PALE, styled, svg
+from workbench.marks import DIVERGING, Colour, ramp
+from workbench.pieces import BLUE, GREY, ORANGE, PALE
+from workbench.plot import Axes, Figure, nice_ticks
 from workbench.units import Bool
 
 MOST_REGIONS = 10
@@ -44,6 +41,7 @@ def deviation_chapter(
             course_picture(found, summary),
             "Deviations along the part, and their histogram",
             "Level of detection: 1.96 standard uncertainties of a single place.",
+            ((BAND, "5 % to 95 % of the places"), (BLUE, "median"), (ORANGE, "level of detection of a place, 95 %")),
         ),
         *_regions(summary),
         pieces.heading("Sections"),
@@ -182,48 +180,49 @@ def _number(value: float) -> str:
 
 # Pictures of deviations: maps as seen from outside, along the part, histogram.
 
-COLOURS = "RdBu_r"  # red: outside the reference, too much material; blue: inside
+NOT_COMPARED, BAND = "#f0e0c0", "#cce3f0"
+LEVELS = 10  # of colour, of either sign
 
 
 def map_picture(found: Deviations, summary: Summary) -> bytes:
     """Distances over arc length and across the part; below, what of them is significant."""
     seen = np.isfinite(found.distance_mm)
     reach = max(float(np.percentile(np.abs(found.distance_mm[seen]), 99)), 1e-4)
-    size = float(np.clip(5e4 / seen.sum(), 1.5, 22.0))
-    colours = {"cmap": COLOURS, "norm": TwoSlopeNorm(0.0, -reach, reach)}
+    size = 2.0 * math.sqrt(float(np.clip(5e4 / seen.sum(), 1.5, 22.0)))
+    figure = Figure(figsize=(10, 5.2))
+    above, below = figure.subplots(2, 1, sharex=True, sharey=True)
 
-    def dots(axes: Axes, mask: Bool, colour: str | None = None) -> PathCollection:
-        at = found.arc_length_mm[mask], found.across_mm[mask]
-        how: dict[str, Any] = {"c": found.distance_mm[mask], **colours} if colour is None else {"c": colour}
-        return axes.scatter(*at, s=size, linewidths=0.0, rasterized=True, **how)
+    def dots(axes: Axes, mask: Bool, ink: Colour) -> None:
+        axes.points(found.arc_length_mm[mask], found.across_mm[mask], ".", color=ink, markersize=size)
 
-    with styled():
-        figure = Figure(figsize=(10, 5.2), layout="constrained")
-        above, below = figure.subplots(2, 1, sharex=True, sharey=True)
-        scale = dots(above, seen)
-        for mask, colour in ((~seen, "#f0e0c0"), (seen & ~summary.changed, PALE), (summary.changed, None)):
-            dots(below, mask, colour)
-        for axes in (above, below):
-            figure.colorbar(scale, ax=axes, label="distance, mm", pad=0.01)
-            axes.set(ylabel="across, mm")
-        above.set(title="Signed distance along the normal (red: outside the reference, blue: inside)")
-        below.set(title=f"Significant {summary.what}s alone", xlabel="arc length, mm")
-        return svg(figure)
+    dots(below, ~seen, NOT_COMPARED)
+    dots(below, seen & ~summary.changed, PALE)
+    level = np.rint(LEVELS * np.clip(found.distance_mm / reach, -1.0, 1.0))
+    for one in sorted(range(-LEVELS, LEVELS + 1), key=abs):  # the largest above the others
+        ink = ramp(np.array(0.5 + 0.5 * one / LEVELS), DIVERGING) / 255.0
+        dots(above, level == one, ink)
+        dots(below, (level == one) & summary.changed, ink)
+    for axes in (above, below):
+        axes.scale((-reach, reach), DIVERGING)
+        axes.set(ylabel="across, mm")
+    above.set(title="Signed distance along the normal, mm (red: outside the reference, blue: inside)")
+    below.set(title=f"Significant {summary.what}s alone", xlabel="arc length, mm")
+    return figure.svg()
 
 
 def course_picture(found: Deviations, summary: Summary) -> bytes:
     """Left: median, middle 90 % and level of detection along the part; right: the histogram."""
-    with styled():
-        figure = Figure(figsize=(10, 3.0), layout="constrained")
-        along, histogram = figure.subplots(1, 2, width_ratios=(2.2, 1))
-        _along(along, found)
-        width = np.diff(summary.edges_mm)
-        histogram.bar(summary.edges_mm[:-1], summary.counts, width, align="edge", color=BLUE, linewidth=0)
-        histogram.axvline(0.0, color=GREY, linewidth=0.8)
-        for sign in (-1, 1):
-            histogram.axvline(sign * summary.detectable_mm, color=ORANGE, linewidth=0.9, linestyle="--")
-        histogram.set(title="Histogram; dashed: level of detection", xlabel="mm", ylabel="places")
-        return svg(figure)
+    figure = Figure(figsize=(10, 3.0))
+    _along(figure.add_axes((0.07, 0.16, 0.58, 0.74)), found)
+    histogram = figure.add_axes((0.73, 0.16, 0.245, 0.74))
+    histogram.fill(np.repeat(summary.edges_mm, 2), [0, *np.repeat(summary.counts, 2), 0], facecolor=BLUE)
+    histogram.axvline(0.0, color=GREY, linewidth=0.8)
+    for place in (-summary.detectable_mm, summary.detectable_mm):
+        histogram.plot([place] * 2, [0, max(summary.counts)], color=ORANGE, linewidth=0.9, dashes=(4.0, 2.0))
+    histogram.integer = "y"
+    histogram.set(xticks=nice_ticks(histogram.get_xlim(), 4))
+    histogram.set(ylim=(0.0, None), title="Histogram; dashed: level of detection", xlabel="mm", ylabel="places")
+    return figure.svg()
 
 
 def _along(axes: Axes, found: Deviations) -> None:
@@ -242,9 +241,8 @@ def _along(axes: Axes, found: Deviations) -> None:
     ]
     s, low, middle, high, detectable = np.array(rows).T
     axes.axhline(0.0, color=GREY, linewidth=0.8)
-    axes.fill_between(s, low, high, color=BLUE, alpha=0.2, linewidth=0, label="5 % to 95 % of the places")
-    axes.plot(s, middle, color=BLUE, linewidth=1.3, label="median")
-    axes.plot(s, detectable, color=ORANGE, linewidth=0.9, linestyle="--", label="level of detection of a place, 95 %")
-    axes.plot(s, -detectable, color=ORANGE, linewidth=0.9, linestyle="--")
-    axes.set(xlabel="arc length, mm", ylabel="distance, mm")
-    axes.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    axes.fill_between(s, low, high, color=BAND)
+    axes.plot(s, middle, color=BLUE, linewidth=1.3)
+    for limit in (-detectable, detectable):
+        axes.plot(s, limit, color=ORANGE, linewidth=0.9, dashes=(4.0, 2.0))
+    axes.set(title="Along the part", xlabel="arc length, mm", ylabel="distance, mm")

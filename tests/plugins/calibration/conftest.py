@@ -203,8 +203,3 @@ def scans_over(rng: np.random.Generator, count: int = 6, turn_deg: float = 25.0,
         middle = centre[i] * [1.0, 0.0, 1.0]
         out.append(Scan(turns[i], middle - way, middle + way, weave_deg=weave_deg))
     return out
-
-
-@pytest.fixture(scope="module", autouse=True)
-def charts(undrawn: None) -> None:
-    """Nobody here looks at them."""

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -94,5 +94,8 @@ def identified(cell: Cell, tmp_path: Path) -> Callable[..., tuple[JointStiffness
 
 
 @pytest.fixture(scope="module", autouse=True)
-def charts(undrawn: None) -> None:
-    """Nobody here looks at them."""
+def small_robots() -> Iterator[None]:
+    """Robots are drawn small, half of what a stage takes: nobody here looks at them, tests/docs does."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))
+        yield

@@ -223,7 +223,6 @@ def _picture(page: _Page) -> bytes:
     expanded = 2.0 * found.u_log / np.log(10.0)
     figure = plot.Figure((10.0, 5.2))
     along, lobes = figure.subplots(2, 1)
-    figure.subplots_adjust(0.07, 0.09, 0.98, 0.95, hspace=0.45)
     along.fill_between(found.at, up - expanded, up + expanded, color=pieces.PALE)
     along.plot(found.at, up, linewidth=1.4, label="up, as the path runs, ± U")
     along.plot(found.at, down, linewidth=1.1, color=pieces.ORANGE, label="down")

@@ -169,8 +169,7 @@ def _picture(maps: StiffnessMaps, fields: tuple[tuple[str, Float], ...]) -> byte
     at = [values / DEG for values in maps.at]
     marked = maps.marked[:, [axis - 1 for axis in maps.axes]] / DEG
     figure = plot.Figure((10.0, 3.4))
-    every = figure.subplots(1, len(fields))
-    figure.subplots_adjust(0.06, 0.15, 0.92, 0.91, wspace=0.6)
+    every = figure.subplots(1, len(fields), sharey=True)
     for axes, (title, values) in zip(every, fields, strict=True):
         shown = np.where(np.isfinite(values), values, np.nan)
         shown = np.minimum(shown, np.nanpercentile(shown, 98))

@@ -302,7 +302,6 @@ def map_picture(found: Found) -> bytes:
     x, y = over.rotations / DEG, over.tables / DEG
     figure = plot.Figure((10.0, 4.6))
     every = figure.subplots(1, len(fields))
-    figure.subplots_adjust(0.07, 0.12, 0.91, 0.92, wspace=0.45)
     for axes, (label, values) in zip(every, fields, strict=True):
         axes.set(title=label)
         if len(y) == 1:
@@ -349,7 +348,6 @@ def along_picture(cell: Cell, found: Found) -> bytes:
     kept = [row for row in kept if np.isfinite(row[1]).any()]
     figure, order = plot.Figure((10.0, 3.0 + 1.3 * len(kept))), np.arange(len(loaded))
     top, *others = figure.subplots(1 + len(kept), 1, sharex=True, height_ratios=(2, *[1] * len(kept)))
-    figure.subplots_adjust(0.07, 0.09, 0.98, 0.93, hspace=0.25)
     drawn = [(name, case.cost) for name, case in found.cases.items() if case is not None and name != "best"]
     for (name, cost), colour in zip([*drawn, ("as chosen", found.cost)], pieces.SERIES, strict=False):
         top.plot(order, cost, color=pieces.INK if name == "as chosen" else colour, linewidth=1.2, label=name)

@@ -323,7 +323,6 @@ def trend_chart(found: Sequence[Characteristic]) -> bytes:
     """SVG: the mean over each part's sections, the lowest and the highest, and the straight line through the means."""
     figure = Figure(figsize=(WIDE_IN, 2.4 * len(found)))
     rows = figure.subplots(len(found), 1, sharex=True)
-    figure.subplots_adjust(0.07, 0.1, 0.99, 0.98, hspace=0.08)
     for axes, what in zip(rows, found, strict=True):
         known = np.flatnonzero(np.isfinite(what.value).any(axis=1))
         inside = what.value[known]

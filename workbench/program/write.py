@@ -277,10 +277,8 @@ def margins_chart(judgement: Judgement, cell: Cell) -> bytes | None:
         ("condition\nnumber", worst("condition", -1.0), margins.condition),
     )
     shown = [row for row in rows if np.isfinite(row[1]).any()]
-    height = 0.5 + 1.3 * len(shown)
-    figure = Figure(figsize=(10, height))
+    figure = Figure(figsize=(10, 0.5 + 1.5 * len(shown)))
     charts = figure.subplots(len(shown), 1, sharex=True)
-    figure.subplots_adjust(0.1, 0.5 / height, 1.0 - 0.01, 1.0 - 0.1 / height, hspace=0.1)
     for axes, (name, values, limit) in zip(charts, shown, strict=True):
         top = 1.08 * max(float(np.nanmax(values)), limit)
         axes.set(xlim=(0.0, float(arc[-1])), ylim=(0.0, top), ylabel=name)

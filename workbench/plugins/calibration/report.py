@@ -16,7 +16,6 @@ from workbench.plugins.calibration.verdicts import directions_html, pose_facts
 MOST_ROWS = 40  # of the table of postures
 MOST_PROFILES = 12
 AROUND = 1.8  # of a profile's picture: half its width, in sphere radii
-EDGES = (0.07, 0.14, 0.98, 0.9)  # of the charts on their sheets: left, bottom, right, top
 MOST_TICKS = 5  # of a chart
 LARGE = 3.0  # standard deviations: a posture beyond is marked
 
@@ -223,7 +222,6 @@ def profiles_picture(calibration: Calibration, profiles: SphereProfiles, recordi
     columns = min(4, len(worst))
     figure = plot.Figure((10.0, 2.6 * -(-len(worst) // columns)))
     grid = figure.subplots(-(-len(worst) // columns), columns)
-    figure.subplots_adjust(*EDGES, wspace=0.2, hspace=0.3)
     for axes, posture in zip_longest(grid, sorted(worst.tolist())):
         axes.visible = posture is not None
         if axes.visible:
@@ -259,7 +257,6 @@ def centres_picture(calibration: Calibration) -> bytes:
     used = calibration.used
     figure = plot.Figure((10.0, 3.1 * len(sets)))
     grid = figure.subplots(len(sets), 3, squeeze=False)
-    figure.subplots_adjust(*EDGES, wspace=0.25, hspace=0.35)
     for row, (name, centre, colour) in zip(grid, sets, strict=True):
         mean = centre[used].mean(axis=0)
         off = centre - mean
@@ -282,7 +279,7 @@ def residuals_picture(calibration: Calibration) -> bytes:
     """How far each posture lies from the fit of the others, in standard deviations."""
     count, highest = len(calibration.distance), min(12.5, max(4.0, 1.1 * float(calibration.distance.max())))
     figure = plot.Figure((10.0, 2.6))
-    axes = figure.add_axes((0.07, 0.22, 0.91, 0.7))
+    (axes,) = figure.subplots()
     for number, (off, used) in enumerate(zip(calibration.distance, calibration.used, strict=True), 1):
         colour = pieces.PURPLE if not used else pieces.ORANGE if off > LARGE else pieces.BLUE
         x = number + 0.35 * np.array([-1.0, -1.0, 1.0, 1.0])

@@ -90,9 +90,9 @@ def _clocked(part: Part, offset_s: Float) -> Part:
     return part._replace(recording=with_values(frames(dense, keep), time_s=time[keep], intensity=None))
 
 
-def late(seed: int, is_raw: bool, rng: Rng, cell: type[Usual] = Swaying) -> Part:
+def late(seed: int, is_raw: bool, rng: Rng) -> Part:
     """Poses come late by a constant time, while the scanner sways."""
-    part = simulate(seed, is_raw, cell=cell())
+    part = simulate(seed, is_raw, cell=Swaying())
     return _clocked(part, np.full(len(part.recording.time_s), rng.choice([-1.0, 1.0]) * rng.uniform(0.01, 0.12)))
 
 

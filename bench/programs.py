@@ -22,6 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bench.program_outsider import Outsider, Target
+from workbench.artefacts import Judgement
 from workbench.program.rapid import MODES, MODULE, Module
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.cell import ON_BASE, ON_CRADLE, ON_TURNTABLE, Shape, Turntable
@@ -198,6 +199,18 @@ def _foot(cell: Cell) -> Shape:
     return next(one for one in cell.shapes if one.link == ON_TURNTABLE and one.size_mm == (200, 400))
 
 
+def judged(found: Judgement) -> Counter[str]:
+    """What is counted of the judge's verdict on a program."""
+    kinds = {violation.kind for violation in found.violations}
+    return Counter(["programs", "passed" if found.passed else "refused", *(f"  refused for: {kind}" for kind in kinds)])
+
+
+def printed(tally: Counter[str], begin: float) -> None:
+    """The table of a study that began at that time."""
+    for name, count in [*sorted(tally.items()), ("seconds", round(time.perf_counter() - begin))]:
+        print(f"{name:75s} {count}")
+
+
 def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Counter[str]:
     """Judge `count` random programs; the outsider drives those that passed, and the first `all_driven` all."""
     cell = dataclasses.replace(read_cell(CELL), process=None)  # random programs begin anywhere
@@ -215,10 +228,7 @@ def study(count: int, seed: int, all_driven: int, kind: str = "turntable") -> Co
             start = time.process_time()
             found = judge(here, Module().program({"random.mod": rapid_text(here, first, table, targets)}))
             judging += time.process_time() - start
-            tally["programs"] += 1
-            tally["passed" if found.passed else "refused"] += 1
-            for kind in {violation.kind for violation in found.violations}:
-                tally[f"  refused for: {kind}"] += 1
+            tally.update(judged(found))
             if found.passed or number < all_driven:
                 some.append((number, found, here, first, table, targets))
         driven = outsider.drive([row[3:] for row in some])
@@ -257,10 +267,7 @@ def main() -> None:
     options = parser.parse_args()
     kind = "track" if options.track else "positioner" if options.positioner else "turntable"
     begin = time.perf_counter()
-    made = study(options.count, options.seed, options.all_driven, kind)
-    for name, count in sorted(made.items()):
-        print(f"{name:70s} {count}")
-    print(f"{'seconds':70s} {time.perf_counter() - begin:.0f}")
+    printed(study(options.count, options.seed, options.all_driven, kind), begin)
 
 
 if __name__ == "__main__":

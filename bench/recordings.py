@@ -17,6 +17,11 @@ def with_values(r: Recording, **changes: Any) -> Recording:
     return dataclasses.replace(r, **changes)
 
 
+def with_grid(r: Recording, x_mm: Float, z_mm: Float) -> Recording:
+    """Another grid of as many frames."""
+    return with_values(r, x_mm=np.ascontiguousarray(x_mm, np.float32), z_mm=np.ascontiguousarray(z_mm, np.float32))
+
+
 def frames(r: Recording, at: Any) -> Recording:
     """Some frames, in their order, and the poses of their passes."""
     light = None if r.intensity is None else r.intensity[at]

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bench.program_outsider import Outsider, Target
-from bench.programs import CELL, random_program, with_boxes
+from bench.programs import CELL, judged, printed, random_program, with_boxes
 from workbench.program.trajectory import COLUMNS, Table
 from workbench.robot import Cell, forward_kinematics, read_cell
 from workbench.robot.judge import MOST_TOLD, judge
@@ -82,11 +82,8 @@ def study(count: int, seed: int) -> Counter[str]:
         cell = with_boxes(cell, rng, [Target("J", pose, None, None, 0.0, 0.0) for pose in ends], ends[0])
         name = f"{seed}-{number}"
         found = judge(cell, Table().program(files(times, angles, cell.flange_from_cutter, name)))
-        tally["programs"] += 1
-        tally["passed" if found.passed else "refused"] += 1
+        tally.update(judged(found))
         kinds = {violation.kind for violation in found.violations}
-        for kind in kinds:
-            tally[f"  refused for: {kind}"] += 1
         fast, share = outsider.too_fast(cell, times, angles)
         joints, tables = outsider.sampled(times, angles)
         tally["too fast for the outsider"] += bool(fast)
@@ -120,9 +117,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     begin = time.perf_counter()
-    for name, count in sorted(study(options.count, options.seed).items()):
-        print(f"{name:75s} {count}")
-    print(f"{'seconds':75s} {time.perf_counter() - begin:.0f}")
+    printed(study(options.count, options.seed), begin)
 
 
 if __name__ == "__main__":

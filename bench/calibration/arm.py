@@ -73,10 +73,10 @@ def _moved(rng: np.random.Generator, poses: Float) -> Float:
     return pose_from(poses[:, :3, :3] @ turn, poses[:, :3, 3] + rng.normal(size=(len(poses), 3)) * POSE_MM)
 
 
-def tracked(rng: np.random.Generator, arm: Arm, postures: int = 32) -> tuple[Float, Float, Float]:
+def tracked(rng: np.random.Generator, arm: Arm) -> tuple[Float, Float, Float]:
     """Joints (n, 6) rad, and places (n, 3, 3) of the three targets in the tracker's frame, and that frame (4, 4)."""
     reach = np.array([90, 40, 40, 120, 100, 150]) * DEG
-    joints = rng.uniform(-1, 1, (postures, 6)) * reach + np.array([0, 10, 0, 0, 0, 0]) * DEG
+    joints = rng.uniform(-1, 1, (32, 6)) * reach + np.array([0, 10, 0, 0, 0, 0]) * DEG
     frame = pose_from(Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(), rng.normal(size=3) * 2000)
     places = _places(frame, TARGETS_MM, _moved(rng, flange(arm, arm.x, joints)))
     return joints, places + rng.normal(size=places.shape) * TRACKER_MM, frame
@@ -87,9 +87,9 @@ def _places(frame: Float, targets: Float, poses: Float) -> Float:
     return np.asarray(in_base @ frame[:3, :3].T + frame[:3, 3])
 
 
-def sphere(rng: np.random.Generator, arm: Arm, postures: int = 36) -> tuple[Float, Float, Float, Float]:
+def sphere(rng: np.random.Generator, arm: Arm) -> tuple[Float, Float, Float, Float]:
     """Joints (n, 6), recorded poses (n, 4, 4), sphere centres (n, 3) in the profiler frame, and in the base (3,)."""
-    many = 4 * postures
+    postures, many = 36, 144
     turns = (Rotation.from_rotvec(rng.uniform(-1, 1, (many, 3)) * 35 * DEG) * NOMINAL).as_matrix()
     aside = rng.uniform(1.5, 3.5, many) * rng.choice([-1.0, 1.0], many)
     centre = np.column_stack([rng.uniform(-10, 10, many), aside, rng.uniform(-15, 15, many)])

@@ -18,6 +18,7 @@ ACROSS = np.array([np.cross(ALONG, v) for v in ([1.0, 0.0, 0.6], [-1.0, 0.1, 0.8
 NORMALS = ACROSS / np.linalg.norm(ACROSS, axis=1)[:, None]
 COLUMNS, PITCH_MM, NOISE_MM = 400, 0.1, 0.015
 POSE_MM, POSE_DEG = 0.07, 0.01
+SCAN_S = 20.0
 
 
 def postures(rng: np.random.Generator, k: int, turn_deg: float = 25.0) -> Float:
@@ -69,25 +70,25 @@ def recorded(rng: np.random.Generator, poses: Float, grids: list[tuple[Float, Fl
     return Recording(**(given | fields))
 
 
-def still(rng: np.random.Generator, k: int, faces: int = 2, turn_deg: float = 25.0, **fields: Any) -> Recording:
+def still(rng: np.random.Generator, k: int, faces: int = 2, **fields: Any) -> Recording:
     """k postures that see an edge (two faces), or one plane."""
-    poses = postures(rng, k, turn_deg)
+    poses = postures(rng, k)
     return recorded(rng, poses, [profile(rng, pose, faces) for pose in poses], **fields)
 
 
-def tracked(rng: np.random.Generator, offset_s: float, seconds: float = 20.0, turn_deg: float = 20.0) -> Recording:
+def tracked(rng: np.random.Generator, offset_s: float) -> Recording:
     """A weaving scan along two lines by a seam tracker, whose clock is ahead by `offset_s`."""
     knots = postures(rng, 2, 0.0)[:1]
 
     def at(time: Float) -> Float:
-        swing = turn_deg * DEG * np.sin(2 * np.pi * time[:, None] * [0.13, 0.17, 0.11])
+        swing = 20.0 * DEG * np.sin(2 * np.pi * time[:, None] * [0.13, 0.17, 0.11])
         turns = (Rotation.from_rotvec(swing) * Rotation.from_matrix(knots[:, :3, :3])).as_matrix()
         height = 95.0 + 12.0 * np.sin(2 * np.pi * 0.07 * time)
         seen = np.column_stack([8.0 * np.sin(2 * np.pi * 0.21 * time), 0.0 * time, height])
         target = CORNER + (40.0 * np.sin(2 * np.pi * 0.1 * time))[:, None] * ALONG
         return pose_from(turns, target - np.einsum("kij,kj->ki", turns, seen @ TRUE[:3, :3].T + TRUE[:3, 3]))
 
-    frames, poses = np.arange(0.3, seconds, 0.05), np.arange(0.0, seconds + 0.3, 0.02)
+    frames, poses = np.arange(0.3, SCAN_S, 0.05), np.arange(0.0, SCAN_S + 0.3, 0.02)
     grids = [corner_points(rng, pose) for pose in at(frames)]
     return recorded(
         rng,

@@ -144,8 +144,9 @@ def table1(trials: int) -> Iterator[str]:
 COLOURS = (MEASURED, FACES[1], "#009e73")  # of the three orientations
 
 
-def write_figure(path: Path, box_deg: float = 5.0, seed: int = 3) -> None:
+def write_figure(path: Path) -> None:
     """Fig. 5: centres by both ways of one set with three postures repeated, and of one with three places each."""
+    box_deg, seed = 5.0, 3
     figure = Figure(figsize=(9, 7.6), layout="constrained")
     grid = figure.subplots(2, 2, subplot_kw={"projection": "3d"})
     for row, (moved, title) in zip(grid, TITLES.items(), strict=True):

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from bench.recordings import columns, dense_stream, frames, with_values
+from bench.recordings import columns, dense_stream, frames, with_grid, with_values
 from workbench.artefacts import Recording
 from workbench.geometry.poses import inverse, pose_from
 from workbench.scan.checks import normalised
@@ -81,15 +81,11 @@ def _kinds(spoil: Callable[Concatenate[Recording, Rng, P], Recording]) -> Callab
 
 def _ranges(change: Callable[Concatenate[Recording, Rng, P], Float]) -> Callable[P, Spoil]:
     """The same where the ranges alone are others."""
-    return _kinds(lambda r, rng, *given, **named: _gridded(r, r.x_mm, change(r, rng, *given, **named)))
-
-
-def _gridded(r: Recording, x: Float, z: Float) -> Recording:
-    return with_values(r, x_mm=np.ascontiguousarray(x, np.float32), z_mm=np.ascontiguousarray(z, np.float32))
+    return _kinds(lambda r, rng, *given, **named: with_grid(r, r.x_mm, change(r, rng, *given, **named)))
 
 
 def _grid(change: Callable[[Recording], tuple[Float, Float]]) -> Spoil:
-    return lambda r, _: _gridded(r, *change(r))
+    return lambda r, _: with_grid(r, *change(r))
 
 
 def _quaternion(change: Callable[[Float], Float]) -> Spoil:
@@ -318,7 +314,7 @@ def _second_pass_off(r: Recording, rng: Rng, millimetres: float) -> Recording:
 @_kinds
 def _mirrored(r: Recording, _: Rng, x: bool, z: bool) -> Recording:
     """Signs of the profiler's axes: z less the mirrored stand-off, so that ranges stay what they were."""
-    return _gridded(r, -r.x_mm if x else r.x_mm, 2 * np.nanmedian(r.z_mm) - r.z_mm if z else r.z_mm)
+    return with_grid(r, -r.x_mm if x else r.x_mm, 2 * np.nanmedian(r.z_mm) - r.z_mm if z else r.z_mm)
 
 
 def _rounded(step_x: float, step_z: float) -> Spoil:
@@ -385,8 +381,16 @@ def _same(r: Recording, _: Rng) -> Recording:
     return r
 
 
-def _axes(order: list[int], signs: tuple[int, int, int]) -> Spoil:
-    return _position(lambda p: p[:, order] * signs)
+def _ordered(axes: str) -> Callable[[Float], Float]:
+    return lambda p: p[:, ["xyz".index(axis) for axis in axes]]
+
+
+def _negated(k: int) -> Callable[[Float], Float]:
+    return lambda values: np.where(np.arange(values.shape[1]) == k, -values, values)
+
+
+def _divided(by: float) -> Callable[[Float], Float]:
+    return lambda values: values / by
 
 
 def _identity(q: Float) -> Float:
@@ -408,15 +412,15 @@ KINDS: dict[str, Kind] = {
     "quaternions x y z w, conjugated": Kind(
         _quaternion(lambda q: (q * (1, -1, -1, -1))[:, [1, 2, 3, 0]]), ORIENTATION, "flange"
     ),
-    "quaternion x negated": Kind(_quaternion(lambda q: q * (1, -1, 1, 1)), ORIENTATION, "flange"),
-    "quaternion y negated": Kind(_quaternion(lambda q: q * (1, 1, -1, 1)), ORIENTATION, "flange"),
-    "quaternion z negated": Kind(_quaternion(lambda q: q * (1, 1, 1, -1)), ORIENTATION, "flange"),
+    **{
+        f"quaternion {c} negated": Kind(_quaternion(_negated(k)), ORIENTATION, "flange") for k, c in enumerate("xyz", 1)
+    },
     "identity orientation": Kind(_quaternion(_identity), ORIENTATION, "flange"),
     "first orientation held": Kind(_quaternion(lambda q: np.repeat(q[:1], len(q), axis=0)), ORIENTATION, "flange"),
-    "Euler ZYX read as XYZ": Kind(_euler("ZYX", "XYZ"), ORIENTATION, "flange"),
-    "Euler XYZ read as ZYX": Kind(_euler("XYZ", "ZYX"), ORIENTATION, "flange"),
-    "Euler ZYZ read as ZYX": Kind(_euler("ZYZ", "ZYX"), ORIENTATION, "flange"),
-    "Euler ZYX read as zyx": Kind(_euler("ZYX", "zyx"), ORIENTATION, "flange"),
+    **{
+        f"Euler {written} read as {read}": Kind(_euler(written, read), ORIENTATION, "flange")
+        for written, read in (("ZYX", "XYZ"), ("XYZ", "ZYX"), ("ZYZ", "ZYX"), ("ZYX", "zyx"))
+    },
     "hand-eye inverted": Kind(_hand_eye(inverse), HAND_EYE, "flange"),
     "hand-eye transposed": Kind(_hand_eye(lambda p: pose_from(p[:3, :3].T, p[:3, 3])), HAND_EYE, "flange"),
     "hand-eye missing": Kind(_hand_eye(lambda p: np.eye(4)), HAND_EYE, "flange"),
@@ -426,29 +430,25 @@ KINDS: dict[str, Kind] = {
     "hand-eye translation 30 mm off": Kind(
         _hand_eye(lambda p: pose_from(p[:3, :3], p[:3, 3] + (30, 0, 0))), HAND_EYE, "flange"
     ),
-    "hand-eye turned by 2 deg": Kind(_turned_hand_eye(2), HAND_EYE, "flange"),
-    "hand-eye turned by 10 deg": Kind(_turned_hand_eye(10), HAND_EYE, "flange"),
-    "hand-eye turned by 30 deg": Kind(_turned_hand_eye(30), HAND_EYE, "flange"),
-    "hand-eye turned by 90 deg": Kind(_turned_hand_eye(90), HAND_EYE, "flange"),
-    "positions in m": Kind(_position(lambda p: p / 1e3), UNIT),
-    "positions in cm": Kind(_position(lambda p: p / 10), UNIT),
-    "positions in inches": Kind(_position(lambda p: p / 25.4), UNIT),
+    **{f"hand-eye turned by {n} deg": Kind(_turned_hand_eye(n), HAND_EYE, "flange") for n in (2, 10, 30, 90)},
+    **{
+        f"positions in {unit}": Kind(_position(_divided(mm)), UNIT)
+        for unit, mm in (("m", 1e3), ("cm", 10), ("inches", 25.4))
+    },
     "positions in micrometres": Kind(_position(lambda p: p * 1e3), UNIT),
     "travel doubled": Kind(_position(lambda p: p[:1] + 2 * (p - p[:1])), (*UNIT, "passes"), "travel"),
     "travel halved": Kind(_position(lambda p: p[:1] + (p - p[:1]) / 2), (*UNIT, "passes"), "travel"),
-    "axes y x z": Kind(_axes([1, 0, 2], (1, 1, 1)), AXES, "flange"),
-    "axes z y x": Kind(_axes([2, 1, 0], (1, 1, 1)), AXES, "flange"),
-    "axes x z y": Kind(_axes([0, 2, 1], (1, 1, 1)), AXES, "flange"),
-    "axes y z x": Kind(_axes([1, 2, 0], (1, 1, 1)), AXES, "flange"),
-    "x mirrored": Kind(_axes([0, 1, 2], (-1, 1, 1)), AXES, "flange"),
-    "y mirrored": Kind(_axes([0, 1, 2], (1, -1, 1)), AXES, "flange"),
-    "z mirrored": Kind(_axes([0, 1, 2], (1, 1, -1)), AXES, "flange"),
+    **{
+        f"axes {' '.join(order)}": Kind(_position(_ordered(order)), AXES, "flange")
+        for order in ("yxz", "zyx", "xzy", "yzx")
+    },
+    **{f"{c} mirrored": Kind(_position(_negated(k)), AXES, "flange") for k, c in enumerate("xyz")},
     "poses frozen": Kind(_position(lambda p: np.repeat(p[:1], len(p), axis=0)), ("frozen",)),
-    "pose stream hangs for 60 %": Kind(_frozen_stream(0.6), ("frozen",)),
-    "pose stream hangs for 20 %": Kind(_frozen_stream(0.2), ("frozen",)),
-    "profiles in m": Kind(_grid(lambda r: (r.x_mm / 1e3, r.z_mm / 1e3)), UNIT),
-    "profiles in inches": Kind(_grid(lambda r: (r.x_mm / 25.4, r.z_mm / 25.4)), UNIT),
-    "profiles in cm": Kind(_grid(lambda r: (r.x_mm / 10, r.z_mm / 10)), UNIT),
+    **{f"pose stream hangs for {n} %": Kind(_frozen_stream(n / 100), ("frozen",)) for n in (60, 20)},
+    **{
+        f"profiles in {unit}": Kind(_grid(lambda r, mm=mm: (r.x_mm / mm, r.z_mm / mm)), UNIT)
+        for unit, mm in (("m", 1e3), ("inches", 25.4), ("cm", 10))
+    },
     "x and z swapped": Kind(_grid(lambda r: (r.z_mm, r.x_mm)), ("axes", "edge"), "flange"),
     "x scale 1.01": Kind(_grid(lambda r: (r.x_mm * 1.01, r.z_mm)), ("scale",), "sensor"),
     "x scale 1.02": Kind(_grid(lambda r: (r.x_mm * 1.02, r.z_mm)), ("scale",), "sensor"),
@@ -464,28 +464,20 @@ KINDS: dict[str, Kind] = {
     "frames reversed": Kind(_frames(lambda n: np.arange(n)[::-1]), ("reverse order", *AXES), "travel"),
     "one pass nine times": Kind(_passes(9, 0.0), ("copies",)),
     "one pass nine times, dithered": Kind(_passes(9, 1e-4), ("copies",)),
-    "mean over 3 columns": Kind(_smoothed(uniform_filter1d, 3), ("averaged", "filter")),
-    "mean over 5 columns": Kind(_smoothed(uniform_filter1d, 5), ("averaged", "filter")),
-    "mean over 9 columns": Kind(_smoothed(uniform_filter1d, 9), ("averaged", "filter")),
-    "median over 5 columns": Kind(_median(5), ("filter",)),
-    "median over 11 columns": Kind(_median(11), ("filter",)),
-    "median of returns over 3 columns": Kind(_median_of_returns(3), FILTERED),
-    "median of returns over 7 columns": Kind(_median_of_returns(7), FILTERED),
+    **{f"mean over {n} columns": Kind(_smoothed(uniform_filter1d, n), ("averaged", "filter")) for n in (3, 5, 9)},
+    **{f"median over {n} columns": Kind(_median(n), ("filter",)) for n in (5, 11)},
+    **{f"median of returns over {n} columns": Kind(_median_of_returns(n), FILTERED) for n in (3, 7)},
     "last range held over 2 columns": Kind(_continued(2, held=True), FILTERED),
     "last slope continued over 5 columns": Kind(_continued(5, held=False), FILTERED),
-    "4 blind columns at the end": Kind(_blind(4), BLIND),
-    "8 blind columns at the end": Kind(_blind(8), BLIND),
+    **{f"{n} blind columns at the end": Kind(_blind(n), BLIND) for n in (4, 8)},
     "12 bands of 8 blind columns": Kind(_blind(8, bands=12), BLIND),
     "3 columns lost at every end": Kind(_trimmed(3), ("end", "edge"), "end"),
-    "z rounded to 0.1 mm": Kind(_rounded(0, 0.1), ("rounded",)),
-    "z rounded to 0.02 mm": Kind(_rounded(0, 0.02), ("rounded",)),
-    "x rounded to 0.1 mm": Kind(_rounded(0.1, 0), ("rounded",)),
-    "x rounded to 0.2 mm": Kind(_rounded(0.2, 0), ("rounded",)),
+    **{f"z rounded to {step} mm": Kind(_rounded(0, step), ("rounded",)) for step in (0.1, 0.02)},
+    **{f"x rounded to {step} mm": Kind(_rounded(step, 0), ("rounded",)) for step in (0.1, 0.2)},
     "Gauss over 1 column": Kind(_smoothed(gaussian_filter1d, 1.0), ("averaged", "filter")),
     "Gauss over 3 columns": Kind(_smoothed(gaussian_filter1d, 3.0), ("averaged", "filter")),
     "Savitzky-Golay over 7 columns": Kind(_savitzky_golay(7), ("averaged", "filter")),
-    "mean over 3 frames": Kind(_frame_mean(3), ("averaged", "filter")),
-    "mean over 15 frames": Kind(_frame_mean(15), ("averaged", "filter")),
+    **{f"mean over {n} frames": Kind(_frame_mean(n), ("averaged", "filter")) for n in (3, 15)},
     "every 2nd column returns": Kind(_every(2, absent=False), ("column",)),
     "every 8th column returns": Kind(_every(8, absent=False), ("column",)),
     "every 8th column delivered": Kind(_every(8, absent=True), ("column",)),
@@ -498,16 +490,15 @@ KINDS: dict[str, Kind] = {
     "window ends in the part, left": Kind(_cropped(1, 0.5), ("view", "column", "seen", "bevel"), "window"),
     "window ends in the part, right": Kind(_cropped(-1, 0.5), ("view", "column", "seen", "bevel"), "window"),
     "positions rounded to 1 mm": Kind(_position(_steps_of(1.0)), ("poses", "rounded"), "digits"),
-    "quaternions rounded to 0.001": Kind(_quaternion(_as_read(1e-3)), (*ORIENTATION, "rounded", "norm")),
-    "quaternions rounded to 0.01": Kind(_quaternion(_as_read(1e-2)), (*ORIENTATION, "rounded", "norm")),
+    **{
+        f"quaternions rounded to {step}": Kind(_quaternion(_as_read(step)), (*ORIENTATION, "rounded", "norm"))
+        for step in (0.001, 0.01)
+    },
     "poses noisy by 0.3 mm": Kind(_noisy(0.3, 0.0), ("poses",), "poses"),
     "poses noisy by 0.3 deg": Kind(_noisy(0.0, 0.3), ("poses", "orientation"), "flange"),
-    "clock 1 % fast": Kind(_drifting_clock(0.01), ("clock",), "flange"),
-    "clock 10 % fast": Kind(_drifting_clock(0.1), ("clock",), "flange"),
+    **{f"clock {n} % fast": Kind(_drifting_clock(n / 100), ("clock",), "flange") for n in (1, 10)},
     "lost frames not stamped": Kind(_evenly_stamped, ("clock", "order", "stamp"), "flange"),
-    "second pass 0.05 mm off": Kind(_second_pass_off(0.05), ("passes",)),
-    "second pass 0.3 mm off": Kind(_second_pass_off(0.3), ("passes",)),
-    "second pass 5 mm off": Kind(_second_pass_off(5.0), ("passes",)),
+    **{f"second pass {mm:g} mm off": Kind(_second_pass_off(mm), ("passes",)) for mm in (0.05, 0.3, 5.0)},
     "clock 20 ms late": Kind(_clock(0.02), ("clock",), "clock"),
     "clock 0.5 s late": Kind(_clock(0.5), ("clock",), "clock"),
 }

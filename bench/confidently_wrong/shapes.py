@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -129,8 +128,3 @@ def shape_recording(kind: str, seed: int) -> Recording:
         robot_pass=np.zeros(2, np.int64),
         flange_from_profiler=hand_eye,
     )
-
-
-def with_grid(recording: Recording, x_mm: Float, z_mm: Float) -> Recording:
-    """The same with another grid of as many frames."""
-    return dataclasses.replace(recording, x_mm=x_mm.astype(np.float32), z_mm=z_mm.astype(np.float32))

@@ -34,15 +34,18 @@ def mutated_recording(content: bytes, _: str, rng: random.Random) -> bytes:
 
 def _block(shape: tuple[int, ...], rng: random.Random) -> tuple[slice, ...]:
     """A part of an array, now and then all of it."""
-    spans = []
-    for size in shape:
-        spans.append(slice(None) if rng.random() < 0.4 else _span(size, rng))
-    return tuple(spans)
+    return tuple(slice(None) if rng.random() < 0.4 else _span(size, rng) for size in shape)
 
 
 def _span(size: int, rng: random.Random) -> slice:
     first = rng.randrange(size)
     return slice(first, rng.randint(first + 1, size))
+
+
+def _part(values: Values, rng: random.Random) -> Any:
+    """A block of one of both grids, to be changed in place."""
+    grid = values[rng.choice(GRIDS)]
+    return grid[_block(grid.shape, rng)]
 
 
 def _length(rng: random.Random) -> float:
@@ -51,24 +54,22 @@ def _length(rng: random.Random) -> float:
 
 def _lose(values: Values, rng: random.Random, draws: np.random.Generator) -> None:
     """Returns go missing: a block, or some anywhere."""
-    grid = values[rng.choice(GRIDS)]
-    part = grid[_block(grid.shape, rng)]
+    part = _part(values, rng)
     part[draws.random(part.shape) < rng.choice((0.02, 0.3, 0.9, 1.0))] = np.nan
 
 
 def _shift(values: Values, rng: random.Random, _: np.random.Generator) -> None:
-    grid = values[rng.choice(GRIDS)]
-    grid[_block(grid.shape, rng)] += np.float32(_length(rng))
+    part = _part(values, rng)
+    part += np.float32(_length(rng))
 
 
 def _scale(values: Values, rng: random.Random, _: np.random.Generator) -> None:
-    grid = values[rng.choice(GRIDS)]
-    grid[_block(grid.shape, rng)] *= np.float32(rng.choice((0.0, -1.0, 0.5, 1.01, 25.4, 1e-3, 1e3)))
+    part = _part(values, rng)
+    part *= np.float32(rng.choice((0.0, -1.0, 0.5, 1.01, 25.4, 1e-3, 1e3)))
 
 
 def _noise(values: Values, rng: random.Random, draws: np.random.Generator) -> None:
-    grid = values[rng.choice(GRIDS)]
-    part = grid[_block(grid.shape, rng)]
+    part = _part(values, rng)
     part += draws.normal(0.0, abs(_length(rng)), part.shape).astype(np.float32)
 
 
@@ -79,8 +80,7 @@ def _round(values: Values, rng: random.Random, _: np.random.Generator) -> None:
 
 
 def _constant(values: Values, rng: random.Random, _: np.random.Generator) -> None:
-    grid = values[rng.choice(GRIDS)]
-    part = grid[_block(grid.shape, rng)]
+    part = _part(values, rng)
     part[:] = part.flat[0]
 
 

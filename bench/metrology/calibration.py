@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from bench.drawn.spheres import DEGENERATE, SOUND, random_sphere_recipe
 from bench.metrology.sphere_truth import Cell, bound, cell_of, circles
-from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Row, Study, marked
+from bench.metrology.study import HEAD, NAME, PARTS, REFUSED, Condition, Row, Study, marked
 from bench.metrology.users import Clock
 from bench.peers.genetic import genetic_hand_eye
 from workbench.errors import WorkbenchError
@@ -190,7 +190,7 @@ def measure_plan(recipe: SphereRecipe) -> Row:
     flange, centre = candidate_postures(limits, rough, CANDIDATES, rng)
     gain = information_gains(flange, centre, rough, noise, Optics(cell.noise_mm, cell.pitch_mm, -1))
     planned = _cell_at(cell, truth, flange[chosen_postures(gain, information_before(noise), POSTURES)])
-    sets = [random_postures(limits, truth, POSTURES, rng)[0] for _ in range(RANDOM_SETS)]
+    sets = [random_postures(limits, truth, POSTURES, rng) for _ in range(RANDOM_SETS)]
     row: Row = {"bound_mm": _bound(planned)}
     row["over_random"] = row["bound_mm"] / float(np.median([_bound(_cell_at(cell, truth, one)) for one in sets]))
     circle, covariance = circles(planned, rng)
@@ -217,7 +217,7 @@ def _bound(cell: Cell) -> float:
     return cell.vol_u_mm(bound(cell, covariance, 0.05))
 
 
-def random_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
+def random_postures(limits: Limits, estimate: Estimate, count: int, rng: np.random.Generator) -> Float:
     """Postures drawn evenly within the same limits: what a plan is compared with."""
     way, tilt = rng.uniform(0, 2 * np.pi, count), limits.cone * np.sqrt(rng.random(count))
     low, high = limits.off_plane
@@ -225,7 +225,7 @@ def random_postures(limits: Limits, estimate: Estimate, count: int, rng: np.rand
     x, z = (m + h * rng.uniform(-1, 1, count) for m, h in zip(limits.middle_mm, limits.half_mm, strict=True))
     centre = np.stack([x, y, z], axis=1)
     tilts = np.stack([tilt * np.cos(way), tilt * np.sin(way)], axis=1)
-    return poses(limits, estimate, tilts, limits.roll * rng.uniform(-1, 1, count), centre), centre
+    return poses(limits, estimate, tilts, limits.roll * rng.uniform(-1, 1, count), centre)
 
 
 def information_before(noise: Noise) -> Float:
@@ -311,9 +311,7 @@ STUDY = Study(
         (
             "Error over the field of view against the Cramer-Rao bound, coverage of the 95 % ellipsoid",
             (
-                NAME,
-                PARTS,
-                REFUSED,
+                *HEAD,
                 ("vol RMSE, mm", lambda c: f"{c.rms('vol_mm'):.3f}"),
                 ("bound, mm", lambda c: f"{c.rms('bound_mm'):.3f}"),
                 ("ratio", lambda c: marked(over_bound(c), VOL_GOAL.get(c.name))),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from bench.calibration import arm, faces
-from bench.metrology.study import COVERAGE, NAME, PARTS, REFUSED, Condition, Row, Study, marked
+from bench.metrology.study import COVERAGE, HEAD, Condition, Row, Study, marked
 from workbench.plugins.calibration import hand_eye_faces
 from workbench.units import Float
 
@@ -66,9 +66,7 @@ STUDY = Study(
         (
             "Errors beside their bound and their stated u",
             (
-                NAME,
-                PARTS,
-                REFUSED,
+                *HEAD,
                 ("parameters", lambda c: len(c.good[0]["z"])),
                 ("RMSE / bound: all, each", lambda c: _beside_bound(c, "over_bound", RATIO_GOAL)),
                 ("stated u / bound", lambda c: _beside_bound(c, "stated")),

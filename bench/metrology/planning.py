@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.drawn.plates import RAW_CONDITIONS, random_recipe
 from bench.metrology.places import clear_of_boundaries
-from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Row, Study, marked, spread
+from bench.metrology.study import HEAD, Condition, Row, Study, marked, spread
 from bench.metrology.true_edge import true_edge_at
 from bench.metrology.users import Clock
 from bench.score.face import rough_upper_side
@@ -72,7 +72,7 @@ def compare_path(toolpath: Toolpath, truth: Truth) -> Row:
     axis = true.cutter_axis(toolpath.bevel_deg)
     angle = np.arctan2(np.linalg.norm(np.cross(z, axis), axis=1), np.sum(z * axis, axis=1))
     into = -np.sum(x * true.bevel_normal(toolpath.bevel_deg), axis=1)
-    cut = _near(truth.arc_length_mm, true.arc_length_mm)
+    cut = _within(NEAR_MM, truth.arc_length_mm, true.arc_length_mm)
     reachable = truth.seen & ~_beside_hidden(truth)
     return {
         "layers": len(toolpath.layers),
@@ -100,23 +100,17 @@ def _spacing_error(final: Layer, true_arc_length_mm: Float, length_mm: float, tr
     return float(np.abs(spacing - 1.0).max()) if len(spacing) else None
 
 
-def _near(at_mm: Float, points_mm: Float) -> Bool:
-    """Which places along the edge lie near one of the points."""
+def _within(reach_mm: float, at_mm: Float, points_mm: Float) -> Bool:
+    """Which places along the edge lie so near to one of the points."""
     points = np.concatenate([[-np.inf], np.sort(points_mm), [np.inf]])
     after = np.searchsorted(points, at_mm)
-    return np.asarray(np.minimum(at_mm - points[after - 1], points[after] - at_mm) <= NEAR_MM)
+    return np.asarray(np.minimum(at_mm - points[after - 1], points[after] - at_mm) <= reach_mm)
 
 
 def _beside_hidden(truth: Truth) -> Bool:
     """Stations that a clamp may keep the cutter from: near to a hidden stretch within the seen edge."""
-    at = truth.arc_length_mm
     first, *_, last = np.flatnonzero(truth.seen)
-    hidden = at[first:last][~truth.seen[first:last]]
-    if not len(hidden):
-        return np.zeros(len(at), bool)
-    hidden = np.concatenate([[-np.inf], hidden, [np.inf]])
-    after = np.searchsorted(hidden, at)
-    return np.asarray(np.minimum(at - hidden[after - 1], hidden[after] - at) <= REACH_MM)
+    return _within(REACH_MM, truth.arc_length_mm, truth.arc_length_mm[first:last][~truth.seen[first:last]])
 
 
 def goals(c: Condition) -> Iterator[tuple[bool, str]]:
@@ -155,9 +149,7 @@ STUDY = Study(
         (
             "Final layer: the worst point of each part; median and 95th percentile of the parts, worst",
             (
-                NAME,
-                PARTS,
-                REFUSED,
+                *HEAD,
                 ("from the bevel, mm", lambda c: _most(c, "distance_mm", 4)),
                 ("worst", lambda c: marked(c.worst("distance_mm"), _goal(c, 0), 4)),
                 ("axis, deg", lambda c: _most(c, "axis_deg", 3)),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from bench.metrology.loading_truth import K, known, noisy
-from bench.metrology.study import COVERAGE, NAME, PARTS, REFUSED, Condition, Row, Share, Study, marked, spread
+from bench.metrology.study import COVERAGE, HEAD, Condition, Row, Share, Study, marked, spread
 from workbench.plugins.stiffness.identify import identify_from
 from workbench.units import Float
 
@@ -84,9 +84,7 @@ STUDY = Study(
         (
             "Cramer-Rao bound of each joint, RMSE beside it, coverage of the 95 % ellipsoid",
             (
-                NAME,
-                PARTS,
-                REFUSED,
+                *HEAD,
                 ("loads at each posture", lambda c: " + ".join(map(str, c.good[0]["loads"]))),
                 ("bound of joints 1 to 6, twice the relative standard error, %", lambda c: spread(200 * bound(c), 2)),
                 ("least certain joint within 5 %, % of trials", lambda c: within(c).percent),

@@ -155,6 +155,7 @@ Table = tuple[str, Sequence[Column], Callable[[Condition], bool] | None]  # head
 NAME: Column = ("condition", lambda c: c.name)
 PARTS: Column = ("parts", lambda c: len(c.rows))
 REFUSED: Column = ("refused", lambda c: len(c.having("refused")))
+HEAD = (NAME, PARTS, REFUSED)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ SLOW_MM = (8.0, 60.0)  # wavelengths of it over columns and range
 GRID_MM = 0.25  # on which a robot's error is drawn
 
 
-def with_linearity(recording: Recording, rng: np.random.Generator, rms_um: float = LINEARITY_UM) -> Recording:
+def with_linearity(recording: Recording, rng: np.random.Generator) -> Recording:
     """Ranges off by a field over the measuring window that is the same in every frame."""
     x, z = recording.x_mm.astype(float), recording.z_mm.astype(float)
     wave = 2.0 * np.pi / rng.uniform(*SLOW_MM, (6, 1, 1)) * rng.choice([-1.0, 1.0], (6, 1, 1))
@@ -24,7 +24,7 @@ def with_linearity(recording: Recording, rng: np.random.Generator, rms_um: float
     field = np.zeros_like(z)
     for k, a, p in zip(wave.ravel(), turn.ravel(), phase.ravel(), strict=True):
         field += np.cos(k * (np.cos(a) * x + np.sin(a) * z) + p)
-    field *= rms_um / 1e3 / np.sqrt(3.0)  # six cosines have variance 3
+    field *= LINEARITY_UM / 1e3 / np.sqrt(3.0)  # six cosines have variance 3
     return with_values(recording, z_mm=(z + field).astype(np.float32))
 
 

@@ -85,7 +85,7 @@ def made(part: Workpiece, eye: Sensor, led: Way, seed: int, known: dict[str, Any
     declared: dict[str, Any] = {"kind": part.kind}
     if part.kind == "milled":
         declared = nominal(part.root_mm.mean, part.bevel.mean / DEG)
-    if part.kind == "raw":
+    if part.kind == "raw" or led.elevation < 10.0 * DEG:  # from below
         declared["upper_side"] = drawn.truth["across"][len(drawn.truth["across"]) // 2].tolist()
     shape = "straight" if part.radius_mm == STRAIGHT_MM else f"radius {part.radius_mm:.0f} mm"
     return Drawn(drawn.recording, drawn.truth, declared | known, f"{shape}, {led.elevation / DEG:.0f} deg{about}")
@@ -97,14 +97,17 @@ def ordinary(rng: Generator, kind: str, seed: int, low_deg: float, high_deg: flo
     return part, sensor(rng, wide), led
 
 
-def real(rng: Generator, eye: Sensor, led: Way, low_mm: float, high_mm: float) -> tuple[Sensor, Way, dict[str, Any]]:
-    """A sensor with an error of linearity and a robot that errs as a process, and what data sheets say of both."""
-    strength, length = robot(rng, low_mm, high_mm)
+def real(
+    rng: Generator, kind: str, seed: int, elevation_deg: tuple[float, float], robot_mm: tuple[float, float]
+) -> tuple[Workpiece, Sensor, Way, dict[str, Any]]:
+    """The same by a sensor with an error of linearity and a robot that errs as a process; what data sheets say."""
+    part, eye, led = ordinary(rng, kind, seed, *elevation_deg)
+    strength, length = robot(rng, *robot_mm)
     slow = rng.uniform(8.0, 40.0)
     sheet = {"linearity_mm": 0.001, "linearity_length_mm": digit(0.5 * slow), "columns": eye.columns}
     known = {"sensor": sheet, "robot_noise_mm": digit(strength), "robot_noise_length_mm": digit(length)}
     eye = replace(eye, linearity_mm=0.001, linearity_length_mm=slow)
-    return eye, replace(led, robot_mm=strength, robot_length_mm=length), known
+    return part, eye, replace(led, robot_mm=strength, robot_length_mm=length), known
 
 
 def sharp(seed: int) -> Drawn:
@@ -114,8 +117,7 @@ def sharp(seed: int) -> Drawn:
 
 def worn(seed: int) -> Drawn:
     rng = generator("score triangulated worn", seed)
-    part, eye, led = ordinary(rng, "milled", seed, 20.0, 50.0)
-    eye, led, known = real(rng, eye, led, 0.005, 0.03)
+    part, eye, led, known = real(rng, "milled", seed, (20.0, 50.0), (0.005, 0.03))
     radius, burr = float(rng.uniform(0.01, 0.3)), 0.0
     if seed % 3 == 0:
         radius, burr = 0.0, float(rng.uniform(0.05, 0.3))
@@ -126,12 +128,9 @@ def worn(seed: int) -> Drawn:
 
 def below(seed: int) -> Drawn:
     rng = generator("score triangulated below", seed)
-    part, eye, led = ordinary(rng, "milled", seed, -20.0, 5.0)
-    eye, led, known = real(rng, eye, led, 0.005, 0.03)
+    part, eye, led, known = real(rng, "milled", seed, (-20.0, 5.0), (0.005, 0.03))
     part = replace(part, lower_radius_mm=float(rng.uniform(0.01, 0.3)), table_mm=None)  # a table would hide the edge
-    drawn = made(part, eye, led, seed, known, f", rounded {part.lower_radius_mm:.3f} mm, {about_robot(known)}")
-    across = drawn.truth["across"]
-    return drawn._replace(declared=drawn.declared | {"upper_side": across[len(across) // 2].tolist()})
+    return made(part, eye, led, seed, known, f", rounded {part.lower_radius_mm:.3f} mm, {about_robot(known)}")
 
 
 def odd(seed: int) -> Drawn:
@@ -154,8 +153,7 @@ def odd(seed: int) -> Drawn:
 
 def raw(seed: int) -> Drawn:
     rng = generator("score triangulated raw", seed)
-    part, eye, led = ordinary(rng, "raw", seed, 20.0, 50.0)
-    eye, led, known = real(rng, eye, led, 0.01, 0.06)
+    part, eye, led, known = real(rng, "raw", seed, (20.0, 50.0), (0.01, 0.06))
     part = replace(part, lower_radius_mm=float(rng.choice([0.0, rng.uniform(0.02, 0.15)])))
     return made(part, eye, led, seed, known, f", {about_robot(known)}")
 

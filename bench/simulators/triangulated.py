@@ -9,7 +9,8 @@ the camera sees: both ways must be free. Speckle is correlated over columns; wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -195,13 +196,13 @@ def simulate(part: Workpiece, sensor: Sensor, ways: list[Way], seed: int) -> Sim
     rng = np.random.default_rng([43, seed])
     base_from_part, flange_from_profiler = pose(rng, 1000.0), pose(rng, 150.0)
     passes, time, seen = [], 0.0, []
-    field_ = LinearityField(rng, sensor)
+    off = linearity(rng, sensor)
     for number, way in enumerate(ways):
         s = np.arange(1.0, part.length_mm - 1.0, way.step_mm)
         s = s[::-1] if way.backwards else s
         part_from_sensor = led(part, sensor, way, s, rng)
         x, z, light = profiles(part, sensor, part_from_sensor, s, rng)
-        z = np.round((z + field_.at(x, z)) / sensor.digit_mm) * sensor.digit_mm
+        z = np.round((z + off(x, z)) / sensor.digit_mm) * sensor.digit_mm
         told = base_from_part @ part_from_sensor @ np.linalg.inv(flange_from_profiler)
         told[:, :3, 3] += way.robot_mm * smooth(rng, s, way.robot_length_mm)
         wrong = np.radians(way.robot_deg) * smooth(rng, s, way.robot_length_mm)
@@ -397,23 +398,14 @@ def brightness(chains: list[Float], edge: Float, camera: Float, sensor: Sensor) 
     return np.concatenate(found, axis=1)
 
 
-@dataclass
-class LinearityField:
+def linearity(rng: np.random.Generator, sensor: Sensor) -> Callable[[Float, Float], Float]:
     """What a sensor's ranges are off by over its window: slow, the same in every frame."""
-
-    rng: np.random.Generator
-    sensor: Sensor
-    waves: Float = field(init=False)
-
-    def __post_init__(self) -> None:
-        count = 8
-        turn, phase = self.rng.uniform(0.0, np.pi, count), self.rng.uniform(0.0, 2.0 * np.pi, count)
-        k = 2.0 * np.pi / (self.sensor.linearity_length_mm * self.rng.uniform(0.7, 3.0, count))
-        self.waves = np.stack([k * np.cos(turn), k * np.sin(turn), phase], axis=1)
-
-    def at(self, x: Float, z: Float) -> Float:
-        scale = self.sensor.linearity_mm * np.sqrt(2.0 / len(self.waves))
-        return scale * sum(np.cos(a * x + b * z + p) for a, b, p in self.waves) if scale else 0.0 * z
+    count = 8
+    turn, phase = rng.uniform(0.0, np.pi, count), rng.uniform(0.0, 2.0 * np.pi, count)
+    k = 2.0 * np.pi / (sensor.linearity_length_mm * rng.uniform(0.7, 3.0, count))
+    waves = np.stack([k * np.cos(turn), k * np.sin(turn), phase], axis=1)
+    scale = sensor.linearity_mm * np.sqrt(2.0 / count)
+    return lambda x, z: scale * sum(np.cos(a * x + b * z + p) for a, b, p in waves) if scale else 0.0 * z
 
 
 def smooth(rng: np.random.Generator, s: Float, length_mm: float) -> Float:

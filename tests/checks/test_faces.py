@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.confidently_wrong.shapes import SHAPES, shape_recording, with_grid
+from bench.confidently_wrong.shapes import SHAPES, shape_recording
 from bench.drawn.grooves import random_groove_recipe, random_prism_recipe
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
@@ -35,6 +35,7 @@ from bench.odd_plates import (
 from bench.outside import Part, Section, Wide, simulate
 from bench.outside import inspected as judged_inspection
 from bench.outside import planned as judged_plan
+from bench.recordings import with_grid
 from bench.score.face import rough_upper_side
 from bench.simulators.swept import simulate_groove, simulate_swept
 from bench.simulators.swept.sweep import GROOVES

@@ -25,14 +25,14 @@ __all__ = [
 ]
 
 
-def parse_swept_recipe(document: Any, source: str = "recipe") -> SweptRecipe:
+def parse_swept_recipe(document: Any) -> SweptRecipe:
     """The recipe of a swept plate that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
-    return parse_as(SweptRecipe, document, source)
+    return parse_as(SweptRecipe, document, "recipe")
 
 
-def parse_groove_recipe(document: Any, source: str = "recipe") -> GrooveRecipe:
+def parse_groove_recipe(document: Any) -> GrooveRecipe:
     """The recipe of a swept groove that `document` describes; InputError as of `workbench.synthetic.read_recipe`."""
-    return parse_as(GrooveRecipe, document, source)
+    return parse_as(GrooveRecipe, document, "recipe")
 
 
 def read_swept(path: Path) -> AnyRecipe:
@@ -42,7 +42,7 @@ def read_swept(path: Path) -> AnyRecipe:
         raise InputError(str(path), "a JSON object, the recipe")
     part = document.get("part")
     groove = isinstance(part, dict) and part.get("kind") == "groove"
-    return (parse_groove_recipe if groove else parse_swept_recipe)(document, str(path))
+    return parse_as(GrooveRecipe if groove else SweptRecipe, document, str(path))
 
 
 def simulate_swept_file(recipe_path: Path, out_path: Path) -> None:

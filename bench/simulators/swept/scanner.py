@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from scipy.spatial.transform import Rotation
 
 from bench.simulators.swept.recipe import AnyRecipe, Block, EdgeBurr, SweptPart, SweptScanner, Way
 from bench.simulators.swept.sweep import ROOT, Chain, Curve, Frames, chain_of, outline_of, shape_of
@@ -271,9 +272,7 @@ def recorded_hand_eye(recipe: AnyRecipe) -> Float:
     """flange_from_profiler as the recording states it."""
     robot, rng = recipe.robot, np.random.default_rng([recipe.seed, 12])
     true = pose(robot.flange_from_profiler)
-    turn = scipy.spatial.transform.Rotation.from_rotvec(
-        rng.standard_normal(3) * robot.hand_eye_error_deg * DEG
-    ).as_matrix()
+    turn = Rotation.from_rotvec(rng.standard_normal(3) * robot.hand_eye_error_deg * DEG).as_matrix()
     return pose_from(turn @ true[:3, :3], true[:3, 3] + rng.standard_normal(3) * robot.hand_eye_error_mm)
 
 
@@ -295,10 +294,8 @@ def _move(recipe: AnyRecipe, curve: Curve, way: Way, start_s: float, rng: np.ran
     true[:, :3, 3] += _unrecorded(recipe, (time - start_s) * speed, turns[-1], rng) @ from_base.T
     flange = to_base @ poses(pose_time) @ inverse(pose(robot.flange_from_profiler))
     position = flange[:, :3, 3] + rng.standard_normal((len(flange), 3)) * robot.pose_noise_mm
-    noise = scipy.spatial.transform.Rotation.from_rotvec(
-        rng.standard_normal((len(flange), 3)) * robot.pose_noise_deg * DEG
-    )
-    quaternion = (noise * scipy.spatial.transform.Rotation.from_matrix(flange[:, :3, :3])).as_quat(scalar_first=True)
+    noise = Rotation.from_rotvec(rng.standard_normal((len(flange), 3)) * robot.pose_noise_deg * DEG)
+    quaternion = (noise * Rotation.from_matrix(flange[:, :3, :3])).as_quat(scalar_first=True)
     return Motion(time + robot.time_offset_s, true, pose_time, position, np.asarray(quaternion))
 
 
@@ -342,7 +339,7 @@ def _poses(recipe: AnyRecipe, curve: Curve, way: Way, s: Float, gone: Float) -> 
     sway = np.array(way.sway_deg) * DEG * np.sin(2 * math.pi * gone / way.sway_wavelength_mm)[:, None]
     share = (s - low) / (high - low)
     offset = way.skew_mm[0] + (way.skew_mm[1] - way.skew_mm[0]) * share
-    turned = stance @ scipy.spatial.transform.Rotation.from_rotvec(sway).as_matrix()
+    turned = stance @ Rotation.from_rotvec(sway).as_matrix()
     target = np.array([way.aim_mm[0], 0.0, way.aim_mm[1]]) + offset[:, None] * stance[:, 0]
     rotation = axes @ turned
     # it sways about the place that it looks at
@@ -354,9 +351,7 @@ def _stance(recipe: AnyRecipe, way: Way) -> tuple[Float, Float]:
     scanner, tip = recipe.scanner, way.elevation_deg * DEG
     look = np.array([-math.cos(tip), 0.0, -math.sin(tip)])
     side = np.array([-math.sin(tip), 0.0, math.cos(tip)])
-    lean = scipy.spatial.transform.Rotation.from_rotvec(
-        side * way.lead_deg * DEG
-    ) * scipy.spatial.transform.Rotation.from_rotvec(look * way.oblique_deg * DEG)
+    lean = Rotation.from_rotvec(side * way.lead_deg * DEG) * Rotation.from_rotvec(look * way.oblique_deg * DEG)
     z = look if scanner.z_away else -look
     x = -side if way.upside_down else side
     axes = lean.as_matrix() @ np.stack([x, np.cross(z, x), z], axis=1)

@@ -116,8 +116,6 @@ class SweptPart(Strict):
     lower_bevel_mm: Along = Course(start=3.0, end=3.0)
     land_mm: Along = Course(start=1.0, end=1.0)
     root_radius_mm: Annotated[float, Field(ge=0.5, le=30)] = 3.0
-    lower_lean_deg: Along = Course(start=0.0, end=0.0)
-    upper_lean_deg: Along = Course(start=0.0, end=0.0)
     wave_mm: Along = Course(start=0.0, end=0.0)
     root_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
     bevel_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
@@ -140,9 +138,6 @@ class SweptPart(Strict):
             if self.bevel_deg.lowest < 5 or self.bevel_deg.highest > 75:
                 raise ValueError("bevel_deg must stay between 5 and 75 along the edge")
             self._prepared()
-        lean = max(abs(x) for c in (self.lower_lean_deg, self.upper_lean_deg) for x in (c.lowest, c.highest))
-        if lean > 40:
-            raise ValueError("lower_lean_deg and upper_lean_deg must stay within 40 deg")
         inner = self.spine.shape == "arc" and self.spine.sense == "convex"
         if inner and self.reach_mm >= 0.9 * self.spine.radius_mm:
             raise ValueError("reach_mm must stay below 0.9 radius_mm on a convex arc")
@@ -152,9 +147,8 @@ class SweptPart(Strict):
         """What else a preparation other than a plain bevel must keep to."""
         if self.preparation == "bevel":
             return
-        flat = (self.lower_lean_deg, self.upper_lean_deg, self.wave_mm)
-        if any(c.lowest != 0 or c.highest != 0 for c in flat):
-            raise ValueError("lower_lean_deg, upper_lean_deg and wave_mm must be 0 for a preparation other than bevel")
+        if self.wave_mm.lowest != 0 or self.wave_mm.highest != 0:
+            raise ValueError("wave_mm must be 0 for a preparation other than bevel")
         if self.preparation == "compound":
             if self.upper_bevel_deg.lowest < 2 or self.upper_bevel_deg.highest > 80:
                 raise ValueError("upper_bevel_deg must stay between 2 and 80 along the edge")

@@ -1,7 +1,7 @@
 """The spine, a smooth space curve with a moving frame, and the section that is swept along it.
 
 In the section plane a counts along n, b along m. Corners stand at: lower end of the plate behind the edge, lower edge
-(w, w tan(lower lean)), upper edge of the root face, upper edge of the bevel (raw: of the end face), upper end of the
+(w, 0), upper edge of the root face, upper edge of the bevel (raw: of the end face), upper end of the
 plate. w is the wave of the root face, which lets bevel and surfaces stay where they are.
 
 Grooves: two plates with a gap, their sections and sizes by ISO 9692-1, and what lies in them.
@@ -178,8 +178,6 @@ class Shape:
     corner: Shaped[Float, "k c 2"]  # of the chain, c = faces + 1
     faces: tuple[int, ...]
     bevel: Shaped[Float, " k"]  # rad; NaN on a raw edge
-    lower_lean: Shaped[Float, " k"]  # rad: of the lower surface, positive where the plate's inside hangs lower
-    upper_lean: Shaped[Float, " k"]  # rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,27 +203,23 @@ class Chain:
 def shape_of(part: SweptPart, s: Float, length: float) -> Shape:
     """The sharp section at arc lengths s (k,)."""
     thickness, wave = (along(c, s, length) for c in (part.thickness_mm, part.wave_mm))
-    low, high = (along(c, s, length) * DEG for c in (part.lower_lean_deg, part.upper_lean_deg))
-    reach = np.full(len(s), part.reach_mm)
-    # the surfaces run through (0, 0) and (0, thickness); behind the edge they lean by `low` and `high`
-    behind_low = np.stack([-reach * np.cos(low), -reach * np.sin(low)], axis=1)
-    behind_high = np.stack([0 - reach * np.cos(high), thickness + reach * np.sin(high)], axis=1)
-    lower = np.stack([wave, wave * np.tan(low)], axis=1)
+    reach, zero = np.full(len(s), part.reach_mm), np.zeros(len(s))
+    behind_low, behind_high = np.stack([-reach, zero], axis=1), np.stack([-reach, thickness], axis=1)
+    lower = np.stack([wave, zero], axis=1)
     if part.kind == "raw":
-        top = np.stack([wave, thickness - wave * np.tan(high)], axis=1)
+        top = np.stack([wave, thickness], axis=1)
         bevel = np.full(len(s), np.nan)
-        return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel, low, high)
+        return Shape(np.stack([behind_low, lower, top, behind_high], axis=1), (LOWER, ROOT, UPPER), bevel)
     root, bevel = along(part.root_mm, s, length), along(part.bevel_deg, s, length) * DEG
     if part.preparation != "bevel":
         faces, above = _prepared(part, s, length, root, bevel, thickness)
         corner = np.stack([behind_low, lower, *above, behind_high], axis=1)
-        return Shape(corner, (LOWER, ROOT, *faces, UPPER), bevel, low, high)
+        return Shape(corner, (LOWER, ROOT, *faces, UPPER), bevel)
     middle = np.stack([wave, root - wave / np.tan(bevel)], axis=1)
-    # bevel (a, b) = (0, root) + k (-sin, cos) meets the upper surface b = thickness - a tan(high)
-    k = (thickness - root) / (np.cos(bevel) - np.sin(bevel) * np.tan(high))
+    k = (thickness - root) / np.cos(bevel)
     top = np.stack([-k * np.sin(bevel), root + k * np.cos(bevel)], axis=1)
     corner = np.stack([behind_low, lower, middle, top, behind_high], axis=1)
-    return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel, low, high)
+    return Shape(corner, (LOWER, ROOT, BEVEL, UPPER), bevel)
 
 
 def _prepared(
@@ -342,9 +336,9 @@ def virtual_edges(part: SweptPart, shape: Shape) -> VirtualEdges:
     """Where the fitted faces meet. A bow b shifts the least-squares line of a face outwards by 2 b / 3, unturned."""
     out = 2 * part.root_bow_mm / 3
     corner = shape.corner
-    lower = np.stack([corner[:, 1, 0] + out, corner[:, 1, 1] + out * np.tan(shape.lower_lean)], axis=1)
+    lower = np.stack([corner[:, 1, 0] + out, corner[:, 1, 1]], axis=1)
     if part.kind == "raw":
-        upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1] - out * np.tan(shape.upper_lean)], axis=1)
+        upper = np.stack([corner[:, 2, 0] + out, corner[:, 2, 1]], axis=1)
         return VirtualEdges(lower, upper, shape.bevel, shape.bevel)
     shift = 2 * part.bevel_bow_mm / 3
     up = (shift - out * np.cos(shape.bevel)) / np.sin(shape.bevel)

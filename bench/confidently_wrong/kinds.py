@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Concatenate, Literal, NamedTuple, ParamSpec
 
 import numpy as np
@@ -88,16 +89,12 @@ def _grid(change: Callable[[Recording], tuple[Float, Float]]) -> Spoil:
     return lambda r, _: with_grid(r, *change(r))
 
 
-def _quaternion(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: with_values(r, robot_quaternion_wxyz=change(r.robot_quaternion_wxyz))
+def _values(field: str, change: Callable[[Float], Float]) -> Spoil:
+    return lambda r, _: with_values(r, **{field: change(np.asarray(getattr(r, field)))})
 
 
-def _position(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: with_values(r, robot_position_mm=change(r.robot_position_mm))
-
-
-def _hand_eye(change: Callable[[Float], Float]) -> Spoil:
-    return lambda r, _: with_values(r, flange_from_profiler=change(np.asarray(r.flange_from_profiler)))
+_quaternion, _position = partial(_values, "robot_quaternion_wxyz"), partial(_values, "robot_position_mm")
+_hand_eye = partial(_values, "flange_from_profiler")
 
 
 def _euler(written: str, read: str) -> Spoil:

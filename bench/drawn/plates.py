@@ -347,7 +347,6 @@ def raw(condition: Condition) -> Condition:
 
 def drift(rng: Generator, document: Document) -> None:
     """The thickness drifts by 5 % from end to end."""
-    straight(rng, document)
     mean = rng.uniform(5, 12)
     change = float(rng.choice([-1, 1])) * 0.05 * mean
     course = draw_course(rng, mean, 0.0, 0.05)
@@ -356,19 +355,16 @@ def drift(rng: Generator, document: Document) -> None:
 
 def rough(rng: Generator, document: Document) -> None:
     """End face rough by 0.3 mm."""
-    straight(rng, document)
     document["part"]["roughness_mm"] = 0.3
 
 
 def twist(rng: Generator, document: Document) -> None:
     """The end face turns about the edge by up to 30 deg in 150 mm."""
-    straight(rng, document)
     document["part"]["end_face_twist_deg"] = rng.uniform(-30, 30) * min(1.0, document["part"]["length_mm"] / 150)
 
 
 def burrs(rng: Generator, document: Document) -> None:
     """One to four of them, at either edge of the end face."""
-    straight(rng, document)
     length, ridges = document["part"]["length_mm"], []
     for _ in range(rng.integers(1, 5)):
         start = rng.uniform(0, length - 10)
@@ -386,21 +382,18 @@ def burrs(rng: Generator, document: Document) -> None:
 
 def below(rng: Generator, document: Document) -> None:
     """End face and lower surface in view; no table hides them."""
-    straight(rng, document)
     document["part"]["table_gap_mm"] = None
     _set_passes(document, draw_pass(rng, document, (-70, -20)))
 
 
 def two_raw_passes(rng: Generator, document: Document) -> None:
     """From above and from below."""
-    straight(rng, document)
     document["part"]["table_gap_mm"] = None
     _set_passes(document, document["passes"][0], draw_pass(rng, document, (-70, -20)))
 
 
 def square(rng: Generator, document: Document) -> None:
     """Only the end face returns: the view grazes both surfaces."""
-    straight(rng, document)
     scan = draw_pass(rng, document, (-7, 7))
     _set_passes(document, scan | {"lead_deg": rng.uniform(-3, 3), "turn_deg": [0, 0, 0]})
     document["scanner"].update(max_incidence_deg=78, sampling="lateral", beam="parallel")
@@ -417,16 +410,16 @@ RAW_CONDITIONS: dict[str, Condition] = {
     "raw_straight": straight,
     "raw_arc": raw(arc),
     "raw_wavy": raw(wavy),
-    "raw_drift": drift,
+    "raw_drift": raw(drift),
     "raw_outliers_5": raw(outliers),
     "raw_missing_20": raw(missing),
     "raw_clamps": raw(clamps),
-    "raw_rough": rough,
-    "raw_twist": twist,
-    "raw_burrs": burrs,
-    "raw_below": below,
-    "raw_two_pass": two_raw_passes,
-    "raw_square": square,
+    "raw_rough": raw(rough),
+    "raw_twist": raw(twist),
+    "raw_burrs": raw(burrs),
+    "raw_below": raw(below),
+    "raw_two_pass": raw(two_raw_passes),
+    "raw_square": raw(square),
     "raw_robot": robot,
 }
 

@@ -73,8 +73,8 @@ def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     if rng.random() < 0.5:
         chosen.append(_SHAPES[rng.integers(len(_SHAPES))])
     if raw_edge:
-        first = [plates.straight, plates.rough, plates.drift, plates.burrs, plates.two_raw_passes][rng.integers(5)]
-        first(rng, document)
+        first = [plates.as_is, plates.rough, plates.drift, plates.burrs, plates.two_raw_passes][rng.integers(5)]
+        plates.raw(first)(rng, document)
     for condition in chosen:
         condition(rng, document)
     document["title"] = "mixed"

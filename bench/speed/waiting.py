@@ -42,21 +42,16 @@ def starting(_: Path) -> Iterator[Row]:
         out = ("--out", str(folder / "out"))
         yield _inspected_from_wheel(folder)
         workbench(ROOT, folder, *INSPECT, *out)  # bytecode and kernels are there from now on
-        without, whole, loop, part = (
-            statistics.median(each)
-            for each in zip(
-                *(
-                    (
-                        workbench(ROOT, folder, *INSPECT, "--no-report", *out),
-                        workbench(ROOT, folder, *INSPECT, *out),
-                        workbench(ROOT, folder, "run", "pipelines/closed_loop.json", *out),
-                        _part_of_a_batch(folder),
-                    )
-                    for _ in range(REPEATS)
-                ),
-                strict=True,
+        rounds = [
+            (
+                workbench(ROOT, folder, *INSPECT, "--no-report", *out),
+                workbench(ROOT, folder, *INSPECT, *out),
+                workbench(ROOT, folder, "run", "pipelines/closed_loop.json", *out),
+                _part_of_a_batch(folder),
             )
-        )
+            for _ in range(REPEATS)
+        ]
+    without, whole, loop, part = map(statistics.median, zip(*rounds, strict=True))
     yield Row("small part, new process, without report, processor time", without, goal=1)
     yield Row("first inspection after set-up, report included, processor time", whole, goal=6)
     yield Row("an inspection report, processor time", whole - without, goal=1)

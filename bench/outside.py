@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.score.parts import nominal_sizes
+from bench.drawn.seeds import nominal_sizes
 from workbench.artefacts import RawEdge, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment, segment_raw

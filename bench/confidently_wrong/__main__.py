@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from bench.confidently_wrong.kinds import KINDS, Kind
+from bench.drawn.seeds import nominal_sizes
 from bench.harness import ROOT, each, made_by
 from bench.metrology.planning import plan_as_a_user
 from bench.score.named import ANALYTIC, SWEPT, simulated
-from bench.score.parts import nominal_sizes
 from bench.tables import markdown, put_into, written
 from workbench.artefacts import Check, Inspection, PointSet, Recording
 from workbench.checks import judge_recording

@@ -6,27 +6,24 @@ Odd: shapes that nothing is made for: any angle, gap, radius and misalignment, r
 from __future__ import annotations
 
 import math
-import zlib
 
 import numpy as np
 
 from bench.drawn.common import Document, anywhere, course, held, noise, robot, scanner, spine, way
-from bench.drawn.plates import draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
+from bench.drawn.plates import begun, draw_course, draw_disturbances, draw_part, draw_robot, draw_scanner
 from bench.simulators.swept.recipe import GrooveRecipe
 from bench.simulators.swept.sweep import GROOVES
-from workbench.errors import InputError, nearest
 from workbench.synthetic.recipe import TYPES, PrismRecipe
 from workbench.units import DEG
 
 BEVEL_DEG = {"U": (8, 20), "J": (10, 20), "HV": (30, 50), "HY": (30, 50), "K": (35, 50)}  # others 25 to 35
+GROOVE = ("groove", "type of groove")
 STEEP = ("U", "J")  # flanks of 10 to 20 deg above a radius; others 28 to 45
 
 
 def random_prism_recipe(kind: str, seed: int) -> PrismRecipe:
     """A groove of type `kind` drawn at random; the same seed gives the same recipe."""
-    if kind not in TYPES:
-        raise InputError(f"groove '{kind}'", "a type of groove" + nearest(kind, TYPES))
-    rng = np.random.default_rng([seed, zlib.crc32(f"prism {kind}".encode())])
+    rng = begun(kind, seed, TYPES, "prism ", *GROOVE)
     thickness = rng.uniform(8, 15)
     low, high = (10, 20) if kind in STEEP else (28, 45)
     bevels = rng.uniform(low, high, 2)
@@ -81,9 +78,7 @@ def random_groove_recipe(groove: str, seed: int, clutter: bool = True) -> Groove
     Plates of 6 to 15 mm, 80 to 120 mm long, straight, an arc or waving in space; gap, root faces, angles and
     misalignment drift. With `clutter`: tack welds, spatter, reflections, texture of mill scale.
     """
-    if groove not in GROOVES:
-        raise InputError(f"groove '{groove}'", "a type of groove" + nearest(groove, GROOVES))
-    rng = np.random.default_rng([seed, zlib.crc32(f"groove {groove}".encode())])
+    rng = begun(groove, seed, GROOVES, "groove ", *GROOVE)
     length, thickness = rng.uniform(80, 120), rng.uniform(8, 15) if groove in "XK" else rng.uniform(6, 15)
     under = rng.uniform(0.25, 0.4) * thickness
     root = rng.uniform(0.5, 0.2 * thickness)

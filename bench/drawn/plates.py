@@ -8,12 +8,12 @@ belongs to the mechanics. Poses of a stream are as noisy as on milled parts.
 from __future__ import annotations
 
 import math
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from bench.drawn.seeds import generator
 from workbench.errors import InputError, nearest
 from workbench.synthetic.recipe import Recipe
 from workbench.synthetic.recipe_file import parse_recipe
@@ -21,6 +21,15 @@ from workbench.units import DEG
 
 Document: TypeAlias = dict[str, Any]
 Generator: TypeAlias = np.random.Generator
+
+
+def begun(
+    name: str, seed: int, known: Collection[str], words: str = "", what: str = "condition", one: str = "named condition"
+) -> Generator:
+    """The random numbers of part `seed` of what has this name; InputError where none has."""
+    if name not in known:
+        raise InputError(f"{what} '{name}'", f"a {one}{nearest(name, known)}")
+    return generator(seed, words + name)
 
 
 def draw_part(rng: Generator) -> Document:
@@ -432,9 +441,7 @@ def random_recipe(condition: str, seed: int) -> Recipe:
     0.5 % outliers. Keys of RAW_CONDITIONS draw raw edges in the same way.
     """
     known = CONDITIONS | RAW_CONDITIONS
-    if condition not in known:
-        raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
-    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    rng = begun(condition, seed, known)
     document = draw_plate(rng, seed)
     known[condition](rng, document)
     return parse_recipe(document | {"title": condition}, source=condition)

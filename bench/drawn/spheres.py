@@ -6,12 +6,10 @@ Those of DEGENERATE determine nothing, whatever the noise; those of SOUND determ
 from __future__ import annotations
 
 import math
-import zlib
 
 import numpy as np
 
-from bench.drawn.plates import Condition, Document, Generator, around_the_base, draw_disturbances, draw_hand_eye
-from workbench.errors import InputError, nearest
+from bench.drawn.plates import Condition, Document, Generator, around_the_base, begun, draw_disturbances, draw_hand_eye
 from workbench.synthetic.recipe import SphereRecipe
 from workbench.synthetic.recipe_file import parse_sphere_recipe
 
@@ -29,9 +27,7 @@ def random_sphere_recipe(condition: str, seed: int) -> SphereRecipe:
     off by up to 20 deg and 50 mm, z away from the sensor or towards it.
     """
     known = SOUND | DEGENERATE
-    if condition not in known:
-        raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
-    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    rng = begun(condition, seed, known)
     document: Document = {
         "format": "sphere-recipe",
         "title": condition,

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-import zlib
-
-import numpy as np
 
 from bench.drawn.common import anywhere, course, held, noise, robot, scanner
-from bench.drawn.plates import Condition, Document, Generator, aim_at, some_clamps, upper_end_mm
+from bench.drawn.plates import Condition, Document, Generator, aim_at, begun, some_clamps, upper_end_mm
 from bench.simulators.swept.recipe import SweptRecipe
-from workbench.errors import InputError, nearest
 
 
 def random_swept_recipe(condition: str, seed: int) -> SweptRecipe:
@@ -21,9 +17,7 @@ def random_swept_recipe(condition: str, seed: int) -> SweptRecipe:
     of half a column to one, mixed pixels, 0.3 % outliers, 0.5 % lost returns, poses with noise of up to 0.02 mm.
     """
     known = SWEPT_CONDITIONS | RAW_SWEPT_CONDITIONS
-    if condition not in known:
-        raise InputError(f"condition '{condition}'", "a named condition" + nearest(condition, known))
-    rng = np.random.default_rng([seed, zlib.crc32(f"swept {condition}".encode())])
+    rng = begun(condition, seed, known, "swept ")
     document = _document(rng, condition, seed, raw=condition in RAW_SWEPT_CONDITIONS)
     known[condition](rng, document)
     _look(rng, document)

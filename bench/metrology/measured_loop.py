@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.drawn.plates import random_recipe
+from bench.drawn.seeds import generator
 from bench.harness import ROOT
 from bench.metrology.study import NAME, PARTS, REFUSED, Condition, Cover, Row, Study, cover, spread
 from bench.metrology.users import Clock, numbers
@@ -77,7 +77,7 @@ class Errors:
 
 def measure(condition: str, seed: int) -> Row:
     """Take raw edge `seed` of a condition through both loops: truths every 2 mm where the pass cuts."""
-    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    rng = generator(seed, condition)
     drawn = random_recipe(SHAPES[seed % len(SHAPES)], seed)
     hand_eye = drawn.robot.model_copy(update={"hand_eye_error_mm": HAND_EYE_MM / math.sqrt(3.0)})
     cell = CELLS[condition]

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from bench.score.parts import nominal_sizes
+from bench.drawn.seeds import nominal_sizes
 from workbench.artefacts import Inspection, Recording
 from workbench.cloud import denoise
 from workbench.edge import segment

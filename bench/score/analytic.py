@@ -12,9 +12,10 @@ import numpy as np
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import plates
 from bench.drawn.plates import random_recipe
+from bench.drawn.seeds import generator, nominal
 from bench.score.errors import about_robot, as_real
 from bench.score.face import local_face, rough_upper_side
-from bench.score.parts import Drawn, generator, nominal
+from bench.score.parts import Drawn
 from workbench.synthetic import parse_recipe, simulate_recording
 from workbench.synthetic.prism_scan import simulate_prism
 

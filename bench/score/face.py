@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import zlib
 from typing import Any
 
 import numpy as np
 
+from bench.drawn.seeds import generator
 from workbench.geometry.poses import rotation_from_vector
 from workbench.synthetic.workpiece import build_surface, pose
 from workbench.units import DEG, Float
@@ -22,7 +22,7 @@ def rough_upper_side(truth: Any, rng: np.random.Generator | None = None) -> tupl
 
     Without `rng` by the part's own random numbers.
     """
-    rng = rng or np.random.default_rng([truth.recipe.seed, zlib.crc32(truth.recipe.title.encode()), 1])
+    rng = rng or generator(truth.recipe.seed, truth.recipe.title, 1)
     across = truth.across[len(truth.across) // 2]
     axis = np.cross(across, rng.normal(size=3))
     turned = rotation_from_vector(axis / np.linalg.norm(axis) * rng.uniform(0, MOST_TURNED_DEG) * DEG) @ across

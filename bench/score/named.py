@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from bench.drawn import plates
 from bench.drawn.plates import CONDITIONS, RAW_CONDITIONS, random_recipe
+from bench.drawn.seeds import generator
 from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from bench.score.analytic import milled_part, raw_part
 from bench.score.parts import Drawn
@@ -66,7 +64,7 @@ def simulated(condition: str, seed: int) -> tuple[Recording, Any]:
 
 def mixed_recipe(seed: int, raw_edge: bool) -> Recipe:
     """Two to four conditions of the package's simulator at once, a curved edge among them half of the time."""
-    rng = np.random.default_rng([seed, zlib.crc32(b"raw_mixed" if raw_edge else b"mixed")])
+    rng = generator(seed, "raw_mixed" if raw_edge else "mixed")
     document = plates.draw_plate(rng, seed)
     faults = _RAW_FAULTS if raw_edge else _FAULTS
     chosen = [faults[i] for i in rng.choice(len(faults), rng.integers(2, 5), replace=False)]

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from bench.drawn.seeds import generator, nominal
 from bench.faulty import CHATTER, KINDS
 from bench.odd_plates import DEBURRED, odd_plate
 from bench.outside import Part, Section, Usual, simulate
 from bench.score.errors import about_robot, as_real
-from bench.score.parts import Drawn, generator, nominal
+from bench.score.parts import Drawn
 from workbench.scan.fuse import flange_poses
 from workbench.units import DEG
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from bench.drawn.seeds import generator
 from bench.drawn.spheres import random_sphere_recipe
-from bench.score.parts import Drawn, generator
+from bench.score.parts import Drawn
 from bench.simulators.spheres import by_rays, by_sections, shown
 from workbench.synthetic import simulate_sphere
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from bench.drawn.seeds import generator
 from bench.drawn.swept import random_swept_recipe
 from bench.score.analytic import groove_part, milled_part, raw_part
 from bench.score.errors import about_robot, as_real
-from bench.score.parts import Drawn, generator
+from bench.score.parts import Drawn
 from bench.simulators.swept import simulate_groove, simulate_swept
 from bench.simulators.swept.recipe import SweptRecipe
 

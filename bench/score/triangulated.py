@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.drawn.seeds import generator, nominal
 from bench.score.errors import about_robot, digit, robot
-from bench.score.parts import Drawn, generator, nominal
+from bench.score.parts import Drawn
 from bench.simulators.triangulated import STRAIGHT_MM, Course, Sensor, Way, Workpiece, simulate
 from workbench.units import DEG
 

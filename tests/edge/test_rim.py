@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bench.drawn.seeds import generator, nominal
 from bench.outside import Part, Usual, drawn_section, simulate
 from bench.recordings import frames
 from bench.score.outsider import below as outside_below
-from bench.score.parts import Drawn, generator, nominal
+from bench.score.parts import Drawn
 from bench.score.triangulated import below as triangulated_below
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import simulate as triangulated

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.drawn.seeds import generator, nominal
 from bench.outside import raw_edge, simulate
 from bench.recordings import frames
 from bench.score.outsider import Sharp, sharp
-from bench.score.parts import generator, nominal
 from bench.score.triangulated import sensor, way, workpiece
 from bench.simulators.triangulated import STRAIGHT_MM
 from bench.simulators.triangulated import simulate as triangulated

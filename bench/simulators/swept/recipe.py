@@ -29,6 +29,10 @@ Pair = tuple[Number, Number]
 _MOST_FRAMES = 200_000
 
 
+def _flat(value: float) -> Course:
+    return Course(start=value, end=value)
+
+
 class Spine(Strict):
     """The curve. `arc`: in the plate's plane, any part of a turn, with `rise_mm` a turn a helix; `saddle`: where a
     nozzle of `radius_mm` cuts a shell of `shell_radius_mm`.
@@ -107,16 +111,16 @@ class SweptPart(Strict):
 
     kind: Literal["milled", "raw"] = "milled"
     spine: Spine = Spine()
-    twist_deg: Along = Course(start=0.0, end=0.0)
-    thickness_mm: Along = Course(start=8.0, end=8.0)
-    root_mm: Along = Course(start=1.5, end=1.5)
-    bevel_deg: Along = Course(start=40.0, end=40.0)
+    twist_deg: Along = _flat(0.0)
+    thickness_mm: Along = _flat(8.0)
+    root_mm: Along = _flat(1.5)
+    bevel_deg: Along = _flat(40.0)
     preparation: Literal["bevel", "compound", "nose", "J"] = "bevel"
-    upper_bevel_deg: Along = Course(start=60.0, end=60.0)
-    lower_bevel_mm: Along = Course(start=3.0, end=3.0)
-    land_mm: Along = Course(start=1.0, end=1.0)
+    upper_bevel_deg: Along = _flat(60.0)
+    lower_bevel_mm: Along = _flat(3.0)
+    land_mm: Along = _flat(1.0)
     root_radius_mm: Annotated[float, Field(ge=0.5, le=30)] = 3.0
-    wave_mm: Along = Course(start=0.0, end=0.0)
+    wave_mm: Along = _flat(0.0)
     root_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
     bevel_bow_mm: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
     lower_radius_mm: Small = 0.0
@@ -284,17 +288,17 @@ class GroovePart(Strict):
     groove: Literal["I", "V", "Y", "HV", "HY", "X", "K", "U", "J"] = "V"
     bevelled: Literal["left", "right"] = "left"
     spine: Spine = Spine()
-    twist_deg: Along = Course(start=0.0, end=0.0)
-    thickness_mm: Along = Course(start=10.0, end=10.0)
-    gap_mm: Along = Course(start=2.0, end=2.0)
-    root_face_left_mm: Along = Course(start=2.0, end=2.0)
-    root_face_right_mm: Along = Course(start=2.0, end=2.0)
-    bevel_left_deg: Along = Course(start=30.0, end=30.0)
-    bevel_right_deg: Along = Course(start=30.0, end=30.0)
+    twist_deg: Along = _flat(0.0)
+    thickness_mm: Along = _flat(10.0)
+    gap_mm: Along = _flat(2.0)
+    root_face_left_mm: Along = _flat(2.0)
+    root_face_right_mm: Along = _flat(2.0)
+    bevel_left_deg: Along = _flat(30.0)
+    bevel_right_deg: Along = _flat(30.0)
     under_depth_mm: Annotated[float, Field(gt=0, le=100)] = 4.0
     under_deg: Annotated[float, Field(ge=5, le=70)] = 30.0
     root_radius_mm: Annotated[float, Field(ge=0.5, le=30)] = 6.0
-    misalignment_mm: Along = Course(start=0.0, end=0.0)
+    misalignment_mm: Along = _flat(0.0)
     upper_radius_mm: Small = 0.0
     texture: Texture = Texture()
     reach_mm: Positive = 30.0

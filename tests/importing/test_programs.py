@@ -111,6 +111,24 @@ def test_positions_of_a_tool_need_the_mapping(tmp_path: Path, name: str) -> None
     np.testing.assert_allclose(poses_of(path, read_mapping(file)), POSES, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("name", "told", "instead"),
+    [
+        ("a.src", "$TOOL=$NULLFRAME", "$TOOL={X 0, Y 0, Z 90, A 0, B 0, C 0}\nFDAT F={TOOL_NO 0,BASE_NO 0}"),
+        ("a.src", "$TOOL=$NULLFRAME", "$TOOL = MY_TOOL\nFDAT F={TOOL_NO 0,BASE_NO 0}"),
+        ("a.jbi", "///TOOL 0\n", "///POSTYPE PULSE\n///PULSE\nC9=1,2,3,4,5,6\n///TOOL 2\n"),
+        ("a.jbi", "///TOOL 0\n", "///POSTYPE PULSE\n///TOOL 2\n///PULSE\nC9=1,2,3,4,5,6\n"),
+        ("a.script", "set_tcp(", "set_tcp( p[0,0,9e-2,0,0,0])\n  set_tcp("),
+    ],
+)
+def test_a_tool_told_by_the_way_is_not_missed(tmp_path: Path, name: str, told: str, instead: str) -> None:
+    text = WRITERS[name](POSES)
+    assert told in text
+    (tmp_path / name).write_text(text.replace(told, instead))
+    with pytest.raises(InputError, match="flange_from_tool"):
+        poses_of(tmp_path / name)
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_program_without_positions_is_told(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -111,10 +111,7 @@ def plain_measurements(study: Path, characteristics: Sequence[str], columns: Map
             if key in seen:
                 raise InputError(where, f"trial {key[2]} of part '{part}' by operator '{operator}' stands twice")
             seen.add(key)
-        values = {
-            name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in characteristics
-        }
-        found.append(Measurement(part, operator, where, {1: values}))
+        found.append(Measurement(part, operator, where, {1: _values(row, characteristics, where)}))
     return found
 
 

@@ -36,13 +36,14 @@ class Maker(NamedTuple):
     position: str  # x, y, z and the orientation in the maker's convention
     tool: str  # as the maker counts or calls them; '' or zeros: the flange
     frame: str  # likewise; the base
-    aside: str = ""  # remarks, and what looks like a position and is none
+    remark: str = ""  # where neither positions nor names count
+    aside: str = ""  # what looks like a position and is none; the names in it count
     length_unit: str = "mm"
     untold: tuple[str, str] = (NOT_TOLD, NOT_TOLD)  # tool and frame where the file has no word of it
 
 
 SIX = " , ".join("@" * 6)
-KUKA_OF = r"{0}_NO ([0-9]+)|{0}_DATA\[ ([0-9]+)|\${0} = \$(NULLFRAME)|(\${0}) = \{{"
+KUKA_OF = r"{0}_NO ([0-9]+)|{0}_DATA\[ ([0-9]+)|\${0} = \$(NULLFRAME)|(\${0}) =(?! \$NULLFRAME| {0}_DATA)"
 KUKA = Maker(
     "KUKA",
     "kuka_abc",
@@ -50,7 +51,8 @@ KUKA = Maker(
     r"\{[^{}]*?\bX @ , Y @ , Z @ , A @ , B @ , C @",
     KUKA_OF.format("TOOL"),
     KUKA_OF.format("BASE"),
-    r"(?<!&);.*|(?<=TOOL)( = )(?=\{)[^}]{0,200}\}|(?<=BASE)( = )(?=\{)[^}]{0,200}\}",
+    r"(?<!&);.*",
+    r"\$(?:TOOL|BASE) = \{[^}]{0,200}\}",
 )
 MAKERS = {
     ".ls": Maker(
@@ -79,7 +81,7 @@ MAKERS = {
         rf"\b[A-Z]+[0-9]+ = {SIX}",
         r"///TOOL (\w+)",
         r"///POSTYPE (USER)\b",
-        r"///POSTYPE PULSE[\s\S]*?(?=///POSTYPE|//INST|\Z)",
+        aside=r"///POSTYPE PULSE[\s\S]*?(?=///POSTYPE|//INST|\Z)",
         untold=("", ""),
     ),
     ".script": Maker(
@@ -89,7 +91,8 @@ MAKERS = {
         rf"\bp\[ {SIX} \]",
         r"\bset_tcp \( ([^)]{0,200})",
         r"\b(pose_trans)\b",
-        r"#.*|(?<=set_tcp\()p\[|\bset_payload\w* \([^)]{0,200}\)",
+        "#.*",
+        r"\bset_(?:tcp|payload\w*) \([^)]{0,200}\)",
         "m",
         (NOT_TOLD, ""),
     ),
@@ -111,8 +114,9 @@ def _pattern(form: str) -> re.Pattern[str]:
 
 def _positions(maker: Maker, text: str) -> Positions:
     """The taught positions; those in joints or pulses are none."""
-    code = _pattern(maker.aside).sub("", text) if maker.aside else text
-    rows = [[*map(float, one.groups())] for one in _pattern(maker.position).finditer(code)]
+    code = _pattern(maker.remark).sub("", text)
+    moved = _pattern(maker.aside).sub("", code)
+    rows = [[*map(float, one.groups())] for one in _pattern(maker.position).finditer(moved)]
     named = []
     for form, untold in zip((maker.tool, maker.frame), maker.untold, strict=True):
         found = {next(filter(None, one.groups()), "") for one in _pattern(form).finditer(code)}

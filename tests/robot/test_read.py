@@ -70,6 +70,7 @@ def _mesh_in_metres(tree: Any) -> None:
 
 
 METRES_FILE = Path("clamp.stl")
+TURNED = {"position_mm": [230, 0, 150], "quaternion_wxyz": [0.8, 0.4, 0.4, 0.2]}
 IMPLAUSIBLE: list[tuple[Change, str]] = [
     (
         _scaled,
@@ -77,6 +78,7 @@ IMPLAUSIBLE: list[tuple[Change, str]] = [
     ),
     (lambda t: _scaled(t, 0.0), "found 0, 0, 0: was it left out?"),
     (lambda t: _scaled(t, 0.1), "14 mm within $.tool.shapes[0]"),  # in cm
+    (lambda t: t["tool"].update(shapes=[{"sphere_mm": 60, "pose": TURNED}]), "28 mm within $.tool.shapes[0]"),
     (
         lambda t: t["tool"].update(flange_from_cutter=[[0, 0, -1, 260], [0, 1, 0, 0], [1, 0, 0, 140], [0, 0, 0, 1]]),
         "is z flipped?",

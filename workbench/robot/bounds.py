@@ -202,12 +202,12 @@ class CollisionScreen:
     def hits(self, joints: Float, turntable: Float) -> Int:
         """Index into `pairs` of a pair that is too near, or FREE (n,), at (n, 6) and (n,), rad."""
         found = np.full(len(joints), FREE)
-        need = float(self.model.least_mm.max(initial=0.0)) + SAFE_MM
+        need = float(self.least_mm.max(initial=0.0)) + SAFE_MM
         open_ = np.flatnonzero(~(self.bound_mm(joints, turntable, need + SAFE_MM) > need))
         if not len(open_):
             return found
-        bounds, _ = self.pair_bounds_mm(joints[open_], turntable[open_], self.least_mm + 2 * SAFE_MM)
-        near = bounds <= self.least_mm + SAFE_MM
+        most = self.least_mm + SAFE_MM
+        near = self.pair_bounds_mm(joints[open_], turntable[open_], most + SAFE_MM)[0] <= most
         moved = motions(self.cell.chain, joints[open_])
         tables = standing_poses(self.cell, turntable[open_])
         for i, n in enumerate(open_.tolist()):

@@ -268,6 +268,6 @@ def _depth_mm(triangles: Float, point_mm: Float) -> float:
     """How deep a point lies within a convex body of triangles (t, 3, 3); negative outside."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     size = np.linalg.norm(normal, axis=1)
-    flat = size > 0.0
-    off = ((point_mm - triangles[flat, 0]) * normal[flat]).sum(axis=1) / size[flat]
+    whole = size > 1e-9 * size.max()  # of the others, between a round body's rings, the normal is one of rounding
+    off = ((point_mm - triangles[whole, 0]) * normal[whole]).sum(axis=1) / size[whole]
     return -float(off.max())

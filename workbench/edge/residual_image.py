@@ -76,6 +76,7 @@ class FaceForm:
     turn: Shaped[Float, " m"]  # its slope towards the lower end that a part of the face makes which stands aside
     lower_mm: Shaped[Float, " m"]  # and its places that this makes, along the sensor's z as all of these
     upper_mm: Shaped[Float, " m"]
+    aside_mm: float = 0.0  # by which a part of the face stands aside at most, as likely as it is
 
     @property
     def uncorrected(self) -> FaceForm:
@@ -369,7 +370,8 @@ def _form(image: FaceImage, lasting: Sequence[_Lasting], at: Float, sensor: Line
         variance = _variance(centred, one.covariance + field) + _variance(beside, one.aside_covariance)
         rows.append(np.append(np.sqrt(variance + either**2 + other), beside @ one.aside_mm))
     turn_u, lower_u, upper_u, turn, lower, upper = (np.interp(at, image.s, of) for of in np.array(rows).T)
-    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper)
+    aside_mm = max(float(np.abs(one.aside_mm).max()) for one in lasting)
+    return FaceForm(turn_u, lower_u, upper_u, 2.0 * end, turn, lower, upper, aside_mm)
 
 
 def _variance(weights: Float, covariance: Float) -> Float:

@@ -36,7 +36,7 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
+from workbench.edge.residual_image import ASIDE_MM, FaceForm, Linearity, declared_linearity, face_image, forms
 from workbench.edge.rim import (
     BrokenEnd,
     EdgeCondition,
@@ -73,6 +73,8 @@ ROUGH = (
     "the root face is rough: its direction turns by {:.2g} deg (standard deviation) from place to place; the bevel "
     "angle counts from what stretches of {:g} mm show"
 )
+
+ASIDE = "a part of the {} stands aside by {:.2f} mm, a step or second returns: sizes are those of its line without it"
 
 
 @stage("edge.segment")
@@ -237,6 +239,8 @@ def milled_edge(
         told = (sentence.format(rounding.size_mm, rounding.beyond_mm.max()),)
     if tracked.lies_on.any():
         told += (LIES_ON,)
+    faces = ("root face", root_form), ("bevel face", bevel_form)
+    told += tuple(ASIDE.format(name, one.aside_mm) for name, one in faces if one.aside_mm > ASIDE_MM[0])
     if measured.faces.even is not None:
         told += (ROUGH.format(rough_deg(measured, at + measured.shift), TOGETHER_MM),)
     return MilledEdge(

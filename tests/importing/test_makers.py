@@ -129,6 +129,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str, str, str]] = {
     "valid 2": (makers.write_gopxl, ",100,1", ",100,2", r"line 2: column 'Valid': expected a whole number from 0 to 1"),
     "intensity": (makers.write_gopxl, ",105,", ",70000,", r"line 7: column 'Intensity': expected a whole number"),
     "a cell lost": (makers.write_gopxl, ",105,", ",", r"line 7: expected 5 cells, found 4"),
+    "an index again": (makers.write_gopxl, "\n5,", "\n4,", r"line 7: column 'Index': expected a number that rises"),
 }
 
 

@@ -116,6 +116,7 @@ class ProfileColumns(Part):
     time: Column | None = Field(default=None, description="the frame's time, the same in all its rows")
     travel: Column | None = Field(default=None, description="way along the scan (encoder), the same in all its rows")
     valid: Column | None = Field(default=None, description="0 where the point means no return")
+    index: Column | None = Field(default=None, description="a number that rises within a frame")
 
 
 class ProfilesPart(TextPart):

@@ -19,7 +19,7 @@ PLAIN = ProfilesPart(length_unit="mm", time_unit="s", frames="column", columns=P
 GOPXL = ProfilesPart(
     length_unit="mm",
     frames="one",
-    columns=ProfileColumns(x="X_mm", z="Z_mm", intensity="Intensity", valid="Valid"),
+    columns=ProfileColumns(x="X_mm", z="Z_mm", intensity="Intensity", valid="Valid", index="Index"),
 )
 HEADER = ("frame", "time_s", "x_mm", "z_mm")
 KNOWN = {
@@ -97,6 +97,9 @@ class FrameValues:
         if not begun:
             first[0] = True
             self.second_line = int(table.line[min(1, len(first) - 1)])
+        if "index" in table.columns and (back := ~first & (self._step(table.present("index"), "index") <= 0)).any():
+            what = f"column {table.names['index']}: expected a number that rises within a frame"
+            raise InputError(table.place(int(back.argmax())), what)
         for role, values in self._values.items():
             if role in table.columns:
                 self._check(table, role, first)

@@ -217,6 +217,10 @@ def test_responses_of_any_kind_are_the_same(cell, stiffness, tmp_path: Path, kin
             lambda text: text.replace("zz_im", "zz_im,zz_coherence").replace("\n", ",0.5\n").replace("nce,0.5", "nce"),
             "coherence",
         ),
+        (
+            lambda text: text.replace("zz_im", "zz_im,zz_coherence").replace("\n", ",\n").replace("nce,\n", "nce\n"),
+            "zz_coherence: expected a number",
+        ),
     ],
 )
 def test_spoilt_responses_are_one_line(cell, stiffness, tmp_path: Path, change, words: str) -> None:

@@ -117,5 +117,6 @@ def read_responses(path: Path) -> Iterator[tuple[str, Float, AnyArray, Float]]:
         raise InputError(str(path), "expected lines of rising frequency")
     for pair in pairs:
         real, imaginary = table.numbers((f"{pair}_re", f"{pair}_im")).T
-        coherence = table.numbers((f"{pair}_coherence",), blank=True)[:, 0]
-        yield pair, hz, real + 1j * imaginary, np.where(np.isnan(coherence), 1.0, coherence)
+        name = f"{pair}_coherence"
+        coherence = table.numbers((name,), blank=name not in table.header)[:, 0]
+        yield pair, hz, real + 1j * imaginary, np.nan_to_num(coherence, nan=1.0)

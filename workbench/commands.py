@@ -135,8 +135,8 @@ def build_parser() -> Parser:
     simulate = command("simulate", "make a synthetic recording; its truth goes beside it, into FILE.truth.json")
     simulate.add_argument("recipe", metavar="RECIPE.json")
     simulate.add_argument("--out", required=True, metavar="FILE.h5", help="the recording to write")
-    imported = command("import", "make a recording of profile files, pose files and bags (docs/importing.md)")
-    imported.add_argument("source", nargs="+", metavar="SOURCE", help="profiles, poses, or a bag of both")
+    imported = command("import", "make a recording of profile files and pose files (docs/importing.md)")
+    imported.add_argument("source", nargs="+", metavar="SOURCE", help="profiles, poses, or both")
     imported.add_argument(
         "--out",
         required=True,

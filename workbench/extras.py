@@ -11,7 +11,7 @@ from workbench.errors import InputError
 DISTRIBUTION = "bevel-workbench"
 EXTRA_OF = {  # by the name under which Python imports a package
     **dict.fromkeys(("fcl", "pinocchio", "xacro"), "robot"),
-    **dict.fromkeys(("ezdxf", "laspy", "pyarrow", "pye57", "rosbags"), "formats"),
+    **dict.fromkeys(("ezdxf", "laspy", "pyarrow", "pye57"), "formats"),
     **dict.fromkeys(("starlette", "uvicorn"), "page"),
     "gmsh": "cad",
     "pyvista": "view",

@@ -123,7 +123,6 @@ JOINTS = {
     "base_frame": "base_link",
     "flange_frame": "tool0",
 }
-BAG = {"poses": "/flange", "flange_frame": "tool0", "profiler_frame": "laser"}
 TARGETS = (
     Target("pipeline", _pipeline, ("pipelines/*.json",), beside=("../data",)),
     Target(
@@ -153,7 +152,6 @@ TARGETS = (
     Target("draft", lambda path: reads("workbench.importing.draft:drafted")([path]), (), 0.1),
     Target("forces", reads("workbench.force_file:read_forces"), ()),
     Target("seven_corners", _seven_corners, ()),
-    Target("bag", partial(_source, bag=BAG), (), 0.02),
     Target("cloud", reads("workbench.cloud:read", "file"), (), 0.003),
     Target("inspection", reads("workbench.compare.measurements:read_inspection"), ()),
     Target("study", reads("workbench.compare:study", "study"), ()),

@@ -62,7 +62,7 @@ def test_known_headers_need_no_mapping(tmp_path: Path, milled: Recording, capsys
 
 REFUSED = {
     "no such file": (["nothing.csv"], "nothing.csv: no such file"),
-    "a directory": (["."], "is none of"),
+    "a directory": (["."], ".: expected a file"),
     "not a recording's name": (["a.csv", "--out", "b.txt"], "b.txt: expected the name of a recording"),
     "no such mapping": (["a.csv", "--mapping", "nothing.json"], "nothing.json: no such file"),
     "a source twice": (["a.csv", "./a.csv"], "./a.csv: stands twice among the sources"),
@@ -71,6 +71,19 @@ REFUSED = {
     "no such folder": (["a.csv", "--mapping", "map.json", "--out", "none/a.h5"], "none/a.h5: cannot be written"),
     "an unknown option": (["a.csv", "--maping", "map.json"], "unknown option '--maping'; did you mean '--mapping'"),
 }
+
+
+@pytest.mark.parametrize("way", ["look", "import --out a.h5", "import --draft --out map.json"])
+@pytest.mark.parametrize("name", ["run.bag", "run.db3", "run.MCAP", "folder"])
+def test_of_a_bag_it_is_said_how_it_becomes_tables(way: str, name: str, tmp_path: Path, capsys: Out) -> None:
+    (tmp_path / "folder").mkdir()
+    for file in ("folder/metadata.yaml", name):
+        (tmp_path / file).touch()
+    assert main([*way.replace("--out ", f"--out {tmp_path}/").split(), str(tmp_path / name)]) == 2
+    said = "make tables of its profiles and poses (docs/importing_bags.md)\n"
+    printed, errors = capsys.readouterr()
+    assert (printed, errors.count("\n"), errors[-len(said) :]) == ("", 1, said)
+    assert not [*tmp_path.glob("*.h5"), *tmp_path.glob("*.json")]
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -1,7 +1,6 @@
-"""Joint states through a URDF, against the robot's closed-form kinematics and a robot made by hand."""
+"""Joints through a URDF, against the robot's closed-form kinematics and a robot made by hand."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from workbench.importing.joints import JointModel
 
 ROBOT = Path(__file__).parents[2] / "data" / "robot"
 URDF = ROBOT / "irb6700_150_320.urdf"
-NAMES = [f"joint_{i}" for i in range(1, 7)]
 
 # A linear axis, a continuous table, an arm of one joint with a mesh that is not there, and a gripper beside it.
 GANTRY = """<robot name="gantry">
@@ -26,10 +24,6 @@ GANTRY = """<robot name="gantry">
     <axis xyz="0 1 0"/><limit lower="0" upper="0.1" velocity="1" effort="1"/></joint>
   <joint name="turn" type="continuous"><parent link="world"/><child link="table"/><axis xyz="0 0 1"/></joint>
 </robot>"""
-
-
-def state(**joints: float) -> SimpleNamespace:
-    return SimpleNamespace(name=list(joints), position=np.array(list(joints.values())))
 
 
 def test_a_rail_and_a_continuous_joint_move_the_flange(tmp_path: Path) -> None:
@@ -47,27 +41,12 @@ def test_a_rail_and_a_continuous_joint_move_the_flange(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "said"),
-    [
-        ({name: 0.0 for name in NAMES[:5]}, "joint 'joint_6' is missing"),
-        (
-            {**dict.fromkeys(NAMES, 0.0), "joint_2": 45.0},
-            "'joint_2': expected -1.13446 to 1.48353 rad, found 45 .deg declared",
-        ),
-        ({**dict.fromkeys(NAMES, 0.0), "joint_3": np.nan}, "found nan"),
-    ],
+    ("value", "said"), [(45.0, "-1.13446 to 1.48353 rad, found 45 .deg declared"), (np.nan, "found nan")]
 )
-def test_a_state_that_leaves_doubt_is_refused(joints: dict[str, float], said: str) -> None:
-    model, where = JointModel.read(URDF, "base_link", "tool0"), "bag: /joint_states[7]"
-    with pytest.raises(InputError, match=said):
-        model.check(np.array([model.joints(state(**joints), where)]), "rad", lambda _: where)
-
-
-def test_names_and_positions_must_pair() -> None:
+def test_a_joint_beyond_its_limits_is_refused(value: float, said: str) -> None:
     model = JointModel.read(URDF, "base_link", "tool0")
-    for name, count in [(NAMES, 5), ([*NAMES[:5], "joint_1"], 6)]:
-        with pytest.raises(InputError, match="expected one position for each of different names"):
-            model.joints(SimpleNamespace(name=name, position=np.zeros(count)), "bag")
+    with pytest.raises(InputError, match=f"'joint_2': .*{said}"):
+        model.check(np.array([[0, value, 0, 0, 0, 0]]), "rad", lambda _: "row 1")
 
 
 @pytest.mark.parametrize(

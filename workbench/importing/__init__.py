@@ -1,1 +1,1 @@
-"""Other people's files in: profile files, bags and poses become a recording."""
+"""Other people's files in: profile files and poses become a recording."""

@@ -99,11 +99,6 @@ def _hand_eye(sources: Sequence[Imported], mapping: Mapping) -> tuple[Float | No
             return read_hand_eye(path).flange_from_profiler, f"from {path}"
         told = f" ({mapping.hand_eye.convention})" if mapping.hand_eye.convention else ""
         return mapping.hand_eye.pose(), f"from the mapping{told}"
-    own = [source.flange_from_profiler for source in sources if source.flange_from_profiler is not None]
-    if any(not np.allclose(pose, own[0], atol=1e-9) for pose in own):
-        raise InputError("sources", "carry different hand-eye poses: expected one, or hand_eye in the mapping")
-    if own:
-        return own[0], "from the source"
     if mapping.linear_axis is not None or not any(source.poses is not None for source in sources):
         return np.eye(4), "none needed on a linear axis: the profiler's frame is the flange's"
     return None, "none: a pipeline must name one (input hand_eye)"

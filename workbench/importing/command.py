@@ -35,7 +35,7 @@ def import_files(sources: Sequence[str | Path], out: str | Path, mapping: str | 
     """Read all sources as the mapping file says, and write one recording; of a tracker's readings one table.
 
     Args:
-        sources: profile files (a pass each, or a frame each), pose files, bags.
+        sources: profile files (a pass each, or a frame each), pose files.
         out: the recording to write, `.h5`, or the table, `.csv`; replaced if it exists, untouched if anything is wrong.
         mapping: MAP.json (docs/importing.md); None: the files must leave no doubt.
 

@@ -354,7 +354,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
     if has == [True, False] and sum(len(one.profiles.z_mm) for one in found if one.profiles is not None) == 1:
         return doubts, ["a single profile: `workbench look` shows and measures it; a recording needs frames and poses"]
     lacking = []
-    if has == [True, True] and not any(one.flange_from_profiler is not None for one in found):
+    if has == [True, True]:
         lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
     unmoved = [one for one in found if one.joints is not None] if all(one.poses is None for one in found) else []
     if unmoved:

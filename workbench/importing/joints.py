@@ -1,4 +1,4 @@
-"""Joint positions of bags and tables, and the flange's poses by URDF and pinocchio: joints in rad and m, poses in mm.
+"""Joint positions of tables, and the flange's poses by URDF and pinocchio: joints in rad and m, poses in mm.
 
 Only the joints between base and flange count: a gripper, a second arm or a turntable in the URDF may stand anywhere.
 """
@@ -60,24 +60,6 @@ class JointModel:
             if model.nvs[joint] != 1:
                 raise InputError(f"{path}: {model.names[joint]}", "expected a revolute, continuous or prismatic joint")
         return cls(path, model, base, flange, tuple(model.names[joint] for joint in joints))
-
-    def joints(self, state: Any, where: str) -> Float | None:
-        """Positions (n,) of this robot's joints in a sensor_msgs/JointState; None where it tells of others only.
-
-        Raises:
-            InputError: some joints are missing, or a name stands twice.
-        """
-        given = dict(zip(state.name, state.position, strict=False))
-        if len(given) < len(state.name) or len(state.position) != len(state.name):
-            found = f"{len(state.name)} names, {len(state.position)} positions"
-            raise InputError(where, f"expected one position for each of different names, found {found}")
-        missing = [name for name in self.names if name not in given]
-        if len(missing) == len(self.names):
-            return None
-        if missing:
-            raise InputError(where, f"joint '{missing[0]}' is missing{nearest(missing[0], given)}")
-        values = np.array([given[name] for name in self.names], float)
-        return values
 
     def check(self, joints: Float, unit: str, place: Callable[[int], str]) -> None:
         """Refuse joints (K, n), in rad and m, beyond their limits; `place`: what to call a row, from 0."""

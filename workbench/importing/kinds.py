@@ -17,7 +17,6 @@ from workbench.importing.text import first_bytes, head_text, otherwise_separated
 from workbench.storage import regular_file
 
 KINDS = (  # modules of workbench.importing
-    "bags",
     "gocator",
     "scancontrol",
     "sick",
@@ -32,6 +31,8 @@ KINDS = (  # modules of workbench.importing
 BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
 NUMBERS = (".tif", ".tiff", ".png", ".mat", ".bin", ".raw")
+BAGS = (".bag", ".db3", ".mcap")
+AS_TABLES = "a bag of ROS: a few lines of Python make tables of its profiles and poses (docs/importing_bags.md)"
 AS_ARRAYS = "a few lines of Python make arrays of it (docs/importing.md#other-forms)"
 AS_A_CLOUD = (
     "it is a cloud, and nothing of it goes into a recording: workbench run pipelines/inspect_cloud.json "
@@ -45,7 +46,7 @@ class Reader(Protocol):
     NAME: str  # for people: "scanCONTROL profiles"
 
     def recognises(self, path: Path, head: bytes, mapping: Mapping) -> bool:
-        """Whether the source is of this kind: by its name, its first bytes (none of a directory) or the mapping."""
+        """Whether the source is of this kind: by its name, its first bytes or the mapping."""
 
     def read(self, path: Path, mapping: Mapping) -> Imported:
         """Its contents; InputError with the place and what was expected."""
@@ -57,7 +58,8 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
     Raises:
         InputError: no such file, none or several kinds recognise it, or it cannot be read.
     """
-    head = _head(path)
+    check_file(path)
+    head = first_bytes(path)
     named = claimed_by(path, mapping)  # what the mapping says goes before what the file looks like
     readers = [cast(Reader, importlib.import_module(f"workbench.importing.{name}")) for name in named or KINDS]
     found = [reader for reader in readers if reader.recognises(path, head, mapping)]
@@ -75,6 +77,15 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
     return found[0].read(path, mapping)
 
 
+def check_file(path: Path) -> None:
+    """Refuse what is no file, and a bag, as a file or as the folder that rosbag2 makes."""
+    if not (path / "metadata.yaml").is_file():
+        regular_file(path)
+        if path.suffix.lower() not in BAGS:
+            return
+    raise InputError(str(path), AS_TABLES)
+
+
 def _other(path: Path, head: bytes) -> str:
     """What a file is that is no source of a recording, and where it goes; '' where nothing is known of it."""
     if path.suffix.lower() in CLOUDS:
@@ -90,11 +101,3 @@ def _otherwise_separated(head: bytes, mapping: Mapping) -> str:
     meant = [part for part in (mapping.profiles, mapping.poses, mapping.joints) if part is not None]
     known: list[TextPart] = [*meant] or [*tables.KNOWN.values(), *poses.KNOWN.values()]
     return next((told for part in known if part.wanted and (told := otherwise_separated(head, part))), "")
-
-
-def _head(path: Path) -> bytes:
-    """The first bytes of a file; nothing of a directory (rosbag2)."""
-    if path.is_dir():
-        return b""
-    regular_file(path)
-    return first_bytes(path)

@@ -21,7 +21,6 @@ from workbench.geometry.poses import (
 from workbench.importing.mapping_parts import (
     LENGTH_MM,
     ArraysPart,
-    BagPart,
     FilesPart,
     JointsPart,
     LengthUnit,
@@ -159,7 +158,6 @@ class Mapping(Part):
     times: TimesPart | None = Field(default=None, description="when each frame was taken")
     linear_axis: LinearAxisPart | None = Field(default=None, description="instead of poses: a straight axis")
     hand_eye: HandEyePart | None = Field(default=None, description="pose of the profiler on the flange")
-    bag: BagPart | None = Field(default=None, description="topics, frames and clock of a bag")
     sphere_diameter_mm: float | None = Field(default=None, gt=0, description="it is a calibration recording")
     outside: Literal["refuse", "trim"] = Field(default="refuse", description="frames outside the poses' times")
     accept: list[Suspicion] = Field(default=[], description="what looks wrong, but is right")
@@ -181,8 +179,9 @@ def no_mapping() -> Mapping:
 def read_mapping(path: Path) -> Mapping:
     """Read MAP.json. Raises InputError with all of its problems: line, JSON path, what was expected, nearest name."""
     tree = read_json(path, MAX_BYTES)
-    if gone := {"keyence_raw", "height_map"} & tree.keys():
-        expected = "no such part any more: a few lines of Python make arrays of it (docs/importing.md#other-forms)"
+    if gone := {"keyence_raw", "height_map", "bag"} & tree.keys():
+        page = "importing_bags.md" if "bag" in gone else "importing.md#other-forms"
+        expected = f"no such part any more: a few lines of Python make arrays or tables of it (docs/{page})"
         raise InputError(f"{path}: {min(gone)}", expected)
     try:
         mapping = Mapping.model_validate_json(json.dumps(tree))

@@ -1,4 +1,4 @@
-"""What a mapping file may say of tables, arrays, joints and bags: known keys, finite numbers."""
+"""What a mapping file may say of tables, arrays and joints: known keys, finite numbers."""
 
 from __future__ import annotations
 
@@ -262,39 +262,3 @@ class TrackerPart(TimedPart):
         targets = enumerate(self.targets or ())
         places = {f"{k} {axis}": one for k, three in targets for axis, one in zip("xyz", three, strict=True)}
         return self._with_time(places, number=self.number)
-
-
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-NoReturn = Literal["nan", "zero", "inf"]
-
-
-class BagPart(FramesPart):
-    """Object `bag` of a mapping file (MCAP, rosbag2, rosbag1); optional where the bag leaves no doubt."""
-
-    profiles: list[str] | None = Field(
-        default=None, min_length=1, description="topics of the profiles; several: one scanning pass each, in this order"
-    )
-    poses: str | None = Field(default=None, description="topic of the poses; 'tf': /tf and /tf_static together")
-    time: Literal["header", "message"] = Field(
-        default="header", description="the header's stamp, or when the message was recorded"
-    )
-    length_unit: Literal["m", "mm"] = Field(default="m", description="of profiles; REP 103 says m")
-    pose_length_unit: Literal["m", "mm"] = Field(default="m", description="of poses; REP 103 says m")
-    lateral: Axis = Field(default="x", description="axis that is x of the profiler")
-    range: Axis = Field(default="z", description="axis that is z of the profiler")
-    no_return: list[NoReturn] | None = Field(
-        default=None, description="points that mean no return, besides NaN: all coordinates 0, an infinite one"
-    )
-    ragged: Literal["spacing", "count"] = Field(
-        default="spacing", description="columns of profiles with fewer points: by gaps in x, or simply counted from 0"
-    )
-    row_period_s: float | None = Field(
-        default=None, gt=0, description="time from row to row of a cloud of several rows; its time is the first row's"
-    )
-    pass_gap_s: float | None = Field(default=None, gt=0, description="a longer time without profile begins a new pass")
-    base_frame: str | None = Field(default=None, description="the robot's base, in /tf or the URDF")
-    flange_frame: str | None = Field(default=None, description="the mounting flange, in /tf or the URDF")
-    profiler_frame: str | None = Field(
-        default=None, description="the profiles' frame, fixed to the flange in /tf: the hand-eye pose"
-    )
-    urdf: str | None = Field(default=None, description="the robot's URDF for JointState, relative to the mapping file")

@@ -76,7 +76,6 @@ class Imported:
     profiles: ProfileFrames | None = None
     poses: PoseStream | None = None
     notes: tuple[str, ...] = ()
-    flange_from_profiler: Shaped[Float, "4 4"] | None = None  # where the source itself carries it
     tracker: TrackerReadings | None = None
     joints: JointStream | None = None  # beside the poses that follow from them, or alone where no URDF is named
 

@@ -19,7 +19,7 @@ from workbench.cloud.units import MM
 from workbench.errors import InputError, one_line
 from workbench.importing import arrays, tracker
 from workbench.importing.draft import drafted
-from workbench.importing.kinds import read_source
+from workbench.importing.kinds import check_file, read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
 from workbench.importing.roles import leading
 from workbench.importing.text import first_bytes, form_of, head_text, read_text
@@ -29,7 +29,7 @@ from workbench.look.rows import groove_of_rows
 from workbench.look.seen import MOST_POINTS, Profile, Seen, Shade, box, chosen_of, failed, limit_text, shades_of, told
 from workbench.look.seven_corners import read_corners, recognised
 from workbench.scan.read import read as read_recording
-from workbench.storage import regular_file, write_whole
+from workbench.storage import write_whole
 
 
 def look(
@@ -105,9 +105,7 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     """
     chosen = no_mapping() if mapping is None else read_mapping(mapping)
     suffix = file.suffix.lower()
-    if file.is_dir():
-        return _foreign(file, chosen)
-    regular_file(file)
+    check_file(file)
     if suffix in RECORDINGS:
         return _recording(file)
     if suffix in cad.SUFFIXES:

@@ -1,10 +1,9 @@
-"""SICK scans, arrays, joints, clouds, trackers: each comes in as it was made."""
+"""Arrays, joints, clouds, trackers: each comes in as it was made."""
 
 from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 
 from tests.importing.conftest import MAPPING
-from tests.importing.makers import COLUMNS, FRAMES, STEP_MM, X_MM, heights_mm
 from workbench.artefacts import Recording
 from workbench.cli import main
 from workbench.errors import InputError
@@ -29,36 +27,11 @@ def mapping(tmp_path: Path, **parts: Any) -> Path:
     return path
 
 
-def write_sick(folder: Path) -> Path:
-    """Samples by the real description: 1,024 wide, range X and R, 5 marks, intensity."""
-    source = SHARED / "real" / "sick_icon_scan_0_top.xml"
-    if not source.is_file():
-        pytest.skip("no SICK description: data of others, for local tests only")
-    shutil.copy(source, folder / "s.xml")
-    dtype = [("x", "<f4", 1024), ("r", "<f4", 1024), ("m", "<i4", 5), ("i", "u1", 1024)]
-    scans = np.zeros(FRAMES, dtype)
-    z = heights_mm()
-    scans["x"][:, :COLUMNS], scans["r"][:, :COLUMNS] = np.where(np.isnan(z), 0, X_MM), np.nan_to_num(z)
-    scans["i"][:, :COLUMNS] = 7
-    scans.tofile(folder / "s.dat")
-    return folder / "s.dat"
-
-
-def test_sick_scans(tmp_path: Path, imported: Imported) -> None:
-    path = write_sick(tmp_path)
-    part = {"linear_axis": {}, "times": {"source": "travel", "start_mm": 0, "pitch_mm": STEP_MM}}
-    for source in (path, path.with_suffix(".xml")):
-        got = imported(source, mapping=mapping(tmp_path, **part))
-        np.testing.assert_allclose(got.z_mm[:, :COLUMNS], heights_mm(), atol=1e-5)
-        assert np.isnan(got.z_mm[:, COLUMNS:]).all()
-        assert got.intensity is not None
-        assert (got.intensity[:, :COLUMNS] == 7).all()
-    path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(InputError, match="expected whole scans of 9236 bytes, found 9235 over"):
-        imported(path, mapping=mapping(tmp_path, **part))
-    path.unlink()
-    with pytest.raises(InputError, match=r"expected s\.dat beside it"):
-        imported(path.with_suffix(".xml"))
+@pytest.mark.parametrize("name", ["a.dat", "a.xml", "a.tif"])
+def test_heights_without_a_form_of_their_own_become_arrays(name: str, tmp_path: Path, imported: Imported) -> None:
+    (tmp_path / name).write_bytes(b"<icon_data_format>" if name == "a.xml" else b"\0\0\x80?")
+    with pytest.raises(InputError, match=r"make arrays of it \(docs/importing\.md#other-forms\)"):
+        imported(tmp_path / name)
 
 
 @pytest.mark.parametrize("ending", [".npz", ".npy"])
@@ -171,52 +144,6 @@ def test_a_line_of_a_tracker_scanner_is_a_profile(tmp_path: Path, capsys: pytest
     assert re.search(r"corner 1: x -?0\.0\d+ ", told)
 
 
-def write_leica(path: Path, places: Any, names: list[str], delimiter: str = ",", decimal: str = ".") -> None:
-    rows = ["Name,X [mm],Y [mm],Z [mm],U95 [mm],Time".replace(",", delimiter)]
-    for k, (name, place) in enumerate(zip(names, places, strict=True)):
-        values = [f"{v:.4f}".replace(".", decimal) for v in (*place, 0.030 + 0.001 * (k % 3))]
-        rows.append(delimiter.join([name, *values, f"2026-03-31 14:{k // 60:02d}:{k % 60:02d}.5"]))
-    path.write_text("\n".join(rows) + "\n")
-
-
-@pytest.mark.parametrize(("delimiter", "decimal"), [(",", "."), (";", ","), ("\t", ".")])
-def test_a_tracker_table_with_names_and_u95(
-    delimiter: str, decimal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from workbench.importing.kinds import read_source
-    from workbench.importing.mapping import no_mapping
-
-    places = np.random.default_rng(3).uniform(-3000, 3000, (120, 3))
-    write_leica(tmp_path / "l.csv", places, [f"SMR {k % 3}" for k in range(120)], delimiter, decimal)
-    assert main(["look", str(tmp_path / "l.csv")]) == 0
-    told = capsys.readouterr().out
-    assert "120 readings of 3 targets" in told
-    assert "U95 declared: 0.03 to 0.032 mm, median 0.031; calibrate.tracker takes it as tracker_noise_mm 0.0155" in told
-    found = read_source(tmp_path / "l.csv", no_mapping()).tracker
-    assert found is not None
-    assert found.name[:4] == ("SMR 0", "SMR 1", "SMR 2", "SMR 0")
-    assert found.time_s is not None
-    np.testing.assert_allclose(found.place_mm, places, atol=1e-4)
-    np.testing.assert_allclose(np.diff(found.time_s), 1.0)
-    assert main(["import", str(tmp_path / "l.csv"), "--out", str(tmp_path / "l.h5")]) == 2
-    assert "calibrate.tracker" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "what"),
-    [
-        ("P2,", "P2,,", "line 4: expected 6 cells, found 7"),
-        (",0.0310,", ",u,", "line 3, cell 4: expected a number"),
-        ("P1,", "P1,inf,#", "line 3"),
-    ],
-)
-def test_a_damaged_tracker_table(old: str, new: str, what: str, tmp_path: Path, imported: Imported) -> None:
-    write_leica(tmp_path / "l.csv", np.ones((4, 3)), [f"P{k}" for k in range(4)])
-    (tmp_path / "l.csv").write_text((tmp_path / "l.csv").read_text().replace(old, new, 1))
-    with pytest.raises(InputError, match=what):
-        imported(tmp_path / "l.csv")
-
-
 def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reading = "Cnt=1  X={:.3f} Y=-40.000 Z= 12.500 RotX=    1.530\n"
     text = "".join(f"Pos {n}\n" + reading.format(100 * n - 0.03) + reading.format(100 * n + 0.03) for n in range(1, 6))
@@ -232,7 +159,7 @@ def test_readings_of_a_tracker_are_told_by_position(tmp_path: Path, capsys: pyte
     assert "line 17: expected 'Pos n', or a reading" in capsys.readouterr().err
 
 
-REAL = {  # of 22 foreign sets: SICK's samples are made in a test of their own, cam.txt is a table of numbers
+REAL = {  # of the foreign sets; cam.txt is a table of numbers
     "vendor/gocator_surface_v2.csv": "428 frames of 452 columns",
     "vendor/gopxl_profile.csv": "single profile",
     "vendor/scancontrol_2925.csv": "140 frames of 1143 columns",

@@ -23,6 +23,7 @@ from workbench.plugins import calibration
 RNG = np.random.default_rng(4)
 COUNT = 12
 MUTATIONS = 60
+TABLE = {"files": "l.csv", "targets": [["X [mm]", "Y [mm]", "Z [mm]"]]}
 JOINTS_DEG = RNG.uniform(-60.0, 60.0, (COUNT, 6))
 PLACES_MM = RNG.uniform(-2000.0, 2000.0, (COUNT, 3))
 
@@ -46,10 +47,11 @@ def positions_file(path: Path, numbers: Any) -> Path:
     return path
 
 
-def leica_file(path: Path, names: list[str], places: Any, times: list[str] | None = None) -> Path:
-    rows = ["Name,X [mm],Y [mm],Z [mm],U95 [mm]" + (",Time" if times else "")]
-    for k, (name, (x, y, z)) in enumerate(zip(names, places, strict=True)):
-        rows.append(f"{name},{x:.4f},{y:.4f},{z:.4f},0.03" + (f",{times[k]}" if times else ""))
+def places_file(path: Path, places: Any, times: Any = None) -> Path:
+    """A row a position: name, x, y, z, and the clock in s."""
+    rows = ["Name,X [mm],Y [mm],Z [mm],U95 [mm]" + (",Time" if times is not None else "")]
+    for k, (x, y, z) in enumerate(places):
+        rows.append(f"P{k},{x:.4f},{y:.4f},{z:.4f},0.03" + (f",{times[k]}" if times is not None else ""))
     path.write_text("\n".join(rows) + "\n")
     return path
 
@@ -57,7 +59,8 @@ def leica_file(path: Path, names: list[str], places: Any, times: list[str] | Non
 def table(tmp_path: Path, capsys: Any, *sources: Path, **parts: Any) -> tuple[list[str], list[list[float]], str]:
     """Targets, numbers and what was told, of what a drafted and confirmed mapping makes."""
     draft, out = tmp_path / "map.json", tmp_path / "readings.csv"
-    assert main(["import", "--draft", *map(str, sources), "--out", str(draft)]) == 0
+    unnamed = [str(source) for source in sources if source.name != TABLE["files"]]  # what a draft can tell
+    assert main(["import", "--draft", *unnamed, "--out", str(draft)]) == 0
     tree = {**json.loads(draft.read_text()), **parts, "uncertain": []}
     draft.write_text(json.dumps(tree))
     status = main(["import", *map(str, sources), "--mapping", str(draft), "--out", str(out)])
@@ -94,30 +97,30 @@ def test_by_time_only_while_the_robot_stands(tmp_path: Path, capsys: Any) -> Non
     joints = joints_file(tmp_path / "q.csv", "time_s", time_s, log)
     seen_s = [*(6.0 * np.arange(COUNT) + 2.0), 5.0, 1000.0]  # in each posture; on the way; long after
     places = [*PLACES_MM, [0.0] * 3, [0.0] * 3]
-    clocks = [f"2026-03-31 10:{int(s + 100) // 60:02d}:{(s + 100) % 60:06.3f}" for s in seen_s]
-    sources = [leica_file(tmp_path / "l.csv", ["SMR"] * len(places), places, clocks), joints]
-    assert "goes with a posture" in table(tmp_path, capsys, *sources)[2]  # the robot's clock counts from another day
-    offset = 1774951200.0 + 100.0  # 2026-03-31 10:00 UTC
+    offset = 1774951200.0 + 100.0
+    sources = [places_file(tmp_path / "l.csv", places, np.array(seen_s) + offset), joints]
+    part = {**TABLE, "time": "Time", "time_unit": "s", "pair": "time"}
+    assert "goes with a posture" in table(tmp_path, capsys, *sources, tracker=part)[2]  # as of another day
     times = {"source": "file", "clock_offset_s": offset}
-    targets, rows, told = table(tmp_path, capsys, *sources, times=times)
-    assert targets == ["SMR"] * COUNT
+    targets, rows, told = table(tmp_path, capsys, *sources, times=times, tracker=part)
+    assert targets == ["t1"] * COUNT
     np.testing.assert_allclose(rows, np.column_stack([JOINTS_DEG, PLACES_MM]), atol=1e-3)
     assert "left out: 1 readings without a posture within 0.5 s" in told
     assert "left out: 1 readings while the robot moved" in told
-    assert "tracker_noise_mm 0.015" in told
 
 
-def test_in_order_as_many_as_postures(tmp_path: Path, capsys: Any) -> None:
-    joints = joints_file(tmp_path / "q.csv")
-    names, places = ["A", "B"] * COUNT, np.repeat(PLACES_MM, 2, axis=0)
-    sources = [leica_file(tmp_path / "l.csv", names, places), joints]
-    targets, rows, _ = table(tmp_path, capsys, *sources)
-    assert targets == names
-    np.testing.assert_allclose(rows, np.column_stack([np.repeat(JOINTS_DEG, 2, axis=0), places]), atol=1e-4)
-    leica_file(tmp_path / "l.csv", names[:-1], places[:-1])
-    assert f"{COUNT - 1} readings of 'B' and {COUNT} postures" in table(tmp_path, capsys, *sources)[2]
-    leica_file(tmp_path / "l.csv", [f"P{k}" for k in range(COUNT)], PLACES_MM)  # points of one target
-    assert table(tmp_path, capsys, *sources)[0] == ["target"] * COUNT
+@pytest.mark.parametrize("pair", ["number", "order"])
+def test_a_row_a_posture(pair: str, tmp_path: Path, capsys: Any) -> None:
+    """By number readings may lack at the end, and it is told; in order as many are expected."""
+    sources, part = (
+        [places_file(tmp_path / "l.csv", PLACES_MM), joints_file(tmp_path / "q.csv")],
+        {**TABLE, "pair": pair},
+    )
+    _, rows, _ = table(tmp_path, capsys, *sources, tracker=part)
+    np.testing.assert_allclose(rows, np.column_stack([JOINTS_DEG, PLACES_MM]), atol=1e-4)
+    places_file(tmp_path / "l.csv", PLACES_MM[:-1])
+    told = {"number": f"without a reading: {COUNT}", "order": f"{COUNT - 1} readings of 't1' and {COUNT} postures"}
+    assert told[pair] in table(tmp_path, capsys, *sources, tracker=part)[2]
 
 
 def test_places_and_joints_in_one_table(tmp_path: Path, capsys: Any) -> None:
@@ -153,8 +156,8 @@ def test_the_table_registers_a_robot(tmp_path: Path, capsys: Any) -> None:
     q = quaternion_from_rotation(pose[:, :3, :3])
     head = "x_mm,y_mm,z_mm,qw,qx,qy,qz"
     np.savetxt(tmp_path / "p.csv", np.column_stack([position, q]), delimiter=",", header=head, comments="")
-    leica_file(tmp_path / "l.csv", ["T"] * COUNT, seen)
-    assert len(table(tmp_path, capsys, tmp_path / "l.csv", tmp_path / "p.csv")[0]) == COUNT
+    sources = [places_file(tmp_path / "l.csv", seen), tmp_path / "p.csv"]
+    assert len(table(tmp_path, capsys, *sources, tracker=TABLE)[0]) == COUNT
     document, _ = calibration.tracker(readings=tmp_path / "readings.csv")
     found = json.loads(document.content)
     np.testing.assert_allclose(found["targets"][0]["position_mm"], target[:3], atol=0.2)
@@ -164,11 +167,7 @@ def test_the_table_registers_a_robot(tmp_path: Path, capsys: Any) -> None:
 @pytest.mark.parametrize("which", [0, 1, 2])
 def test_damaged_files_are_joined_or_refused(which: int, tmp_path: Path) -> None:
     """Damage ends in a table, or in one line, and leaves nothing half-written; a draft of it likewise."""
-    times = [f"2026-03-31 14:05:{k:02d}.5" for k in range(COUNT)]
-    trackers = [
-        positions_file(tmp_path / "a.txt", range(1, COUNT + 1)),
-        leica_file(tmp_path / "a.csv", ["A"] * COUNT, PLACES_MM, times),
-    ]
+    trackers = [positions_file(tmp_path / "a.txt", range(1, COUNT + 1)), places_file(tmp_path / "l.csv", PLACES_MM)]
     robot = joints_file(tmp_path / "q.csv", "posture", np.arange(COUNT) + 1)
     sources = [trackers[which % 2], robot]
     damaged, out = sources[which // 2], tmp_path / "r.csv"
@@ -179,7 +178,8 @@ def test_damaged_files_are_joined_or_refused(which: int, tmp_path: Path) -> None
         "length_unit": "mm",
         "number": "posture",
     }
-    mapping.write_text(json.dumps({"format": "import-mapping", "version": 1, "joints": part}))
+    parts = {"joints": part, "tracker": TABLE} if which % 2 else {"joints": part}
+    mapping.write_text(json.dumps({"format": "import-mapping", "version": 1, **parts}))
     rng, content = random.Random(which), damaged.read_bytes()
     import_files(sources, out, mapping)
     assert len(out.read_text().splitlines()) == COUNT + 1

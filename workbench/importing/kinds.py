@@ -19,7 +19,6 @@ from workbench.storage import regular_file
 KINDS = (  # modules of workbench.importing
     "gocator",
     "scancontrol",
-    "sick",
     "arrays",
     "tables",
     "poses",
@@ -91,7 +90,8 @@ def _other(path: Path, head: bytes) -> str:
     if path.suffix.lower() in CLOUDS:
         return AS_A_CLOUD
     text = head_text(head)
-    if path.suffix.lower() in NUMBERS or text[:3].lower() in ("y/x", "y\\x"):
+    sick = "<icon_data_format" in text or (path.suffix.lower() == ".dat" and "\0" in text)
+    if sick or path.suffix.lower() in NUMBERS or text[:3].lower() in ("y/x", "y\\x"):
         return f"heights or arrays without a form of their own: {AS_ARRAYS}"
     return f"{force_file.NAME}: forces over time, no recording" if force_file.recognises(text) else ""
 

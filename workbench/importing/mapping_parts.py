@@ -246,8 +246,8 @@ class TrackerPart(TimedPart):
         default=None, description="columns of x, y, z of each target, where a row is a posture of the robot"
     )
     number: Column | None = Field(default=None, description="number of the posture; default: the row")
-    pair: Literal["number", "time", "order"] | None = Field(
-        default=None, description="how readings and postures go together; null: the first of these that both tell"
+    pair: Literal["number", "time", "order"] = Field(
+        default="number", description="how readings and postures go together"
     )
     within_s: float = Field(default=0.5, gt=0, description="most from a reading to its posture, for 'time'")
 

@@ -63,10 +63,9 @@ class TrackerReadings:
 
     source: str
     place_mm: Shaped[Float, "n 3"]
-    name: tuple[str, ...]  # of the target, or of the point
-    number: Shaped[Int, " n"] | None = None  # of the position at which the robot stood; None: the file tells none
+    name: tuple[str, ...]  # of the target
+    number: Shaped[Int, " n"]  # of the position at which the robot stood
     time_s: Shaped[Float, " n"] | None = None  # on the tracker's clock
-    u95_mm: Shaped[Float, " n"] | None = None  # expanded uncertainty (k = 2) as the tracker declares it
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,14 +1,12 @@
-"""Readings of a laser tracker: `Pos n` with lines `X= ... Y= ... Z= ...`, a table with a name a row, or any table.
+"""Readings of a laser tracker: `Pos n` with lines `X= ... Y= ... Z= ...`, or a table by the mapping.
 
 They are no recording: joined with the robot's postures they become the table that `calibrate.tracker` takes.
 """
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -17,17 +15,11 @@ import numpy as np
 
 from workbench.cloud.readers import READING
 from workbench.errors import InputError
-from workbench.importing import joints, poses, tables
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TrackerPart
 from workbench.importing.neutral import MAX_MM, Imported, PoseStream, TrackerReadings
-from workbench.importing.roles import LENGTHS, role_of
 from workbench.importing.text import (
-    NO_VALUE,
-    cells,
     head_text,
-    number,
-    numbered,
     numbers,
     read_table,
     read_text,
@@ -36,36 +28,16 @@ from workbench.units import DEG, Float, Int
 
 NAME = "readings of a laser tracker"
 POSITION = re.compile(r"^\s*Pos\w*\s*(\d{1,9})\b", re.IGNORECASE)
-POINT_NAMES = ("name", "point", "pointname", "pointid", "target", "targetname", "measurement", "label")
-OF_95 = re.compile(r"^\s*(u95|uncertainty|umag|u 95)", re.IGNORECASE)
-HEADER_WITHIN = 20  # lines
-CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f")  # besides ISO 8601 and seconds
-K_95 = 2.0  # coverage factor of U95
 INTO_A_TABLE = (
     "it is no recording: with the robot's joints or poses it becomes the table that stage calibrate.tracker takes: "
     "workbench import --draft READINGS JOINTS --out map.json (docs/howto/calibrate_robot.md)"
 )
 
 
-class Head(NamedTuple):
-    """The header of a table of named readings."""
-
-    line: int  # from 0
-    delimiter: str
-    places: dict[str, int]  # role -> column: x, y, z, and perhaps name, u95, time
-    unit: str  # '' where the header tells none
-    width: int  # cells
-
-
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
-    """Whether it begins with a position and readings, or has a header of named readings; or the mapping names it."""
-    if mapping.tracker is not None and mapping.tracker.claims(path):
-        return True
-    text = head_text(head)
-    if _by_position(text):
-        return True
-    others = (tables, poses, joints)  # by the columns that the mapping names
-    return _head(text) is not None and not any(other.recognises(path, head, mapping) for other in others)
+    """Whether it begins with a position and readings, or the mapping names it."""
+    claimed = mapping.tracker is not None and mapping.tracker.claims(path)
+    return claimed or _by_position(head_text(head))
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
@@ -75,12 +47,7 @@ def read(path: Path, mapping: Mapping) -> Imported:
         InputError: a line that is neither position nor reading, a cell that is no number; no readings.
     """
     part = mapping.tracker or TrackerPart()
-    if part.targets is not None:
-        found = _by_columns(path, part)
-    else:
-        text = read_text(path)
-        head = None if _by_position(text) else _head(text)
-        found = _positions(path, text, part) if head is None else _named(path, text, head, part)
+    found = _positions(path, part) if part.targets is None else _by_columns(path, part)
     far = np.flatnonzero((np.abs(found.place_mm) > MAX_MM).any(axis=1))
     if len(far):
         shown = ", ".join(f"{v:.6g}" for v in found.place_mm[far[0]])
@@ -89,19 +56,11 @@ def read(path: Path, mapping: Mapping) -> Imported:
 
 
 def told(found: TrackerReadings) -> list[str]:
-    """Counts, scatter within a position and the position whose readings scatter most, declared uncertainty."""
+    """Counts, scatter within a position and the position whose readings scatter most, times."""
     count = len(found.place_mm)
     names = len(set(found.name))
-    lines = [f"{count} readings" + (f" of {names} targets or points" if names > 1 else "")]
-    if found.number is not None:
-        lines = [f"positions: {len(np.unique(found.number))} with {lines[0]}", *_scatter(found)]
-    if found.u95_mm is not None:
-        u = found.u95_mm[np.isfinite(found.u95_mm)]
-        if len(u):
-            lines.append(
-                f"U95 declared: {u.min():.4g} to {u.max():.4g} mm, median {np.median(u):.4g}; "
-                f"calibrate.tracker takes it as tracker_noise_mm {np.median(u) / K_95:.3g} (half of it)"
-            )
+    of = f" of {names} targets" if names > 1 else ""
+    lines = [f"positions: {len(np.unique(found.number))} with {count} readings{of}", *_scatter(found)]
     if found.time_s is not None:
         lines.append(f"times over {np.ptp(found.time_s):.6g} s")
     return lines
@@ -109,7 +68,6 @@ def told(found: TrackerReadings) -> list[str]:
 
 def groups_of(found: TrackerReadings) -> list[tuple[int, Int]]:
     """Number of a position, and the rows of the readings of one target there."""
-    assert found.number is not None
     rows: dict[tuple[int, str], list[int]] = {}
     for row, key in enumerate(zip(found.number.tolist(), found.name, strict=True)):
         rows.setdefault(key, []).append(row)
@@ -136,12 +94,12 @@ def _by_position(text: str) -> bool:
     return len(lines) == 2 and bool(POSITION.match(lines[0])) and bool(READING.search(lines[1]))
 
 
-def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
+def _positions(path: Path, part: TrackerPart) -> TrackerReadings:
     """The readings by position; positions that have none are left out."""
     places: list[Float] = []
     numbers_: list[int] = []
     now: int | None = None
-    for k, line in enumerate(text.split("\n"), 1):
+    for k, line in enumerate(read_text(path).split("\n"), 1):
         if head := POSITION.match(line):
             now = int(head[1])
         elif (told := READING.search(line)) and now is not None:
@@ -153,80 +111,6 @@ def _positions(path: Path, text: str, part: TrackerPart) -> TrackerReadings:
         raise InputError(str(path), "expected readings as 'X= ... Y= ... Z= ...', found none")
     place_mm = np.array(places) * LENGTH_MM[part.length_unit]
     return TrackerReadings(str(path), place_mm, ("target",) * len(places), np.array(numbers_, np.int64))
-
-
-def _head(text: str) -> Head | None:
-    """The header of a table of named readings: x, y, z and a U95, or x, y, z and the readings' names."""
-    for k, line in enumerate(text.split("\n")[:HEADER_WITHIN]):
-        for delimiter in ",;\t":
-            titles = cells(line, delimiter)
-            places = _places(titles)
-            if places is not None:
-                units = {role_of(titles[places[axis]])[1] for axis in "xyz"}
-                unit = units.pop() if len(units) == 1 else ""
-                return Head(k, delimiter, places, unit if unit in LENGTHS else "", len(titles))
-    return None
-
-
-def _places(titles: Sequence[str]) -> dict[str, int] | None:
-    """Where the columns of named readings stand; None where these are other titles."""
-    places: dict[str, int] = {}
-    for at, title in enumerate(titles):
-        role = role_of(title)[0]
-        if OF_95.match(title):
-            role = "u95"
-        elif re.sub(r"\W", "", title.lower()) in POINT_NAMES:
-            role = "name"
-        elif role not in ("x", "y", "z", "time", ""):
-            return None  # an orientation, a frame's number: something else
-        if role:
-            places.setdefault(role, at)
-    named = {"x", "y", "z"} <= set(places) and {"u95", "name"} & set(places)
-    return places if named else None
-
-
-def _named(path: Path, text: str, head: Head, part: TrackerPart) -> TrackerReadings:
-    """A reading a row, with its name; rows without a place are no readings."""
-    rows: list[dict[str, str]] = []
-    values: list[Float] = []
-    for k, line in numbered(text):
-        if k <= head.line + 1:
-            continue
-        where, texts = f"{path}: line {k}", next(csv.reader([line], delimiter=head.delimiter))
-        if len(texts) != head.width:
-            raise InputError(where, f"expected {head.width} cells, found {len(texts)}")
-        row = {role: texts[at].strip() for role, at in head.places.items()}
-        told = [row[role] for role in ("x", "y", "z", "u95") if role in row]
-        if all(one in NO_VALUE for one in told[:3]):
-            continue
-        decimal = "," if head.delimiter != "," and any("," in one for one in told) else "."
-        values.append(numbers(told, where, decimal))
-        if np.isnan(values[-1][:3]).any():
-            raise InputError(where, "expected x, y and z, found one of them empty")
-        rows.append(row)
-    if not rows:
-        raise InputError(str(path), "expected rows of readings under the header, found none")
-    told_mm = np.array(values) * LENGTH_MM[head.unit or part.length_unit]
-    names = tuple(row.get("name", "target") for row in rows)
-    u95_mm = told_mm[:, 3] if "u95" in head.places else None
-    times = _times([row["time"] for row in rows]) if "time" in head.places else None
-    return TrackerReadings(str(path), told_mm[:, :3], names, None, times, u95_mm)
-
-
-def _times(texts: Sequence[str]) -> Float | None:
-    """Seconds, where every text is a number of them, ISO 8601, or a clock; None where they are something else."""
-    found = [_clock(text) if (value := number(text)) is None else value for text in texts]
-    return np.array(found, float) if None not in found and np.isfinite(np.array(found, float)).all() else None
-
-
-def _clock(text: str) -> float | None:
-    for form in ("", *CLOCKS):
-        try:
-            when = datetime.strptime(text, form) if form else datetime.fromisoformat(text)
-        except ValueError:
-            continue
-        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-    return None
 
 
 def _by_columns(path: Path, part: TrackerPart) -> TrackerReadings:
@@ -281,27 +165,19 @@ def joined(sources: Sequence[Imported], mapping: Mapping) -> tuple[list[str], tu
         raise InputError("sources", f"expected one file with readings of a tracker, found {len(found)}")
     (readings,) = found
     postures = _postures(sources, readings)
-    way = part.pair or _usual(readings, postures)
     offset_s = mapping.times.clock_offset_s if mapping.times else 0.0
     by_time = partial(_by_time, within_s=part.within_s, offset_s=offset_s)
     ways: dict[str, Callable[..., Pairs]] = {"number": _by_number, "time": by_time, "order": _by_order}
-    pairs = ways[way](readings, postures)
+    pairs = ways[part.pair](readings, postures)
     if not pairs.groups:
-        hint = "; other clocks? times.clock_offset_s in the mapping" if way == "time" else ""
-        raise InputError(readings.source, f"no reading goes with a posture of {postures.source} by {way}{hint}")
+        hint = "; other clocks? times.clock_offset_s in the mapping" if part.pair == "time" else ""
+        raise InputError(readings.source, f"no reading goes with a posture of {postures.source} by {part.pair}{hint}")
     lines = [",".join(("target", *postures.columns, *PLACE))]
     for rows, at in pairs.groups:
         numbers = [*postures.values[at].mean(axis=0), *readings.place_mm[rows].mean(axis=0)]
-        lines.append(",".join([_target(readings, int(rows[0])), *(f"{value:.9g}" for value in numbers)]))
-    note = f"joined by {way}: {len(lines) - 1} rows of {sum(len(rows) for rows, _ in pairs.groups)} readings"
+        lines.append(",".join([readings.name[rows[0]], *(f"{value:.9g}" for value in numbers)]))
+    note = f"joined by {part.pair}: {len(lines) - 1} rows of {sum(len(rows) for rows, _ in pairs.groups)} readings"
     return lines, (note, *pairs.lines)
-
-
-def _target(readings: TrackerReadings, row: int) -> str:
-    """The reading's target; where every reading has a name of its own, these are points of one target."""
-    if len(set(readings.name)) == len(readings.name):
-        return "target"
-    return readings.name[row].replace(",", " ").replace('"', "") or "target"
 
 
 def _postures(sources: Sequence[Imported], readings: TrackerReadings) -> Postures:
@@ -326,17 +202,8 @@ def _pose_values(poses: PoseStream) -> Float:
     return np.concatenate([poses.position_mm, poses.quaternion_wxyz], axis=1)
 
 
-def _usual(readings: TrackerReadings, postures: Postures) -> str:
-    """By number, else by time, else in order: the first that both tell."""
-    if readings.number is not None:
-        return "number"
-    return "time" if readings.time_s is not None and postures.time_s is not None else "order"
-
-
 def _by_number(readings: TrackerReadings, postures: Postures) -> Pairs:
     """Position n is the posture of that number, else the n-th row."""
-    if readings.number is None:
-        raise InputError(readings.source, "tells no numbers of positions: expected another tracker.pair in the mapping")
     own = postures.number if postures.number is not None else np.arange(1, len(postures.values) + 1)
     if len(np.unique(own)) < len(own):
         raise InputError(postures.source, "a posture's number stands twice")
@@ -374,10 +241,9 @@ def _by_time(readings: TrackerReadings, postures: Postures, within_s: float, off
 
 def _by_order(readings: TrackerReadings, postures: Postures) -> Pairs:
     """As many readings of each target as postures, in the same order."""
-    targets = [_target(readings, row) for row in range(len(readings.name))]
     groups = []
-    for name in dict.fromkeys(targets):
-        rows = [row for row, other in enumerate(targets) if other == name]
+    for name in dict.fromkeys(readings.name):
+        rows = [row for row, other in enumerate(readings.name) if other == name]
         if len(rows) != len(postures.values):
             raise InputError(
                 readings.source,

@@ -90,14 +90,9 @@ def joints_alone(joints: JointStream, notes: Sequence[str], source: str) -> Seen
 
 
 def tracker_alone(found: TrackerReadings, source: str) -> Seen:
-    """Places that a laser tracker saw: the mean of each position, or every reading."""
-    places = found.place_mm
-    if found.number is not None:
-        places = np.array([places[rows].mean(axis=0) for _, rows in tracker.groups_of(found)])
-    lines = (
-        *tracker.told(found),
-        f"{'means of the positions' if found.number is not None else 'places'}: {box(places)}",
-    )
+    """Places that a laser tracker saw: the mean of each position."""
+    places = np.array([found.place_mm[rows].mean(axis=0) for _, rows in tracker.groups_of(found)])
+    lines = (*tracker.told(found), f"means of the positions: {box(places)}")
     shades = shades_of(places)
     return Seen(source, tracker.NAME, "the tracker's frame", lines, places, shades, hints=(tracker.INTO_A_TABLE,))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 FOLDER = "tables"  # beside the page
 NAMED = 6  # words of a heading in the name of its table
-LARGEST = 30  # cells of a table that stays in the page
+LARGEST = 12  # cells of a table that stays in the page
 TABLE = re.compile(r"(?:^\|.*\n?)+", re.MULTILINE)
 HEADING = re.compile(r"^#+ (.*)", re.MULTILINE)
 

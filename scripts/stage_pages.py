@@ -7,7 +7,7 @@ import html
 import re
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from workbench.pipeline.catalogue import (
@@ -34,6 +34,7 @@ NUMBERS = re.compile(r"\[number(?:, number)+\]")
 EMPTY = re.compile(r"\{(\"\w+\": null(, )?)+\}")  # an object of which nothing is given
 PARSER = doctest.DocTestParser()
 LONG = 7  # words of a description
+AS_IN = re.compile(r"as in `([\w.]+)`\.?")  # that tells nothing else
 PAGE = re.compile(r"docs/((?:\w+/)*(\w+)\.md)")
 ASIDE = re.compile(r" \([^()]*(?:\([^()]*\)[^()]*)*\)|[:;] .*", re.DOTALL)
 TITLE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
@@ -70,8 +71,7 @@ def page(stage: Stage, told: Mapping[str, str], directory: Path = DIRECTORY) -> 
         _markdown(EXAMPLE.sub("", prose(stage)).strip()),
     ]
     if parameters := parameter_texts(stage):
-        items = [(one, _item(one)) for one in parameters]
-        parts += ["## Parameters", "\n".join(_once(one, text, stage.name, told[text]) for one, text in items)]
+        parts += ["## Parameters", "\n".join(_items(parameters, stage.name, told))]
     if shown := EXAMPLE.search(stage.doc):
         parts += ["## Example", f"```python\n{script(textwrap.dedent(shown[1]))}\n```"]
         parts += picture(stage.name, directory)
@@ -89,13 +89,10 @@ def _comment(shown: str) -> str:
 
 
 def picture(name: str, directory: Path) -> list[str]:
-    """What the example makes, as `python -m scripts.pictures` drew it; or the head of the text that it writes."""
-    drawn, written = (directory / PICTURES / f"{name}{suffix}" for suffix in (".svg", ".txt"))
+    """What the example makes, as `python -m scripts.pictures` drew it."""
+    drawn = directory / PICTURES / f"{name}.svg"
     if drawn.exists() and (title := TITLE.search(drawn.read_text(encoding="utf-8"))):
         return [f"![]({PICTURES}/{drawn.name})\n\n*{html.unescape(title[1])}.*"]
-    if written.exists():
-        file, _, head = written.read_text(encoding="utf-8").partition("\n")
-        return [f"No picture: the example writes `{file}`, which begins:", f"```text\n{head.rstrip()}\n```"]
     return []
 
 
@@ -110,11 +107,18 @@ def _markdown(text: str) -> str:
     return f"{_linked(head)}\n\n**Refused:** {told}"
 
 
-def _once(one: ParameterText, text: str, here: str, first: str) -> str:
-    """What another stage tells in many words is not told again."""
-    if first == here or len(one.description.split()) < LONG:
-        return text
-    return text.replace(f": {_line(one.description)}", f": as in [`{first}`]({first}.md).")
+def _items(parameters: Iterable[ParameterText], here: str, told: Mapping[str, str]) -> list[str]:
+    """A line each, and one for those that another stage's page tells in many words."""
+    own, others = [], dict[str, list[str]]()
+    for one in parameters:
+        text = _item(one)
+        said = AS_IN.fullmatch(one.description)
+        first = said[1] if said else told[text]
+        if first == here or not (said or len(one.description.split()) >= LONG):
+            own.append(text)
+        else:
+            others.setdefault(first, []).append(f"`{_named(one)}`")
+    return own + [f"- As in [`{first}`]({first}.md): {', '.join(some)}." for first, some in others.items()]
 
 
 def _item(one: ParameterText) -> str:
@@ -122,9 +126,12 @@ def _item(one: ParameterText) -> str:
     required = one.default == "required"
     of_type = one.type.removesuffix(" or null") if one.default == "null" else one.type
     kind = "" if of_type in IMPLIED and of_type == one.type and not required else f" ({_short(of_type)})"
-    name = one.name if required else f"{one.name}={EMPTY.sub('{}', one.default)}"
     bounds = f", {_interval(one.range)}" if one.range else ""
-    return f"- `{name}`{kind}{bounds}: {_line(one.description)}"
+    return f"- `{_named(one)}`{kind}{bounds}: {_line(one.description)}"
+
+
+def _named(one: ParameterText) -> str:
+    return one.name if one.default == "required" else f"{one.name}={EMPTY.sub('{}', one.default)}"
 
 
 def _short(of_type: str) -> str:

@@ -1,8 +1,8 @@
 """Draw what the example of each stage makes: `python -m scripts.pictures [STAGE ...]`, into docs/stages/pictures.
 
-The example in the stage's docstring is run. Of what its last call of the stage returned, or else took, the artefact
-that says most is drawn (`kinds.py`); a chapter of a report shows the first of its own charts that is small enough. For
-a stage that makes nothing to be drawn the head of the file that it writes is kept, as text.
+The example in the stage's docstring is run. Of what its last call of the stage returned the artefact that says most is
+drawn (`kinds.py`); a chapter of a report shows the first of its own charts that is small enough. A stage that makes a
+file or a decision alone has no picture.
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ from html import unescape
 from scripts.pictures.kinds import DRAWN
 from scripts.pictures.panels import drawn, titled
 from scripts.stage_pages import DIRECTORY, PICTURES
-from workbench.artefacts import Chapter, Document
+from workbench.artefacts import Chapter
 from workbench.pipeline.catalogue import every_stage
 
 MOST_BYTES = 60_000  # of a picture
-HEAD_LINES, HEAD_WIDTH = 8, 96  # of a text
 CHART = re.compile(r'<img[^>]*? src="data:image/svg\+xml;base64,([^"]+)" alt="([^"]*)"')
 TAG, DIGITS = re.compile(r"<[^>]*>"), re.compile(r"(\.\d{3})\d+")  # of places, beyond a thousandth of a point
-FOLDER = re.compile(r"[^\s\"']*/tmp\w+/")  # of an example's own files: another one each time
 
 
 def main(names: list[str]) -> None:
@@ -36,34 +34,27 @@ def main(names: list[str]) -> None:
     folder = DIRECTORY / PICTURES
     folder.mkdir(parents=True, exist_ok=True)
     for name in names or stages:
-        suffix, content = picture(stages[name])
-        for old in (".svg", ".txt"):
-            (folder / f"{name}{old}").unlink(missing_ok=True)
-        (folder / f"{name}{suffix}").write_bytes(content)
+        (folder / f"{name}.svg").unlink(missing_ok=True)
+        if content := picture(stages[name]):
+            (folder / f"{name}.svg").write_bytes(content)
     for old in folder.iterdir():
-        if old.name[:-4] not in stages:
+        if old.stem not in stages:
             old.unlink()
 
 
-def picture(stage) -> tuple[str, bytes]:
-    """Suffix and content of a stage's picture, or of the text in its place."""
+def picture(stage) -> bytes | None:
+    """A stage's picture, as SVG."""
     made, took = ran(stage)
-    for artefacts, others in ((made, took), (took, made)):
-        for kind in (*DRAWN, "Chapter"):
-            for one in (each for each in artefacts if type(each).__name__ == kind):
-                if kind == "Chapter":
-                    found = chart(one)
-                else:
-                    shown = DRAWN[kind](one, [each for each in (*others, *artefacts) if each is not one])
-                    found = drawn(shown) if shown else None
-                if found:
-                    return ".svg", found
-    for one in made:
-        if isinstance(one, Document):
-            return ".txt", text(one)
-    raise SystemExit(
-        f"{stage.name}: nothing that it makes or takes is drawn: add its type to scripts/pictures/kinds.py"
-    )
+    for kind in (*DRAWN, "Chapter"):
+        for one in (each for each in made if type(each).__name__ == kind):
+            if kind == "Chapter":
+                found = chart(one)
+            else:
+                shown = DRAWN[kind](one, [each for each in (*took, *made) if each is not one])
+                found = drawn(shown) if shown else None
+            if found:
+                return found
+    return None
 
 
 def ran(stage) -> tuple[list[object], list[object]]:
@@ -104,14 +95,6 @@ def chart(chapter: Chapter) -> bytes | None:
         if len(made) < MOST_BYTES:
             return made
     return None
-
-
-def text(document: Document) -> bytes:
-    """The file's name, and its first lines."""
-    lines = FOLDER.sub("", document.content.decode()).splitlines()
-    head = [line if len(line) <= HEAD_WIDTH else f"{line[: HEAD_WIDTH - 4]} ..." for line in lines[:HEAD_LINES]]
-    more = ["..."] if len(lines) > HEAD_LINES else []
-    return "\n".join([document.name, *head, *more, ""]).encode()
 
 
 if __name__ == "__main__":

@@ -450,7 +450,7 @@ DRAWN = {
     "RobotModes": robot_modes,
     "PathStability": stability,
     "Study": study,
-    "Cell": cell,
+    "JudgedCell": cell,
     "Surface": surface,
     "Cloud": cloud,
     "PointSet": point_set,

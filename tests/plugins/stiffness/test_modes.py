@@ -117,7 +117,7 @@ def tapped(cell, truth, seed: int, noise: float = 0.05, scale: float = 1.0) -> T
     way = np.tile(np.repeat(np.eye(3), len(HZ), axis=0), (8, 1))
     point = np.tile(cell.flange_from_cutter[:3, 3], (8, 1))
     tests = TapTests("taps", q, point, posture, hz, np.ones(len(hz), complex), way, way, np.zeros(8, bool), 0)
-    value, _ = _Taps.of(cell.chain, truth, tests, 1.0, np.ones(18)).compliance(np.zeros(18))
+    value, _ = _Taps(cell.chain, truth, tests, 1.0, np.ones(18)).compliance(np.zeros(18))
     blurred = np.exp(noise * (rng.normal(size=len(hz)) + 1j * rng.normal(size=len(hz))))
     return dataclasses.replace(tests, value=scale * value * blurred)
 

@@ -46,7 +46,6 @@ class ArmErrors:
     # of the base's origin (mm) and about it (rad), per unit of the parameter, joints at zero
     twist: Shaped[Float, "P 6"]
     prior: Shaped[Float, " P"]
-    is_length: tuple[bool, ...]
 
     def __len__(self) -> int:
         return len(self.names)
@@ -59,28 +58,27 @@ def arm_errors(chain: Chain, offset: float = 0.3 * DEG, length_mm: float = 1.0, 
     before, of an axis' direction.
     Beyond parallel axes a shift across their plane is two offsets; along an axis it belongs to the next one.
     """
-    rows: list[tuple[str, int, Float, float, bool]] = []
+    rows: list[tuple[str, int, Float, float]] = []
     for k in range(6):
         axis, point = chain.axes[k], chain.points_mm[k]
         if offset > 0.0:
-            rows.append((f"offset of joint {k + 1}", k, _turn(axis, point), offset, False))
+            rows.append((f"offset of joint {k + 1}", k, _turn(axis, point), offset))
         if k and length_mm > 0.0:
             for way in _ways(chain, k):
                 name = f"shift of axis {k + 1} along {_words(way)}"
-                rows.append((name, k, np.concatenate([way, np.zeros(3)]), length_mm, True))
+                rows.append((name, k, np.concatenate([way, np.zeros(3)]), length_mm))
         if k and tilt > 0.0:
             for way in _across(axis):
-                rows.append((f"tilt of axis {k + 1} about {_words(way)}", k, _turn(way, point), tilt, False))
+                rows.append((f"tilt of axis {k + 1} about {_words(way)}", k, _turn(way, point), tilt))
     return ArmErrors(
         tuple(r[0] for r in rows),
         np.array([r[1] for r in rows], np.int64),
         np.array([r[2] for r in rows]).reshape(-1, 6),
         np.array([r[3] for r in rows]),
-        tuple(r[4] for r in rows),
     )
 
 
-NO_ERRORS = ArmErrors((), np.zeros(0, np.int64), np.zeros((0, 6)), np.zeros(0), ())
+NO_ERRORS = ArmErrors((), np.zeros(0, np.int64), np.zeros((0, 6)), np.zeros(0))
 
 
 def corrected(chain: Chain, errors: ArmErrors, x: Float) -> tuple[Chain, ArmErrors]:
@@ -186,7 +184,7 @@ def robot_results(
     u = np.sqrt(np.diagonal(covariance))
     parameters = []
     for k, name in enumerate(arm.names):
-        unit, size = ("mm", 1.0) if arm.is_length[k] else ("deg", DEG)
+        unit, size = ("deg", DEG) if arm.twist[k, 3:].any() else ("mm", 1.0)
         found = {f"value_{unit}": values[k] / size, f"u_{unit}": u[k] / size}
         known = bool(u[k] < OPEN * arm.prior[k])
         parameters.append({"name": name, "axis": int(arm.before[k]) + 1, **found, "determined": known})

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.api import Bool, Float, Int, Recording, Shaped, estimator, rotation_from_vector
 from workbench.plugins.calibration.model import MOST_TURN, Estimate, Noise
-from workbench.plugins.calibration.observations import Flange, Timed, flange_of
+from workbench.plugins.calibration.observations import Flange, Timed, flange_of, sharing
 from workbench.plugins.calibration.profile_lines import Marks, Target
 
 START_ROUNDS = 4  # of the directions of lines, in turn with the translation
@@ -135,7 +135,7 @@ class Part:
             values=np.full(len(A), float(len(which))),
             prior=prior,
             away=away,
-            shared=tuple(scan.shared(alone, own) for scan in seen.scans),
+            shared=tuple(sharing(scan, alone, own, own[..., :0]) for scan in seen.scans),
         )
 
     def moved(self, at: At, step: Float) -> At:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.api import DEG, Float, Shaped, estimator, rotation_from_vector, vector_from_rotation
-from workbench.plugins.calibration.observations import Flange, Observations, Timed
+from workbench.plugins.calibration.observations import Flange, Observations, Timed, sharing
 
 LEAST_MM = (16.0, 20.0)  # half sides of a field of view: the paper's sensor; a sphere alone may show less of one
 OUTERMOST = 0.005  # share of a recording's points, on each side, that may be stray
@@ -148,7 +148,7 @@ def shared_of(linear: Linear, flange: Flange, noise: Noise) -> tuple[estimator.S
     alone = linear.covariance - spread @ np.swapaxes(spread, 1, 2) - bent @ np.swapaxes(bent, 1, 2)
     whole = np.concatenate([spread * np.sqrt(noise.common), bent], axis=2)
     own = spread * np.sqrt(1 - noise.common)
-    return tuple(scan.shared(alone, own, whole) for scan in flange.scans)
+    return tuple(sharing(scan, alone, own, whole) for scan in flange.scans)
 
 
 def rows_of(linear: Linear, seen: Observations, noise: Noise, radius_mm: float) -> estimator.Rows:

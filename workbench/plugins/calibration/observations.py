@@ -37,22 +37,6 @@ MAX_DEGREE = 15  # of the polynomial in time that a scan's motion is taken for; 
 
 
 @dataclass(frozen=True)
-class Group:
-    """Observations whose pose errors come from the same recorded poses, in the order of time."""
-
-    rows: Shaped[Int, " m"]  # of the observations
-    node: Shaped[Int, " m"]  # recorded pose before each, of those beside a frame
-    fraction: Shaped[Float, " m"]  # of the way to the next one
-    nodes: int  # recorded poses
-
-    def shared(self, alone: Float, own: Float, whole: Float | None = None) -> estimator.Shared:
-        """Of all k observations: what is theirs alone (k, d, d), by a pose's errors (k, d, e), by all in common."""
-        alone, own = alone[self.rows], own[self.rows]
-        whole = np.zeros((*own.shape[:2], 0)) if whole is None else whole[self.rows]
-        return estimator.Shared(self.rows, alone, own, self.node, self.fraction, self.nodes - 1, whole)
-
-
-@dataclass(frozen=True)
 class Flange:
     """Poses of the flange at k observations, and what their errors share."""
 
@@ -60,7 +44,7 @@ class Flange:
     velocity: Shaped[Float, "k 6"]  # of the flange, in the flange frame: mm/s, rad/s; 0 at rest
     evened: Shaped[Float, " k"]  # variance of an interpolated pose's own error over a recorded one's: 1/2 to 1
     still: Shaped[Int, " s"]  # rows with a pose error of their own
-    scans: tuple[Group, ...]
+    scans: tuple[estimator.Shared, ...]  # whose pose errors come from the same recorded poses; in the order of time
 
     def at(self, offset_s: float) -> Flange:
         """These: they are placed."""
@@ -69,11 +53,7 @@ class Flange:
     def subset(self, keep: Bool) -> Flange:
         """Those marked in `keep` (k,)."""
         number = np.cumsum(keep) - 1
-        scans = (
-            Group(number[g.rows[kept]], g.node[kept], g.fraction[kept], g.nodes)
-            for g in self.scans
-            if (kept := keep[g.rows]).any()
-        )
+        scans = (scan.only(keep) for scan in self.scans if keep[scan.rows].any())
         rows = (self.base_from_flange[keep], self.velocity[keep], self.evened[keep])
         return Flange(*rows, number[self.still[keep[self.still]]], tuple(scans))
 
@@ -116,7 +96,9 @@ class Timed:
             base_from_flange[rows], velocity[rows] = motion.at(at, 0.5 * fraction * (1 - fraction) * step**2)
             evened[rows] = fraction**2 + (1 - fraction) ** 2
             near = np.union1d(node, node + 1)  # the others have no part in any frame
-            scans.append(Group(rows, np.searchsorted(near, node), fraction, len(near)))
+            none = np.zeros((len(rows), 0, 0))
+            pose = np.searchsorted(near, node)
+            scans.append(estimator.Shared(rows, none, none, pose, fraction, len(near) - 1, none))
         return Flange(base_from_flange, velocity, evened, np.concatenate(still), tuple(scans))
 
 
@@ -259,6 +241,11 @@ def by_pass(profiles: SphereProfiles, recording: Recording) -> Observations:
     passes = recording.pass_index[[one[0] for one in frames]]
     flange = flange_of(recording, time, passes, recording.clock == "own")
     return Observations(circle, covariance, flange, frames, tuple(rejected))
+
+
+def sharing(scan: estimator.Shared, alone: Float, own: Float, whole: Float) -> estimator.Shared:
+    """A scan with the errors of all k observations: theirs alone (k, d, d), a pose's (k, d, e), common (k, d, v)."""
+    return replace(scan, alone=alone[scan.rows], own=own[scan.rows], whole=whole[scan.rows])
 
 
 def posture_of(base_from_flange: Float, same_mm: float, same_rad: float) -> Int:

@@ -29,23 +29,7 @@ class Marks(NamedTuple):
     rejected: tuple[Rejected, ...]
 
 
-class _Line(NamedTuple):
-    middle: Float  # (2,)
-    direction: Float  # (2,)
-    spread_mm: float  # standard deviation of the points along the line
-    variance: float  # of the middle across the line
-    rms_mm: float
-
-    @property
-    def ends(self) -> Float:
-        """Two points (2, 2) that tell the line, one standard deviation from its middle."""
-        return self.middle + np.outer([-1.0, 1.0], self.spread_mm * self.direction)
-
-    @property
-    def covariance(self) -> Float:
-        """Of either point (2, 2): their errors across the line are independent, each twice the middle's."""
-        normal = np.array([-self.direction[1], self.direction[0]])
-        return np.asarray(2.0 * self.variance * np.outer(normal, normal))
+_Line = tuple[Float, Float, float]  # two points (2, 2) that tell it, their covariance (2, 2, 2), rms of points about it
 
 
 def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: float) -> Marks:
@@ -64,9 +48,8 @@ def marks_of(recording: Recording, target: Target, noise_mm: float, corner_mm: f
             if isinstance(lines, str):
                 rejected.append(Rejected(frame, lines))
                 continue
-            found = np.concatenate([one.ends for one in lines])
-            spread = np.concatenate([[one.covariance] * 2 for one in lines])
-            off = float(np.sqrt(np.mean([one.rms_mm**2 for one in lines])))
+            found, spread = (np.concatenate(part) for part in list(zip(*lines, strict=True))[:2])
+            off = float(np.sqrt(np.mean([rms_mm**2 for *_, rms_mm in lines])))
         frames.append(frame)
         points.append(found)
         covariance.append(spread)
@@ -86,7 +69,7 @@ def _lines(xz: Float, count: int, noise_mm: float, corner_mm: float) -> list[_Li
             side[np.linalg.norm(side - corner, axis=1) > corner_mm] for side in (xz[: at + 1], xz[at + 1 :])
         ]  # the edge may be rounded
     found = [_line(side, noise_mm) for side in sides]
-    return next((one for one in found if isinstance(one, str)), [one for one in found if isinstance(one, _Line)])
+    return next((one for one in found if isinstance(one, str)), [one for one in found if not isinstance(one, str)])
 
 
 def _corner(xz: Float) -> int:
@@ -105,7 +88,11 @@ def _corner(xz: Float) -> int:
 
 
 def _line(xz: Float, noise_mm: float) -> _Line | str:
-    """A straight line by total least squares, points far off it left out."""
+    """A straight line by total least squares, points far off it left out.
+
+    Its two points lie one standard deviation from its middle; their errors across it are independent, each twice the
+    middle's.
+    """
     if len(xz) < LEAST_POINTS:
         return f"{len(xz)} points beside the corner, expected at least {LEAST_POINTS}"
     near: Bool = np.ones(len(xz), bool)
@@ -124,4 +111,6 @@ def _line(xz: Float, noise_mm: float) -> _Line | str:
         return f"no straight line: its points lie {rms:.3f} mm (rms) off, over {np.ptp(along):.1f} mm"
     alike = float(np.clip((off[1:] @ off[:-1]) / max(float(off @ off), 1e-30), 0.0, MOST_CORRELATION))
     variance = rms**2 * (1 + alike) / (1 - alike) / len(along)
-    return _Line(middle, direction, float(along.std()), variance, rms)
+    normal = np.array([-direction[1], direction[0]])
+    ends = middle + np.outer([-1.0, 1.0], along.std() * direction)
+    return ends, np.tile(2.0 * variance * np.outer(normal, normal), (2, 1, 1)), rms

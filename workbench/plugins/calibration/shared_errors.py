@@ -29,7 +29,7 @@ import scipy
 
 from workbench.api import Bool, Float, Shaped, estimator, inverse, vector_from_rotation
 from workbench.plugins.calibration.model import POSE, SIZE, Estimate, Linear, Noise, Sphere, linearise
-from workbench.plugins.calibration.observations import Observations, Timed
+from workbench.plugins.calibration.observations import Observations, Timed, sharing
 
 NO_CHANCE = 1e-3  # probability below which a misfit is no chance
 MATCHED = 10  # rounds of noise that comes as large as the residuals
@@ -208,7 +208,9 @@ class _Likelihood:
         joined = [np.swapaxes(still, 1, 2) @ np.linalg.solve(at_rest, still)]
         log_size = float(np.linalg.slogdet(at_rest)[1].sum())
         for scan in seen.scans:
-            more, log = estimator.within_poses(columns[scan.rows], scan.shared(alone, own * self._spread))
+            more, log = estimator.within_poses(
+                columns[scan.rows], sharing(scan, alone, own * self._spread, self._spread[..., :0])
+            )
             joined.append(more[None])
             log_size += log
         return np.concatenate(joined), log_size

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Annotated
 
 import numpy as np
@@ -22,7 +22,6 @@ from workbench.api import (
     InputFile,
     ModesFile,
     PartNames,
-    Shaped,
     estimator,
     forward_kinematics,
     jacobian,
@@ -131,25 +130,19 @@ def at_posture(cell: Cell, modes: RobotModes, joints: Float) -> Dynamics:
     return at_tool(cell.chain, modes, joints, forward_kinematics(cell.chain, joints) @ cell.flange_from_cutter)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Taps:
     """The estimator's instrument: logarithms of compliances, whose noise is even; by the logarithms of parameters."""
 
-    chain: Chain
-    start: RobotModes
-    tests: TapTests
-    slopes: Shaped[Float, "n 2 6"]  # of the response's and the force's direction, m/rad
-    prior: Shaped[Float, " 18"]  # standard uncertainties
-    relative_u: float
-
-    @classmethod
-    def of(cls, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float) -> _Taps:
+    def __init__(self, chain: Chain, start: RobotModes, tests: TapTests, relative_u: float, prior: Float) -> None:
+        """`prior`: standard uncertainties (18,)."""
+        self.chain, self.start, self.tests, self.relative_u, self.prior = chain, start, tests, relative_u, prior
         flange = forward_kinematics(chain, tests.joints)[:, :3, :3]
         turn = np.where(tests.in_flange[:, None, None], flange, np.eye(3))
         linear = np.array([jacobian(chain, q, at)[:3] for q, at in zip(tests.joints, tests.point_mm, strict=True)]) / MM
         both = np.stack([tests.to, tests.by], axis=1)
         inside = np.einsum("nrc,nac->nar", turn[tests.posture], both)
-        return cls(chain, start, tests, np.einsum("nar,nri->nai", inside, linear[tests.posture]), prior, relative_u)
+        # of the response's and the force's direction (n, 2, 6), m/rad
+        self.slopes = np.einsum("nar,nri->nai", inside, linear[tests.posture])
 
     def compliance(self, at: Float) -> tuple[AnyArray, AnyArray]:
         """Complex (n,), m/N, and its derivative by the logarithms of the parameters (n, 18)."""
@@ -196,10 +189,10 @@ def fitted(chain: Chain, start: RobotModes, tests: TapTests, relative_u: float) 
     begun = replace(start, damping=dampers, covariance=np.zeros((18, 18)))
     u = np.sqrt(np.diag(start.covariance))
     prior = np.concatenate([u[:12], np.full(6, FLAT)])
-    calm = _Taps.of(chain, begun, tests, 10 * relative_u, prior)  # far from the answer, resonances mislead
+    calm = _Taps(chain, begun, tests, 10 * relative_u, prior)  # far from the answer, resonances mislead
     _check_scale(calm, tests)
     near = estimator.fit(calm, np.zeros(18))
-    found = estimator.fit(_Taps.of(chain, begun, tests, relative_u, prior), near.at)
+    found = estimator.fit(_Taps(chain, begun, tests, relative_u, prior), near.at)
     if not np.isfinite(found.chi2) or found.misfit > TOO_MUCH:
         raise InputError(
             tests.source,

@@ -12,7 +12,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from bench.fuzz.mutate import mutated
-from bench.fuzz.recordings import mutated_recording
+from bench.fuzz.recordings import malformed_recording, mutated_recording
 from bench.harness import ROOT
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -139,6 +139,13 @@ TARGETS = (
     Target("identify", _identify, ("data/synthetic/loads.csv",), 0.02),
     Target("deflections", _deflections, ()),
     Target("recording", reads("workbench.scan:read", "recording"), (), 0.02),
+    Target(
+        "recording_form",
+        reads("workbench.scan:read", "recording"),
+        ("bench/fuzz/corpus/recording/*",),
+        0.02,
+        malformed_recording,
+    ),
     Target("inspecting", partial(_run, "inspect_bevel.json"), (), 0.02, mutated_recording),
     Target("planning", partial(_run, "plan_bevel.json"), (), 0.02, mutated_recording),
     Target("mapping", reads("workbench.importing.mapping:read_mapping"), ()),

@@ -166,7 +166,7 @@ def _spatter(rng: np.random.Generator) -> Groove:
 
         def chain(w: Float, at: float = at, radius: float = radius, centre: tuple[float, float] = centre) -> Float:
             r = np.sqrt(np.maximum(radius**2 - (w - at) ** 2, 0.0))[:, None]
-            turn = np.linspace(0.0, 2.0 * np.pi, 11)
+            turn = np.linspace(0.0, 2.0 * np.pi, 11 if r.any() else 0)
             off = np.where(r > 0.0, 0.0, -AWAY_MM)
             return np.stack([centre[0] + r * np.cos(turn), centre[1] + off + r * np.sin(turn)], axis=-1)
 

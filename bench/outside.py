@@ -22,7 +22,7 @@ from workbench.edge import segment, segment_raw
 from workbench.inspect import sections
 from workbench.kernels import kernel
 from workbench.scan import fuse
-from workbench.units import DEG, Bool, Float, Int
+from workbench.units import DEG, Float
 
 ARC = np.linspace(0.0, np.pi / 2.0, 9)  # a rounding's vertices
 FAR_MM = 60.0  # how far the plate reaches
@@ -254,56 +254,54 @@ def _profiles(
     pattern = flawed * walk * np.cumsum(rng.normal(0, 1, columns))
     lost, flyers = rng.choice([0.0, 0.02, 0.1]), rng.choice([0.0, 0.005, 0.02])
     graze = np.radians(rng.uniform(72, 84))
-    x, z = np.full((frames, columns), np.nan), np.full((frames, columns), np.nan)
     zero, one = np.zeros(columns), np.ones(columns)
-    emitted = np.stack([u / stand if fan else zero, zero, one])
-    for i in range(frames):
-        rays = np.ascontiguousarray((rotation[i] @ emitted).T)
-        origin = place[i] + np.where(fan, 0.0, u)[:, None] * rotation[i][:, 0]
-        way, incidence = _hit(section, origin, rays, 2.2 * stand)
+    rays = np.swapaxes(rotation @ np.stack([u / stand if fan else zero, zero, one]), 1, 2)
+    origin = place[:, None] + np.where(fan, 0.0, u)[:, None] * rotation[:, None, :, 0]
+    parts = np.array_split(np.arange(frames), 1 if section.is_prism else frames)  # a frame at a time has few pieces
+    hit = [_hit(section, origin[some].reshape(-1, 3), rays[some].reshape(-1, 3), 2.2 * stand) for some in parts]
+    z, cosine = (np.concatenate(found).reshape(frames, columns) for found in zip(*hit, strict=True))
+    spread, incidence = sigma / np.sqrt(np.maximum(cosine, 0.15)), np.arccos(np.clip(cosine, 0.0, 1.0))
+    for i, way in enumerate(z):
         noise = rng.standard_t(4, columns) / np.sqrt(2.0) if heavy else rng.normal(0, 1, columns)
-        seen = way + pattern + sigma / np.sqrt(np.maximum(np.cos(incidence), 0.15)) * noise
+        seen = way + pattern + spread[i] * noise
         for j in np.flatnonzero(np.abs(np.diff(way)) > 1.0):
             if rng.random() < 0.4:
                 share = rng.random()
                 seen[j] = share * way[j] + (1.0 - share) * way[j + 1]
         stray = rng.random(columns) < flyers
         seen = seen + np.where(stray, rng.choice([-1, 1], columns) * rng.uniform(0.2, 4.0, columns), 0.0)
-        seen[(incidence > graze + rng.normal(0, 0.02, columns)) | (rng.random(columns) < lost)] = np.nan
-        z[i], x[i] = seen, u / stand * seen if fan else np.where(np.isfinite(seen), u, np.nan)
+        seen[(incidence[i] > graze + rng.normal(0, 0.02, columns)) | (rng.random(columns) < lost)] = np.nan
+        z[i] = seen
+    x = u / stand * z if fan else np.where(np.isfinite(z), u, np.nan)
     about = {"sigma": sigma, "heavy": heavy, "walk": walk, "lost": lost, "flyers": flyers, "graze": np.degrees(graze)}
     return x, z, about
 
 
 def _hit(section: Section, origin: Float, rays: Float, reach_mm: float) -> tuple[Float, Float]:
-    """Way along rays (n, 3) from origins (n, 3) to the part, NaN beyond reach, and the incidence there, rad."""
-    w = origin[:, 2].copy()
+    """Way along rays (n, 3) from origins (n, 3) to the part, NaN beyond reach, and cos(incidence) there."""
+    w = origin[:, 2]
     for _ in range(1 if section.is_even else 3):  # the section is the one where the ray hits
-        pieces = np.array(section.segments(w[:1] if section.is_prism else w))
-        way, which = _nearest(pieces, origin, rays)
-        hit: Bool = way < reach_mm
-        w = origin[:, 2] + np.where(hit, way, 0.0) * rays[:, 2]
-    piece = pieces[0 if len(pieces) == 1 else np.arange(len(way)), which]
-    along = piece[:, 2:] - piece[:, :2]
-    across = np.abs(along[:, 1] * rays[:, 0] - along[:, 0] * rays[:, 1])
-    cosine = across / np.linalg.norm(along, axis=1) / np.linalg.norm(rays, axis=1)
-    return np.where(hit, way, np.nan), np.arccos(np.clip(cosine, 0.0, 1.0))
+        way, cosine = _nearest(np.array(section.segments(w[:1] if section.is_prism else w)), origin, rays)
+        w = origin[:, 2] + np.where(way < reach_mm, way, 0.0) * rays[:, 2]
+    return np.where(way < reach_mm, way, np.nan), cosine
 
 
 @kernel
-def _nearest(pieces: Float, origin: Float, rays: Float) -> tuple[Float, Int]:
-    """Way along each ray (n, 3) to the nearest of the straight pieces (n or 1, k, 4), and which; infinite: none."""
-    way, which = np.full(len(rays), np.inf), np.zeros(len(rays), np.int64)
+def _nearest(pieces: Float, origin: Float, rays: Float) -> tuple[Float, Float]:
+    """Way along each ray (n, 3) to the nearest of the straight pieces (n or 1, k, 4), else infinite; cos(incidence)."""
+    way, cosine = np.full(len(rays), np.inf), np.zeros(len(rays))
     for i in range(len(rays)):
+        x, y, z = rays[i]
         for j in range(pieces.shape[1]):
             u, v, to_u, to_v = pieces[i if len(pieces) > 1 else 0, j]
-            beside = rays[i, 0] * (to_v - v) - rays[i, 1] * (to_u - u)
+            beside = x * (to_v - v) - y * (to_u - u)
             beside = 1e-12 if abs(beside) < 1e-12 else beside
             far = ((u - origin[i, 0]) * (to_v - v) - (v - origin[i, 1]) * (to_u - u)) / beside
-            share = ((u - origin[i, 0]) * rays[i, 1] - (v - origin[i, 1]) * rays[i, 0]) / beside
+            share = ((u - origin[i, 0]) * y - (v - origin[i, 1]) * x) / beside
             if 0.0 <= share <= 1.0 and 1.0 < far < way[i]:
-                way[i], which[i] = far, j
-    return way, which
+                way[i] = far
+                cosine[i] = abs(beside) / np.sqrt(((to_u - u) ** 2 + (to_v - v) ** 2) * (x * x + y * y + z * z))
+    return way, cosine
 
 
 def _pose(rng: np.random.Generator, distance_mm: float) -> Float:

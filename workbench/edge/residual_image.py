@@ -20,6 +20,7 @@ import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.geometry.chains import FaceLines
+from workbench.geometry.medians import row_medians
 from workbench.units import AnyArray, Float, Int, Shaped
 
 FRAMES, LEAST_FRAMES = 480, 4  # evenly over the recording; of a stretch at the least
@@ -187,7 +188,7 @@ def _pooled(value: Float, s: Float, place_mm: Float, lean: float, most: int = 10
         return None
     middle = np.stack([_trimmed(value[stretch == k]) for k in keep])
     left = np.concatenate([value[stretch == k] - m for k, m in zip(keep, middle, strict=True)])
-    spread = 3.0 * 1.4826 * np.nanmedian(np.abs(left), axis=0) + 1e-9
+    spread = 3.0 * 1.4826 * row_medians(np.abs(left).T) + 1e-9
     seen = np.sqrt(np.isfinite(left).sum(axis=0))
     left = np.clip(np.nan_to_num(left), -spread, spread)
     covariance = left.T @ left / (seen[:, None] * seen)
@@ -205,8 +206,8 @@ def _mean(value: Float) -> Float:
 
 def _trimmed(value: Float) -> Float:
     """Means of (f, p) over the frames, values far beyond the others cut back."""
-    middle = np.nanmedian(value, axis=0)
-    reach = 3.0 * 1.4826 * np.nanmedian(np.abs(value - middle), axis=0) + 1e-9
+    middle = row_medians(value.T)
+    reach = 3.0 * 1.4826 * row_medians(np.abs(value - middle).T) + 1e-9
     return np.asarray(np.nanmean(np.clip(value, middle - reach, middle + reach), axis=0))
 
 

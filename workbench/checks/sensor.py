@@ -116,10 +116,10 @@ def overshoot_columns(z: Float) -> float:
         >>> overshoot_columns(z), overshoot_columns(filtered)
         (0.0, 4.0)
     """
-    if z.shape[1] < SIDE:
-        return 0.0
     bend = np.abs(np.diff(z, n=2, axis=1))
-    straight = bend < OUTLIERS * np.nanmedian(bend) if np.isfinite(bend).any() else np.zeros(bend.shape, bool)
+    if not np.isfinite(bend[:, SIDE - 3 :]).any():  # nowhere wide enough for a side
+        return 0.0
+    straight = bend < OUTLIERS * np.nanmedian(bend)
     side = np.pad(np.lib.stride_tricks.sliding_window_view(straight, SIDE - 2, axis=1).all(axis=2), ((0, 0), (1, 1)))
     row, last = np.nonzero(side[:, 1:-1] & ~side[:, 2:])
     rows, first = np.nonzero(side[:, 1:-1] & ~side[:, :-2])

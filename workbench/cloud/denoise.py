@@ -31,14 +31,14 @@ def denoise(
     """Reject isolated returns and short streaks, on the scanner's own grid.
 
     A return is kept if it continues the line of two neighbours in its profile, lies between two of them, or agrees with
-    the same column of the next frames; runs of fewer than four that stand off by more than `jump_mm` a column are
-    specular streaks. Points are marked, not moved.
+    the same column of the next frames; shorter runs than four that stand off are specular streaks. Points are marked,
+    not moved.
 
     Args:
         cloud: the organised cloud.
-        window_frames: count of frames compared with each other (odd numbers; half of them on each side).
-        tolerance_mm: how far off its neighbours' line a return may lie; null: from the measured range noise.
-        jump_mm: range step from column to column above which a surface ends.
+        window_frames: number of frames compared with each other (odd).
+        tolerance_mm: greatest distance of a return from its neighbours' line; null: from the range noise.
+        jump_mm: range step between columns that ends a surface.
 
     Example:
         >>> from workbench import cloud, scan

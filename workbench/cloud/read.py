@@ -35,13 +35,12 @@ def read(
 ) -> PointSet:
     """Read a cloud: PLY, PCD, XYZ, STL or OBJ vertices (Open3D), LAS or LAZ (laspy), E57 (pye57).
 
-    In the robot's base or any other frame, in the file's precision and order; an organised PCD (HEIGHT above 1) keeps
-    rows and columns. NaN points are left out; scans of an E57 file are placed by their poses.
+    In the robot's base or any other frame, in the file's precision and order; an organised PCD keeps rows and columns.
+    NaN points are left out; scans of an E57 file are placed by their poses.
 
     Args:
         file: the cloud; its name's ending tells the format.
-        unit: of the file's coordinates; null: what its format prescribes (E57: m), its map (LAS) or its
-            head says, else mm, with a warning.
+        unit: of the coordinates; null: as format (E57: m), reference system (LAS) or head say, else mm, with a warning.
         part: who and what was measured with what: no format of clouds says so.
 
     Raises:

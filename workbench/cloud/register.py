@@ -42,9 +42,9 @@ def register(
         points: a cloud without a grid.
         reference: the cloud or mesh to lie on.
         unit: of the reference's coordinates; null: as `cloud.read`.
-        voxel_mm: of the coarse registration by features: both are thinned to it to find the start.
-        reach_mm: of points that belong together in the fine registration, at the end.
-        least_overlap: share of the cloud that must lie on the reference; less is refused.
+        voxel_mm: to which both are thinned for the coarse registration by features.
+        reach_mm: greatest distance of corresponding points at the end.
+        least_overlap: least share of the cloud on the reference.
         seed: of RANSAC.
 
     Raises:

@@ -53,16 +53,16 @@ def deviation(
     """Measure signed distances along the normal, positive outside the reference, each with its level of detection.
 
     M3C2 with the departures of docs/comparison.md. Below the level of detection, 1.96 standard uncertainties, a
-    distance is no significant change; changes are found with 5 % false discoveries.
+    distance is no significant change.
 
     Args:
         scan: from `compare.surface`, as recorded.
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         registration: moves the scan; without it, both are taken as they lie in the base.
         edge: gives arc lengths; without it the plan's path does, or the scan's longest direction.
-        position_u_mm: standard uncertainty of the scan's place along a normal, what robot and fixture leave open
-            (default: two scans of 0.07 mm an axis): without a registration; with one, where a single face is compared,
-            or passes see no face together.
+        position_u_mm: standard uncertainty of the scan's place along a normal by robot and fixture (default: two scans
+            of 0.07 mm an axis). Counts without a registration, for a single face, and where passes have no face in
+            common.
         spacing_mm: between the places that are compared.
         normal_mm: D, diameter of what a normal is taken from.
         projection_mm: d, diameter of the cylinder that is averaged.

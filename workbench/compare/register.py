@@ -159,15 +159,15 @@ def register(
     Args:
         scan: from `compare.surface`.
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
-        initial: 4x4 (direction cosines, mm) reference_from_scan to start from; null: both are in the base.
-        start: begin at the initial pose, or find a start by features and RANSAC (Open3D); `initial` must then be null.
-        open_directions: where the shapes leave a direction open: refuse, or hold the initial pose.
-        held_u_mm: standard uncertainty of the initial pose in held directions; it enters the covariance.
-        reach_mm: largest distance of places that belong together, at the end; matches farther apart do not count.
+        initial: 4x4 (direction cosines, mm) reference_from_scan to start from; null: both in the base.
+        start: the initial pose, or one found by features and RANSAC (`initial` must be null).
+        open_directions: refuse them, or hold the initial pose there.
+        held_u_mm: standard uncertainty of the initial pose in held directions.
+        reach_mm: largest distance of corresponding places at the end.
         spacing_mm: between the places that are matched.
         radius_mm: of the neighbourhood that makes a local plane.
-        least_overlap: share of the scan that must lie on the reference; a smaller one is refused.
-        largest_rms_mm: of the distances along the normal; a larger one is refused.
+        least_overlap: least share of the scan on the reference.
+        largest_rms_mm: largest rms distance along the normal.
 
     Raises:
         InputError: open directions, a small overlap, a poor fit.

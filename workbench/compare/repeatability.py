@@ -118,13 +118,13 @@ def repeatability(
 ) -> tuple[Document, Chapter]:
     """Judge the measuring system by repeated measurements: gauge R&R by analysis of variance, bias, E_n.
 
-    AIAG's EV, AV, PV, %GRR, number of distinct categories, with 95 % intervals, by section and for all
-    (docs/comparison.md); with reference measurements bias and E_n.
+    AIAG's EV, AV, PV, %GRR and number of distinct categories, with 95 % intervals, by section and for all
+    (docs/comparison.md).
 
     Args:
         study: parts x operators x trials by section.
-        interaction_alpha: share of false alarms at which part x operator counts as an interaction; one that is not
-            significant is pooled.
+        interaction_alpha: significance level (a share) of the part x operator interaction, which is pooled if not
+            significant.
 
     Raises:
         InputError: no section in which every recording has a value.

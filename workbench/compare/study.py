@@ -159,19 +159,17 @@ def study(
 ) -> Study:
     """Gather the measurements of a gauge study: parts x operators x trials, by section.
 
-    An unbalanced study is refused with the cell that differs. Measurements by `reference_operator` are not part of the
-    study; their mean is what it is compared with.
+    Measurements by `reference_operator` are not part of the study; it is compared with their mean.
 
     Args:
         study: CSV that lists inspections (`part,operator,inspection`) or values
             (`part,operator,trial,section,root_mm,...`; docs/comparison.md).
-        inspections: instead of it: inspection.json files, repeats of one part by one operator.
-        reference_operator: the name under which the study lists reference measurements, the better ones.
-        root_limits_mm: lower and upper limit of the root face, for the share of the tolerance; null: the inspections'
-            own.
+        inspections: instead: inspection.json files, repeats of one part by one operator.
+        reference_operator: the study's name for reference measurements.
+        root_limits_mm: lower and upper limit of the root face; null: the inspections' own.
         bevel_limits_deg: of the bevel angle, likewise.
-        characteristics: columns of a CSV study to analyse, with one value a trial: any gauge, any size.
-        columns: what the study calls its columns `part`, `operator` and `trial`, where it is other people's.
+        characteristics: columns of a CSV of any gauge to analyse, one value a trial.
+        columns: the CSV's names of `part`, `operator` and `trial`, where they differ.
         limits: lower and upper limit of each of the characteristics, where known.
         unit: of characteristics whose names end in no unit.
 

@@ -88,7 +88,7 @@ def surface(
     Args:
         cloud: the organised cloud; each point keeps the number of its frame, whose points share the robot's error.
         points: or a cloud without a grid.
-        most_points: number of points that are used; of more, evenly thinned frames.
+        most_points: largest number of points; frames are thinned evenly.
 
     Raises:
         InputError: neither or both; fewer than 100 points.
@@ -123,10 +123,9 @@ def mesh(
     """Read a triangle mesh to compare with: a CAD model, or another program's surface.
 
     Args:
-        mesh: STL, PLY or OBJ with triangles, counter-clockwise from outside (read by Open3D), or STEP (by gmsh).
-        unit: of length in the file: mm, m or inch; a STEP file says its own.
-        base_from_mesh: 4x4 (direction cosines, mm), the rigid motion from the mesh's coordinates to the base; null: it
-            is there.
+        mesh: STL, PLY, OBJ (triangles counter-clockwise from outside) or STEP.
+        unit: mm, m or inch; a STEP file says its own.
+        base_from_mesh: 4x4 (direction cosines, mm), from the mesh's coordinates to the base; null: the same.
 
     Raises:
         InputError: unreadable, no triangles, not finite, no rigid motion.

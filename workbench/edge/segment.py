@@ -97,26 +97,24 @@ def segment(
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
-    Lengths and angles hold in the section plane, normal to the lower edge, which comes out of the same measures as a
-    smooth curve (docs/method.md).
+    Lengths and angles hold in the section plane, normal to the lower edge, a smooth curve (docs/method.md).
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        upper_side: direction in the base from the plate's lower to its upper surface; null: what is seen tells. Needed
-            where root face and bevel face are about as wide, and neither surface is in view.
-        edge_condition: what is known of the lower edge: `sharp` (radius to 0.02 mm), `deburred`, or `unknown`. What the
-            view does not show of a rounding or a chamfer is in value and u by this prior.
-        thickness_mm: the plate's, as measured beside the edge to 0.02 mm. With the upper surface in view it says
-            whether the root face goes on below its last returns; null: nothing does.
+        upper_side: direction in the base from the plate's lower to its upper surface; needed where root face and bevel
+            face are about as wide and neither surface is in view. null: from what is seen.
+        edge_condition: prior for the lower edge, where it is out of view: `sharp` (radius to 0.02 mm), `deburred` or
+            `unknown`.
+        thickness_mm: of the plate, measured beside the edge to 0.02 mm. With the upper surface in view it shows whether
+            the root face continues below its last returns.
         sensor: a `sensor.json`, whose linearity enters u; null: half a micrometre.
-        sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u; warnings name what
-            else it holds.
-        thermometer_dcc: the certificate of the thermometer, by which the part's temperature enters u of the root face.
-        temperature_c: of the part, of steel, while it was scanned; in u with the thermometer's certificate.
+        sensor_dcc: the sensor's calibration certificate (DCC), whose linearity and scale enter u.
+        thermometer_dcc: the thermometer's certificate, by which the part's temperature enters u of the root face.
+        temperature_c: of the part (steel) during the scan; counts with the thermometer's certificate.
 
     Raises:
-        InputError: no root face next to a bevel face in view, or what was found is no bevel: not straight, hollow
-            beside the root face, or only here and there along the scan.
+        InputError: no root face next to a bevel face in view, or no bevel: not straight, hollow beside the root face,
+            or only here and there along the scan.
 
     Example:
         >>> from workbench import cloud, edge, scan

@@ -100,14 +100,14 @@ def segment_cloud(
         points: the cloud of one edge, in mm.
         edge_condition: as in `edge.segment`.
         sensor: as in `edge.segment`.
-        upper_side: of a raw edge: direction from the plate's lower to its upper surface; the cloud must then stand in
-            scan order. null: a milled edge.
-        thickness_mm: of a milled edge's plate, as in `edge.segment`: says whether a cloud was cropped along the edge.
-        use_order: look for scan lines in the order of the points; false: slice the cloud in any case.
+        upper_side: of a raw edge, in scan order: direction from the plate's lower to its upper surface. null: a milled
+            edge.
+        thickness_mm: of a milled edge's plate, as in `edge.segment`: shows whether a cloud was cropped along the edge.
+        use_order: look for scan lines in the order of the points; false: slice the cloud.
 
     Raises:
-        InputError: no cloud of a part; no root face next to a bevel face (no end face) in view; points without order
-            of passes that do not agree, or may not; a raw edge without scan lines.
+        InputError: no cloud of a part; no such edge in view; points without order of passes that may not agree; a raw
+            edge without scan lines.
 
     Example:
         >>> from workbench import cloud, edge

@@ -46,17 +46,15 @@ def segment_groove(
 ) -> Groove:
     """Find the groove between two plates: corners, bevels, gap, root faces, fillets.
 
-    Every size runs smoothly along the groove, in the section planes normal to it. How profiles are read, and what one
-    side does not show: docs/grooves.md.
+    How profiles are read, and what one side does not show: docs/grooves.md.
 
     Args:
         cloud: the organised cloud of one groove, in one or more passes from above it.
-        groove: type by ISO 9692-1, or `auto`: by the evidence. From one side some types look alike; those that are not
-            excluded are named.
+        groove: type by ISO 9692-1, or `auto`. Types that look alike from one side are all named.
         sensor: as in `edge.segment`.
 
     Raises:
-        InputError: no two plates with a groove between them are in view, or the type given is excluded by what is.
+        InputError: no two plates with a groove in view, or a declared type that is excluded.
 
     Example:
         >>> from workbench import edge, scan

@@ -83,16 +83,14 @@ def segment_preparation(
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.
-        preparation: what the edge is prepared as, or `auto`: by the evidence. Another one than the profiles show is
-            refused.
-        root_nominal_mm: expected root face; tells it from the upper surface (a convex chain of faces can be read from
-            both ends).
+        preparation: what the edge is prepared as, or `auto`; another one than the profiles show is refused.
+        root_nominal_mm: expected root face; tells it from the upper surface.
         edge_condition: as in `edge.segment`.
         sensor: as in `edge.segment`.
         upper_side: direction to the plate's upper side, in the base; null: by the expected root face.
 
     Raises:
-        InputError: no such plate is in view, its upper surface is not, or it is prepared as something else.
+        InputError: no such plate, or not its upper surface, is in view; or another preparation.
 
     Example:
         >>> from workbench import cloud, edge, scan

@@ -86,24 +86,23 @@ def segment_raw(
 ) -> RawEdge:
     """Find the end face of a raw edge, its lower and its upper edge (the paper's section 4.2, Fig. 8 a to e).
 
-    The end face is the straight run along `upper_side`, rough or not. All frames together give smooth edges, in the
-    section planes of the lower one, and the end face's direction (docs/method.md, section 6).
+    All frames together give smooth edges, in the section planes of the lower one, and the direction of the end face,
+    rough or not (docs/method.md, section 6).
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        upper_side: direction in the base from the plate's lower to its upper surface, good to 25 deg; the ratio of its
-            components counts, its length does not. On a raw edge nothing tells the sides apart.
-        z_away: does z count away from the sensor; null: from the rays, or what lies beside the end face. Only needed
-            where nothing but the end face is in view.
+        upper_side: direction in the base, to 25 deg, from the plate's lower to its upper surface, of any length. A raw
+            edge does not show its sides.
+        z_away: z counts away from the sensor; null: from the rays and the surfaces. Needed where only the end face is
+            in view.
         edge_condition: as in `edge.segment`, of both edges.
         sensor: as in `edge.segment`.
-        robot_noise_mm: as in `edge.segment`; null: estimated, as the length over which these errors hang together is.
-        robot_drift_u_mm: declared standard uncertainty of a place of the edge in the base, along its normal and across
-            it, by the robot's slow errors (drift, its path accuracy), which look like the edge's own course.
+        robot_noise_mm: as in `edge.segment`; null: estimated, with its length.
+        robot_drift_u_mm: declared standard uncertainty of the edge's place in the base by slow errors of the robot
+            (drift, path accuracy), which look like the edge's own course.
 
     Raises:
-        InputError: `upper_side` is zero or runs along the edge; no raw edge, only a part of it, or two plates with a
-            groove between them are in view.
+        InputError: `upper_side` is zero or along the edge; no raw edge, only a part of it, or a groove in view.
 
     Example:
         >>> from workbench import edge, path, scan

@@ -61,13 +61,13 @@ def cloud(
 
     In the robot's base. PLY and PCD keep float64 and mm; LAS and LAZ multiples of 1e-5 mm; E57 is in metres (ASTM
     E2807), one scan a face, float32 about its own origin. Faces: 0 unlabelled, 1 root face (end face), 2 bevel face, 3
-    upper surface, 4 lower surface. Stray points are left out.
+    upper surface, 4 lower surface.
 
     Args:
         cloud: the cloud.
         edge: its faces, if they are known.
         format: of the file.
-        organised: pcd: the scanner's grid with NaN, a row a frame, float32, as PCL takes it.
+        organised: pcd: the scanner's grid with NaN, a row a frame, float32 (PCL).
 
     Raises:
         InputError: `organised` with another format than pcd; nothing to write.

@@ -38,9 +38,8 @@ def kind_of(one: Characteristic) -> str:
 def qif(inspection: JointInspection, provenance: Provenance | None = None) -> Document:
     """Write `inspection.qif`: QIF 3.0 results, every size of the joint in each section, in mm and degrees.
 
-    Limits, nominal value, measured value with combined standard uncertainty, status (undecided: INDETERMINATE, hidden:
-    NOT_ANALYZED, nothing required: UNDEFINED), instruments, traceability; budget, decision rule and inputs as
-    attributes.
+    Limits, nominal and measured value, combined standard uncertainty, status (undecided: INDETERMINATE, hidden:
+    NOT_ANALYZED, nothing required: UNDEFINED), instruments, traceability, budget, decision rule.
 
     Args:
         inspection: the judged part.

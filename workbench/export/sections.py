@@ -42,17 +42,17 @@ def sections(
 ) -> Document:
     """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
 
-    Coordinates are mm from the section's origin, along `normal` and `across`. The DXF (in mm) holds a block a section:
-    points, fitted lines, corners, sizes with standard uncertainties, of a bevel as dimensions. The CSV has a row a
-    point (with face, frame and column) or corner, in the base too; CR LF (RFC 4180).
+    Coordinates are mm from the section's origin, along `normal` and `across`. The DXF holds a block a section: points,
+    fitted lines, corners, sizes with standard uncertainties. The CSV has a row a point (with face, frame and column) or
+    corner, in the base too.
 
     Args:
         inspection: the sections.
         cloud: the points.
         edge: faces of the points; without it they have none.
         format: of the file.
-        thickness_mm: of the slice whose points are written, half of it on each side of the section plane.
-        reach_mm: how far from the section's origin; points further off are left out.
+        thickness_mm: of the slice whose points are written.
+        reach_mm: greatest distance of points from the section's origin.
 
     Example:
         >>> from workbench import cloud, edge, export, inspect, scan

@@ -28,13 +28,13 @@ def gate(
 ) -> Gate:
     """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
 
-    Nor does a part of which too little was measured pass. Accepting `undecided` or less of the edge than two thirds is
-    said in the reason and the run's warnings.
+    A part of which too little was measured does not pass either. The reason and the run's warnings say where
+    `undecided`, or less than two thirds of the edge, was accepted.
 
     Args:
         inspection: the judged part.
         reject: verdicts that reject the part.
-        least_measured_share: share of the edge's length that must have both root face and bevel angle for a pass.
+        least_measured_share: least share of the edge with both root face and bevel angle.
 
     Raises:
         InputError: no section measured, or none to better than ten times the tolerance.

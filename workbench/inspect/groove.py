@@ -49,13 +49,13 @@ def groove(
 ) -> GrooveInspection:
     """Measure a groove in equidistant sections and judge what is required.
 
-    Section i lies at (i - 1/2)/n of the measured stretch. Verdicts by ISO 14253-1, as `inspect.sections`: a size that
-    was not seen is undecided. With nothing required the verdict is undecided.
+    Section i lies at (i - 1/2)/n of the measured stretch. Verdicts as in `inspect.sections`; a size not seen, or
+    nothing required, is undecided.
 
     Args:
         groove: the measured groove.
-        nominal: required sizes by the names of groove.json and their tolerances, deviations lower <= 0 <= upper:
-            {'gap_mm': 2, 'gap_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged.
+        nominal: required sizes by their names in groove.json, with tolerances: {'gap_mm': 2, 'gap_tolerance_mm': [-0.5,
+            0.5]}; null: nothing is judged.
         sections: count of sections along the groove.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
 
@@ -85,11 +85,11 @@ def preparation(
 
     Args:
         preparation: the measured edge.
-        nominal: required sizes by the names of preparation.json and their tolerances, deviations lower <= 0 <= upper:
-            {'land_mm': 2, 'land_tolerance_mm': [-0.5, 0.5]}; null: nothing is judged.
+        nominal: required sizes by their names in preparation.json, with tolerances: {'land_mm': 2, 'land_tolerance_mm':
+            [-0.5, 0.5]}; null: nothing is judged.
         sections: count of sections along the edge.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
-        accept_conditions: names of conditions that do not hold back a pass, as of `inspect.sections`.
+        accept_conditions: as in `inspect.sections`.
 
     Raises:
         PipelineError: a name that no preparation has, or a nominal without its tolerance.

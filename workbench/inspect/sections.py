@@ -65,8 +65,7 @@ def sections(
 
     Section i lies at (i - 1/2)/n of the measured stretch, in the plane normal to the lower edge. Verdicts by ISO
     14253-1: pass inside the limits by at least guard_factor * u, fail outside by at least that, else undecided, as
-    where the edge is hidden. A pass that rests on what this recording does not show is undecided, too, until that is
-    accepted by name.
+    where the edge is hidden or where a pass rests on what this recording does not show, until that is accepted by name.
 
     Args:
         edge: the measured edge.

@@ -75,12 +75,12 @@ def check(
     upper side. The cutter meets no clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds within
     v_slow, v_fast and the acceleration.
 
-    With a predicted deflection or a correction (`path.correct`) the tool must come where the plan asks; the path as
-    commanded is held against clamps and part too. A refused correction refuses the path.
+    With a predicted deflection or a correction (`path.correct`) the tool must come where planned; the path as commanded
+    is held against clamps and part too.
 
     Without evidence of where the part stands the path is a shape only, with exit status 1: docs/planning.md. A
-    `penetration_mm` above 0.05, or a path that rests on another one until `rests_milled`, loosens the check: programs
-    say so, and the exit status is 1.
+    `penetration_mm` above 0.05, or a path that rests on one not yet milled, loosens the check: programs say so, exit
+    status 1.
 
     Args:
         toolpath: the path.
@@ -91,11 +91,10 @@ def check(
         workpiece: the part in the pipeline's own twin, whose place is no question.
         v_fast_mm_s: greatest feed; null: not checked.
         acceleration_mm_s2: greatest change of the feed, per time.
-        penetration_mm: how deep the cutter may touch what must remain, besides 3 u of the edge.
-        rests_milled: the path that this one rests on has been milled (of a compound bevel the upper one's); nothing in
-            the scan of the raw edge shows it.
-        touched_mm: points of the part's surface, x, y, z in the base, where the robot's tool touched them: on two
-            faces, at both ends, near the edge and away from it. A scan that is off by more than 0.5 mm is refused.
+        penetration_mm: how deep the cutter may enter what must remain, besides 3 u of the edge.
+        rests_milled: the path that this one rests on (a compound bevel's upper one) has been milled.
+        touched_mm: points of the part's surface that the robot's tool touched, x, y, z in the base: on two faces, at
+            both ends, near the edge and away from it. A scan off by more than 0.5 mm is refused.
 
     Raises:
         InputError: the prediction, or the correction, is of another path.

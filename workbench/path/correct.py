@@ -95,22 +95,21 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    How the cut is compared, what is corrected and what refused: docs/planning.md, "Measure, cut, measure, correct". A
-    refusal stands in the result, and `path.check` refuses the path by it.
+    What is compared, corrected and refused: docs/planning.md, "Measure, cut, measure, correct". By a refusal in the
+    result `path.check` refuses the path.
 
     Args:
         inspection: of the edge after the first cut.
         toolpath: that it was milled along, with its finishing pass (`path.layers`: `finish_allowance_mm`).
         predicted: how far the robot gives way along the first path.
-        repeatability_mm: standard deviation of what the robot does not repeat, along one axis (ISO 9283).
+        repeatability_mm: standard deviation of what the robot does not repeat, each axis (ISO 9283).
         repeatability_deg: the same of the tool's tilt.
         repeatability_length_mm: correlation length of both along the path.
-        yield_share: share of the stock's height by which cutter and robot may give way, where nothing predicts it.
-        wear_mm: what the cutter's radius may lose from the first cut to the finishing pass; changed or measured
-            between: 0.
-        most_moved_mm: how far the lower edge may lie beside where the first scan saw it.
-        earlier: the correction.json of the part before, of the same batch: milled with the same tool, in the same place
-            and by the same first path; what repeats from part to part is then told by all of them; null: by this one.
+        yield_share: share of the stock's height by which cutter and robot may give way, if not predicted.
+        wear_mm: loss of the cutter's radius between first cut and finishing pass; 0 if changed or measured.
+        most_moved_mm: greatest distance of the lower edge from that of the first scan.
+        earlier: the correction.json of the part before, of the same batch (tool, place, first path): what repeats is
+            then estimated from all parts; null: from this one.
 
     Raises:
         InputError: a path without a finishing pass, an inspection of another edge, a prediction of another path;

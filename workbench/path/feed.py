@@ -175,8 +175,7 @@ def feed(
 ) -> Toolpath:
     """Plan the feed by the distance of the cutter's axis to the remaining stock: the paper's equation (26).
 
-    Formula and stock: docs/planning.md, "Feed". Where it cuts, the feed is the path's v_slow; |v dv/ds| stays within
-    the acceleration. The feed of a point is the feed towards it.
+    Formula and stock: docs/planning.md, "Feed". The feed of a point is the feed towards it.
 
     Args:
         toolpath: the path.

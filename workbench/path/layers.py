@@ -74,45 +74,41 @@ def layers(
     """Plan the milling of a bevel in layers, from the stock to the finished face (the paper's 4.3 and 6.1, Fig. 13).
 
     Key points lie every 1 mm of the lower edge, the tool frame in the middle of the layer's bevel face
-    (docs/conventions.md). What was not measured is not cut; the cutter is lifted over it and over clamps. With a finish
-    allowance the path ends that much above the bevel, and its last layer takes no more than the allowance
-    (`path.correct`). Leads, compound bevels, J preparations: docs/planning.md.
+    (docs/conventions.md). What was not measured is not cut; the cutter is lifted over it and over clamps. Allowance,
+    leads, compound bevels, J preparations: docs/planning.md.
 
     Args:
         edge: the measured raw edge.
         cloud: the scan, for clamps and all else that the cutter must not meet.
         root_mm: required root face.
         bevel_deg: required bevel angle.
-        depth_of_cut_mm: height of a layer; the first takes what is left over.
-        finish_allowance_mm: left on the bevel face, along its normal, for a pass that `path.correct` corrects; at most
-            the depth of cut; 0: none.
+        depth_of_cut_mm: height of a layer; the first takes the remainder.
+        finish_allowance_mm: left on the bevel face for a pass that `path.correct` corrects, along its normal; at most
+            the depth of cut.
         cutter_diameter_mm: of the cylindrical end mill.
         flutes: count of its flutes.
-        flute_length_mm: its cutting length, centred on the tool frame; null: 2 mm over the widest face at each end.
+        flute_length_mm: of the cutter, centred on the tool frame; null: 2 mm over the widest face at each end.
         v_slow_mm_s: feed while cutting (`path.feed` makes the rest faster).
         clearance_mm: height above stock and clamps in travel moves.
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
         ramp_mm: length of edge in which it rises or falls.
         lead_mm: length of lead-in and lead-out.
-        root_radius_mm: of a J preparation, milled by a ball end of this radius (`cutter_diameter_mm` is twice that); 0:
-            a bevel.
-        smoothing_mm: edge on each side over which the stock's upper edge is smoothed.
-        tool: a tcp.json of `calibrate.tcp`: its u counts as the edge's own.
+        root_radius_mm: of a J preparation, milled by a ball end of this radius; 0: a bevel.
+        smoothing_mm: over which the stock's upper edge is smoothed, to each side.
+        tool: a tcp.json of `calibrate.tcp`: its u counts.
         turntable: a turntable.json of `calibrate.turntable`, likewise.
-        robot_accuracy_mm: u of the robot's place between scan and cut, along an axis, likewise; 0: not stated.
-        robot_calibration: a robot.json of `calibrate.tracker` or `calibrate.robot` that the controller was corrected
-            by: its u instead of robot_accuracy_mm.
-        least_seen_share: share of the edge that must be seen, and known well enough; less is refused.
-        root_tolerance_mm: of the root: the edge is not cut where the guard band of its place (1.645 u) is larger.
-        bevel_tolerance_deg: of the bevel: likewise by the end face's direction, from which the bevel angle counts.
-        upper_bevel_deg: of a compound bevel (two paths from one scan; root face and bevel angle are those of the lower
-            bevel): its flatter upper bevel; null: none.
-        lower_bevel_mm: of a compound bevel: height of the lower bevel, at which the upper one begins.
-        mill: the upper bevel, or the lower one after it, until `path.check` is told (`rests_milled`) NOT CHECKED.
+        robot_accuracy_mm: u of the robot's place between scan and cut, each axis; 0: not stated.
+        robot_calibration: a robot.json by which the controller was corrected: its u instead of robot_accuracy_mm.
+        least_seen_share: least share of the edge that is seen and known well enough.
+        root_tolerance_mm: of the root face: where the guard band of its place (1.645 u) is larger, nothing is cut.
+        bevel_tolerance_deg: of the bevel angle: likewise, by the end face's direction.
+        upper_bevel_deg: of a compound bevel: its flatter upper bevel (root_mm and bevel_deg are the lower one's); null:
+            none.
+        lower_bevel_mm: of a compound bevel: height of the lower bevel.
+        mill: the upper bevel, or the lower one after it (NOT CHECKED until `rests_milled`).
 
     Raises:
-        InputError: a milled edge; too little of it seen; requirements that stock or cutter cannot meet; a concave
-            edge tighter than the cutter.
+        InputError: a milled edge; too little of it seen; a requirement that stock or cutter cannot meet.
 
     Example:
         >>> from workbench import edge, path, scan

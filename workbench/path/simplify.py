@@ -56,13 +56,12 @@ def simplify(
     Args:
         toolpath: the path; its frame stays.
         postures: how robot, cutter and turntable stand along it.
-        chord_tolerance_mm: greatest distance of a key point from the line or arc of its move.
+        chord_tolerance_mm: greatest distance of a key point from its move.
         angle_tolerance_deg: greatest angle between its orientation and the move's there.
         feed_tolerance: share by which a key point's feed may exceed its move's, where it cuts.
-        air_feed_tolerance: the same share in travel moves, where slower costs time only.
+        air_feed_tolerance: the same share in travel moves.
         arcs: circular moves too; false: straight ones only.
-        least_sweep_deg: of a circular move; ABB asks for 1 deg between via and target seen from the start, a quarter of
-            the sweep. What turns less stays straight.
+        least_sweep_deg: of a circular move (ABB asks for a quarter of it to be 1 deg); less stays straight.
 
     Raises:
         InputError: a path of fewer than two different poses; postures of another path.

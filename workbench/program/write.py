@@ -63,9 +63,8 @@ def write(
     has violations and the nearest approaches.
 
     A tool or work object that the cell file does not name is declared by the program, its tool centre point on the
-    cutter's flank. Positions have 3 decimals or more, orientations 3 of a degree, feeds 3 significant digits. Circular
-    moves turn the tool in the frame of the work object. Files are ASCII; names out of recordings stand in comments
-    only.
+    cutter's flank. Circular moves turn the tool in the frame of the work object. Files are ASCII; names out of
+    recordings stand in comments only.
 
     Args:
         moves: the path as straight and circular moves.
@@ -78,7 +77,7 @@ def write(
         procedure: RAPID: name of the procedure that mills.
         tool_name: RAPID: name of the tool data, where the program declares it.
         work_object_name: RAPID: name of the work object, likewise.
-        root_tolerance_mm: of the root face, either way: what the robot's part of it is held against.
+        root_tolerance_mm: of the root face, either way, for the robot's share of it.
 
     Raises:
         InputError: equal names in RAPID; another path's gate; a cell without postures; moves that leave the path

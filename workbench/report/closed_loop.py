@@ -148,8 +148,8 @@ def closed_loop(
 ) -> Chapter:
     """The closed loop as a chapter: root face and bevel angle as required, as planned, as measured; and the rework.
 
-    Planned is what the plane of the path's final layer makes in each inspected section: measured less planned is what
-    milling and the two scans add. U = 2 u. The verdict is the inspection's.
+    Planned is what the plane of the final layer makes in each section: measured less planned is what milling and the
+    two scans add.
 
     Args:
         inspection: of the milled part.

@@ -90,15 +90,13 @@ def html(
 ) -> Document:
     """The chapters as one self-contained page, `report.html`, with verdict and provenance.
 
-    First the part, the overall verdict (the worst of the chapters) and a line a chapter; then warnings, chapters,
-    provenance. A chapter with a scene turns in the browser (WebGL 2; 300,000 points); that viewer is the page's only
-    script.
+    The overall verdict is the worst of the chapters. Chapters with a scene turn in the browser (WebGL 2; 300,000
+    points); that viewer is the page's only script.
 
     Args:
         chapters: what stages such as `report.inspection` and `report.plan` made, plug-ins' included.
         provenance: inputs, versions, pipeline and seed; the runner supplies it, without it the page says so.
-        sheet: report number, issue date, customer, order, the sensor's calibration certificate, temperature: shown
-            where given.
+        sheet: report number, issue date, customer, order, sensor's calibration certificate, temperature.
 
     Raises:
         InputError: no chapter, or one whose HTML reaches outside the page.

@@ -29,16 +29,16 @@ def inspection(
 ) -> Chapter:
     """The inspection as a chapter of the report: verdict, drawings, charts, tables.
 
-    Cloud with section planes; points and fitted lines of each section, dimensioned; sizes along the edge (the paper's
-    Figs. 20 and 21) with tolerance, guard and uncertainty bands (U = 2 u); rejected points; a view in three dimensions.
+    Section planes on the cloud; each section's points and lines; sizes along the edge (the paper's Figs. 20 and 21)
+    with tolerance, guard and uncertainty bands (U = 2 u); a view in three dimensions.
 
     Args:
         cloud: the cloud that was inspected; it is thinned before it is drawn, never copied.
         edge: its faces, and the lower edge along which everything is laid out.
         inspection: what was measured, required and decided.
-        points: about how many points a view in space shows at most.
-        scan_plan: the `scan-plan.json` of this scan: U along the edge as wanted, as predicted and as achieved is drawn,
-            where the recording followed this very plan.
+        points: about the largest number of points in a view.
+        scan_plan: the `scan-plan.json` that the scan followed: U along the edge is drawn as wanted, predicted and
+            achieved.
 
     Raises:
         InputError: no section, or an edge of which nothing was measured.

@@ -113,9 +113,8 @@ def plan(
 ) -> Chapter:
     """The plan as a chapter of the report: scan, path, layers, feed, times, refusals.
 
-    The steps of the paper's Fig. 8; a dimensioned section with the layers; all layers on the part (Fig. 13); the feed
-    on the path (Fig. 14) and along the final layer; the engagement, if milled in simulation. Root face and bevel angle
-    are those of the path against the scanned edge, with U = 2 u. The verdict is the gate's.
+    The steps of the paper's Fig. 8, layers (Fig. 13), feed (Fig. 14), and the engagement, if milled in simulation. Root
+    face and bevel angle are those of the path against the scanned edge, with U = 2 u.
 
     Args:
         cloud: the cloud of the raw edge.
@@ -124,7 +123,7 @@ def plan(
         moves: what simplification made of it; without it the page says so.
         gate: the path's own checks; without them the page says so and gives no verdict.
         engagement: of the cutter along the path, from a simulation.
-        points: about how many points a view in space shows at most.
+        points: about the largest number of points in a view.
 
     Raises:
         InputError: a milled edge, or a path without layers.

@@ -182,20 +182,19 @@ def sensitivity(
 ) -> tuple[Chapter, Document]:
     """What each link of the chain contributes to this part's root face and bevel angle, and what to improve first.
 
-    Each link is a standard uncertainty of the bevel face's place along its normal and of its direction, for a part
-    milled blindly and for one with a finishing pass corrected by a measured cut (docs/planning.md, "Which link costs
-    how much").
+    Standard uncertainties of the bevel face's place and direction, milled blindly and with a finishing pass corrected
+    by a measured cut (docs/planning.md, "Which link costs how much").
 
     Args:
         toolpath: the path: bevel, layers, and how far from the robot's base the part lies.
         edge: the scanned edge: its u is the sensor's share.
         root_tolerance_mm: allowed deviations from the nominal root face.
         bevel_tolerance_deg: allowed deviations from the nominal bevel angle.
-        tool: a tcp.json of `calibrate.tcp`: its u instead of tool_mm and tool_deg.
-        turntable: a turntable.json of `calibrate.turntable`: its u instead of turntable_mm and turntable_deg.
-        hand_eye_mm: standard uncertainty of a point by the hand-eye pose, as a length (three axes together); null: what
-            the covariance of the calibration that the scan rests on does to this edge.
-        hand_eye_deg: of its direction about the feed; null: as its file predicts.
+        tool: a tcp.json, whose u replaces tool_mm and tool_deg.
+        turntable: a turntable.json, likewise.
+        hand_eye_mm: standard uncertainty of a point by the hand-eye pose (three axes together); null: by the scan's
+            covariance.
+        hand_eye_deg: of its direction about the feed; null: by its file.
         robot_calibration: a robot.json of `calibrate.tracker` or `calibrate.robot` that the controller was corrected
             by: its u instead of robot_accuracy_mm.
         robot_accuracy_mm: of the robot between scan and cut, along an axis.
@@ -208,10 +207,9 @@ def sensitivity(
         temperature_k: half the range between calibration and cut.
         drift_k: half the range between the two cuts.
         wear_mm: loss of the cutter's radius before it is replaced.
-        inspection: an inspection.json of a part like this one, by the same scanner: its u instead of inspection_mm and
-            inspection_deg.
-        inspection_mm: u of an inspected root face; null: the larger of what this scan tells of two of its edges and the
-            median of simulated inspections (0.044 mm).
+        inspection: an inspection.json of a like part, whose u replaces inspection_mm and inspection_deg.
+        inspection_mm: u of an inspected root face; null: the larger of this scan's and the median of simulated
+            inspections (0.044 mm).
         inspection_deg: u of an inspected bevel angle; null: likewise.
 
     Raises:

@@ -126,19 +126,18 @@ def plate(
 ) -> Cell | None:
     """Make the scan (plate, clamps, fixtures) a collision body of the cell, as boxes of a grid.
 
-    The body `workpiece` stands on the turntable, else on the base, and replaces the cell file's. It is larger than what
-    was seen by up to a cube of the grid; what was not seen is not there. The cutter (shapes with `"body": "cutter"`)
-    may touch it. The hand-eye's covariance counts with the cell's uncertainty of the part.
+    The body `workpiece` replaces the cell file's; it stands on the turntable, else on the base. It is larger than what
+    was seen by up to a cube; what was not seen is not there. The cutter (shapes with `"body": "cutter"`) may touch it.
+    The hand-eye's covariance counts with the part's uncertainty.
 
     Args:
         cell: the robot cell; without one there is nothing to do, nor without a scan.
         cloud: the scan.
         points: the cloud that the scan was sliced from (`edge.segment_cloud`): the body is made of all its points.
         toolpath: the path, whose part says how well its scan's hand-eye was known.
-        scan: a scan as a file, where none is upstream, which says nothing of its hand-eye: PLY, PCD, XYZ, mm in the
-            base; null: none.
+        scan: a scan as a file, where none is upstream: PLY, PCD, XYZ, mm in the base.
         voxel_mm: edge of the cubes that hold the scan's points.
-        planned_at_deg: turntable angle at which the scan's points hold: where it stood when the part was scanned.
+        planned_at_deg: turntable angle at which the part was scanned.
         planned_tilt_deg: likewise of its tilt.
 
     Raises:

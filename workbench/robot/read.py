@@ -64,7 +64,7 @@ def cell(
     """Read the robot cell: URDF, tool, turntable, workpiece, fixtures, set-up of loading tests.
 
     Args:
-        cell: a cell file (JSON), its own paths relative to it; null: none, and no program.
+        cell: a cell file (JSON); null: none, and no program.
 
     Raises:
         InputError: the file or one that it names is missing or unusable, an unknown frame.

@@ -30,21 +30,19 @@ def fuse(
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
     base_from_profiler = base_from_flange(t) @ flange_from_profiler: position linear within each pass, orientation by
-    slerp. The cloud keeps the scanner's grid (frame x column, profiler coordinates in mm), pass after pass. The
-    recording is checked first (docs/checks.md): contradictions are refused, with the suspicion named. Copied frames and
-    passes, and columns without a measurement, are left out.
+    slerp. The cloud keeps the scanner's grid. The recording is checked first (docs/checks.md): contradictions are
+    refused, with the suspicion named. Copied frames and passes, and columns without a measurement, are left out.
 
     Args:
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
-        scan_plan: the `scan-plan.json` that was to be followed: what was not done as planned is told among the checks.
+        scan_plan: the `scan-plan.json` that was to be followed; departures are among the checks.
         limits: limits of checks by name, where the default ones do not fit (docs/checks.md). A check that passes only
             by a wider limit is named in the results, and a path then ends with status 1.
 
     Raises:
         InputError: no calibration, or an improper one; a recording on the profiler's own clock, or one that fails a
-            check.
-        PipelineError: `limits` names no check, or gives it no number.
+            check. PipelineError: `limits` names no check.
 
     Example:
         >>> from workbench.scan import fuse, read

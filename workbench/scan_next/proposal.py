@@ -67,11 +67,9 @@ def next_(
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an inspection which ends undecided; nothing of one that is decided.
 
-    Where none decides a single section it is said what would, and no file is written.
-
-    Of elevations 10 deg apart the one that decides most sections, by the uncertainties that `scan.plan` predicts of it
-    together with the passes that are there. `next_scan.json` tells it, and is an `edge` for `plan_scan.json`, which
-    holds it against robot and fixtures.
+    Of elevations 10 deg apart the one that decides most sections together with the passes that are there, by the u that
+    `scan.plan` predicts. `next_scan.json` is an `edge` for `plan_scan.json`, which checks it against robot and
+    fixtures. If none decides a section, no file is written.
 
     Args:
         cloud: the recording that was inspected.

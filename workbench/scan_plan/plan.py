@@ -158,41 +158,39 @@ def plan(
 ) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
     """Plan from where, in how many passes, to scan so that root face and bevel angle are known well enough.
 
-    For candidates of elevation, lead, frame pitch and turntable angle u is predicted by the engine's own terms, and
-    whether robot, plate, fixtures and light paths allow them (docs/scan_planning.md). Chosen is the set of passes of
-    least time that reaches what is wanted; else exit status 1, with what binds and what would help.
+    u is predicted for candidates of elevation, lead, frame pitch and turntable angle that robot, plate, fixtures and
+    light paths allow (docs/scan_planning.md). The set of passes of least time that reaches the wanted U is chosen;
+    otherwise exit status 1, with what limits it and what would help.
 
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
         taught: points along the edge; or:
-        edge: where the edge is, roughly: a recording, a toolpath.json, an edge-line.json, a DXF polyline in mm,
-            or a STEP model with its bevel.
+        edge: roughly where the edge is: a recording, toolpath.json, edge-line.json, DXF polyline in mm, or STEP model.
         sensor: a sensor.json; columns, measuring_range_mm, width_mm and noise_mm must be told.
         hand_eye: a handeye.json: where the scanner sits on the flange.
-        upper_side: direction, roughly, from the lower to the upper side, in the base, where the file does not tell.
-        edge_number: number of the STEP model's bevelled edge, as `workbench look` has it; null: there is one.
-        base_from_cad: 4x4 (direction cosines, mm), from the STEP model's coordinates to the base; null: it is there.
+        upper_side: rough direction from the lower to the upper side, in the base, where the file has none.
+        edge_number: number of the STEP model's edge, as `workbench look` has it; null: there is one.
+        base_from_cad: 4x4 (direction cosines, mm), from the STEP model's coordinates to the base; null: the same.
         thickness_mm: of the plate; null: as the STEP model has it, else 8.
         root_mm: of the nominal joint; null: likewise, else 1.5.
         bevel_deg: of the nominal joint; null: likewise, else 40.
-        raw: the edge is scanned before it is milled, or before and after: all of the end face and a surface of the
-            plate are in view.
+        raw: the edge is (also) scanned before it is milled: the end face and a surface of the plate are in view.
         root_tolerance_mm: deviations from it, whose width a default U follows.
         bevel_tolerance_deg: likewise.
-        wanted_root_mm: expanded uncertainty U (k = 2) of the root face; null: a tenth of the tolerance's width.
+        wanted_root_mm: U (k = 2) of the root face; null: a tenth of the tolerance's width.
         wanted_bevel_deg: of the bevel angle, likewise.
         passes: greatest number of passes.
         edge_condition: what is held possible of the lower edge.
-        roughness_mm: of the root face as sawing or cutting left it, three standard deviations; null: as a coarse
-            recording shows it, else it is taken for smooth, and the plan says so.
+        roughness_mm: of the sawn or cut root face, three standard deviations; null: as a coarse recording shows it,
+            else smooth, which the plan says.
         frame_rate_hz: of the profiler.
         most_speed_mm_s: of the robot along a pass.
-        tool_stays: the milling tool's bodies stay on the flange; false: it is put down.
+        tool_stays: the milling tool stays on the flange; false: it is put down.
         z_away: the profiler counts range away from itself.
 
     Raises:
-        InputError: an edge that is none or out of reach, a sensor file that leaves out what is needed, a nominal joint
-            that cannot be seen from outside.
+        InputError: no edge, or out of reach; a sensor file that leaves out what is needed; a nominal joint that cannot
+            be seen.
 
     Example:
         >>> from workbench.scan_plan import plan

@@ -57,18 +57,18 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
 
-    Home, profiler on (`trigger_signal`), along the pass as fast as planned, off, home. Read back and driven through the
-    cell as a milling program (docs/programs.md), the scanner as tool and the plate as a body; what fails leaves no
-    program. The head says how poses are to be logged.
+    Home, profiler on (`trigger_signal`), the pass, off, home. Read back and driven through the cell as a milling
+    program (docs/programs.md), with the scanner as tool and the plate as a body; what fails leaves no program. The head
+    says how to log the poses.
 
     Args:
         plan: the planned scan.
         cell: the robot cell; without one nothing is written.
         controller: whose language; null: the cell's.
         name: of the programs and their files, the pass behind it.
-        trigger_signal: digital output that lets the profiler record, by name or number, an index from 0.
-        ready_signal: digital input that says that it does, an index from 0 likewise; null: the program waits.
-        scanner_mass_kg: of all that hangs on the flange; null: the cell's tool where it stays, else NOT CHECKED.
+        trigger_signal: digital output that starts the profiler, by name or number (index from 0).
+        ready_signal: digital input (index likewise) that says that it records; null: the program waits.
+        scanner_mass_kg: of all that hangs on the flange; null: the cell's tool, else NOT CHECKED.
         scanner_centre_mm: its centre of gravity in the flange.
 
     Raises:

@@ -62,24 +62,23 @@ def mill(
 ) -> tuple[Workpiece, Engagement]:
     """Mill a workpiece along a path and tell what the cutter met.
 
-    The cutter, a cylinder at x = -radius of each point's frame (or a ball end), moves straight from point to point and
-    removes what it meets (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).
+    The cutter, a cylinder at x = -radius of each point's frame (or a ball end), moves straight from point to point
+    (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).
 
     Args:
         workpiece: the part as it is now.
         toolpath: the path.
         bending: how far the robot gives way at each of its points, as a stage upstream predicts it.
         correction: by which the path was corrected; a refused one leaves the workpiece as it is, with a warning.
-        tip_mm: how far the cutter reaches beyond a frame's origin, along z; null: half the length of its flutes.
+        tip_mm: reach of the cutter beyond a frame's origin, along z; null: half its flutes.
         offset_mm: constant error of the tool's position in the base: hand-eye, tool or work object.
-        rotation_deg: constant error of its orientation, a rotation vector in the base, about the frame's origin.
+        rotation_deg: constant error of its orientation, a rotation vector in the base.
         robot_noise_mm: standard deviation of the robot's smooth error, each axis; each layer has its own.
-        robot_repeating_mm: the same of an error that depends on the place alone: every run repeats it.
+        robot_repeating_mm: the same of an error that every run repeats.
         robot_noise_length_mm: correlation length of both along the path.
         deflection_mm: constant deflection of the tool, in its own frame.
-        deflections: a CSV file of further deflections in the tool's frame, point by point: layer, point, dx_mm,
-            dy_mm, dz_mm; null: none.
-        wear_mm: loss of the cutter's radius by the end, growing with the length cut on this path.
+        deflections: a CSV of deflections in the tool's frame: layer, point, dx_mm, dy_mm, dz_mm; null: none.
+        wear_mm: loss of the cutter's radius over this path, growing with the length cut.
         worn_mm: what it has lost before, as at the end of an earlier path.
         seed: of the robot's error.
 

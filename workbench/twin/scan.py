@@ -29,16 +29,14 @@ def scan(
 ) -> Recording:
     """Scan the workpiece as it is now, with the scanner, passes and robot of its recipe (docs/simulation.md).
 
-    With a planned scan (`scan.plan`) its passes are driven, and the profiler is the one that they were planned for.
-    Rays meet the raw surfaces and what milling has left of them, exactly. A raw part gives what `workbench simulate`
-    gives for the recipe; after each milling all random numbers but those of the hand-eye calibration are new.
+    With a planned scan (`scan.plan`) its passes are driven with its profiler. A raw part gives what `workbench
+    simulate` gives for the recipe; after each milling all random numbers but those of the hand-eye calibration are new.
 
     Args:
         workpiece: the part as it is now.
         plan: the scan that is followed; None: the recipe's passes.
         elevation_deg: of the sensor above the end face's normal in every pass; null: as the recipe says.
-        aim_mm: aim point (h, z) in the section in every pass: outwards from the lower edge, and up; null: as the recipe
-            says.
+        aim_mm: aim point (h, z) in the section: outwards from the lower edge, and up; null: as the recipe says.
 
     Example:
         >>> from workbench import twin

@@ -194,12 +194,11 @@ def circles(
 ) -> SphereProfiles:
     """Find the calibration sphere in each profile and fit the circle of its section (the paper's section 3.2, Fig. 4).
 
-    RANSAC, then maximum likelihood with the noise along z, from the largest contiguous arc (docs/calibration.md):
-    centre, squared radius, covariance.
+    RANSAC, then maximum likelihood with the noise along z, from the largest contiguous arc (docs/calibration.md).
 
     Args:
         recording: a calibration recording (with /sphere).
-        profile_noise_mm: least standard deviation of a point along z; where the arcs show more, that counts.
+        profile_noise_mm: least standard deviation of a point along z; more where the arcs show more.
         limits: limits of the checks of units, sensor and copies by name, where the default ones do not fit
             (docs/checks.md). `held_end_share` is not judged unless it is named here.
 

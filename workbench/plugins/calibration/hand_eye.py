@@ -88,23 +88,23 @@ def hand_eye(
     """Find the profiler's pose on the flange from a fixed sphere (the paper's section 3; equations (1) to (3)).
 
     The signs of h are searched; then maximum likelihood on (x_c, z_c, w = r^2), with the sphere's radius and the
-    profiler's scales as unknowns with priors (docs/calibration.md). Gross postures are rejected and named. A profiler's
-    own clock offset is estimated from scans over the sphere.
+    profiler's scales as unknowns with priors (docs/calibration.md). Gross postures are rejected and named. Scans over
+    the sphere also give the offset of a profiler's own clock.
 
     Args:
         profiles: circles from `calibrate.circles`.
         recording: flange poses; /hand_eye, if there, is the design's pose to begin with, off by up to 20 deg and 50 mm.
-        method: 'bundle': maximum likelihood; for comparison the paper's: 'analytic' (Kabsch on pairs of pure
-            translation), 'genetic' (in two steps).
-        pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
+        method: 'bundle': maximum likelihood; the paper's, for comparison: 'analytic' (Kabsch on pairs of pure
+            translation), 'genetic'.
+        pose_noise_mm: repeatability of the robot: standard deviation of a flange position, each axis.
         pose_noise_deg: the same of its orientation.
-        sphere_radius_u_mm: standard uncertainty of the sphere's stated radius; set free where the data contradict it.
-        sphere_certificate: the sphere's DCC (PTB's XML): its diameter and uncertainty take the place of what the
-            recording and `sphere_radius_u_mm` state; null: none.
-        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share of themselves; set free likewise.
-        robot_error: 'independent': postures err independently; 'correlated': near ones share errors (systematic ones),
-            whose size the data tell.
-        max_u_mm: largest predicted uncertainty over the field of view that is accepted; else the recording is refused.
+        sphere_radius_u_mm: standard uncertainty of the sphere's stated radius; free where the data contradict it.
+        sphere_certificate: the sphere's DCC (PTB's XML), whose diameter and uncertainty replace those stated; null:
+            none.
+        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share; free where the data contradict it.
+        robot_error: 'independent' between postures, or 'correlated': near postures share systematic errors, estimated
+            from the data.
+        max_u_mm: largest accepted u over the field of view, as predicted.
         root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
         bevel_tolerance_deg: likewise.
         bevel_deg: angle of that bevel.

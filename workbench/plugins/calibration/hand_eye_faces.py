@@ -55,21 +55,21 @@ def hand_eye_faces(
 ) -> tuple[HandEye, Document, Chapter]:
     """Find the profiler's pose on the flange from a fixed part with flat faces, where there is no sphere.
 
-    What the profiles show lies on planes, or straight lines, of the base: pose, faces, scales of the profiler (held to
-    what is stated) and, where the profiles have a clock of their own, its offset are estimated together by the
-    estimator of all instruments, from many starts (docs/calibration.md). `handeye.json` is as that of a sphere.
+    Points of the profiles lie on planes, or straight lines, of the base: pose, faces, scales of the profiler and, where
+    the profiles have their own clock, its offset are one fit, from many starts (docs/calibration.md). `handeye.json` is
+    as that of a sphere.
 
     Args:
         recording: profiles of the part from postures that turn about two axes and more; /hand_eye, if there, is the
             design's pose: a start, and what tells two answers apart.
-        target: 'edge': two flat faces that meet (two lines a profile); 'plane': one face (one line a profile);
-            'points': each column is a point that a seam tracker found, on a straight line of its own.
-        profile_noise_mm: least standard deviation of a point; where the lines show more, that counts.
-        corner_mm: of 'edge': what lies nearer to the corner does not count: it may be rounded.
+        target: 'edge': two flat faces that meet; 'plane': one face; 'points': each column is a point that a seam
+            tracker found, on a straight line of its own.
+        profile_noise_mm: least standard deviation of a point; more where the lines show more.
+        corner_mm: of 'edge': points nearer to the corner, which may be rounded, are left out.
         pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
         pose_noise_deg: the same of its orientation.
-        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share of themselves.
-        clock_search_s: how far apart the clocks may be, where the profiles have their own.
+        sensor_scale_u: standard uncertainty of the profiler's x and z, as a share.
+        clock_search_s: greatest offset of the clocks, where the profiles have their own.
         max_u_mm: largest predicted uncertainty over the field of view that is accepted; else the recording is refused.
         root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
         bevel_tolerance_deg: likewise.

@@ -182,8 +182,7 @@ def plan(
         roll_deg: greatest turn of the profiler about the range axis.
         half_width_mm: half the width of the view in which the sphere's centre is shown, in x.
         half_height_mm: half its height, in z, about the mean distance in the recording.
-        cell: a robot cell, of which only the robot counts: postures beyond its reach or joint limits fall out; nothing
-            is checked for collision.
+        cell: a robot cell: postures out of reach or joint limits are left out; collision is not checked.
         seed: of the candidates.
 
     Raises:

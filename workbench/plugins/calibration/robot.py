@@ -120,31 +120,26 @@ def robot(
 ) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate joint offsets and lengths of the robot with the hand-eye pose, from a sphere in 30 postures or more.
 
-    The model of `calibrate.hand_eye` with the flange's pose from joint angles and the arm's errors (product of
-    exponentials), otherwise as `calibrate.tracker`. `robot.json` and `handeye.json` belong to the corrected robot
-    (docs/howto/calibrate_robot.md).
+    As `calibrate.hand_eye`, with the flange's pose from joint angles and the arm's errors (product of exponentials).
+    `robot.json` and `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
 
     Args:
         profiles: circles from `calibrate.circles`.
         recording: flange poses, all postures held still; the profiler's clock does not matter.
         cell: the cell file with the robot's URDF.
-        joints: a CSV of each pass and its six joint angles in degrees, as the cell's model counts
-            (docs/howto/calibrate_robot.md).
+        joints: a CSV of each pass and its six joint angles in degrees (docs/howto/calibrate_robot.md).
         pose_noise_mm: repeatability of a flange position, each axis.
         pose_noise_deg: of its orientation, each axis.
         sphere_radius_u_mm: standard uncertainty of the sphere's stated radius.
         offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
-        max_u_mm: largest predicted uncertainty of a hand-eye pose over the field of view; a larger one is refused, and
-            the direction named.
+        max_u_mm: largest accepted u of the hand-eye pose over the field of view, as predicted.
         root_tolerance_mm: of the root face that robot and profiler must serve.
-        bevel_tolerance_deg: of its bevel's angle, by the hand-eye pose alone; `handeye.json` says whether its pose
-            serves both.
+        bevel_tolerance_deg: of its bevel angle; `handeye.json` says whether the hand-eye pose alone serves both.
         bevel_deg: angle of the bevel that is measured.
 
     Raises:
-        InputError: scans instead of postures, too few of them, angles that are not those of the recorded poses, an
-            undetermined direction.
+        InputError: scans instead of postures, too few postures, angles of other poses, an undetermined direction.
 
     Example:
         >>> from workbench import scan

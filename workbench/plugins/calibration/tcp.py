@@ -99,24 +99,24 @@ def tcp(
     Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point p and the reference c:
     unknown, typed, or scanned. Weighted least squares; touches less than 1 deg apart weigh as one; one off by 5
     standard deviations is left out, with the cause. The first tool point is the tip; the axis runs to it from the last
-    one. `tcp.json`: points, axis, covariance (docs/howto/calibrate_tool.md).
+    one (docs/howto/calibrate_tool.md).
 
     Args:
         profiles: of scanned references: circles from `calibrate.circles`.
         recording: of scanned references: their postures.
         touches: a CSV of touches (docs/howto/calibrate_tool.md).
-        references: of scanned spheres: a CSV of the passes that show a reference: reference, pass.
-        hand_eye: of scanned spheres: a handeye.json of the profiler that scanned them; null: the recording's own.
+        references: of scanned spheres: a CSV of passes and the references that they show.
+        hand_eye: of scanned spheres: the profiler's handeye.json; null: the recording's own.
         robot_noise_mm: standard deviation of a flange position, each axis.
         robot_noise_deg: of its orientation, each axis.
         touch_noise_mm: of a touch, each axis.
-        reference_u_mm: standard uncertainty of a reference that the table gives, each axis; one for all of them.
-        max_u_mm: greatest u of a tool point along any direction; a larger one is refused, and the direction named.
-        least_reach_mm: a tool point nearer to the flange's middle is refused: positions in metres or inches make such
-            tools.
+        reference_u_mm: standard uncertainty, each axis, of a reference that the table gives.
+        max_u_mm: greatest accepted u of a tool point along any direction.
+        least_reach_mm: least distance of a tool point from the flange's middle: smaller ones are positions in metres or
+            inches.
         root_tolerance_mm: of the root face that the tool must serve.
         bevel_deg: angle of the bevel that it mills.
-        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
+        part: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
         InputError: an unusable table; touches that leave a direction open; more blunders than can be told apart.

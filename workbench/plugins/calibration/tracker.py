@@ -157,8 +157,7 @@ def tracker(
 
     Args:
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).
-        cell: the cell file with the robot's URDF, where the readings have joint angles; null: the table's poses are
-            taken as they are.
+        cell: the cell file with the robot's URDF, for readings with joint angles; null: the table has poses.
         tracker_noise_mm: standard deviation of a reading, each axis.
         robot_noise_mm: repeatability of a flange position, each axis.
         robot_noise_deg: of its orientation, each axis.

@@ -149,9 +149,8 @@ def turntable(
     """Determine a turntable's axis in the base from markers measured at two or more of its angles.
 
     Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
-    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. A drift from
-    the first row to the last, D across the axis, adds D D^T / 12 to its covariance.
-    `turntable.json` holds the pose for a cell file (docs/howto/calibrate_tool.md).
+    less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. A drift D
+    across the axis adds D D^T / 12 to its covariance. `turntable.json`: docs/howto/calibrate_tool.md.
 
     Args:
         profiles: of scanned spheres: circles from `calibrate.circles`.
@@ -162,8 +161,8 @@ def turntable(
         pose_noise_deg: likewise of its orientation.
         noise_mm: standard deviation of a measured point, each axis.
         angle_noise_deg: of the table's angle.
-        reach_mm: how far along the axis, each way from the markers' middle, parts will be.
-        max_u_mm: greatest u of the axis over that reach; a larger one is refused, and the direction named.
+        reach_mm: how far parts reach along the axis, each way from the markers' middle.
+        max_u_mm: greatest accepted u of the axis over that reach.
         root_tolerance_mm: of the root face that the table must serve.
         bevel_deg: angle of the bevel that is milled on it.
         part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.

@@ -101,13 +101,13 @@ def validate(
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
     Postures are left out part by part and predicted from a fit of the others; of a second recording only the sphere's
-    place is fitted. The noise is that which the calibration rests on.
+    place is fitted.
 
     Args:
         calibration: what to validate.
         profiles: circles of the recording to validate on.
         recording: the calibration's own, or a second one.
-        folds: number of parts of the calibration's own recording that are held out in turn; 0: each posture by itself.
+        folds: number of parts of the calibration's recording held out in turn; 0: each posture by itself.
 
     Raises:
         InputError: too few postures to hold any out.

@@ -45,9 +45,9 @@ def chatter(
 ) -> tuple[PathStability, Document, Chapter]:
     """Whether the cut chatters: the least unstable depth over the depth, along the path, with U (docs/stiffness.md).
 
-    Mode coupling and regeneration in one model; the spectral radius over a tooth's period decides, for up-milling (as
-    the path runs) and down-milling. Then number of layers, direction and speed of least time are chosen that keep the
-    margin, the spindle's torque and power and the root face's tolerance. Writes `chatter.json`.
+    Mode coupling and regeneration in one model, for up-milling (as the path runs) and down-milling. Then number of
+    layers, direction and speed of least time are chosen that keep the margin, the spindle's torque and power and the
+    root face's tolerance. Writes `chatter.json`.
 
     Args:
         cell: the robot.
@@ -56,13 +56,13 @@ def chatter(
         force: on the cutter along it, with its coefficients, depths and speed.
         postures: how the robot stands along it.
         stations: number of places that cut, evenly spread, that are judged.
-        largest_depth_mm: that is looked at; a limit beyond it is told as none.
-        least_margin: ratio of depths, less U, that is asked for; the page says where it is missed.
-        force_relative_u: ratio of standard uncertainty to value of the force coefficients; null: that of their file, or
-            the scatter of published ones.
-        most_layers: largest number of layers that may share the depth; 0: nothing is chosen.
-        speed_change: largest, either way, as a ratio to the speed stated; the feed goes with it.
-        root_tolerance_mm: of the root face, either way; half of it the cutter may give way by.
+        largest_depth_mm: largest depth examined.
+        least_margin: least ratio of depths, less U; the page says where it is missed.
+        force_relative_u: ratio of standard uncertainty to force coefficients; null: their file's, or the scatter of
+            published ones.
+        most_layers: largest number of layers to share the depth; 0: nothing is chosen.
+        speed_change: largest change of the speed, as a share, with the feed.
+        root_tolerance_mm: of the root face, either way; the cutter may deflect by half of it.
 
     Raises:
         InputError: postures or force are of another path; a force without coefficients; a mass matrix that is none.

@@ -43,12 +43,12 @@ def deflection(
         cell: the robot cell.
         stiffness: of the joints.
         joints_deg: the posture, unloaded; default: the first of the paper's Table A1.
-        angle_convention: how the angles count: as the controller's (abb), or by one of two Denavit-Hartenberg readings.
+        angle_convention: of the joint angles: the controller's (abb), or one of two Denavit-Hartenberg readings.
         force_n: acts on the cutter's tip.
         torque_nm: acts there as well.
-        axes: whose axes force and torque have; they keep their direction in space while the robot gives way.
-        method: `balance`: springs and load in balance, solved; `linear_kc`: J (K - K_c)^-1 J^T F; `linear`:
-            J K^-1 J^T F, eq. (22) put right.
+        axes: of force and torque, which keep their direction in space.
+        method: `balance` of springs and load; `linear_kc`: J (K - K_c)^-1 J^T F; `linear`: J K^-1 J^T F, eq. (22)
+            corrected.
 
     Raises:
         InputError: the load is so large that the robot finds no balance.

@@ -54,28 +54,26 @@ def force(
 ) -> tuple[MillingForce, Document]:
     """Mechanistic milling force at every path point: mean vector and peak of a revolution (the paper's section 6.2).
 
-    Spindle speed defaults to the paper's 6000 rpm; feed, flutes and diameter come with the path. For the material that
-    the paper does not name an aluminium alloy's published coefficients are taken.
+    Feed, flutes and diameter come with the path.
 
     Args:
         toolpath: points, feed, cutter.
         engagement: what the cutter meets, as milled in simulation; without it the depths below hold all along.
         cell: the robot cell, whose file may state the workpiece's material.
-        material: whose published coefficients to take; null: the cell's material, or al7075_t6 stands in.
+        material: whose published coefficients to take; null: the cell's material, else al7075_t6.
         coefficients: instead: K_tc K_rc K_ac in N/mm^2, K_te K_re K_ae in N/mm (a count of six).
-        coefficients_file: instead: a `coefficients.json`, as `stiffness.identify_forces` writes it; the mean force has
-            its u then.
+        coefficients_file: instead: a `coefficients.json` of `stiffness.identify_forces`, with u.
         spindle_rpm: number of turns a minute.
-        radial_depth_mm: depth of material before the cutter, normal to the bevel face, where no engagement is known;
-            null: the path's depth of cut.
-        axial_depth_mm: length of the cutter that cuts, likewise; null: the width of the layer's bevel face.
+        radial_depth_mm: depth before the cutter, normal to the bevel face, without an engagement; null: the path's
+            depth of cut.
+        axial_depth_mm: cutting length, likewise; null: the width of the layer's bevel face.
         helix_deg: of the cutter, right-hand.
         runout_mm: distance of the cutter's axis from the spindle's.
         runout_angle_deg: of tooth 1 against the runout.
 
     Raises:
-        InputError: the engagement is of another path; a radial depth beyond the cutter's diameter; a material in the
-            cell file that has no published coefficients.
+        InputError: another path's engagement; a radial depth beyond the cutter's diameter; a material without published
+            coefficients.
 
     Example:
         >>> from workbench import path, robot

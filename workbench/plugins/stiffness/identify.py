@@ -67,17 +67,17 @@ def identify(
     """Identify the joints' stiffness from loads and displacements (the paper's sections 5.2 and 6.2, eq. (24)).
 
     Weighted least squares for the compliance, with the cell file's noise, (27) and (28) corrected, springs and loads in
-    balance. Contradictory points and loads are rejected. What six springs do not explain is named and in u
+    balance. Contradictory points and loads are rejected; what six springs do not explain is named and in u
     (docs/stiffness_metrology.md).
 
     Args:
         cell: the cell; its `loading` says where sensor, tool and targets sit.
-        loads: a loads.csv: one row a loading test, wrench and displacement as loaded minus unloaded.
-        angle_convention: how the file's joint angles count; the contract has the controller's (abb).
-        largest_relative_u: ratio of standard uncertainty to value above which a joint is refused, with the reason.
-        scale_relative_u: standard uncertainty of the ratio of force sensor's to tracker's scale, which no load shows.
-        part: whose loading tests they are: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the
-            page.
+        loads: a loads.csv: one row a loading test, loaded minus unloaded.
+        angle_convention: of the file's joint angles.
+        largest_relative_u: largest accepted ratio of standard uncertainty to stiffness of a joint.
+        scale_relative_u: standard uncertainty of the ratio of the force sensor's scale to the tracker's, which no load
+            shows.
+        part: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
 
     Raises:
         InputError: an unusable file; a mistake of signs, units, axes or conventions that explains the misfit; a joint

@@ -102,15 +102,15 @@ def identify_forces(
         tool: that cut, for the file.
         radial_depth_mm: of the cut; null: a slot.
         direction: of a partial cut, which changes the means.
-        axes: of the dynamometer that point across the feed into the material, along the feed, and from shank to tip, of
-            the force on the cutter; null: all are tried by signs and by the sense in which the force turns.
-        bandwidth_hz: up to which the dynamometer's response is flat; above it nothing is used.
+        axes: dynamometer axes that point across the feed into the material, along the feed, and from shank to tip
+            (force on the cutter); null: found from the signs and the sense of rotation.
+        bandwidth_hz: of the dynamometer's flat response; nothing above it is used.
         rate_hz: of tables without time_s.
-        helix_deg: of the cutter, right-hand; it changes no mean, but the run-out's line.
+        helix_deg: of the cutter, right-hand; affects only the run-out.
 
     Raises:
-        InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another number of flutes or
-            speed by the spectrum; no axes, or several, with positive coefficients.
+        InputError: one feed, fewer than 20 whole turns, a saturated channel, chatter, another speed or number of
+            flutes; no axes, or several, with positive coefficients.
 
     Example:
         >>> from workbench.plugins import stiffness

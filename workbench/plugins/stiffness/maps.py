@@ -33,8 +33,8 @@ def maps(
     """Map 1/omega (18), f_p (19) and f_r (20) over two axes, and say whether K_c is negligible for this robot.
 
     f_p: distance of the cutter's resting places with K_c and without, over the larger displacement; f_r: the largest
-    component of the difference in its rotation. Both are the worst over directions. (The paper compares lengths: its
-    f_p is smaller.)
+    component of the difference in its rotation; both worst over directions. (The paper compares lengths: its f_p is
+    smaller.)
 
     Args:
         cell: the robot and its tool.

@@ -66,16 +66,16 @@ def modes(
     """Mass, stiffness and damping of the robot at the tool: declared, or fitted to tap tests of several postures.
 
     Rigid links on springs and dampers. Without tap tests masses come from the URDF (or are given) and damping is
-    declared; with them all are fitted, the declared values being priors. Writes `modes.json`.
+    declared; with them these are priors of the fit. Writes `modes.json`.
 
     Args:
         cell: the robot, with its tool's mass and centre of gravity.
         stiffness: of its joints; with u, a prior of the fit.
-        taps: a list of tap tests (JSON) beside their files in CSV (docs/stiffness.md); null: none.
+        taps: a list of tap tests (JSON) with their CSV files (docs/stiffness.md); null: none.
         link_masses_kg: of the six links, spread evenly in their shapes; null: the URDF's.
         mass_relative_u: ratio of standard uncertainty to value of each link's mass.
         stiffness_relative_u: likewise a ratio, of each joint's stiffness, where `stiffness` is without.
-        damping_ratio: of all modes, as a share of the critical; with tap tests where the fit begins.
+        damping_ratio: of all modes, as a share of critical damping; with tap tests the start of the fit.
         damping_relative_u: ratio of standard uncertainty to value of it.
         tool_frequency_hz: of the first mode of spindle and cutter; null: none that counts.
         tool_damping_ratio: of that mode, as a share of the critical.
@@ -86,8 +86,8 @@ def modes(
         part: whose tests they are, for the file and the page.
 
     Raises:
-        InputError: no masses; a file of another kind or of too low a coherence; responses that the model does not fit
-            (other units, axes, point), or that contradict the stated stiffness.
+        InputError: no masses; a file of another kind or of too low a coherence; responses that the model does not fit,
+            or that contradict the stated stiffness.
 
     Example:
         >>> from workbench import robot

@@ -115,8 +115,8 @@ def plan_loads(
 ) -> tuple[LoadPlan, Document]:
     """Plan loading tests: postures, load points and directions that determine the worst joint best, and how many.
 
-    Pairs of opposite forces in 13 directions at the cell's load points are added one at a time until every joint is
-    known to the target, then exchanged while that helps.
+    Pairs of opposite forces in 13 directions at the cell's load points are added until every joint reaches the target,
+    then exchanged while that helps.
 
     Args:
         cell: the cell; chosen postures are within limits and free of collision in it.
@@ -126,7 +126,7 @@ def plan_loads(
         postures: largest count of postures, where they are chosen.
         loads_per_posture: largest count of loads at a posture.
         force_n: of each load.
-        target_relative_u: ratio of standard uncertainty to value to reach for every joint; 0.025: 95 % of results
+        target_relative_u: ratio of standard uncertainty to stiffness to reach for every joint; 0.025: 95 % of results
             within 5 %.
         targets: count of tracked points; 0: the tool frame's displacement in six dimensions.
         trials: count of random postures to choose from.

@@ -106,11 +106,10 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle so that the cutter deflects least: eq. (25), Fig. 17.
 
-    The pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid, and how far it is
-    above what every point could have by itself; without known stiffness the least awkwardness (nearness to singular
-    postures and limits). Where the turntable tilts, the best of its tilts too. A track stands where one place of it
-    serves the path, or goes along with the tool, whatever costs less. All keep the cell's margins and, where the
-    robot's modes are known, one from chatter (docs/stiffness.md). Writes `posture.json`.
+    The pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid; without known
+    stiffness the least awkwardness (nearness to singular postures and limits). A tilt of the turntable and a track are
+    chosen too. All keep the cell's margins and, where the robot's modes are known, one from chatter
+    (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -119,22 +118,21 @@ def posture(
         force: on the cutter along it.
         gate: of this path's own checks, passed on; without them there is no decision and no program.
         modes: of robot, spindle and cutter; None: nobody asks for a margin from chatter.
-        configuration: in which the arm is to stay, one word of each pair at most; null: the cell file's.
+        configuration: in which the arm stays, one word of each pair at most; null: the cell file's.
         cutter_rotation_deg: lowest and highest; a full turn is the whole circle.
         turntable_deg: lowest and highest; null: the cell's limits.
         tilt_deg: of the turntable's tilt, likewise.
         tilt_step_deg: between the tilts that are looked at.
         step_deg: of the grid, both ways; null: 1, or 5 without stiffness or with modes.
-        sampled_points: number of loaded points, evenly spread, that the traversal averages; the result holds for all.
-        load: the force of a revolution that counts: its mean or its peak.
+        sampled_points: number of loaded points that the traversal averages; the result holds for all.
+        load: force of a revolution: its mean or its peak.
         reach_mm: of the cutter beyond a point's frame, along its axis; null: half its flutes.
-        planned_at_deg: turntable angle at which the path's positions hold: where it stood when the part was scanned.
+        planned_at_deg: turntable angle at which the part was scanned.
         planned_tilt_deg: likewise of its tilt.
         whole_map: false: cells worse than the optimum are not examined for collision.
-        map_step_deg: of the map's grid, both ways, where larger than the grid's own; each free cell is judged along the
-            whole path, which takes about 2 ms.
-        least_margin: with modes: ratio of the least unstable depth of cut, less U, to the depth, that is kept; where no
-            posture does, the one with the greatest is taken and the gate lets nothing through.
+        map_step_deg: of the map's grid, if larger; each free cell takes about 2 ms.
+        least_margin: with modes: least ratio of unstable depth, less U, to the depth; if no posture has it, the gate
+            rejects the path.
         stations: number of places at which that is judged.
 
     Raises:

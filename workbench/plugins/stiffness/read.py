@@ -46,8 +46,8 @@ def read(
 
     Args:
         cell: the robot cell, whose file may state the stiffness.
-        stiffness: a `stiffness.json`, as `stiffness.identify` writes it; null: the numbers given here, or the cell's.
-        joint_stiffness_nm_per_rad: of the six joints, exact, where no file is named; null: the cell's.
+        stiffness: a `stiffness.json` of `stiffness.identify`; null: the numbers given here, or the cell's.
+        joint_stiffness_nm_per_rad: of the six joints, exact; null: the cell's.
 
     Raises:
         InputError: a stiffness of zero or less, a covariance that is none.

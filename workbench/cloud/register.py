@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -13,11 +13,9 @@ from workbench.children import in_one_thread
 from workbench.cloud.read import in_process, unit_stated
 from workbench.cloud.units import MM, Unit
 from workbench.errors import InputError
-from workbench.geometry.coarse import NORMAL_VOXELS, coarse_registration, fine_registration
-from workbench.geometry.poses import inverse, pose_from, rotation_from_vector, vector_from_rotation
+from workbench.geometry.coarse import coarse_registration, fine_registration
 from workbench.stage import InputFile, Seed, stage
 from workbench.strict_json import strict_json
-from workbench.units import Float
 
 LEAST_POINTS = 100
 
@@ -64,7 +62,7 @@ def register(
     if min(len(target), len(points.points_mm)) < LEAST_POINTS:
         raise InputError(str(reference), f"expected at least {LEAST_POINTS} points in both clouds")
     start = in_one_thread(coarse_registration, points.points_mm, target, voxel_mm, seed)[0]
-    pose, overlap, rms = in_one_thread(_fine, points.points_mm, target, start.target_from_source, reach_mm)
+    pose, overlap, rms = in_one_thread(fine_registration, points.points_mm, target, start.target_from_source, reach_mm)
     if overlap < least_overlap:
         raise InputError(
             points.source or "cloud.register",
@@ -85,20 +83,3 @@ def register(
     }
     moved = points.points_mm @ pose[:3, :3].T + pose[:3, 3]
     return replace(points, points_mm=frozen(moved)), Document("cloud_registration.json", strict_json(content))
-
-
-def _fine(source_mm: Float, target_mm: Float, start: Float, reach_mm: float) -> tuple[Float, float, float]:
-    """Open3D's point-to-plane ICP; the pose to 1e-6 mm and rad, the overlap, the RMS of the matches."""
-    import open3d
-
-    o3d: Any = open3d
-    origin = target_mm.mean(axis=0)
-    away = pose_from(np.eye(3), -origin)
-    clouds = [
-        o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(one))) for one in (source_mm, target_mm - origin)
-    ]
-    clouds[1].estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
-    found = fine_registration(clouds[0], clouds[1], away @ start, reach_mm)
-    pose = inverse(away) @ found.target_from_source
-    turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
-    return pose_from(turn, pose[:3, 3].round(6)), found.overlap, found.rms_mm

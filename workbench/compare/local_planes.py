@@ -25,7 +25,6 @@ from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
 FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, there is a corner in it
-BATCH = 20_000
 LEAST_IN_CYLINDER = 8  # in a cylinder
 LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
@@ -45,30 +44,29 @@ class Surfels:
     frame: Shaped[Int, " c"] | None = None  # in whose middle it lies; None: not known
 
 
-def thinned(points_mm: Float, spacing_mm: float) -> Int:
-    """Indices of the points nearest to the mean of every cube of `spacing_mm` that holds points (n, 3)."""
-    cell = np.floor((points_mm - points_mm.min(axis=0)) / spacing_mm).astype(np.int64)
-    _, index = np.unique(cell, axis=0, return_inverse=True)
-    count = np.bincount(index)
-    middle = np.stack([np.bincount(index, points_mm[:, k]) / count for k in range(3)], axis=1)
-    distance = ((points_mm - middle[index]) ** 2).sum(axis=1)
-    order = np.lexsort((distance, index))
-    return np.asarray(order[np.r_[0, np.cumsum(count)[:-1]]])
-
-
 def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
-    """Principal axes of the points within `radius_mm` of places about `spacing_mm` apart."""
-    chosen = thinned(surface.points_mm, spacing_mm)
-    at_mm = surface.points_mm[chosen]
-    tree = scipy.spatial.cKDTree(surface.points_mm)
-    parts = [_planes(surface.points_mm, tree, at_mm[k : k + BATCH], radius_mm) for k in range(0, len(at_mm), BATCH)]
-    centre, normal, flat = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Surfels(
-        centre,
-        outwards(normal, centre, flat, surface.range_axis),
-        flat,
-        None if surface.frame is None else surface.frame[chosen],
+    """Principal axes of the points within `radius_mm` of places about `spacing_mm` apart, Open3D's voxels' middles."""
+    import open3d
+
+    o3d: Any = open3d  # its stubs know less than it does
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(surface.points_mm))
+    tree, centre = o3d.geometry.KDTreeFlann(cloud), np.array(cloud.voxel_down_sample(spacing_mm).points)
+    count, nearest, moment = (
+        np.zeros(len(centre), np.int64),
+        np.zeros(len(centre), np.int64),
+        np.zeros((len(centre), 3, 3)),
     )
+    for k, at in enumerate(centre):
+        nearest[k] = tree.search_knn_vector_3d(at, 1)[1][0]
+        count[k], index, _ = tree.search_radius_vector_3d(at, radius_mm)
+        if count[k]:
+            near = surface.points_mm[np.asarray(index)]
+            centre[k] = near.mean(axis=0)
+            moment[k] = (near - centre[k]).T @ (near - centre[k]) / count[k]
+    size, axes = np.linalg.eigh(moment)
+    flat = (count >= LEAST_POINTS) & (size[:, 0] <= FLAT * size[:, 1])
+    normal = outwards(axes[:, :, 0], centre, flat, surface.range_axis)
+    return Surfels(centre, normal, flat, None if surface.frame is None else surface.frame[nearest])
 
 
 def neighbours(tree: scipy.spatial.cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:
@@ -76,23 +74,6 @@ def neighbours(tree: scipy.spatial.cKDTree, at_mm: Float, radius_mm: float) -> t
     lists = tree.query_ball_point(at_mm, radius_mm)
     start = np.concatenate([[0], np.cumsum([len(one) for one in lists])])
     return np.fromiter((i for one in lists for i in one), np.int64, start[-1]), start
-
-
-def _planes(points: Float, tree: scipy.spatial.cKDTree, at: Float, radius: float) -> tuple[Float, Float, Bool]:
-    index, start = neighbours(tree, at, radius)
-    count = np.diff(start)
-    owner = np.repeat(np.arange(len(at)), count)
-    off = points[index] - at[owner]
-    safe = np.maximum(count, 1)[:, None]
-    mean = np.stack([np.bincount(owner, off[:, k], len(at)) for k in range(3)], axis=1) / safe
-    off = off - mean[owner]
-    moment = np.empty((len(at), 3, 3))
-    for i in range(3):
-        for j in range(3):
-            moment[:, i, j] = np.bincount(owner, off[:, i] * off[:, j], len(at)) / safe[:, 0]
-    size, axes = np.linalg.eigh(moment)
-    flat = (count >= LEAST_POINTS) & (size[:, 0] <= FLAT * size[:, 1])
-    return at + mean, axes[:, :, 0], flat
 
 
 def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None) -> Float:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from workbench.artefacts import UNKNOWN_PART, Part, u_name
@@ -70,49 +71,50 @@ class Measurement:
     digest: str = ""  # SHA-256 of the file; '': the values stand in the study
 
 
-def measurements_of(study: Path) -> list[Measurement]:
-    """The measurements that a study's file lists; inspections are files, or directories that hold one."""
-    found: dict[tuple[str, ...], Measurement] = {}
-    for where, row in study_rows(study):
-        part, operator = row.get("part", ONLY), row.get("operator", ONLY)
-        if "inspection" in row:
-            path = study.parent / row["inspection"]
-            found["inspection", where] = read_inspection(path, part, operator)
-            continue
-        if "trial" not in row:
-            raise InputError(where, "expected a trial beside the section")
-        one = found.setdefault((part, operator, row["trial"]), Measurement(part, operator, where, {}))
-        section = finite_number(row["section"], f"{where}, section")
-        if section < 1 or section != int(section):
-            raise InputError(f"{where}, section", f"expected a whole number from 1, found '{row['section']}'")
-        if int(section) in one.sections:
-            raise InputError(where, f"section {int(section)} of this trial stands twice")
-        values = _values(row, NUMBERS, where)
-        _check_uncertainties(values, where)
-        one.sections[int(section)] = values
-    return list(found.values())
+def measurements_of(
+    study: Path, characteristics: Sequence[str] = (), columns: Mapping[str, str] = MappingProxyType({})
+) -> list[Measurement]:
+    """The measurements that a study's file lists; inspections are files, or directories that hold one.
 
-
-def plain_measurements(study: Path, characteristics: Sequence[str], columns: Mapping[str, str]) -> list[Measurement]:
-    """The measurements in a table of other people's: a row a trial, a column a characteristic.
-
-    `columns` says what the table calls part, operator and trial; without a trial, rows count as they come.
+    Args:
+        study: CSV, a row an inspection, or a section of a trial with its values.
+        characteristics: its columns, where it is other people's: a row is a trial then, as they come where none is
+            named.
+        columns: what such a table calls part, operator and trial.
 
     Raises:
         InputError: no such column, or a value that is no number, with line and column.
     """
     called = {name: columns.get(name, name) for name in ("part", "operator", "trial")}
-    found: list[Measurement] = []
-    seen: set[tuple[str, ...]] = set()
-    for where, row in plain_rows(study, [*called.values()], characteristics):
+    rows = _rows_with(study, [*called.values()], characteristics) if characteristics else _own_rows(study)
+    found: dict[tuple[str, ...], Measurement] = {}
+    for where, row in rows:
         part, operator = row.get(called["part"], ONLY), row.get(called["operator"], ONLY)
-        if called["trial"] in row:
-            key = (part, operator, row[called["trial"]])
-            if key in seen:
-                raise InputError(where, f"trial {key[2]} of part '{part}' by operator '{operator}' stands twice")
-            seen.add(key)
-        found.append(Measurement(part, operator, where, {1: _values(row, characteristics, where)}))
-    return found
+        if "inspection" in row and not characteristics:
+            found[where,] = read_inspection(study.parent / row["inspection"], part, operator)
+            continue
+        trial, section = row.get(called["trial"], where), 1 if characteristics else _section(row["section"], where)
+        one = found.setdefault((part, operator, trial), Measurement(part, operator, where, {}))
+        if section in one.sections:
+            what = f"section {section} of trial {trial} of part '{part}' by '{operator}' stands twice"
+            raise InputError(where, what)
+        one.sections[section] = _values(row, characteristics or NUMBERS, where)
+    return list(found.values())
+
+
+def _values(row: Mapping[str, str], names: Sequence[str], where: str) -> dict[str, float]:
+    """Numbers of a row by name; NaN where its cell is empty."""
+    values = {name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in names}
+    if below := [name for name in CHARACTERISTICS.values() if values.get(name, 0.0) < 0]:
+        raise InputError(f"{where}, {below[0]}", "expected a standard uncertainty from 0")
+    return values
+
+
+def _section(text: str, where: str) -> int:
+    section = finite_number(text, f"{where}, section")
+    if section < 1 or section != int(section):
+        raise InputError(f"{where}, section", f"expected a whole number from 1, found '{text}'")
+    return int(section)
 
 
 def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measurement:
@@ -140,17 +142,6 @@ def read_inspection(path: Path, part: str = ONLY, operator: str = ONLY) -> Measu
     return Measurement(part, operator, str(path), sections, limits, file.part or UNKNOWN_PART, digest)
 
 
-def _values(row: Mapping[str, str], names: Sequence[str], where: str) -> dict[str, float]:
-    """Numbers of a row by name; NaN where its cell is empty."""
-    return {name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in names}
-
-
-def _check_uncertainties(values: Mapping[str, float], where: str) -> None:
-    for name in CHARACTERISTICS.values():
-        if values[name] < 0:
-            raise InputError(f"{where}, {name}", "expected a standard uncertainty from 0")
-
-
 # The rows of a gauge study's file, as texts by column.
 
 MAX_BYTES = 2**24
@@ -166,26 +157,23 @@ COLUMNS = (
 )
 
 
-def study_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
-    """Each row's place in the file, for messages, and its filled cells by column.
-
-    Raises:
-        InputError: unreadable, no rows, an unknown column; with the line.
-    """
+def _own_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
+    """Each row's place in the file, for messages, and its filled cells by column."""
     rows = _rows(path, COLUMNS)
     for where, row in rows:
         if ("inspection" in row) == ("section" in row):
             raise InputError(where, "expected either an inspection or a section with its values")
+        if "section" in row and "trial" not in row:
+            raise InputError(where, "expected a trial beside the section")
     return rows
 
 
-def plain_rows(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """As `study_rows`, of a CSV with any columns: those `known` may be there, those `wanted` must."""
+def _rows_with(path: Path, known: Sequence[str], wanted: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """As `_own_rows`, of a CSV with any columns: some of those `known` and all those `wanted` must be there."""
     rows = _rows(path)
     names = list(dict.fromkeys(name for _, row in rows for name in row))
-    for name in wanted:
-        if name not in names:
-            raise InputError(str(path), f"no column '{name}'{nearest(name, names)}")
+    if lacking := [name for name in wanted if name not in names]:
+        raise InputError(str(path), f"no column '{lacking[0]}'{nearest(lacking[0], names)}")
     if not set(known) & set(names):
         what = f"expected a column {' or '.join(known)}{nearest(known[0], names)}; name them with `columns`"
         raise InputError(str(path), what)

@@ -60,19 +60,9 @@ class Equations:
 
 
 def coarse(source: Surfels, target: Surfels, initial: Float, reach_mm: float) -> Float:
-    """Open3D's point-to-plane ICP with Tukey's kernel, at reaches of 4, 2 and 1 times `reach_mm`."""
-    import open3d
-
-    o3d: Any = open3d  # its stubs know less than it does
-    origin = target.centre_mm.mean(axis=0)
-    away = pose_from(np.eye(3), -origin)
-    clouds = [_cloud(o3d, one, shift) for one, shift in ((source, np.zeros(3)), (target, -origin))]
-    pose = (
-        inverse(away)
-        @ fine_registration(clouds[0], clouds[1], away @ initial, reach_mm, robust=True).target_from_source
-    )
-    turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
-    return pose_from(turn, pose[:3, 3].round(3))  # Open3D sums in threads, whose last digits differ from run to run
+    """Open3D's point-to-plane ICP of the flat places with Tukey's kernel."""
+    places = source.centre_mm[source.flat], target.centre_mm[target.flat]
+    return fine_registration(*places, initial, reach_mm, target.normal[target.flat], robust=True).target_from_source
 
 
 def refine(
@@ -128,12 +118,6 @@ def _without_open_motion(equations: Equations, pose: Float, initial: Float) -> F
     step = np.r_[shift, turn * equations.lever_mm]
     known = vectors[:, size > OPEN]
     return moved(equations, known @ (known.T @ step)) @ initial
-
-
-def _cloud(o3d: Any, surfels: Surfels, shift: Float) -> Any:
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(surfels.centre_mm[surfels.flat] + shift))
-    cloud.normals = o3d.utility.Vector3dVector(surfels.normal[surfels.flat])
-    return cloud
 
 
 @stage("compare.register")

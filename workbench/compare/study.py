@@ -15,7 +15,6 @@ from workbench.compare.measurements import (
     Measurement,
     Study,
     measurements_of,
-    plain_measurements,
     read_inspection,
 )
 from workbench.errors import InputError
@@ -188,10 +187,10 @@ def study(
         raise InputError("compare.study", "expected a study, whose columns the characteristics are")
     if unknown := [name for name in limits if name not in characteristics]:
         raise InputError("compare.study.limits", f"'{unknown[0]}' is not one of the characteristics")
-    if study is not None and characteristics:
-        found = plain_measurements(study, characteristics, {str(key): name for key, name in columns.items()})
+    if study is not None:
+        found = measurements_of(study, characteristics, {str(key): name for key, name in columns.items()})
     else:
-        found = measurements_of(study) if study is not None else [read_inspection(path) for path in inspections]
+        found = [read_inspection(path) for path in inspections]
     where = str(study) if study is not None else "inspections"
     mine = [one for one in found if one.operator != reference_operator]
     others = [one for one in found if one.operator == reference_operator]

@@ -77,26 +77,50 @@ def coarse_registration(source_mm: Float, target_mm: Float, voxel_mm: float, see
 SCALES = (4.0, 2.0, 1.0)  # of the reach
 
 
-def fine_registration(source: Any, target: Any, start: Float, reach_mm: float, *, robust: bool = False) -> Found:
-    """Open3D's point-to-plane ICP of clouds of it, the target with normals, at 4, 2 and 1 times the reach.
+def fine_registration(
+    source_mm: Float,
+    target_mm: Float,
+    start: Float,
+    reach_mm: float,
+    normal: Float | None = None,
+    *,
+    robust: bool = False,
+) -> Found:
+    """Open3D's point-to-plane ICP of points (n, 3) and (m, 3), at 4, 2 and 1 times the reach; overlap: share of points.
 
-    robust: with Tukey's kernel. The overlap is the share of the source's points.
+    The pose is rounded to 1e-6 mm and rad: Open3D sums in threads, whose last digits differ from run to run.
+
+    Args:
+        normal: (m, 3) of the target; None: of its neighbourhoods within 3 times the reach.
+        robust: with Tukey's kernel.
     """
     import open3d
 
-    registration = open3d.pipelines.registration
+    o3d: Any = open3d
+    registration, origin = o3d.pipelines.registration, target_mm.mean(axis=0)
+    away = pose_from(np.eye(3), -origin)
+    source, target = (
+        o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(one))) for one in (source_mm, target_mm - origin)
+    )
+    if normal is None:
+        target.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(NORMAL_VOXELS * reach_mm, 30))
+    else:
+        target.normals = o3d.utility.Vector3dVector(normal)
+    pose = away @ start
     for scale in SCALES:
         kernel = [registration.TukeyLoss(k=scale * reach_mm)] if robust else []
         found = registration.registration_icp(
             source,
             target,
             scale * reach_mm,
-            start,
+            pose,
             registration.TransformationEstimationPointToPlane(*kernel),
             registration.ICPConvergenceCriteria(1e-9, 1e-9, 60),
         )
-        start = np.array(found.transformation)
-    return Found(start, float(found.fitness), float(found.inlier_rmse))
+        pose = np.array(found.transformation)
+    pose = inverse(away) @ pose
+    turn = rotation_from_vector(vector_from_rotation(pose[:3, :3]).round(6))
+    return Found(pose_from(turn, pose[:3, 3].round(6)), float(found.fitness), float(found.inlier_rmse))
 
 
 def _thinned(o3d: Any, points_mm: Float, voxel_mm: float) -> Any:

@@ -52,15 +52,12 @@ def _passes(frames: ProfileFrames, streams: list[PoseStream], mapping: Mapping) 
     """Every pass on the robot's clock, by number."""
     assert frames.pass_index is not None
     numbers = np.unique(frames.pass_index)
-    if mapping.linear_axis is not None:
-        if streams:
-            raise InputError(
-                streams[0].source, "holds poses, but the mapping names a linear_axis: expected one of them"
-            )
-        axis = mapping.linear_axis
-        return {int(n): on_linear_axis(_of_pass(frames, int(n)), axis, mapping.times) for n in numbers}
-    if not streams and frames.travel_mm is not None and mapping.hand_eye is None:
+    axis = mapping.linear_axis
+    if axis is not None and streams:
+        raise InputError(streams[0].source, "holds poses, but the mapping names a linear_axis: expected one of them")
+    if axis is None and not streams and frames.travel_mm is not None and mapping.hand_eye is None:
         axis = LinearAxisPart()  # what the file says: it went its travel along its own y
+    if axis is not None:
         return {int(n): on_linear_axis(_of_pass(frames, int(n)), axis, mapping.times) for n in numbers}
     if not streams:
         raise InputError(frames.source, "expected poses too: a file of poses, or linear_axis in the mapping")

@@ -14,14 +14,14 @@ from workbench.errors import InputError, one_line
 from workbench.importing.assemble import assemble
 from workbench.importing.kinds import read_source
 from workbench.importing.mapping import Mapping, no_mapping, read_mapping
-from workbench.importing.neutral import Imported
+from workbench.importing.neutral import Imported, returns_of
 from workbench.importing.tracker import joined
 from workbench.recording_file import write
 from workbench.storage import write_whole
 from workbench.units import Float32
 
 REFUSED = "scan.fuse refuses it until these lines are taken out of the mapping's list 'uncertain', their values right"
-BLOCK_FRAMES, PITCH_POINTS = 512, 2_000_000
+PITCH_POINTS = 2_000_000
 
 
 class Understood(NamedTuple):
@@ -104,14 +104,7 @@ def grid_told(x_mm: Float32, z_mm: Float32) -> list[str]:
     frames, columns = z_mm.shape
     step_mm = np.abs(np.diff(x_mm[:: max(1, frames * columns // PITCH_POINTS)], axis=1))
     pitch_mm = float(np.nanmedian(step_mm)) if np.isfinite(step_mm).any() else float("nan")
-    seen, ranges = 0, np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
-    for at in range(0, frames, BLOCK_FRAMES):
-        x, z = x_mm[at : at + BLOCK_FRAMES], z_mm[at : at + BLOCK_FRAMES]
-        back = np.isfinite(x) & np.isfinite(z)
-        seen += int(back.sum())
-        for row, grid in zip(ranges, (x, z), strict=True):
-            row[0] = min(row[0], np.min(grid, initial=np.inf, where=back))
-            row[1] = max(row[1], np.max(grid, initial=-np.inf, where=back))
+    seen, ranges = returns_of(x_mm, z_mm)
     return [
         f"profiles: {frames} frames of {columns} columns, pitch {pitch_mm:.4g} mm, "
         f"{100 * (1 - seen / (frames * columns)):.1f} % missing",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import glob
-import itertools
 import json
+import os.path
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +27,7 @@ from workbench.importing.roles import (
     USUAL_REACH_MM,
     Columns,
     Named,
+    column_of,
     columns_of,
 )
 from workbench.importing.suspicions import WIDTH_MM
@@ -161,7 +162,7 @@ def _profiles(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     if columns.kind == "rows":
         return _ranges(form)
     roles = columns.roles
-    x, z = (_values(form, roles[role].column) for role in "xz")
+    x, z = (column_of(form, roles[role]) for role in "xz")
     missing = _codes(z)
     good = ~np.isin(z, missing) & np.isfinite(x) & np.isfinite(z)
     unit, doubts = _unit(
@@ -184,7 +185,7 @@ def _timed(part: Tree, name: str, form: Form, roles: dict[str, Named], usual_s: 
     """Adds the unit of times, where the table has some; returns its doubts."""
     if "time" not in roles:
         return []
-    step = _step(np.unique(_values(form, roles["time"].column)), usual_s)
+    step = _step(np.unique(column_of(form, roles["time"])), usual_s)
     part["time_unit"], doubts = _unit(f"{name}.time_unit", roles["time"].unit, TIME_S, step)
     if name != "profiles":
         part["time"] = roles["time"].column
@@ -223,7 +224,7 @@ def _ranges(form: Form) -> tuple[Tree, list[str]]:
 def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     """The part `poses`."""
     roles = columns.roles
-    position = np.stack([_values(form, roles[role].column) for role in "xyz"], axis=1)
+    position = np.stack([column_of(form, roles[role]) for role in "xyz"], axis=1)
     reach = float(np.nanmax(np.linalg.norm(position, axis=1)))
     unit, doubts = _unit("poses.length_unit", roles["x"].unit, LENGTH_MM, (reach, USUAL_REACH_MM))
     part: Tree = {**form.as_part(), "length_unit": unit}
@@ -232,7 +233,7 @@ def _poses(form: Form, columns: Columns) -> tuple[Tree, list[str]]:
     part["orientation"] = [roles[role].column for role in columns.orientation]
     part["convention"] = columns.convention
     if columns.convention.startswith("euler"):
-        values = np.stack([_values(form, roles[role].column) for role in columns.orientation], axis=1)
+        values = np.stack([column_of(form, roles[role]) for role in columns.orientation], axis=1)
         told = roles[columns.orientation[0]].unit
         part["angle_unit"] = told or ("rad" if np.nanmax(np.abs(values)) <= 2 * np.pi + 1e-3 else "deg")
         if not told:
@@ -270,7 +271,7 @@ def _angle(form: Form, axes: Sequence[Named]) -> tuple[str, list[str]]:
     """The joints' unit by name, else by size; what is beyond two turns in deg goes along its axis."""
     told = next((one.unit for one in axes if one.unit in ANGLES), "")
     largest = {
-        repr(one.column): float(np.nanmax(np.abs(_values(form, one.column)))) for one in axes if one.unit not in LENGTHS
+        repr(one.column): float(np.nanmax(np.abs(column_of(form, one)))) for one in axes if one.unit not in LENGTHS
     }
     far = [name for name, value in largest.items() if value > TURN_DEG]
     doubts = [f"joints.length_unit: mm for {', '.join(far)}, by the size of the numbers: a linear axis?"] if far else []
@@ -279,10 +280,6 @@ def _angle(form: Form, axes: Sequence[Named]) -> tuple[str, list[str]]:
     turning = [value for name, value in largest.items() if name not in far]
     unit = "rad" if max(turning, default=0.0) <= TURN_RAD else "deg"
     return unit, [*doubts, f"joints.angle_unit: {unit}, by the size of the numbers ({max(turning, default=0.0):.4g})"]
-
-
-def _values(form: Form, column: str | int) -> Float:
-    return np.asarray(form.rows[:, column if isinstance(column, int) else form.header.index(column)])
 
 
 def _unit(what: str, told: str, known: dict[str, float], *sizes: Size) -> tuple[str, list[str]]:
@@ -315,19 +312,13 @@ def _pattern(names: list[str], others: list[str]) -> str:
     """A file name pattern for these names and none of the others."""
     if len(names) == 1:
         return glob.escape(names[0])
-    head = _common(names)
-    tail = _common([name[len(head) :][::-1] for name in names])[::-1]
+    head = os.path.commonprefix(names)  # noqa: RUF071  (of letters, not of folders)
+    tail = os.path.commonprefix([name[len(head) :][::-1] for name in names])[::-1]  # noqa: RUF071
     if any(name.startswith(head) and name.endswith(tail) for name in others):
         raise InputError(
             ", ".join(names[:3]), "expected names that tell profiles from poses, such as scan1.csv and robot1.csv"
         )
     return f"{glob.escape(head)}*{glob.escape(tail)}"
-
-
-def _common(names: list[str]) -> str:
-    """The characters that all names begin with."""
-    alike = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
-    return "".join(letters[0] for letters in alike)
 
 
 def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list[str], list[str]]:

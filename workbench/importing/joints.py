@@ -86,15 +86,13 @@ class JointModel:
 
     def base_from_flange(self, joints: Float) -> Float:
         """Poses (K, 4, 4), mm, at joint positions (K, n)."""
-        data, q = self.model.createData(), pin.neutral(self.model)
-        poses = np.empty((len(joints), 4, 4))
-        places = [self.model.joints[self.model.getJointId(name)] for name in self.names]
+        data, poses = self.model.createData(), np.empty((len(joints), 4, 4))
+        at = [self.model.joints[self.model.getJointId(name)].idx_v for name in self.names]
+        turned = np.zeros(self.model.nv)  # integrated, as a continuous joint is counted by its cosine and sine
         for k, row in enumerate(joints):
-            for joint, value in zip(places, row, strict=True):
-                q[joint.idx_q : joint.idx_q + joint.nq] = (value,) if joint.nq == 1 else (np.cos(value), np.sin(value))
-            pin.forwardKinematics(self.model, data, q)
-            base, flange = (pin.updateFramePlacement(self.model, data, f) for f in (self.base, self.flange))
-            moved = base.actInv(flange)
+            turned[at] = row
+            pin.framesForwardKinematics(self.model, data, pin.integrate(self.model, pin.neutral(self.model), turned))
+            moved = data.oMf[self.base].actInv(data.oMf[self.flange])
             poses[k] = pose_from(moved.rotation, moved.translation * MM)
         return poses
 

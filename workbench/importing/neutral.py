@@ -94,6 +94,7 @@ NEAR = 4  # strides: over a longer gap the profile may have turned away, and x w
 MOST_WIDER = 4  # columns for the longest row's points: beyond it the spacing tells nothing
 MOST_EMPTY = 20  # cells a point: beyond it the rows cannot be profiles of one sensor
 FEW_CELLS = 1_000_000
+BLOCK_FRAMES = 512
 MAX_MM = 1e5  # as scan.read: beyond it no length in mm, but a code for 'no return'
 
 
@@ -213,3 +214,16 @@ def bounded(lengths_mm: Float) -> Float32:
 def without(values: Float, missing: list[float]) -> Float:
     """`values` with NaN for those that mean no return."""
     return np.where(np.isin(values, missing), np.nan, values) if missing else values
+
+
+def returns_of(x_mm: Float32, z_mm: Float32) -> tuple[int, Float]:
+    """How many points of profiles (N, M) are returns, and least and greatest x and z (2, 2) of them; block by block."""
+    count, ranges = 0, np.array([[np.inf, -np.inf]] * 2)
+    for at in range(0, len(z_mm), BLOCK_FRAMES):
+        grids = x_mm[at : at + BLOCK_FRAMES], z_mm[at : at + BLOCK_FRAMES]
+        back = np.isfinite(grids).all(axis=0)
+        count += int(back.sum())
+        for row, grid in zip(ranges, grids, strict=True):
+            row[0] = min(row[0], np.min(grid, initial=np.inf, where=back))
+            row[1] = max(row[1], np.max(grid, initial=-np.inf, where=back))
+    return count, ranges

@@ -95,8 +95,8 @@ def _orientations(table: Table, part: PosesPart, mapping: Mapping) -> Float:
     """Unit quaternions out of the table's convention."""
     values = _columns(table, "orientation", len(part.orientation))
     unit = part.angle_unit or USUAL_ANGLE_UNIT.get(part.convention, "rad")
-    if components(part.convention) == 3 and "angle_unit" not in mapping.accept:
-        check_angles(values, unit, table.where)
+    if components(part.convention) == 3:
+        check_angles(values, unit, mapping, table.where)
     return turned(values, part.convention, unit, table.place)
 
 

@@ -125,14 +125,14 @@ def _by_name(form: Form) -> Columns:
             return Columns("poses", roles, convention, robot, names, (doubt,) if doubt else ())
     if not {"x", "z", "frame"} <= set(found) and (joints := _joints_named(form)):
         return Columns("joints", joints | {role: found[role] for role in ("time",) if role in found})
-    if {"x", "y", "z"} <= set(found) and "frame" not in found and not steady(_column(form, found["y"])):
+    if {"x", "y", "z"} <= set(found) and "frame" not in found and not steady(column_of(form, found["y"])):
         return Columns("", {"a cloud: see cloud.read and `workbench look`": found["x"]})
     if {"x", "z"} <= set(found):
         roles = {role: found[role] for role in ("x", "z", "frame", "time", "travel", "intensity") if role in found}
         if "y" in found:
             roles.setdefault("travel", found["y"])
         roles = {
-            role: one for role, one in roles.items() if role in ("x", "z", "intensity") or steady(_column(form, one))
+            role: one for role, one in roles.items() if role in ("x", "z", "intensity") or steady(column_of(form, one))
         }
         if roles.get("travel", found["x"]) is found.get("y"):
             return Columns("profiles", roles, doubts=(WAY_BY_Y,))
@@ -156,7 +156,7 @@ def _joints_named(form: Form) -> dict[str, Named]:
         words["".join(tokens)] = one = Named(name, unit)
         if found := AXES.fullmatch(tail) or re.fullmatch(r"(\d\d?)", tail if "joint" in text else ""):
             sets.setdefault(f"{about} {tail.rstrip('0123456789')}", {})[int(found[1])] = one
-        elif text in POSTURES and _whole(_column(form, one)):
+        elif text in POSTURES and _whole(column_of(form, one)):
             counts["number"] = one
     for numbered in sets.values():
         first, count = min(numbered), len(numbered)
@@ -173,7 +173,8 @@ def _whole(values: Float) -> bool:
     return bool(np.isfinite(values).all() and (values == np.round(values)).all())
 
 
-def _column(form: Form, named: Named) -> Float:
+def column_of(form: Form, named: Named) -> Float:
+    """The numbers (r,) of a column."""
     return np.asarray(form.rows[:, named.column if isinstance(named.column, int) else form.header.index(named.column)])
 
 

@@ -12,8 +12,8 @@ from workbench.errors import InputError
 from workbench.geometry.poses import rotation_from_quaternion
 from workbench.importing.mapping import Mapping, Suspicion
 from workbench.importing.mapping_parts import LENGTH_MM
-from workbench.importing.neutral import MAX_MM, PoseStream, ProfileFrames
-from workbench.units import Float, Float32
+from workbench.importing.neutral import MAX_MM, PoseStream, ProfileFrames, returns_of
+from workbench.units import Float
 
 REACH_MM = (100.0, 30_000.0)  # of a flange from its base: less is inside the robot, more needs a track of 30 m
 WIDTH_MM = (3.0, 3000.0)  # of what a profiler sees
@@ -23,7 +23,6 @@ PITCH_MM = 50.0  # from frame to frame
 SPEED_MM_S = (0.02, 3000.0)
 LEAST_ACROSS = 0.1  # share of the motion that must leave the laser plane
 TURN = 2 * np.pi
-BLOCK_FRAMES = 512
 
 
 def refuse(mapping: Mapping, where: str, suspicion: Suspicion, what: str) -> None:
@@ -32,22 +31,28 @@ def refuse(mapping: Mapping, where: str, suspicion: Suspicion, what: str) -> Non
         raise InputError(where, f'{what} (if it is right: "accept": ["{suspicion}"] in the mapping)')
 
 
-def check_angles(values: Float, unit: str, where: str) -> None:
+def check_angles(values: Float, unit: str, mapping: Mapping, where: str) -> None:
     """Refuse angles that look like the other unit."""
     largest = float(np.abs(values).max())
-    hint = '(if it is right: "accept": ["angle_unit"] in the mapping)'
     if unit == "rad" and largest > TURN + 1e-3:
-        raise InputError(where, f"an angle of {largest:.6g} rad is more than a turn: degrees declared as rad? {hint}")
+        what = f"an angle of {largest:.6g} rad is more than a turn: degrees declared as rad?"
+        refuse(mapping, where, "angle_unit", what)
     if unit == "deg" and 0.02 < largest <= TURN:
-        raise InputError(where, f"all angles are within {largest:.3g} deg of 0: radians declared as deg? {hint}")
+        what = f"all angles are within {largest:.3g} deg of 0: radians declared as deg?"
+        refuse(mapping, where, "angle_unit", what)
 
 
 def check_profiles(frames: ProfileFrames, mapping: Mapping) -> None:
     """Something is seen, in a field of view and at a distance that a profiler has."""
-    x_range, z_range = (_range(frames, name, grid) for name, grid in (("x", frames.x_mm), ("z", frames.z_mm)))
-    if x_range is None or z_range is None:
+    count, ranges = returns_of(frames.x_mm, frames.z_mm)
+    if not count:
         raise InputError(frames.source, "expected returns, found none in any profile")
-    width_mm, farthest_mm = x_range[1] - x_range[0], max(map(abs, z_range))
+    for name, grid, row in zip("xz", (frames.x_mm, frames.z_mm), np.abs(ranges), strict=True):
+        if row.max() > MAX_MM:
+            frame, column = np.argwhere(np.abs(grid) > MAX_MM)[0]
+            what = f"expected mm or no return, found {name} = {grid[frame, column]:g} in column {column + 1}"
+            raise InputError(f"{frames.source}: frame {frame + 1}", what)
+    width_mm, farthest_mm = float(np.ptp(ranges[0])), float(np.abs(ranges[1]).max())
     if not WIDTH_MM[0] <= width_mm <= WIDTH_MM[1]:
         other = _other_unit(width_mm, frames.length_unit, WIDTH_MM)
         refuse(mapping, frames.source, "length_unit", f"profiles would be {width_mm:.3g} mm wide: {other}")
@@ -55,22 +60,6 @@ def check_profiles(frames: ProfileFrames, mapping: Mapping) -> None:
         other = _other_unit(farthest_mm, frames.length_unit, (0.0, RANGE_MM))
         what = f"a return would be {farthest_mm:.4g} mm away: {other}, or a number that means no return?"
         refuse(mapping, frames.source, "length_unit", what)
-
-
-def _range(frames: ProfileFrames, name: str, grid: Float32) -> tuple[float, float] | None:
-    """Least and greatest of what is finite where something came back; refuses what is no length."""
-    lowest, highest = np.inf, -np.inf
-    for at in range(0, len(grid), BLOCK_FRAMES):
-        block = grid[at : at + BLOCK_FRAMES]
-        back = np.isfinite(frames.x_mm[at : at + BLOCK_FRAMES]) & np.isfinite(frames.z_mm[at : at + BLOCK_FRAMES])
-        wild = np.abs(block) > MAX_MM
-        if wild.any():
-            frame, column = np.argwhere(wild)[0]
-            what = f"expected mm or no return, found {name} = {block[frame, column]:g} in column {column + 1}"
-            raise InputError(f"{frames.source}: frame {at + frame + 1}", what)
-        lowest = min(lowest, float(np.min(block, initial=np.inf, where=back)))
-        highest = max(highest, float(np.max(block, initial=-np.inf, where=back)))
-    return (lowest, highest) if lowest <= highest else None
 
 
 def check_poses(poses: PoseStream, mapping: Mapping) -> None:

@@ -223,11 +223,11 @@ def test_the_units_of_arrays_are_told_by_their_numbers(
 ) -> None:
     poses = np.tile(np.eye(4), (25, 1, 1))
     poses[:, :3, 3] = np.linspace([900, 0, 500], [900, 60, 500], 25) / mm
-    np.save(tmp_path / "poses.npy", poses)
-    tree, _ = drafted(tmp_path, capsys, tmp_path / "poses.npy")
+    np.savez(tmp_path / "poses.npz", base_from_flange=poses)
+    tree, _ = drafted(tmp_path, capsys, tmp_path / "poses.npz")
     assert tree["arrays"]["length_unit"] == unit
     assert any("arrays.length_unit" in text for text in tree["uncertain"])
-    assert main(["look", str(tmp_path / "poses.npy")]) == 0
+    assert main(["look", str(tmp_path / "poses.npz")]) == 0
     shown = capsys.readouterr().out
     np.savez(tmp_path / "flat.npz", base_from_flange=poses[:1].reshape(1, 16))  # as a row of a table
     assert drafted(tmp_path, capsys, tmp_path / "flat.npz")[0]["arrays"]["length_unit"] == unit
@@ -235,8 +235,8 @@ def test_the_units_of_arrays_are_told_by_their_numbers(
     assert f"arrays.length_unit: {unit}, by the size of the numbers" in shown
     x = np.linspace(-120.0, 120.0, 90) / mm  # that wide alone a profile may be in inch too
     np.savez(tmp_path / "scan.npz", x=x, z=np.full((25, 90), 300.0 / mm))
-    drafted(tmp_path, capsys, tmp_path / "scan.npz", tmp_path / "poses.npy")
-    got = imported(tmp_path / "scan.npz", tmp_path / "poses.npy", mapping=tmp_path / "map.json")
+    drafted(tmp_path, capsys, tmp_path / "scan.npz", tmp_path / "poses.npz")
+    got = imported(tmp_path / "scan.npz", tmp_path / "poses.npz", mapping=tmp_path / "map.json")
     np.testing.assert_allclose(got.x_mm[0], x * mm, atol=1e-4)
     np.testing.assert_allclose(got.robot_position_mm, poses[:, :3, 3] * mm)
 

@@ -27,75 +27,28 @@ def mapping(tmp_path: Path, **parts: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["a.dat", "a.xml", "a.tif"])
+@pytest.mark.parametrize("name", ["a.dat", "a.xml", "a.tif", "a.npy"])
 def test_heights_without_a_form_of_their_own_become_arrays(name: str, tmp_path: Path, imported: Imported) -> None:
     (tmp_path / name).write_bytes(b"<icon_data_format>" if name == "a.xml" else b"\0\0\x80?")
     with pytest.raises(InputError, match=r"make arrays of it \(docs/importing\.md#other-forms\)"):
         imported(tmp_path / name)
 
 
-@pytest.mark.parametrize("ending", [".npz", ".npy"])
-def test_arrays(ending: str, tmp_path: Path, milled: Recording, imported: Imported) -> None:
+def test_arrays(tmp_path: Path, milled: Recording, imported: Imported) -> None:
     every = slice(None, None, 20)
-    profiles = {"x": milled.x_mm[every], "z": milled.z_mm[every], "time": milled.time_s[every]}
-    poses = {
-        "position": milled.robot_position_mm,
-        "quaternion_wxyz": milled.robot_quaternion_wxyz,
-        "time": milled.robot_time_s,
-    }
-    sources = [tmp_path / f"scan{ending}", tmp_path / "robot.npz"]
-    if ending == ".npz":
-        np.savez(sources[0], **profiles)
-        np.savez(sources[1], **poses)
-    else:
-        np.save(sources[0], np.stack([profiles["x"], profiles["z"]]))
-        np.savez(sources[1], **poses)
-    rate = {"source": "rate", "rate_hz": 1 / (milled.time_s[20] - milled.time_s[0]), "start_s": float(milled.time_s[0])}
-    parts = {"times": rate} if ending == ".npy" else {}
-    got = imported(*sources, mapping=mapping(tmp_path, **parts))
+    np.savez(tmp_path / "scan.npz", x=milled.x_mm[every], z=milled.z_mm[every], time=milled.time_s[every])
+    poses = {"position": milled.robot_position_mm, "quaternion_wxyz": milled.robot_quaternion_wxyz}
+    np.savez(tmp_path / "robot.npz", **poses, time=milled.robot_time_s)
+    got = imported(tmp_path / "scan.npz", tmp_path / "robot.npz", mapping=mapping(tmp_path))
     np.testing.assert_array_equal(got.z_mm, milled.z_mm[every])
-    np.testing.assert_allclose(got.time_s, milled.time_s[every], atol=1e-9)
-    np.testing.assert_allclose(got.robot_position_mm, milled.robot_position_mm)
+    np.testing.assert_array_equal(got.time_s, milled.time_s[every])
+    np.testing.assert_array_equal(got.robot_position_mm, milled.robot_position_mm)
 
 
 def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, imported: Imported) -> None:
-    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    np.savez(tmp_path / "a.npz", z=np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(InputError, match="expected whole arrays of numbers"):
-        imported(tmp_path / "a.npy")
-
-
-@pytest.mark.parametrize("ending", [".npy", ".npz"])
-def test_joints_in_arrays(
-    ending: str, tmp_path: Path, milled: Recording, imported: Imported, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Drafted without the robot; with its URDF the poses are those of the same joints in a table."""
-    from workbench.importing.joints import JointModel
-
-    urdf = ROOT / "data" / "robot" / "irb6700_150_320.urdf"
-    count = len(milled.time_s)
-    joints = np.linspace([0, 10, 20, 0, 45, 0], [5, 15, 18, 3, 50, 10.0], count)
-    sources = [tmp_path / f"q{ending}", tmp_path / "scan.npz"]
-    np.savez(sources[1], x=milled.x_mm, z=milled.z_mm)
-    if ending == ".npy":
-        np.save(sources[0], joints)
-    else:
-        np.savez(sources[0], joints=joints, pose_time=np.arange(count) * 1e-2)
-    assert main(["import", str(sources[0]), "--out", str(tmp_path / "a.h5")]) == 2
-    capsys.readouterr()
-    assert main(["import", "--draft", *map(str, sources), "--out", str(tmp_path / "m.json")]) == 0
-    assert "lacking: arrays.urdf" in capsys.readouterr().out
-    assert main(["look", str(sources[0])]) == 0
-    assert f"postures: {count}, joints: 6" in capsys.readouterr().out
-    tree = json.loads((tmp_path / "m.json").read_text())
-    assert tree["arrays"]["angle_unit"] == "deg"
-    assert tree["times"] == {"source": "pose_each"}
-    tree["arrays"] |= {"urdf": str(urdf), "base_frame": "base_link", "flange_frame": "tool0"}
-    parts = {"arrays": tree["arrays"], "times": tree["times"], "accept": ["direction", "time_unit"]}
-    got = imported(*sources, mapping=mapping(tmp_path, **parts))
-    expected = JointModel.read(urdf, "base_link", "tool0").base_from_flange(np.radians(joints))
-    np.testing.assert_allclose(got.robot_position_mm, expected[:, :3, 3])
-    with pytest.raises(InputError, match=r"row 186: joint 'joint_1': expected .* found 3.003 .deg declared as rad"):
-        imported(*sources, mapping=mapping(tmp_path, **{**parts, "arrays": {**tree["arrays"], "angle_unit": "rad"}}))
+        imported(tmp_path / "a.npz")
 
 
 def test_a_linear_joint_is_counted_in_its_own_unit(tmp_path: Path, milled: Recording, imported: Imported) -> None:

@@ -1,23 +1,21 @@
-"""Arrays: numpy's .npy and .npz, never pickles. Other programs' arrays become such files (docs/importing.md)."""
+"""Arrays by name: numpy's .npz, never pickles. Other programs' arrays become such files (docs/importing.md)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import is_rigid, quaternion_from_rotation
-from workbench.importing.joints import moved
 from workbench.importing.mapping import Mapping
 from workbench.importing.mapping_parts import LENGTH_MM, TIME_S, ArraysPart
-from workbench.importing.neutral import Imported, JointStream, PoseStream, ProfileFrames, bounded, without
+from workbench.importing.neutral import Imported, PoseStream, ProfileFrames, bounded, without
 from workbench.scan.checks import normalised
 from workbench.units import AnyArray, Float
 
-NAME = "arrays (.npy, .npz)"
-MAGIC = {".npy": b"\x93NUMPY", ".npz": b"PK"}
+NAME = "arrays (.npz)"
+ENDING = ".npz"
 ROLES = (
     "x",
     "z",
@@ -28,22 +26,19 @@ ROLES = (
     "quaternion_wxyz",
     "base_from_flange",
     "pose_time",
-    "joints",
 )
 POSES = {"position", "base_from_flange"}
-AXES = range(5, 8)  # joints of a robot, in a row
 MOST_BYTES = 2**32
 TOLERANCE = 1e-4  # of a pose's rotation: what float32 keeps
 
 
 def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
     """Whether it ends and begins as such a file does."""
-    begins = MAGIC.get(path.suffix.lower())
-    return begins is not None and path.is_file() and head.startswith(begins)
+    return path.suffix.lower() == ENDING and path.is_file() and head.startswith(b"PK")
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
-    """Profiles, poses or joints, or both.
+    """Profiles or poses, or both.
 
     Raises:
         InputError: not such a file, arrays of other shapes, none that is understood.
@@ -52,17 +47,12 @@ def read(path: Path, mapping: Mapping) -> Imported:
     if part is None or not (part.files is None or part.claims(path)):
         part = ArraysPart()
     found, values = told(path, part)
-    if POSES & set(values):
-        values.pop("joints", None)  # the poses say more
     unit, second, where = LENGTH_MM[part.length_unit], TIME_S[part.time_unit], str(path)
     profiles = _profiles(values, part.missing, unit, second, where) if "z" in values else None
     if profiles is not None and profiles.intensity is None and "intensity" in found:
         found["intensity"] += " (left out: not whole numbers from 0 to 65535 in the shape of z)"
     used = ", ".join(f"{role} = {name}" for role, name in found.items())
     notes = (f"{NAME}: {used}; lengths in {part.length_unit}",)
-    if "joints" in values:
-        robot = _joints(values, part, mapping.base_dir, where)
-        return replace(robot, profiles=profiles, notes=(*notes, *robot.notes))
     poses = _poses(values, unit, second, where) if POSES & set(values) else None
     return Imported(profiles=profiles, poses=poses, notes=notes)
 
@@ -71,7 +61,7 @@ def told(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, AnyArr
     """The name of each role's array, the mapping's or the role's own, and the arrays by role.
 
     Raises:
-        InputError: not such a file, a name that it does not hold, neither profiles nor poses nor joints.
+        InputError: not such a file, a name that it does not hold, neither profiles nor poses.
     """
     named = _numbers(path)
     asked = {role: name for role in ROLES if (name := getattr(part, role)) is not None}
@@ -79,19 +69,17 @@ def told(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, AnyArr
     if wrong is not None:
         raise InputError(f"{path}: {wrong!r}", f"no such array{nearest(wrong, named)}")
     found = {role: asked.get(role, role) for role in ROLES if role in asked or role in named}
-    if not {"z", "joints", *POSES} & set(found):
+    if not {"z", *POSES} & set(found):
         shown = ", ".join(f"{name} {value.shape}" for name, value in list(named.items())[:8]) or "no array of numbers"
-        what = f"expected arrays x and z, or poses or joints; found {shown} (name them: 'arrays' in the mapping)"
+        what = f"expected arrays x and z, or poses; found {shown} (name them: 'arrays' in the mapping)"
         raise InputError(str(path), what)
     return found, {role: np.squeeze(named[name]) for role, name in found.items()}
 
 
 def _numbers(path: Path) -> dict[str, AnyArray]:
-    """The arrays of numbers by name; one without name is what its shape tells."""
+    """The arrays of numbers by name."""
     try:
         loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return _alone(loaded, str(path))
         sizes = sum(member.file_size for member in loaded.zip.infolist())
         if sizes > MOST_BYTES:
             expected = f"expected at most {MOST_BYTES / 1e9:.1f} GB of arrays, found {sizes / 1e9:.1f}"
@@ -102,22 +90,6 @@ def _numbers(path: Path) -> dict[str, AnyArray]:
     except Exception as error:  # whatever numpy makes of a damaged file
         what = f"expected whole arrays of numbers: {str(error)[:120] or type(error).__name__}"
         raise InputError(str(path), what) from None
-
-
-def _alone(value: AnyArray, where: str) -> dict[str, AnyArray]:
-    """What a single array is, by its shape."""
-    if value.ndim == 3 and value.shape[1:] == (4, 4):
-        return {"base_from_flange": value}
-    if value.ndim == 3 and 2 in (value.shape[0], value.shape[2]):
-        x, z = (value[0], value[1]) if value.shape[0] == 2 else (value[..., 0], value[..., 1])
-        return {"x": x, "z": z}
-    if value.ndim == 2 and value.shape[1] == 2:
-        return {"x": value[:, 0], "z": value[:, 1]}
-    if value.ndim == 2 and value.shape[1] in AXES:
-        return {"joints": value}
-    what = "(N, M, 2) or (n, 2) with x and z, (K, 4, 4) poses or (K, 6) joints"
-    also = "; heights alone need their x (docs/importing.md#other-forms)" if value.ndim == 2 else ""
-    raise InputError(where, f"expected {what}; found shape {value.shape}{also}")
 
 
 def _profiles(
@@ -180,17 +152,3 @@ def _pose_time(values: dict[str, AnyArray], count: int, second: float, where: st
     if time is not None and time.shape != (count,):
         raise InputError(where, f"expected a time a pose, found shape {time.shape}")
     return None if time is None else time.astype(np.float64) * second
-
-
-def _joints(values: dict[str, AnyArray], part: ArraysPart, folder: Path, where: str) -> Imported:
-    """Postures; with the robot's URDF also the flange's poses."""
-    joints = values["joints"].astype(np.float64)
-    if part.angle_unit is None:
-        what = "expected 'arrays' in the mapping with angle_unit and the robot (workbench import --draft writes one)"
-        raise InputError(where, f"joints of shape {joints.shape}: {what}")
-    if joints.ndim != 2 or not np.isfinite(joints).all():
-        raise InputError(where, f"expected finite joints (K, n), found shape {joints.shape}")
-    names = tuple(f"joint {k + 1}" for k in range(joints.shape[1]))
-    time_s = _pose_time(values, len(joints), TIME_S[part.time_unit], where)
-    stream = JointStream(where, joints, names, time_s, angle_unit=part.angle_unit)
-    return moved(stream, part, folder, LENGTH_MM[part.length_unit], lambda row: f"{where}: row {row + 1}")

@@ -107,7 +107,7 @@ def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
     """The part `arrays` of files whose names tell what is in them: the units of all, by the size of the numbers.
 
     Raises:
-        InputError: names that tell no profiles, poses or joints.
+        InputError: names that tell neither profiles nor poses.
     """
     part: Tree = {}
     doubts: list[str] = []
@@ -125,10 +125,6 @@ def _arrays(sources: Sequence[Path]) -> tuple[Tree, list[str]]:
                 values["position"] if "position" in names else values["base_from_flange"].reshape(-1, 4, 4)[:, :3, 3]
             )
             lengths.append((float(np.linalg.norm(np.atleast_2d(places), axis=1).max()), USUAL_REACH_MM))
-        elif "joints" in names:
-            largest = float(np.abs(values["joints"]).max())
-            part["angle_unit"] = "rad" if largest <= TURN_RAD else "deg"
-            doubts.append(f"arrays.angle_unit: {part['angle_unit']}, by the size of the numbers ({largest:.4g})")
         times = {"time": FRAME_S if "z" in names else POSE_S, "pose_time": POSE_S}
         steps += [_step(values[role], usual) for role, usual in times.items() if role in names]
     for name, known, sizes in (("length_unit", LENGTH_MM, lengths), ("time_unit", TIME_S, steps)):
@@ -349,8 +345,7 @@ def _settle(tree: Tree, sources: Sequence[Path], lines: list[str]) -> tuple[list
         lacking.append("hand_eye: not in the files; add it, or name a handeye.json in the pipeline")
     unmoved = [one for one in found if one.joints is not None] if all(one.poses is None for one in found) else []
     if unmoved:
-        own = "joints" if "joints" in tree else "arrays"
-        lacking.append(f"{own}.urdf, {own}.base_frame, {own}.flange_frame: the robot's description and its links")
+        lacking.append("joints.urdf, joints.base_frame, joints.flange_frame: the robot's description and its links")
     if not has[0]:
         return doubts, [*lacking, "profiles: none among the sources"]
     if unmoved:

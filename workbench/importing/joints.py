@@ -16,7 +16,7 @@ from workbench.errors import InputError, nearest
 from workbench.extras import Extra
 from workbench.geometry.poses import pose_from, quaternion_from_rotation
 from workbench.importing.mapping import Mapping
-from workbench.importing.mapping_parts import LENGTH_MM, RobotPart
+from workbench.importing.mapping_parts import LENGTH_MM
 from workbench.importing.neutral import Imported, JointStream, PoseStream
 from workbench.importing.text import read_table, recognised
 from workbench.units import DEG, Float
@@ -110,7 +110,7 @@ def recognises(path: Path, head: bytes, mapping: Mapping) -> bool:
 
 
 def read(path: Path, mapping: Mapping) -> Imported:
-    """Postures, one a row; with the robot's URDF also the flange's poses.
+    """Postures, one a row, in rad and m; with the robot's URDF also the flange's poses.
 
     Raises:
         InputError: another number of joints than the URDF has between base and flange, one beyond its limits.
@@ -120,42 +120,25 @@ def read(path: Path, mapping: Mapping) -> Imported:
     table = read_table(path, part)
     roles = [f"joint {k}" for k in range(len(part.columns))]
     values = np.stack([table.present(role) for role in roles], axis=1)
-    names, times = tuple(table.names[role] for role in roles), table.times(part.time_unit)
-    stream = JointStream(table.where, values, names, times, table.whole("number"), part.angle_unit)
-    return moved(stream, part, mapping.base_dir, LENGTH_MM[part.length_unit], table.place)
-
-
-def moved(stream: JointStream, robot: RobotPart, folder: Path, unit_mm: float, place: Callable[[int], str]) -> Imported:
-    """Postures as they stand in a file, in rad and m; with the robot's URDF also the flange's poses.
-
-    Args:
-        stream: `position` in the file's units.
-        robot: the part of the mapping that names it, or does not.
-        folder: where a relative path to the URDF starts.
-        unit_mm: of linear joints, mm.
-        place: what to call a row, from 0, in messages.
-
-    Raises:
-        InputError: as `read`.
-    """
-    far = np.flatnonzero((np.abs(stream.position) > MOST).any(axis=1))
+    far = np.flatnonzero((np.abs(values) > MOST).any(axis=1))
     if len(far):
-        found = np.abs(stream.position[far[0]]).max()
-        raise InputError(place(int(far[0])), f"expected positions of joints, found {found:.4g}")
-    turn = DEG if stream.angle_unit == "deg" else 1.0
-    if robot.urdf is None or robot.base_frame is None or robot.flange_frame is None:
-        note = f"joints: {', '.join(stream.names)}, in {stream.angle_unit}; no robot is named, so no poses follow"
-        return Imported(joints=replace(stream, position=stream.position * turn), notes=(note,))
-    model = JointModel.read(folder / robot.urdf, robot.base_frame, robot.flange_frame)
-    if len(stream.names) != len(model.names):
-        names = ", ".join(model.names)
-        what = f"expected {len(model.names)} joints ({names}), found {len(stream.names)} columns"
-        raise InputError(stream.source, what)
-    units = [unit_mm / MM if model.linear(name) else turn for name in model.names]
-    joints = stream.position * np.array(units)
-    model.check(joints, stream.angle_unit, place)
+        found = np.abs(values[far[0]]).max()
+        raise InputError(table.place(int(far[0])), f"expected positions of joints, found {found:.4g}")
+    turn = DEG if part.angle_unit == "deg" else 1.0
+    names, times = tuple(table.names[role] for role in roles), table.times(part.time_unit)
+    stream = JointStream(table.where, values * turn, names, times, table.whole("number"), part.angle_unit)
+    if part.urdf is None or part.base_frame is None or part.flange_frame is None:
+        note = f"joints: {', '.join(names)}, in {part.angle_unit}; no robot is named, so no poses follow"
+        return Imported(joints=stream, notes=(note,))
+    model = JointModel.read(mapping.base_dir / part.urdf, part.base_frame, part.flange_frame)
+    if len(names) != len(model.names):
+        what = f"expected {len(model.names)} joints ({', '.join(model.names)}), found {len(names)} columns"
+        raise InputError(table.where, what)
+    linear = LENGTH_MM[part.length_unit] / MM
+    joints = values * [linear if model.linear(name) else turn for name in model.names]
+    model.check(joints, part.angle_unit, table.place)
     pose = model.base_from_flange(joints)
-    poses = PoseStream(stream.source, pose[:, :3, 3], quaternion_from_rotation(pose[:, :3, :3]), stream.time_s)
-    way = f"{robot.base_frame} to {robot.flange_frame}"
-    note = f"joints: {', '.join(model.names)} by {robot.urdf}, {way}, in {stream.angle_unit}"
+    poses = PoseStream(table.where, pose[:, :3, 3], quaternion_from_rotation(pose[:, :3, :3]), times)
+    way = f"{part.base_frame} to {part.flange_frame}"
+    note = f"joints: {', '.join(model.names)} by {part.urdf}, {way}, in {part.angle_unit}"
     return Imported(poses=poses, joints=replace(stream, position=joints), notes=(note,))

@@ -29,7 +29,7 @@ KINDS = (  # modules of workbench.importing
 )
 BOTH = {"tracker", "joints"}  # that one file may hold
 CLOUDS = (".ply", ".pcd", ".las", ".laz", ".e57", ".stl", ".obj", ".xyz")
-NUMBERS = (".tif", ".tiff", ".png", ".mat", ".bin", ".raw")
+NUMBERS = (".npy", ".tif", ".tiff", ".png", ".mat", ".bin", ".raw")
 BAGS = (".bag", ".db3", ".mcap")
 AS_TABLES = "a bag of ROS: a few lines of Python make tables of its profiles and poses (docs/importing_bags.md)"
 AS_ARRAYS = "a few lines of Python make arrays of it (docs/importing.md#other-forms)"

@@ -44,20 +44,6 @@ class FramesPart(Part):
     base_from_frame: RigidMotion | None = Field(default=None, description="4x4 of the poses' frame; null: the base")
 
 
-class RobotPart(Part):
-    """The robot whose joints are told: poses follow from its URDF."""
-
-    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
-    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
-    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
-
-    @model_validator(mode="after")
-    def _whole_robot(self) -> Self:
-        if len({name is None for name in (self.urdf, self.base_frame, self.flange_frame)}) > 1:
-            raise ValueError("expected urdf, base_frame and flange_frame together")
-        return self
-
-
 class FilesPart(Part):
     """What may be about some of the sources alone."""
 
@@ -192,7 +178,7 @@ def check_convention(convention: str, count: int, angle_unit: str | None, what: 
         raise ValueError(f"expected angle_unit for {convention}")
 
 
-class ArraysPart(FilesPart, RobotPart):
+class ArraysPart(FilesPart):
     """Arrays of a .npz file by name, where their own names do not tell what they are."""
 
     length_unit: LengthUnit = Field(default="mm", description="of every length in the file")
@@ -206,15 +192,7 @@ class ArraysPart(FilesPart, RobotPart):
     quaternion_wxyz: str | None = Field(default=None, description="(K, 4) of the flange in the base")
     base_from_flange: str | None = Field(default=None, description="(K, 4, 4) instead of position and quaternion")
     pose_time: str | None = Field(default=None, description="(K,) of the poses")
-    joints: str | None = Field(default=None, description="(K, n) instead of poses, in the URDF's order")
-    angle_unit: Literal["deg", "rad"] | None = Field(default=None, description="of the joints")
     missing: list[float] = Field(default=[], description="values of z that mean no return, besides NaN")
-
-    @model_validator(mode="after")
-    def _in_a_unit(self) -> ArraysPart:
-        if self.joints is not None and self.angle_unit is None:
-            raise ValueError("expected angle_unit with joints")
-        return self
 
 
 class ProgramPart(FilesPart, FramesPart):
@@ -223,7 +201,7 @@ class ProgramPart(FilesPart, FramesPart):
     files: str = Field(description="file name pattern (*, ?) of the sources that this is about")
 
 
-class JointsPart(TimedPart, RobotPart):
+class JointsPart(TimedPart):
     """A table of joint positions: the flange's poses follow from the robot's URDF, where a recording needs them."""
 
     length_unit: LengthUnit = Field(default="mm", description="of linear joints")
@@ -232,6 +210,15 @@ class JointsPart(TimedPart, RobotPart):
     )
     angle_unit: Literal["deg", "rad"] = Field(description="of the joints")
     number: Column | None = Field(default=None, description="number of the posture")
+    urdf: str | None = Field(default=None, description="the robot's URDF, relative to the mapping file")
+    base_frame: str | None = Field(default=None, description="link of the URDF that is the base")
+    flange_frame: str | None = Field(default=None, description="link of the URDF that is the flange")
+
+    @model_validator(mode="after")
+    def _whole_robot(self) -> Self:
+        if len({name is None for name in (self.urdf, self.base_frame, self.flange_frame)}) > 1:
+            raise ValueError("expected urdf, base_frame and flange_frame together")
+        return self
 
     @property
     def wanted(self) -> dict[str, Column]:

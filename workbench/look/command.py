@@ -115,7 +115,7 @@ def seen(file: Path, mapping: Path | None = None) -> Seen:
     if (other := _other(file)) is not None:
         return other
     ways: list[Callable[[Path], Seen]] = [partial(_foreign, mapping=chosen)]
-    if mapping is None and suffix in arrays.MAGIC:
+    if mapping is None and suffix == arrays.ENDING:
         ways = [_drafted]  # numbers alone: their units are drafted
     elif mapping is None and not tracker.recognises(file, first_bytes(file), chosen):
         ways += [_drafted, *([_cloud_of_text, _numbers] if suffix in TEXTS else [])]

@@ -49,7 +49,7 @@ MOST_BYTES = 8_000_000_000  # of an upload
 RECORDINGS = (".h5", ".hdf5")
 READ = (
     *RECORDINGS,
-    *(".csv", ".txt", ".asc", ".npy", ".npz", ".dat", ".yml"),
+    *(".csv", ".txt", ".asc", ".npz", ".dat", ".yml"),
     *(".ply", ".pcd", ".las", ".laz", ".e57", ".xyz", ".step", ".stp", ".dxf"),
     *(".ls", ".mod", ".src", ".jbi", ".script", ".json", ".yaml", ".urdf", ".xml"),
 )

@@ -117,7 +117,7 @@ def overshoot_columns(z: Float) -> float:
         (0.0, 4.0)
     """
     bend = np.abs(np.diff(z, n=2, axis=1))
-    if not np.isfinite(bend[:, 2:]).any():  # nowhere a side of five
+    if not np.isfinite(bend[:, 2:]).any():  # no jump with both its sides
         return 0.0
     straight = bend < OUTLIERS * np.nanmedian(bend)
     side = np.pad(np.lib.stride_tricks.sliding_window_view(straight, SIDE - 2, axis=1).all(axis=2), ((0, 0), (1, 1)))

@@ -1,24 +1,23 @@
-"""Plans of whole edges: with and without a cell, what binds, and input that is none."""
+"""Plans of whole edges: with and without a cell, what binds, input that is none; and their programs."""
 
 from __future__ import annotations
 
 import itertools
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from bench.scan_plan.achieved import _planned
 from bench.scan_plan.parts import draw, sensor_file
-from workbench import cloud, edge, robot, scan
+from tests.seldom import seldom
+from workbench import edge, robot
 from workbench.artefacts import Chapter, Document, Gate
 from workbench.errors import InputError
 from workbench.result_files import ScanPlanFile
-from workbench.scan_plan import ScanPlan, plan
-from workbench.scan_plan.edges import roughness_mm
-from workbench.scan_plan.reach import BODY
+from workbench.scan_plan import ScanPlan, plan, program
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 SENSOR, HAND_EYE = DATA / "calibration" / "sensor.json", DATA / "calibration" / "handeye.json"
@@ -27,27 +26,32 @@ CELL = DATA / "robot" / "cell.json"
 WANTED: dict[str, Any] = {"wanted_root_mm": 0.02, "wanted_bevel_deg": 0.1}
 
 
-def made(*args: Any, **more: Any) -> tuple[ScanPlan, ScanPlanFile, Gate]:
-    given = {"edge": EDGE, "sensor": SENSOR, **WANTED, **more}
-    found = plan(*args, **given)
-    document = next(one for one in found if isinstance(one, Document))
-    return found[0], ScanPlanFile.model_validate_json(document.content), found[-1]
+class Made(NamedTuple):
+    """What a plan's results say."""
+
+    plan: ScanPlan
+    file: ScanPlanFile
+    gate: Gate
+    chapter: Chapter
 
 
-def in_cell(**more: Any) -> tuple[ScanPlan, ScanPlanFile, Gate]:
+def made(*args: Any, **more: Any) -> Made:
+    found = plan(*args, **{"edge": EDGE, "sensor": SENSOR, **WANTED, **more})
+    document, chapter = (next(one for one in found if isinstance(one, kind)) for kind in (Document, Chapter))
+    return Made(found[0], ScanPlanFile.model_validate_json(document.content), found[-1], chapter)
+
+
+def in_cell(**more: Any) -> Made:
     return made(robot.cell(cell=CELL), hand_eye=HAND_EYE, tool_stays=False, **more)
 
 
 @pytest.fixture(scope="module")
-def shipped() -> tuple[ScanPlan, ScanPlanFile, Gate]:
+def shipped() -> Made:
     return in_cell()
 
 
-Shipped = tuple[ScanPlan, ScanPlanFile, Gate]
-
-
-def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Shipped) -> None:
-    scan, file, gate = shipped
+def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Made) -> None:
+    scan, file, gate, _ = shipped
     assert gate.passed
     assert len(scan.passes) <= 2
     assert np.nanmax(2.0 * scan.root.u) <= 0.02
@@ -56,14 +60,13 @@ def test_the_shipped_cell_reaches_what_is_wanted_in_two_passes(shipped: Shipped)
     assert [len(one.points) for one in file.passes] == [len(one.base_from_view) for one in scan.passes]
 
 
-def test_the_report_names_the_file_of_the_edge_without_its_folder() -> None:
-    chapter = next(one for one in plan(edge=EDGE, sensor=SENSOR) if isinstance(one, Chapter))
-    assert EDGE.name in chapter.html
-    assert str(EDGE.parent) not in chapter.html
+def test_the_report_names_the_file_of_the_edge_without_its_folder(shipped: Made) -> None:
+    assert EDGE.name in shipped.chapter.html
+    assert str(EDGE.parent) not in shipped.chapter.html
 
 
-def test_what_is_promised_decides_and_is_written(shipped: Shipped) -> None:
-    columns = shipped[1].predicted
+def test_what_is_promised_decides_and_is_written(shipped: Made) -> None:
+    columns = shipped.file.predicted
     root, bevel = np.array(columns.promised_root_U_mm, float), np.array(columns.promised_bevel_U_deg, float)
     assert (root > 1.1 * np.array(columns.root_U_mm, float)).all()  # nine of ten scans, not the median
     assert (bevel > 1.1 * np.array(columns.bevel_U_deg, float)).all()
@@ -79,7 +82,7 @@ def test_a_rehearsal_that_the_engine_refuses_promises_nothing(monkeypatch: pytes
         return measured(*given, **more)
 
     monkeypatch.setattr(edge, "segment", refused_once)
-    _, file, gate = made()
+    _, file, gate, _ = made()
     assert not gate.passed
     assert not any(file.predicted.reached)
     assert "with a radius of 0.22 mm: scan: its faces are none" in gate.reason
@@ -87,13 +90,13 @@ def test_a_rehearsal_that_the_engine_refuses_promises_nothing(monkeypatch: pytes
 
 def test_another_turntable_angle_is_tried_where_a_rehearsal_promises_too_little(tmp_path: Path) -> None:
     drawn = draw(9_751_011)
-    _, made = _planned(drawn, sensor_file(drawn, tmp_path), 9_751_011)
-    assert made.reached.all()
-    assert made.table != 0.0  # where the search alone finds enough
+    _, found = _planned(drawn, sensor_file(drawn, tmp_path), 9_751_011)
+    assert found.reached.all()
+    assert found.table != 0.0  # where the search alone finds enough
 
 
-def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped: Shipped) -> None:
-    scan = shipped[0]
+def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped: Made) -> None:
+    scan = shipped.plan
     middle = len(scan.edge.position_mm) // 2
     document = json.loads(CELL.read_text())
     document["robot"]["urdf"] = str(CELL.parent / document["robot"]["urdf"])
@@ -105,7 +108,7 @@ def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped
     file.write_text(json.dumps(document))
     root, bevel = 0.05, 0.3  # one pass reaches them where it sees the edge
     wanted = {"passes": 1, "wanted_root_mm": root, "wanted_bevel_deg": bevel}
-    hidden, _, gate = made(robot.cell(cell=file), hand_eye=HAND_EYE, tool_stays=False, **wanted)
+    hidden, _, gate, _ = made(robot.cell(cell=file), hand_eye=HAND_EYE, tool_stays=False, **wanted)
     assert not gate.passed
     assert any("shadow of clamp" in one for one in hidden.binds)
     unseen = np.isnan(hidden.root.u)
@@ -116,31 +119,28 @@ def test_a_fixture_over_the_edge_shadows_it_and_is_named(tmp_path: Path, shipped
 
 
 def test_what_cannot_be_reached_is_told_with_what_would_help() -> None:
-    scan, file, gate = made(wanted_root_mm=0.02, wanted_bevel_deg=0.005, passes=1)
+    scan, file, gate, _ = made(wanted_root_mm=0.02, wanted_bevel_deg=0.005, passes=1)
     assert not gate.passed
     assert not file.reached
     assert any("bevel_deg" in one for one in scan.binds)
     assert any("without error of linearity" in one for one in scan.would_help)
 
 
-def test_the_plate_and_the_scanner_are_bodies(shipped: Shipped) -> None:
-    place = shipped[0].scan_cell
+def test_the_plate_and_the_scanner_are_bodies(shipped: Made) -> None:
+    place = shipped.plan.scan_cell
     assert place is not None
     bodies = {shape.body for shape in place.shapes}
-    assert {BODY, "tool"} <= bodies
+    assert {"workpiece", "tool"} <= bodies
     assert "cutter" not in bodies
 
 
-def test_polyline_and_drawing_tell_the_same_edge(tmp_path: Path) -> None:
-    points = [[1500.0, 0.0, 800.0], [1560.0, 0.0, 800.0], [1620.0, 0.0, 800.0]]
-    taught = tmp_path / "edge.json"
-    taught.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": points}))
-    rows = "".join(f"10\n{x}\n20\n{y}\n" for x, y, _ in points)
+def test_a_polyline_of_a_drawing_is_an_edge(tmp_path: Path) -> None:
+    rows = "".join(f"10\n{x}\n20\n0.0\n" for x in (1500.0, 1515.0, 1530.0))
     drawn = tmp_path / "edge.dxf"
     drawn.write_text(f"0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n38\n800.0\n{rows}0\nENDSEC\n0\nEOF\n")
-    one, other = (made(edge=file, passes=1)[0] for file in (taught, drawn))
-    assert np.allclose(one.passes[0].base_from_view, other.passes[0].base_from_view)
-    assert np.allclose(one.edge.normal[:, 1], 1.0) or np.allclose(one.edge.normal[:, 1], -1.0)
+    found = made(edge=drawn, passes=1).plan.edge
+    assert np.allclose(found.position_mm[[0, -1]], [[1500.0, 0.0, 800.0], [1530.0, 0.0, 800.0]])
+    assert np.allclose(np.abs(found.normal), [0.0, 1.0, 0.0])
 
 
 def sensor(tmp_path: Path, **changes: Any) -> Path:
@@ -173,8 +173,8 @@ def test_bad_input_ends_in_one_line(tmp_path: Path) -> None:
 def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None:
     line = tmp_path / "edge.json"
     line.write_text(json.dumps({"format": "edge-line", "version": 1, "points_mm": [[1500, 0, 800], [1530, 0, 800]]}))
-    smooth, file, _ = made(edge=line, passes=1)
-    rough = made(edge=line, passes=1, roughness_mm=0.05)[0]
+    smooth, file, *_ = made(edge=line, passes=1)
+    rough = made(edge=line, passes=1, roughness_mm=0.05).plan
     assert any("roughness" in one for one in file.not_checked)
     assert np.nanmedian(rough.bevel.u) > 1.5 * np.nanmedian(smooth.bevel.u)
     assert np.nanmax(rough.bevel.u) < 1.01 * np.nanmin(
@@ -184,8 +184,44 @@ def test_a_rough_root_face_is_told_before_anything_moves(tmp_path: Path) -> None
     assert any("smooth root face" in one for one in rough.would_help)
 
 
-def test_a_coarse_recording_tells_how_rough_the_end_face_is() -> None:
-    points = cloud.denoise(scan.fuse(scan.read(recording=DATA / "synthetic" / "raw_edge.h5")))
-    assert 0.06 < roughness_mm(points, edge.segment_raw(points, upper_side=(0.0, 0.0, 1.0))) < 0.2  # its recipe: 0.1
-    points = cloud.denoise(scan.fuse(scan.read(recording=DATA / "synthetic" / "milled_edge.h5")))
-    assert roughness_mm(points, edge.segment(points)) == 0.0
+def documents(made: Any) -> dict[str, bytes]:
+    return {one.name: one.content for one in made if isinstance(one, Document)}
+
+
+def test_the_pass_is_driven_with_the_profiler_on(shipped: Made) -> None:
+    made = program(shipped.plan, robot.cell(cell=CELL), scanner_mass_kg=3)
+    gate, files = made[-1], documents(made)
+    assert isinstance(gate, Gate)
+    assert gate.clean
+    text = files["ScanEdge1.mod"].decode()
+    on, off = text.index("SetDO doScan,1"), text.index("SetDO doScan,0")
+    assert on < text.index("WaitDI diScanReady,1") < text.index("MoveL p1") < off < text.rindex("jHome")
+    assert "Scanning pass 1 of" in text
+    assert "EGM" in text
+    (chapter,) = [one for one in made if isinstance(one, Chapter)]
+    assert "root face" not in chapter.html
+    check = json.loads(files["scan_check_1.json"])
+    assert check["passed"]
+    assert check["deviation_mm"] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("controller", "file"),
+    [
+        *(("kuka", "ScanEdge1.src"), ("ur", "ScanEdge1.script")),
+        *seldom(("fanuc", "SCANEDGE1.ls"), ("trajectory", "ScanEdge1.csv")),
+    ],
+)
+def test_other_languages(shipped: Made, controller: Any, file: str) -> None:
+    made = program(shipped.plan, robot.cell(cell=CELL), controller=controller, scanner_mass_kg=3)
+    assert made[-1].passed
+    assert made[-1].loosened  # the cell's words are for another controller
+    assert file in documents(made)
+
+
+def test_what_is_not_known_is_not_checked(shipped: Made) -> None:
+    gate = program(shipped.plan, robot.cell(cell=CELL))[-1]
+    assert gate.passed
+    assert any("load of the scanner" in text for text in gate.loosened)
+    assert not documents(program(shipped.plan, None))
+    assert not program(shipped.plan, None, controller="abb")[-1].clean

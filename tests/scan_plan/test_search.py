@@ -1,4 +1,4 @@
-"""The search against brute force."""
+"""The search against brute force; how rough an end face is, by its scan."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from tests.scan_plan.test_information import JOINT, LENGTH_MM, SENSOR
+from workbench import cloud, edge, scan
+from workbench.scan_plan.edges import roughness_mm
 from workbench.scan_plan.information import MOST_INCIDENCE, Knowledge, View, incidences
 from workbench.scan_plan.plan import Task
 from workbench.scan_plan.search import Candidate, Search, Wanted
@@ -73,3 +75,10 @@ def test_a_way_keeps_to_the_points_between_them_too() -> None:
         share = np.clip((away * piece).sum(axis=-1) / (piece**2).sum(axis=-1), 0.0, 1.0)
         off = np.linalg.norm(away - share[..., None] * piece, axis=-1).min(axis=1)
         assert off.max() < 2.5
+
+
+def test_a_coarse_recording_tells_how_rough_the_end_face_is() -> None:
+    points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/raw_edge.h5")))
+    assert 0.06 < roughness_mm(points, edge.segment_raw(points, upper_side=(0.0, 0.0, 1.0))) < 0.2  # its recipe: 0.1
+    points = cloud.denoise(scan.fuse(scan.read(recording="data/synthetic/milled_edge.h5")))
+    assert roughness_mm(points, edge.segment(points)) == 0.0

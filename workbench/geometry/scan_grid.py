@@ -23,7 +23,7 @@ ALIKE = 0.01  # difference between unit normals of one plane
 LEAST_PITCH_MM, SHARE_OF_PITCH = 0.02, 0.35  # distance between lines; how far off its plane a line's point may lie
 SHORT_LINES = 12  # so many short ones in a row: the plane is lost
 PASS_JUMP, PASS_LINES = 25.0, 9  # a pass ends at a step of so many usual ones, or where so many lines go another way
-ANGLES = 360  # of the lateral axis, that are tried; then as many between the two next to the best
+ANGLES = 90  # of the lateral axis, that are tried; each further time between the two next to the best
 SAMPLE = 60_000  # steps that tell it, a tenth of them the first
 MARGIN = 20  # empty columns on each side: where the field of view ended is not known
 LEAST_STEP_MM = 1e-4
@@ -261,12 +261,12 @@ def lateral_axis(plane_mm: Float, line: Int) -> tuple[float, float]:
     """
     step = np.diff(plane_mm, axis=0)[np.diff(line) == 0]
     low, high = 0.0, np.pi
-    for sample in (SAMPLE // 10, SAMPLE):
+    for sample in (SAMPLE // 10, SAMPLE // 10, SAMPLE):
         some = step[:: max(1, len(step) // sample)]
         angles = np.linspace(low, high, ANGLES)
         scatter = [_scatter(some @ [np.cos(a), np.sin(a)]) for a in angles]
         best = np.argmin(scatter)
-        low, high = angles[best] - (high - low) / ANGLES, angles[best] + (high - low) / ANGLES
+        low, high = angles[best] + (high - low) / ANGLES * np.array([-1, 1])
     angle = float(angles[best])
     pitch = float(np.median(some @ [np.cos(angle), np.sin(angle)]))
     return (angle, pitch) if pitch > 0 else (angle + np.pi, -pitch)

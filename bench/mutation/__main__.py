@@ -1,8 +1,8 @@
 """Do the tests tell errors in the code: `python -m bench.mutation --count 64 --seed 1`.
 
 Mutants are drawn at random: a file of a room, by its length, and one of the changes that are possible in it. Each is
-put into a copy of the sources, on which the tests of its room are run. A mutant that survives is an error that no test
-tells, unless it changes nothing that counts.
+put into a copy of the sources, on which the tests of its room are run, those of its own file first. A mutant that
+survives is an error that no test tells, unless it changes nothing that counts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import numpy as np
 from bench.harness import kept
 from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
-from bench.mutation.reach import KEPT, record, selection
 
 TESTS = {
     "workbench/edge": ["tests/edge", "tests/inspect", "tests/metrology/test_coverage.py"],
@@ -44,8 +43,10 @@ class Mutant(NamedTuple):
 
     @property
     def tests(self) -> list[str]:
-        """The tests of its room."""
-        return TESTS[next(one for one in TESTS if self.path.is_relative_to(one))]
+        """The tests of its room, those of its file first."""
+        every = TESTS[next(one for one in TESTS if self.path.is_relative_to(one))]
+        own = Path(every[0], f"test_{self.path.stem}.py")
+        return [str(own)] * (ROOT / own).is_file() + every
 
 
 def drawn(room: str, rng: np.random.Generator) -> Mutant:
@@ -70,14 +71,12 @@ def tried(task: tuple[int, str, int]) -> dict[str, Any]:
     seed, room, trial = task
     mutant = drawn(room, np.random.default_rng([seed, trial, list(TESTS).index(room)]))
     started = time.monotonic()
-    tests, only = selection(mutant.path, mutant.number, mutant.tests)
     return {
         "room": room,
         "where": f"{mutant.path}:{mutant.number}",
         "was": mutant.was.strip(),
         "line": mutant.line.strip(),
-        "tests": len(only["tests"]),
-        "killed": bool(tests) and fails(mutant.path, mutant.source, tests, only),
+        "killed": fails(mutant.path, mutant.source, mutant.tests),
         "seconds": round(time.monotonic() - started, 1),
     }
 
@@ -90,8 +89,6 @@ def main() -> None:
     parser.add_argument("--rooms", nargs="+", default=list(TESTS), choices=list(TESTS))
     chosen = parser.parse_args()
     os.nice(10)
-    if not KEPT.exists():
-        record(sorted({one for tests in TESTS.values() for one in tests}))
     rooms = chosen.rooms
     tasks = [(chosen.seed, rooms[k % len(rooms)], k // len(rooms)) for k in range(chosen.count)]
     print(*table(kept("mutation", tried, tasks)), sep="\n")

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from bench.calibration.faces import TRUE
 from bench.harness import ROOT
-from bench.metrology.sphere_truth import circle_covariance
+from bench.metrology.sphere_truth import circles_of
 from workbench.api import DEG, Chain, Float, estimator, inverse_kinematics, pose_from, read_cell
 from workbench.plugins.calibration.arm_errors import ArmErrors, arm_errors
 from workbench.plugins.calibration.model import Estimate, Noise
@@ -28,7 +28,6 @@ CENTER, RADIUS_MM = np.array([1890.33, 241.48, 1079.72]), 5.0
 NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
 TARGETS_MM = np.array([[200.0, 50.0, 100.0], [-100.0, 150.0, 120.0], [0.0, -180.0, 300.0]])
 TRACKER_MM, POSE_MM, POSE = 0.02, 0.05, 0.005 * DEG  # noise of a reading and of the robot
-RANGE_MM, PITCH_MM = 0.015, 0.05  # noise of the profiler, and its columns
 MOST_OFF_PLANE_MM = 4.3  # of a sphere of 5 mm
 STEP = 1e-4  # of the differences, in prior standard deviations
 
@@ -110,14 +109,6 @@ def _seen_at(poses: Float, hand_eye: Float, ball: Float) -> Float:
     return np.asarray(np.einsum("nji,nj->ni", profiler[:, :3, :3], ball - profiler[:, :3, 3]))
 
 
-def circles(rng: np.random.Generator, centre: Float) -> tuple[Float, Float]:
-    """x_c, z_c, w (n, 3) and their covariance, of the noise of an arc's points along z."""
-    w = RADIUS_MM**2 - centre[:, 1] ** 2
-    spread = circle_covariance(w, RANGE_MM, PITCH_MM)
-    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(spread), rng.normal(size=centre.shape))
-    return np.column_stack([centre[:, 0], centre[:, 2], w]) + noise, spread
-
-
 def bound(predict: Callable[[Float], Float], scale: Float, covariance: list[Float], prior: Float) -> Float:
     """Cramer-Rao bound (P, P), priors included: by differences of what `predict` says of all unknowns."""
     columns = [(predict(step) - predict(-step)).ravel() / (2 * step.sum()) for step in np.diag(STEP * scale)]
@@ -168,7 +159,7 @@ def one_sphere(seed: int) -> tuple[Float, Float, Float]:
     rng = np.random.default_rng([seed, 0x5F])
     arm = draw(rng)
     joints, recorded, centre, ball = sphere(rng, arm)
-    circle, spread = circles(rng, centre)
+    circle, spread = circles_of(rng, centre, RADIUS_MM)
     noise = Noise(POSE_MM, POSE / DEG, RADIUS_MM, 0.05)
     off = np.concatenate([rng.normal(size=3), rng.normal(size=3) * 0.3 * DEG])
     start = Estimate(Rotation.from_rotvec(off[3:]).as_matrix() @ TRUE[:3, :3], TRUE[:3, 3] + off[:3], ball, RADIUS_MM)

@@ -51,10 +51,14 @@ def corner_points(rng: np.random.Generator, pose: Float) -> tuple[Float, Float]:
 
 
 def recorded(rng: np.random.Generator, poses: Float, grids: list[tuple[Float, Float]], **fields: Any) -> Recording:
-    """A recording of postures held still, a frame each; or with `fields` instead."""
-    turned = Rotation.from_matrix(poses[:, :3, :3]) * Rotation.from_rotvec(
-        rng.normal(0, POSE_DEG * DEG, (len(poses), 3))
-    )
+    """As `built`, of true poses: the robot says them with its noise."""
+    noise = Rotation.from_rotvec(rng.normal(0, POSE_DEG * DEG, (len(poses), 3)))
+    turned = (Rotation.from_matrix(poses[:, :3, :3]) * noise).as_matrix()
+    return built(pose_from(turned, poses[:, :3, 3] + rng.normal(0, POSE_MM, (len(poses), 3))), grids, **fields)
+
+
+def built(poses: Float, grids: list[tuple[Float, Float]], **fields: Any) -> Recording:
+    """A recording of postures held still, a frame each; or with `fields` instead. Poses as the robot says them."""
     k = np.arange(len(poses))
     given: dict[str, Any] = {
         "source": "edge.h5",
@@ -63,8 +67,8 @@ def recorded(rng: np.random.Generator, poses: Float, grids: list[tuple[Float, Fl
         "z_mm": np.array([z for _, z in grids], np.float32),
         "pass_index": k,
         "robot_time_s": 1.0 * k,
-        "robot_position_mm": poses[:, :3, 3] + rng.normal(0, POSE_MM, (len(poses), 3)),
-        "robot_quaternion_wxyz": turned.as_quat(scalar_first=True),
+        "robot_position_mm": poses[:, :3, 3],
+        "robot_quaternion_wxyz": Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True),
         "robot_pass": k,
     }
     return Recording(**(given | fields))

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from bench.calibration.faces import TRUE
 from bench.peers.genetic import evolve
 from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
@@ -24,8 +25,7 @@ from workbench.marks import FACES, GREY, MEASURED
 from workbench.plugins.calibration.methods import Centres, _Pairs, translation
 from workbench.units import DEG, Float
 
-TRUE = pose_from(rotation_from_rpy(*(np.array([60.489, -3.813, -2.024]) * DEG)), np.array([126.92, 9.44, 41.48]))
-CENTER_MM = np.array([1890.33, 241.48, 1079.72])  # the paper's result and its sphere
+CENTER_MM = np.array([1890.33, 241.48, 1079.72])  # the paper's sphere
 RADIUS_MM = 5.0
 POSE_MM, POSE_DEG, CENTRE_MM = 0.07, 0.01, 0.005  # noise: flange an axis, and the circle's centre
 TURN_DEG = 25.0

@@ -88,23 +88,27 @@ def cell_of(recipe: SphereRecipe, truth: SphereTruth | None = None) -> Cell:
 
 
 def circles(cell: Cell, rng: np.random.Generator) -> tuple[Float, Float]:
-    """Circles (k, 3) = x_c, z_c, w with the noise that the points' noise makes, and its covariance (k, 3, 3)."""
-    w = cell.radius_mm**2 - cell.centre[:, 1] ** 2
-    covariance = circle_covariance(w, cell.noise_mm, cell.pitch_mm)
-    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), rng.normal(size=(len(w), 3)))
-    return np.stack([cell.centre[:, 0], cell.centre[:, 2], w], axis=1) + noise, covariance
+    """As `circles_of`, of a cell."""
+    return circles_of(rng, cell.centre, cell.radius_mm, cell.noise_mm, cell.pitch_mm)
 
 
-def circle_covariance(w: Float, noise_mm: float, pitch_mm: float) -> Float:
-    """Covariance (k, 3, 3) of x_c, z_c, w of arcs of squared radius w (k,), of the noise of their points along z."""
-    found = []
+def circles_of(
+    rng: np.random.Generator, centre: Float, radius_mm: float, noise_mm: float = 0.015, pitch_mm: float = 0.05
+) -> tuple[Float, Float]:
+    """Circles (k, 3) = x_c, z_c, w with the noise that the points' noise along z makes, and its covariance (k, 3, 3).
+
+    Of a sphere whose centre lies at (k, 3) in the profiler frame.
+    """
+    w, found = radius_mm**2 - centre[:, 1] ** 2, []
     for one in w:
         r = np.sqrt(one)
         dx = np.arange(-STEEP * r, STEEP * r, pitch_mm)
         q = np.sqrt(one - dx**2)
         J = np.column_stack([-dx / q, np.ones_like(dx), -1 / (2 * q)])
         found.append(np.linalg.inv(J.T @ J) * noise_mm**2)
-    return np.array(found)
+    covariance = np.array(found)
+    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), rng.normal(size=(len(w), 3)))
+    return np.stack([centre[:, 0], centre[:, 2], w], axis=1) + noise, covariance
 
 
 def bound(cell: Cell, covariance: Float, radius_u_mm: float) -> Float:

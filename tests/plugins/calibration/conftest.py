@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.calibration.faces import TRUE, built
 from workbench.api import Recording, pose_from
 
 RADIUS = 5.0
 COLUMNS, PITCH_MM = 1200, 0.05  # of a profile
 MARGIN_S, POSE_MM, POSE_DEG = 0.3, 0.07, 0.01  # of a scan: poses before and after it, their noise
-TRUE = pose_from(
-    Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), np.array([126.92, 9.44, 41.48])
-)  # the paper's
 CENTER = np.array([1890.33, 241.48, 1079.72])
 NOMINAL = Rotation.from_euler("ZYX", [20.0, 65.0, 10.0], degrees=True)
 
@@ -46,21 +44,6 @@ def cell(rng: np.random.Generator, turns: Any, centre: Any, pose_mm: float = 0.0
     noise = Rotation.from_rotvec(rng.normal(0, np.radians(pose_deg), (k, 3)))
     recorded = (Rotation.from_matrix(turns) * noise).as_matrix()
     return Cell(pose_from(turns, position), pose_from(recorded, position + rng.normal(0, pose_mm, (k, 3))), centre)
-
-
-def circles(rng: np.random.Generator, made: Cell, noise_mm: float = 0.015, pitch_mm: float = 0.05) -> tuple[Any, Any]:
-    """Circles (k, 3) = x_c, z_c, w and the covariance (k, 3, 3) that range noise on their points makes."""
-    w = made.radius**2 - made.centre[:, 1] ** 2
-    circle, covariance = np.column_stack([made.centre[:, 0], made.centre[:, 2], w]), []
-    for value in w:
-        r = np.sqrt(value)
-        dx = np.arange(-0.95 * r, 0.95 * r, pitch_mm)
-        q = np.sqrt(value - dx**2)
-        J = np.column_stack([-dx / q, np.ones_like(dx), -1 / (2 * q)])
-        covariance.append(np.linalg.inv(J.T @ J) * noise_mm**2)
-    covariance = np.array(covariance)
-    noise = np.einsum("kij,kj->ki", np.linalg.cholesky(covariance), rng.normal(size=circle.shape))
-    return circle + noise, covariance
 
 
 def profile(
@@ -94,21 +77,7 @@ def profile(
 def recording(rng: np.random.Generator, made: Cell, design: Any = TRUE, **how: Any) -> Recording:
     """A calibration recording of postures held still, one frame each."""
     grids = [profile(rng, c, made.radius, **how) for c in made.centre]
-    k = len(grids)
-    quaternion = Rotation.from_matrix(made.poses[:, :3, :3]).as_quat(scalar_first=True)
-    return Recording(
-        source="sphere.h5",
-        time_s=np.arange(k) * 1.0,
-        x_mm=np.array([g[0] for g in grids], np.float32),
-        z_mm=np.array([g[1] for g in grids], np.float32),
-        pass_index=np.arange(k),
-        robot_time_s=np.arange(k) * 1.0,
-        robot_position_mm=made.poses[:, :3, 3],
-        robot_quaternion_wxyz=quaternion,
-        robot_pass=np.arange(k),
-        flange_from_profiler=design,
-        sphere_diameter_mm=2 * RADIUS,
-    )
+    return built(made.poses, grids, source="sphere.h5", flange_from_profiler=design, sphere_diameter_mm=2 * RADIUS)
 
 
 def off_design(rng: np.random.Generator, turn_deg: float = 20.0, shift_mm: float = 50.0) -> Any:
@@ -157,37 +126,33 @@ def scan_recording(
     design: Any = TRUE,
 ) -> Recording:
     """A calibration recording of scans over the sphere, poses at `rate_hz`, profiles on a clock ahead by `offset_s`."""
-    data: dict[str, list[Any]] = {key: [] for key in ("time", "x", "z", "pass", "rt", "rp", "rq", "rn")}
+    grids: list[tuple[Any, Any]] = []
+    said, of_frames, of_poses = [], [], []
     for number, scan in enumerate(scans):
-        begin = 10.0 * number
         time = np.linspace(0, scan.seconds, frames)
         turn, position = scan_motion(scan, time)
         centre = np.einsum("kji,kj->ki", turn, CENTER - position)
         centre = (centre - TRUE[:3, 3]) @ TRUE[:3, :3]
-        for c in centre:
-            x, z = profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else (np.zeros(COLUMNS), np.full(COLUMNS, np.nan))
-            data["x"].append(x)
-            data["z"].append(z)
+        blind = np.zeros(COLUMNS), np.full(COLUMNS, np.nan)
+        grids += [profile(rng, c) if abs(c[1]) < RADIUS - 0.05 else blind for c in centre]
         poses = np.arange(-MARGIN_S, scan.seconds + MARGIN_S + 1e-9, 1 / rate_hz)
         turn, position = scan_motion(scan, poses)
         noisy = Rotation.from_matrix(turn) * Rotation.from_rotvec(rng.normal(0, np.radians(POSE_DEG), (len(poses), 3)))
-        data["time"].append(begin + time + offset_s)
-        data["pass"].append(np.full(frames, number))
-        data["rt"].append(begin + poses)
-        data["rp"].append(position + rng.normal(0, POSE_MM, position.shape))
-        data["rq"].append(noisy.as_quat(scalar_first=True))
-        data["rn"].append(np.full(len(poses), number))
-    joined = {key: np.concatenate(parts) for key, parts in data.items() if key not in ("x", "z")}
-    return Recording(
+        said.append(pose_from(noisy.as_matrix(), position + rng.normal(0, POSE_MM, position.shape)))
+        begin = 10.0 * number
+        of_frames.append((begin + time + offset_s, np.full(frames, number)))
+        of_poses.append((begin + poses, np.full(len(poses), number)))
+    (time_s, passes), (robot_time_s, robot_pass) = (
+        [np.concatenate(part) for part in zip(*every, strict=True)] for every in (of_frames, of_poses)
+    )
+    return built(
+        np.concatenate(said),
+        grids,
         source="scans.h5",
-        time_s=joined["time"],
-        x_mm=np.array(data["x"], np.float32),
-        z_mm=np.array(data["z"], np.float32),
-        pass_index=joined["pass"],
-        robot_time_s=joined["rt"],
-        robot_position_mm=joined["rp"],
-        robot_quaternion_wxyz=joined["rq"],
-        robot_pass=joined["rn"],
+        time_s=time_s,
+        pass_index=passes,
+        robot_time_s=robot_time_s,
+        robot_pass=robot_pass,
         flange_from_profiler=design,
         sphere_diameter_mm=2 * RADIUS,
         clock="own" if own else "robot",

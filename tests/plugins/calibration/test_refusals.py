@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.plugins.calibration.conftest import RADIUS, TRUE, cell, circles, off_design, postures, recording
+from bench.metrology.sphere_truth import circles_of
+from tests.plugins.calibration.conftest import RADIUS, TRUE, cell, off_design, postures, recording
 from workbench.api import InputError
 from workbench.plugins import calibration
 from workbench.plugins.calibration.model import Noise
@@ -18,7 +19,7 @@ from workbench.plugins.calibration.solve import solve
 
 def test_a_subset_counts_its_own_rows(rng: Any) -> None:
     made = cell(rng, *postures(rng, 6))
-    part = from_arrays(*circles(rng, made), made.poses).subset(np.arange(6) % 2 == 1)
+    part = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses).subset(np.arange(6) % 2 == 1)
     assert part.here.still.tolist() == [0, 1, 2]
     assert (part.here.base_from_flange == made.poses[1::2]).all()
     assert part.frames == ((1,), (3,), (5,))
@@ -79,7 +80,7 @@ def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
         turns, centre = degenerate(rng, *postures(rng, 9))
         shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))
         made = cell(rng, shaken.as_matrix(), centre + jitter * rng.normal(0, 0.1, (9, 3)))
-        seen = from_arrays(*circles(rng, made), made.poses)
+        seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
         with pytest.raises(InputError, match=words):
             solve(seen, Noise(), off_design(rng))
 
@@ -91,7 +92,9 @@ def test_four_postures_are_never_silently_wrong() -> None:
         rng = np.random.default_rng(seed)
         made = cell(rng, *postures(rng, 4))
         try:
-            answer = solve(from_arrays(*circles(rng, made), made.poses), Noise(), off_design(rng, 10.0, 20.0))
+            answer = solve(
+                from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses), Noise(), off_design(rng, 10.0, 20.0)
+            )
         except InputError as refusal:
             refused += "which side of the laser plane" in str(refusal) or "do not determine" in str(refusal)
             continue
@@ -106,7 +109,7 @@ def test_centres_that_lie_in_one_plane_have_a_mirror_image() -> None:
     turns, centre = postures(rng, 9)
     centre[:, 1] = 2.5
     made = cell(rng, turns, centre)
-    seen = from_arrays(*circles(rng, made), made.poses)
+    seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
     with pytest.raises(InputError, match=r"two hand-eye poses, .* on which side of the laser plane"):
         solve(seen, Noise(), TRUE)
 

@@ -25,7 +25,7 @@ from bench.calibration.arm import (
     one_tracked,
     sphere,
 )
-from bench.calibration.arm import circles as ball_circles
+from bench.metrology.sphere_truth import circles_of
 from workbench.api import (
     DEG,
     Float,
@@ -179,7 +179,7 @@ def test_the_covariance_of_handeye_json_holds_what_the_last_joint_takes_from_the
         rng = np.random.default_rng([seed, 0x5F])
         arm = draw(rng)
         joints, recorded, centre, ball = sphere(rng, arm)
-        circle, spread = ball_circles(rng, centre)
+        circle, spread = circles_of(rng, centre, RADIUS_MM)
         noise = Noise(POSE_MM, POSE / DEG, RADIUS_MM, 0.05)
         start = Estimate(TRUE[:3, :3], TRUE[:3, 3], ball, RADIUS_MM)
         found = together(start, from_arrays(circle, spread, recorded), joints, noise, arm.chain, arm.errors)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from workbench.api import AnyArray, kernel
 
 FREE, SINGULAR, LIMIT, UNREACHABLE = map(float, range(4))  # as `arm` counts them
+FAST: Any = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}}
 NOWHERE = 1e-12  # mm^2, of the wrist's centre from axis 2: nearer, nothing tells where the elbow is
 
 
@@ -59,23 +60,16 @@ def traverse_kernel(
     return total / points, worst.astype(np.uint8), flipped.astype(np.uint8)
 
 
-@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+@kernel(**FAST)
 def _turn_cutter(
     branch: Branch, path: ArmPath, i: int, j: int, cosine: AnyArray, sine: AnyArray, found: PerRotation
 ) -> None:
-    """Add the displacements of one path point at all rotations t of the cutter: R Rz(t) v = c + cos t a + sin t b."""
-    (vx, vy, vz), (ux, uy, uz) = path.wrist, path.axis
-    r, p, load, force = path.turn[i, j], path.at[i, j], path.load[i, j], path.force[i, j]
+    """Add the displacements of one path point at all rotations t of the cutter."""
     total, worst, flipped = found
-    r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
-    r10, r11, r12 = r[1, 0], r[1, 1], r[1, 2]
-    r20, r21, r22 = r[2, 0], r[2, 1], r[2, 2]
-    cx, cy, cz = p[0] + r02 * vz, p[1] + r12 * vz, p[2] + r22 * vz
-    ax, ay, az = r00 * vx + r01 * vy, r10 * vx + r11 * vy, r20 * vx + r21 * vy
-    bx, by, bz = r01 * vx - r00 * vy, r11 * vx - r10 * vy, r21 * vx - r20 * vy
-    dx, dy, dz = r02 * uz, r12 * uz, r22 * uz
-    ex, ey, ez = r00 * ux + r01 * uy, r10 * ux + r11 * uy, r20 * ux + r21 * uy
-    gx, gy, gz = r01 * ux - r00 * uy, r11 * ux - r10 * uy, r21 * ux - r20 * uy
+    p, load, force = path.at[i, j], path.load[i, j], path.force[i, j]
+    (cx, cy, cz), (ax, ay, az), (bx, by, bz) = _round_z(path.turn[i, j], path.wrist)
+    (dx, dy, dz), (ex, ey, ez), (gx, gy, gz) = _round_z(path.turn[i, j], path.axis)
+    cx, cy, cz = cx + p[0], cy + p[1], cz + p[2]
     at, acts = (load[0], load[1], load[2]), (force[0], force[1], force[2])
     for t in range(len(cosine)):
         c, s = cosine[t], sine[t]
@@ -86,30 +80,62 @@ def _turn_cutter(
         worst[t], flipped[t] = max(worst[t], said), max(flipped[t], other)
 
 
+@kernel(inline="always", **FAST)
+def _round_z(r: AnyArray, v: Vector) -> tuple[Vector, Vector, Vector]:
+    """What R Rz(t) v is made of: c + cos t a + sin t b."""
+    x, y, z = v
+    c = r[0, 2] * z, r[1, 2] * z, r[2, 2] * z
+    a = r[0, 0] * x + r[0, 1] * y, r[1, 0] * x + r[1, 1] * y, r[2, 0] * x + r[2, 1] * y
+    return c, a, (r[0, 1] * x - r[0, 0] * y, r[1, 1] * x - r[1, 0] * y, r[2, 1] * x - r[2, 0] * y)
+
+
+@kernel(inline="always", **FAST)
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel(inline="always", **FAST)
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel(inline="always", **FAST)
+def _across(branch: Branch, first: Pair, h: Vector, axis: Vector) -> tuple[Vector, float, float]:
+    """Axis 5 across 4 and 6, as long as the wrist is bent; of that along axis 2, and up: cosine and sine of q4."""
+    (c1, s1), (hx, hy, hz) = first, h
+    gx, gy, gz = _cross(h, axis)
+    along = branch.lengths[10] * (gy * c1 - gx * s1)  # axis 2 is (-s1, c1, 0)
+    up = branch.lengths[10] * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
+    return (gx, gy, gz), along, up
+
+
+@kernel(inline="always", **FAST)
+def _with_joint(moved: Vector, axis: Vector, lever: Vector, acts: Vector, spring: float) -> Vector:
+    """A displacement, and what a joint adds that gives way about its axis."""
+    x, y, z = _cross(axis, lever)
+    q = _dot((x, y, z), acts) / spring
+    return moved[0] + x * q, moved[1] + y * q, moved[2] + z * q
+
+
 @kernel(error_model="numpy")
 def joints_kernel(
     branch: Branch, bend: float, flip: float, w: AnyArray, a: AnyArray, b: AnyArray, found: AnyArray
 ) -> None:
     """Joint angles (n, 6) as `posture` has their cosines; b: joint 5's axis as joint 6 would carry it along."""
-    sense3, sense5 = branch.lengths[9], branch.lengths[10]
     for n in range(w.shape[1]):
-        ax, ay, az = a[0, n], a[1, n], a[2, n]
-        first, second, both, _, (hx, hy, hz), _, _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
+        axis, beside = (a[0, n], a[1, n], a[2, n]), (b[0, n], b[1, n], b[2, n])
+        first, second, both, _, h, _, _ = _arm(branch, (w[0, n], w[1, n], w[2, n]))
         (c1, s1), (c2, s2), (c23, s23) = first, second, both
-        gx, gy, gz = flip * (hy * az - hz * ay), flip * (hz * ax - hx * az), flip * (hx * ay - hy * ax)
-        bent = flip * np.sqrt(gx * gx + gy * gy + gz * gz)
-        across = sense5 * (gy * c1 - gx * s1)
-        up = sense5 * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
-        bx, by, bz = b[0, n], b[1, n], b[2, n]
-        over = ax * (gy * bz - gz * by) + ay * (gz * bx - gx * bz) + az * (gx * by - gy * bx)
+        g, across, up = _across(branch, first, h, axis)
         found[n, 0], found[n, 1] = np.arctan2(s1, c1), np.arctan2(s2, c2)
-        found[n, 2] = np.arctan2(sense3 * (s23 * c2 - c23 * s2), c23 * c2 + s23 * s2)
-        found[n, 3] = np.arctan2(up, across)
-        found[n, 4] = (np.arctan2(bent, hx * ax + hy * ay + hz * az) - bend + np.pi) % (2 * np.pi) - np.pi
-        found[n, 5] = np.arctan2(over, gx * bx + gy * by + gz * bz)
+        found[n, 2] = np.arctan2(branch.lengths[9] * (s23 * c2 - c23 * s2), c23 * c2 + s23 * s2)
+        found[n, 3] = np.arctan2(flip * up, flip * across)
+        bent = np.arctan2(flip * np.sqrt(_dot(g, g)), _dot(h, axis))
+        found[n, 4] = (bent - bend + np.pi) % (2 * np.pi) - np.pi
+        found[n, 5] = np.arctan2(flip * _dot(axis, _cross(g, beside)), flip * _dot(g, beside))
 
 
-@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
+@kernel(inline="always", **FAST)
 def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector, Pair, bool]:
     """Cosine and sine of joints 1, 2, 2 and 3 together; the elbow; axis 4; what is below 0 where nothing reaches.
 
@@ -138,47 +164,32 @@ def _arm(branch: Branch, wrist: Vector) -> tuple[Pair, Pair, Pair, Pair, Vector,
     return (c1, s1), second, both, (er, ei), (c1 * hi, s1 * hi, hr), (x2, height2), on_axis | (far == NOWHERE)
 
 
-@kernel(error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline="always")
+@kernel(inline="always", **FAST)
 def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vector) -> tuple[float, float, float]:
     """Displacement of one posture and what is said of it and of the one with its wrist flipped.
 
     Without a jump, so that several run side by side once inlined. Given are the wrist's centre, joint 6's axis, and the
     force with the point that it acts at.
     """
-    a1, z2, sense3, sense5 = branch.lengths[0], branch.lengths[1], branch.lengths[9], branch.lengths[10]
-    limits, k = branch.limits, branch.springs
-    (wx, wy, wz), (ax, ay, az), (px, py, pz), (fx, fy, fz) = wrist, axis, at, acts
-    first, second, both, (er, ei), (hx, hy, hz), (x2, height2), free = _arm(branch, wrist)
+    a1, z2, limits, k = branch.lengths[0], branch.lengths[1], branch.limits, branch.springs
+    (wx, wy, wz), (px, py, pz), (fx, fy, fz) = wrist, at, acts
+    first, second, both, (er, ei), h, (x2, height2), free = _arm(branch, wrist)
     (c1, s1), (c2, s2), (c23, s23) = first, second, both
-    c3, s3 = c23 * c2 + s23 * s2, sense3 * (s23 * c2 - c23 * s2)
-    # Axis 5 across 4 and 6.
-    gx, gy, gz = hy * az - hz * ay, hz * ax - hx * az, hx * ay - hy * ax
-    bent2 = gx * gx + gy * gy + gz * gz
+    c3, s3 = c23 * c2 + s23 * s2, branch.lengths[9] * (s23 * c2 - c23 * s2)
+    g, across, up = _across(branch, first, h, axis)
+    bent2, c5 = _dot(g, g), _dot(h, axis)
     bent = np.sqrt(bent2)
-    safe = max(bent2, 1e-300)
-    c5 = hx * ax + hy * ay + hz * az
-    across = sense5 * (gy * c1 - gx * s1)  # |sin q5| cos q4: axis 5 against axis 2, which is (-s1, c1, 0)
-    up = sense5 * (hx * c1 * gz + hy * s1 * gz - hz * (c1 * gx + s1 * gy))
-    # Displacement: each joint's arm t, times its torque over its stiffness.
-    lx, ly, lz = px - wx, py - wy, pz - wz
+    # Displacement: each joint's arm, times its torque over its stiffness.
     q = (fy * px - fx * py) / k[0]
-    dx, dy, dz = -py * q, px * q, 0.0
-    reach = c1 * px + s1 * py
-    out = c1 * fx + s1 * fy
+    reach, out = c1 * px + s1 * py, c1 * fx + s1 * fy
     r2, v2 = reach - a1, pz - z2
     r3, v3 = r2 - ei, v2 - er
     q2, q3 = (v2 * out - r2 * fz) / k[1], (v3 * out - r3 * fz) / k[2]
     planar = v2 * q2 + v3 * q3
-    dx, dy, dz = dx + c1 * planar, dy + s1 * planar, dz - r2 * q2 - r3 * q3
-    tx, ty, tz = hy * lz - hz * ly, hz * lx - hx * lz, hx * ly - hy * lx
-    q = (tx * fx + ty * fy + tz * fz) / k[3]
-    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
-    tx, ty, tz = gy * lz - gz * ly, gz * lx - gx * lz, gx * ly - gy * lx
-    q = (tx * fx + ty * fy + tz * fz) / (k[4] * safe)
-    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
-    tx, ty, tz = ay * lz - az * ly, az * lx - ax * lz, ax * ly - ay * lx
-    q = (tx * fx + ty * fy + tz * fz) / k[5]
-    dx, dy, dz = dx + tx * q, dy + ty * q, dz + tz * q
+    moved, lever = (c1 * planar - py * q, s1 * planar + px * q, -r2 * q2 - r3 * q3), (px - wx, py - wy, pz - wz)
+    moved = _with_joint(moved, h, lever, acts, k[3])
+    moved = _with_joint(moved, g, lever, acts, k[4] * max(bent2, 1e-300))
+    moved = _with_joint(moved, axis, lever, acts, k[5])
     # Verdict.
     inside = (
         (c1 * limits[0] + s1 * limits[1] >= limits[2])
@@ -192,4 +203,4 @@ def posture(branch: Branch, wrist: Vector, axis: Vector, at: Vector, acts: Vecto
     missed, singular = (x2 < 0.0) | (height2 < 0.0), (bent < 1e-6) | free
     said = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & kept else LIMIT))
     other = UNREACHABLE if missed else (SINGULAR if singular else (FREE if inside & flipped else LIMIT))
-    return np.sqrt(dx * dx + dy * dy + dz * dz), said, other
+    return np.sqrt(_dot(moved, moved)), said, other

@@ -64,24 +64,24 @@ def lack_of_fit(
     columns = np.stack([*np.moveaxis(found.rows.jacobian, 2, 0), *directions, found.rows.residual], axis=2)
     whole = found.rows.only(found.used).product(columns[found.used])
     repeated, linear = _repeated(tests, loading, found, columns)
-    scale = _scale(whole)
+    scale = np.append(_scale(whole)[:-1], 1.0)
     whole, repeated = (scale[:, None] * one * scale for one in (whole, repeated))
     others = float(found.rows.values[found.used].sum()) - linear
     taken, told = list(range(6)), list[str]()
     while len(told) < MOST_CAUSES:
         left = _without(whole, taken)
-        noise2 = max(_without(repeated, taken)[-1, -1] / scale[-1] ** 2 / others, 1.0) if others > 0 else 1.0
+        noise2 = max(_without(repeated, taken)[-1, -1] / others, 1.0) if others > 0 else 1.0
         size, push = np.diagonal(left)[6:-1], left[6:-1, -1]
-        gain = np.where(size > RANK, push**2 / np.maximum(size, RANK), 0.0) / scale[-1] ** 2 / noise2
+        gain = np.where(size > RANK, push**2 / np.maximum(size, RANK), 0.0) / noise2
         gain[np.array(taken[6:], int) - 6] = 0.0
         best = int(np.argmax(gain))
         if gain[best] < SURE_SIGMAS**2:
             break
-        value = push[best] / size[best] * scale[6 + best] / scale[-1]
+        value = push[best] / size[best] * scale[6 + best]
         told.append(f"{causes[best].words.format(f'{value:+.3g}')} ({np.sqrt(gain[best]):.0f} standard uncertainties)")
         taken.append(6 + best)
-    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)]) @ whole[taken, -1]) / scale[-1]
-    lacking = (_without(whole, taken) - _without(repeated, taken))[-1, -1] / scale[-1] ** 2
+    solved = scale[taken] * (_inverse(whole[np.ix_(taken, taken)]) @ whole[taken, -1])
+    lacking = (_without(whole, taken) - _without(repeated, taken))[-1, -1]
     freedom = linear - len(taken)
     chance = freedom < 1 or lacking < scipy.special.chdtri(freedom, CHANCE)
     untold = [k for k in range(6, len(whole) - 1) if k not in taken]

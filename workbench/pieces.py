@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import Any
+
+import numpy as np
 
 INK, GREY, PALE = "#1b1f24", "#6b7280", "#c9ced6"
 BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072b2", "#d55e00", "#009e73", "#8c0f5b", "#56b4e9", "#b58900"
@@ -68,6 +71,15 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str 
     )
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f'<table class="summary">{title}<thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>'
+
+
+def columns_html(columns: Mapping[str, tuple[str, Iterable[Any]]], text: Iterable[int] = ()) -> str:
+    """As `table_html`, by columns: of each head how its values are written (`str.format`), and these.
+
+    A value of several numbers is written by as many fields.
+    """
+    cells = [[form.format(*np.atleast_1d(one)) for one in each] for form, each in columns.values()]
+    return table_html(tuple(columns), zip(*cells, strict=True), text=text)
 
 
 def facts_html(facts: Iterable[tuple[str, str]]) -> str:

@@ -115,35 +115,19 @@ def _residuals(found: Calibration) -> Iterable[str]:
         "Distance of each posture from the fit of all others over its standard uncertainty (profile, robot and fit).",
         ((pieces.ORANGE, f"beyond {LARGE:g}"), (pieces.PURPLE, "rejected")),
     )
-    rows = []
-    for i in sorted(np.argsort(-found.distance, kind="stable")[:MOST_ROWS]):
-        frames = found.frames[i]
-        named = f"{frames[0]}" if len(frames) == 1 else f"{frames[0]} to {frames[-1]}"
-        dx, dz, dw = found.residual[i]
-        x, y, z = found.centre_mm[i]
-        rows.append(
-            (
-                f"{i + 1}",
-                named,
-                f"{x:.1f}, {y:.1f}, {z:.1f}",
-                f"{dx:+.3f}",
-                f"{dz:+.3f}",
-                f"{dw:+.2f}",
-                f"{found.distance[i]:.1f}",
-                "used" if found.used[i] else "rejected",
-            )
-        )
-    head = (
-        "Posture",
-        "Frames",
-        "Sphere centre in the profiler, mm",
-        "x, mm",
-        "z, mm",
-        "r², mm²",
-        "Distance / u",
-        "Use",
-    )
-    yield pieces.table_html(head, rows, text=(7,))
+    shown = np.sort(np.argsort(-found.distance, kind="stable")[:MOST_ROWS])
+    frames = [found.frames[i] for i in shown]
+    columns = {
+        "Posture": ("{}", shown + 1),
+        "Frames": ("{}", [f"{one[0]}" if len(one) == 1 else f"{one[0]} to {one[-1]}" for one in frames]),
+        "Sphere centre in the profiler, mm": ("{:.1f}, {:.1f}, {:.1f}", found.centre_mm[shown]),
+        "x, mm": ("{:+.3f}", found.residual[shown, 0]),
+        "z, mm": ("{:+.3f}", found.residual[shown, 1]),
+        "r², mm²": ("{:+.2f}", found.residual[shown, 2]),
+        "Distance / u": ("{:.1f}", found.distance[shown]),
+        "Use": ("{}", np.where(found.used[shown], "used", "rejected")),
+    }
+    yield pieces.columns_html(columns, text=(7,))
     if len(found.distance) > MOST_ROWS:
         yield pieces.note(f"The {MOST_ROWS} postures with the largest residuals, of {len(found.distance)}.")
     if found.frames_rejected:
@@ -194,26 +178,15 @@ def _plan(plan: PosturePlan) -> Iterable[str]:
         f"u over the field of view after the {len(plan.centre_mm)} postures proposed: "
         f"{plan.volume_u_mm[-1]:.3f} mm, {plan.volume_u_mm[0]:.3f} mm now."
     )
-    rows = []
-    for i, (pose, centre) in enumerate(zip(plan.base_from_flange, plan.centre_mm, strict=True), 1):
-        angles = ", ".join(f"{angle / DEG:.2f}" for angle in rpy_from_rotation(pose[:3, :3]))
-        rows.append(
-            (
-                f"{i}",
-                ", ".join(f"{v:.1f}" for v in pose[:3, 3]),
-                angles,
-                ", ".join(f"{v:.1f}" for v in centre),
-                f"{plan.volume_u_mm[i]:.3f}",
-            )
-        )
-    head = (
-        "Next",
-        "Flange in the base, mm",
-        "Roll, pitch, yaw, °",
-        "Sphere centre in the profiler, mm",
-        "u after it, mm",
-    )
-    yield pieces.table_html(head, rows)
+    turned = [np.array(rpy_from_rotation(pose[:3, :3])) / DEG for pose in plan.base_from_flange]
+    columns = {
+        "Next": ("{}", range(1, len(turned) + 1)),
+        "Flange in the base, mm": ("{:.1f}, {:.1f}, {:.1f}", plan.base_from_flange[:, :3, 3]),
+        "Roll, pitch, yaw, °": ("{:.2f}, {:.2f}, {:.2f}", turned),
+        "Sphere centre in the profiler, mm": ("{:.1f}, {:.1f}, {:.1f}", plan.centre_mm),
+        "u after it, mm": ("{:.3f}", plan.volume_u_mm[1:]),
+    }
+    yield pieces.columns_html(columns)
 
 
 def profiles_picture(calibration: Calibration, profiles: SphereProfiles, recording: Recording) -> bytes:

@@ -440,18 +440,15 @@ def _chapter(found: Identified) -> Chapter:
     u = np.sqrt(np.diag(found.chosen.covariance))
     named = zip(("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae"), found.chosen.values, u, strict=True)
     rows = [(n, f"{k:.4g} ± {2 * s:.2g}", "N/mm²" if n[-1] == "c" else "N/mm") for n, k, s in named]
-    of = [
-        (
-            f"{c:.4g}",
-            f"{one.rpm:.1f}",
-            f"{one.turns}",
-            ", ".join(f"{x:.1f}" for x in found.chosen.turn @ one.mean_n),
-            ", ".join(f"{x:.2f}" for x in left),
-            ", ".join(f"{100 * x:.0f}" for x in one.beyond),
-        )
-        for one, c, left in zip(found.recorded, found.per_tooth, found.chosen.left_n, strict=True)
-    ]
-    head = ("Feed per tooth, mm", "rev/min", "Turns", "Mean force, N", "Residual, N", "Variance beyond bandwidth, %")
+    recorded = found.recorded
+    of = {
+        "Feed per tooth, mm": ("{:.4g}", found.per_tooth),
+        "rev/min": ("{:.1f}", [one.rpm for one in recorded]),
+        "Turns": ("{}", [one.turns for one in recorded]),
+        "Mean force, N": ("{:.1f}, {:.1f}, {:.1f}", [found.chosen.turn @ one.mean_n for one in recorded]),
+        "Residual, N": ("{:.2f}, {:.2f}, {:.2f}", found.chosen.left_n),
+        "Variance beyond bandwidth, %": ("{:.0f}, {:.0f}, {:.0f}", [100 * one.beyond for one in recorded]),
+    }
     misfit = found.chosen.misfit
     summary = (
         f"Cutting coefficients of {found.material}: K_tc = {found.chosen.values[0]:.0f} N/mm² ± {2 * u[0]:.0f} "
@@ -459,7 +456,7 @@ def _chapter(found: Identified) -> Chapter:
     )
     text = (
         pieces.table_html(("Coefficient", "Value ± U", "Unit"), rows)
-        + pieces.table_html(head, of)
+        + pieces.columns_html(of)
         + pieces.paragraph(
             f"Dynamometer's axes, as the cutter has them: {found.chosen.words} ({len(found.tried)} tried). Misfit: "
             + ("none, as many coefficients as means" if misfit is None else f"{misfit:.2f} (1 is usual)")

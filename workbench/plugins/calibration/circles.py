@@ -94,31 +94,6 @@ def search_arc(x: Float, z: Float, radius: float, gate: float, sense: float, see
 
 
 @kernel
-def _normal_equations(x: Float, z: Float, circle: Float, sense: float, sigma: float) -> tuple[Float, Float]:
-    """Normal matrix (3, 3) and right-hand side (3,) of one weighted step in (x_c, z_c, w), unit noise."""
-    matrix, side = np.zeros((3, 3)), np.zeros(3)
-    row = np.zeros(3)
-    for k in range(len(x)):
-        dx = x[k] - circle[0]
-        q2 = circle[2] - dx * dx
-        if q2 < (1 - STEEP * STEEP) * circle[2]:
-            continue
-        q = np.sqrt(q2)
-        residual = z[k] - circle[1] - sense * q
-        variance = 1.0 + LATERAL * LATERAL * dx * dx / q2
-        t = residual * residual / (variance * (TUKEY * sigma) ** 2)
-        if t >= 1.0:
-            continue
-        weight = (1.0 - t) ** 2 / variance
-        row[0], row[1], row[2] = sense * dx / q, 1.0, sense / (2.0 * q)
-        for i in range(3):
-            side[i] += weight * row[i] * residual
-            for j in range(3):
-                matrix[i, j] += weight * row[i] * row[j]
-    return matrix, side
-
-
-@kernel
 def _residuals(x: Float, z: Float, circle: Float, sense: float) -> Float:
     """Residuals along z over what a point's noise is, relative to sigma; infinite off the arc's span."""
     out = np.full(len(x), np.inf)
@@ -140,12 +115,17 @@ def fit_arc(x: Float, z: Float, start: Float, sense: float, sigma: float) -> tup
     circle, inverse = start[:3].copy(), np.zeros((3, 3))
     scale = sigma
     for step in range(30):
-        residual = np.abs(_residuals(x, z, circle, sense))
-        near = residual[residual < 0.3 * np.sqrt(circle[2])]
-        if len(near) < 8:
+        off = _residuals(x, z, circle, sense)
+        near = np.abs(off) < 0.3 * np.sqrt(circle[2])
+        if near.sum() < 8:
             return circle, inverse, scale, False
-        scale = max(sigma, 1.4826 * np.median(near))
-        matrix, side = _normal_equations(x, z, circle, sense, scale)
+        off, dx = off[near], x[near] - circle[0]
+        scale = max(sigma, 1.4826 * np.median(np.abs(off)))
+        q = np.sqrt(circle[2] - dx * dx)
+        spread = np.sqrt(1.0 + (LATERAL * dx / q) ** 2)  # of a point along z, over sigma
+        weight = np.maximum(1.0 - (off / (TUKEY * scale)) ** 2, 0.0) / spread
+        rows = np.stack((sense * dx / q, np.ones(len(q)), sense / (2.0 * q))) * weight
+        matrix, side = rows @ rows.T, rows @ (weight * spread * off)
         if not np.linalg.det(matrix) > 1e-9:
             return circle, inverse, scale, False
         inverse[:] = np.linalg.inv(matrix)

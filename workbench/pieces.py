@@ -73,7 +73,7 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str 
     return f'<table class="summary">{title}<thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>'
 
 
-def columns_html(columns: Mapping[str, tuple[str, Iterable[Any]]], text: Iterable[int] = ()) -> str:
+def columns_html(columns: Mapping[str, tuple[str, Any]], text: Iterable[int] = ()) -> str:
     """As `table_html`, by columns: of each head how its values are written (`str.format`), and these.
 
     A value of several numbers is written by as many fields.

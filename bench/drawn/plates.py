@@ -304,25 +304,9 @@ def limit(rng: Generator, document: Document) -> None:
         document["part"]["bevel_deg"] = draw_course(rng, 40 + side * (1 + rng.uniform(-0.15, 0.15)), 0.05, 0.02)
 
 
-CONDITIONS: dict[str, Condition] = {
-    "paper": paper,
-    "straight": as_is,
-    "arc": arc,
-    "wavy": wavy,
-    "oblique": oblique,
-    "two_pass": two_pass,
-    "reversed": reversed,
-    "partial_view": partial_view,
-    "outliers_5": outliers,
-    "missing_20": missing,
-    "coarse": coarse,
-    "noisy": noisy,
-    "correlated": correlated,
-    "robot_error": robot_error,
-    "clamps": clamps,
-    "vibration": vibration,
-    "limit": limit,
-}
+_NAMED = (paper, arc, wavy, oblique, two_pass, reversed, partial_view, coarse, noisy, correlated, robot_error, clamps)
+CONDITIONS: dict[str, Condition] = {c.__name__: c for c in (*_NAMED, vibration, limit)}
+CONDITIONS |= {"straight": as_is, "outliers_5": outliers, "missing_20": missing}
 
 
 def straight(rng: Generator, document: Document) -> None:
@@ -415,22 +399,12 @@ def robot(rng: Generator, document: Document) -> None:
     document["robot"].update(errors)
 
 
-RAW_CONDITIONS: dict[str, Condition] = {
-    "raw_straight": straight,
-    "raw_arc": raw(arc),
-    "raw_wavy": raw(wavy),
-    "raw_drift": raw(drift),
-    "raw_outliers_5": raw(outliers),
-    "raw_missing_20": raw(missing),
-    "raw_clamps": raw(clamps),
-    "raw_rough": raw(rough),
-    "raw_twist": raw(twist),
-    "raw_burrs": raw(burrs),
-    "raw_below": raw(below),
-    "raw_two_pass": raw(two_raw_passes),
-    "raw_square": raw(square),
-    "raw_robot": robot,
+RAW_CONDITIONS: dict[str, Condition] = {"raw_straight": straight}
+RAW_CONDITIONS |= {
+    f"raw_{name}": raw(CONDITIONS[name]) for name in ("arc", "wavy", "outliers_5", "missing_20", "clamps")
 }
+RAW_CONDITIONS |= {f"raw_{c.__name__}": raw(c) for c in (drift, rough, twist, burrs, below, square)}
+RAW_CONDITIONS |= {"raw_two_pass": raw(two_raw_passes), "raw_robot": robot}
 
 
 def random_recipe(condition: str, seed: int) -> Recipe:

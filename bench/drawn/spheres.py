@@ -213,27 +213,7 @@ def repeats(rng: Generator, document: Document) -> None:
     document["passes"] = [one for one in document["passes"][:3] for _ in "abc"]
 
 
-SOUND: dict[str, Condition] = {
-    "sphere_nine": nine,
-    "sphere_six": six,
-    "sphere_equator": equator,
-    "sphere_stray": stray,
-    "sphere_gross": gross,
-    "sphere_systematic": systematic,
-    "sphere_smooth": smooth,
-    "sphere_scans": scans,
-    "sphere_weaved": weaved,
-    "sphere_scans_common": scans_common,
-    "sphere_weaved_common": weaved_common,
-    "sphere_grid": grid,
-}
-DEGENERATE: dict[str, Condition] = {
-    "same_orientation": same_orientation,
-    "one_axis": one_axis,
-    "two_orientations": two_orientations,
-    "one_point": one_point,
-    "collinear": collinear,
-    "two_postures": two_postures,
-    "repeats": repeats,
-    "scans_alike": scans_alike,
-}
+_SOUND = (nine, six, equator, stray, gross, systematic, smooth, scans, weaved, scans_common, weaved_common, grid)
+SOUND: dict[str, Condition] = {f"sphere_{c.__name__}": c for c in _SOUND}
+_OPEN = (same_orientation, one_axis, two_orientations, one_point, collinear, two_postures, repeats, scans_alike)
+DEGENERATE: dict[str, Condition] = {c.__name__: c for c in _OPEN}

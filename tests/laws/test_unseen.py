@@ -117,7 +117,7 @@ def test_what_returns_right_behind_an_end_shows_it_and_a_cropped_cloud_hides_tha
     """A table behind the plate, or nothing; the cloud with all below 0.3 mm above the lower edge cut off."""
     drawn = sharp(seed)
     nominal = {name: drawn.declared[name] for name in ("root_nominal_mm", "bevel_nominal_deg")}
-    cloud = denoise(fuse(frames(drawn.recording, np.arange(0, len(drawn.recording.time_s), 2))))
+    cloud = denoise(fuse(frames(drawn.recording, np.arange(0, len(drawn.recording.time_s), 4))))
     assert ("lost_columns" in [one.name for one in segment(cloud, **nominal).unseen]) != behind
     points, part = cloud.placed(*np.nonzero(cloud.keep)), simulate(seed, is_raw=False, cell=Sharp())
     up = part.base_from_section

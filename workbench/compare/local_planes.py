@@ -11,6 +11,7 @@ residuals of a frame have in common.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,6 @@ import scipy
 
 from workbench.compare.surface import Surface
 from workbench.geometry.fits import across
-from workbench.geometry.medians import medians
 from workbench.units import Bool, Float, Int, Shaped
 
 LEAST_POINTS = 8
@@ -28,7 +28,7 @@ FLAT = 0.02  # smallest over middle eigenvalue of a flat neighbourhood: beyond, 
 LEAST_IN_CYLINDER = 8  # in a cylinder
 LEAST_FRAMES = 3  # or single points: the plane takes up two of them along the motion
 LEAST_LEVERAGE = 0.5  # of the intercept: beyond, points lie all to one side of the axis
-CYLINDERS_AT_ONCE = 2_000
+NOWHERE = (math.nan,) * 4  # where a surface does not meet an axis
 ROUNDS = 5  # of leaving out and fitting again
 ASIDE = 4.685  # robust standard deviations beyond which a point counts no more: none of normal noise
 TO_SD = 1.4826  # a normal distribution's standard deviation by its median absolute value
@@ -67,13 +67,6 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     flat = (count >= LEAST_POINTS) & (size[:, 0] <= FLAT * size[:, 1])
     normal = outwards(axes[:, :, 0], centre, flat, surface.range_axis)
     return Surfels(centre, normal, flat, None if surface.frame is None else surface.frame[nearest])
-
-
-def neighbours(tree: scipy.spatial.cKDTree, at_mm: Float, radius_mm: float) -> tuple[Int, Int]:
-    """Indices of the points near each place, one list after the other, and where each list begins (c + 1,)."""
-    lists = tree.query_ball_point(at_mm, radius_mm)
-    start = np.concatenate([[0], np.cumsum([len(one) for one in lists])])
-    return np.fromiter((i for one in lists for i in one), np.int64, start[-1]), start
 
 
 def outwards(normal: Float, centre: Float, flat: Bool, range_axis: Float | None) -> Float:
@@ -179,104 +172,50 @@ def heights(
     `values` (n,): what to average instead of the height over the position, such as distances from a mesh (NaN: none).
     `frame` (n,) in which each point was measured.
     """
-    tree = scipy.spatial.cKDTree(points_mm)
-    parts = [
-        _batch(
-            points_mm,
-            values,
-            frame,
-            tree,
-            position_mm[k : k + CYLINDERS_AT_ONCE],
-            normal[k : k + CYLINDERS_AT_ONCE],
-            radius_mm,
-            depth_mm,
-        )
-        for k in range(0, len(position_mm), CYLINDERS_AT_ONCE)
-    ]
-    return Heights(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    near = scipy.spatial.cKDTree(points_mm).query_ball_point(position_mm, float(np.hypot(radius_mm, depth_mm)))
+    cluster = np.arange(len(points_mm)) if frame is None else frame
+    cylinders = []
+    for index, at, axis, beside in zip(near, position_mm, normal, across(normal), strict=True):
+        off = points_mm[index] - at
+        height, aside = off @ axis, off @ beside.T
+        what = height if values is None else values[index]
+        inside = ((aside**2).sum(axis=1) <= radius_mm**2) & (np.abs(height) <= depth_mm) & np.isfinite(what)
+        design = np.column_stack([np.ones(len(off)), aside / radius_mm])
+        cylinders.append((design[inside], what[inside], cluster[index][inside]))
+    filled = [(design, what) for design, what, _ in cylinders if len(what) >= LEAST_IN_CYLINDER]
+    spreads = [_spread(what - design @ np.linalg.lstsq(design, what)[0]) for design, what in filled]
+    least = float(np.median(spreads)) if spreads else 0.0
+    return Heights(*np.array([_intercept(*cylinder, least) for cylinder in cylinders]).reshape(-1, 4).T)
 
 
-def _batch(
-    points: Float,
-    values: Float | None,
-    frame: Int | None,
-    tree: scipy.spatial.cKDTree,
-    position: Float,
-    normal: Float,
-    radius: float,
-    depth: float,
-) -> tuple[Float, ...]:
-    index, start = neighbours(tree, position, float(np.hypot(radius, depth)))
-    owner = np.repeat(np.arange(len(position)), np.diff(start))
-    off = points[index] - position[owner]
-    height = (off * normal[owner]).sum(axis=1)
-    aside = off - height[:, None] * normal[owner]
-    what = height if values is None else values[index]
-    inside = ((aside**2).sum(axis=1) <= radius**2) & (np.abs(height) <= depth) & np.isfinite(what)
-    index, owner, aside, what = index[inside], owner[inside], aside[inside], what[inside]
-    across_axes = across(normal)[owner] / radius
-    design = np.column_stack([np.ones(len(owner)), np.einsum("nij,nj->ni", across_axes, aside)])
-    used = _used(design, what, owner, len(position))
-    cluster = index if frame is None else frame[index]
-    return _intercepts(design[used], what[used], owner[used], cluster[used], len(position))
+def _spread(residual: Float) -> float:
+    return TO_SD * float(np.median(np.abs(residual)))
 
 
-def _used(design: Float, what: Float, owner: Int, count: int) -> Bool:
-    """(n,) points within `ASIDE` standard deviations of their owner's plane, by medians; owners in rising order.
+def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[float, float, float, float]:
+    """A plane (1, u, v) through `what` of a cylinder: the intercept, and what `Heights` says of it.
 
-    The deviation is at least that of the median owner, so that few points which agree by chance leave none out.
+    Points count within `ASIDE` standard deviations of it, by medians; the deviation is at least `least`, that of the
+    median cylinder, so that few points which agree by chance leave none out.
     """
-    edges = np.searchsorted(owner, np.arange(count + 1))
-    filled = np.diff(edges) >= LEAST_IN_CYLINDER
-    residual = what - medians(what, edges)[owner]
-    used = np.ones(len(what), bool)
+    if len(what) < LEAST_IN_CYLINDER:
+        return NOWHERE
+    residual, used = what - np.median(what), np.zeros(len(what), bool)
     for _ in range(ROUNDS):
-        spread = TO_SD * medians(np.abs(residual), edges)
-        least = float(np.median(spread[filled])) if filled.any() else 0.0
-        again = np.abs(residual) <= ASIDE * np.maximum(spread, least)[owner]
-        plane, _, _ = _fitted(design[again], what[again], owner[again], count)
-        residual = what - (design * plane[owner]).sum(axis=1)
+        again = np.abs(residual) <= ASIDE * max(_spread(residual), least)
+        matrix = design[again].T @ design[again]
+        if again.sum() < LEAST_IN_CYLINDER or np.linalg.det(matrix) <= 1e-6 * again.sum() ** 3:
+            return NOWHERE
         if (again == used).all():
             break
-        used = again
-    return used
-
-
-def _fitted(design: Float, what: Float, owner: Int, count: int) -> tuple[Float, Float, Bool]:
-    """Coefficients (count, 3) of every owner's plane, the inverse normal matrix, and whether there is one."""
-    moments = np.empty((count, 3, 3))
-    side = np.empty((count, 3))
-    for i in range(3):
-        side[:, i] = np.bincount(owner, design[:, i] * what, count)
-        for j in range(3):
-            moments[:, i, j] = np.bincount(owner, design[:, i] * design[:, j], count)
-    number = np.bincount(owner, minlength=count)
-    good = (number >= LEAST_IN_CYLINDER) & (np.linalg.det(moments) > 1e-6 * np.maximum(number, 1.0) ** 3)
-    moments[~good] = np.eye(3)
-    inverse = np.linalg.inv(moments)
-    return np.asarray(np.einsum("kij,kj->ki", inverse, side)), np.asarray(inverse), np.asarray(good)
-
-
-def _intercepts(design: Float, what: Float, owner: Int, cluster: Int, count: int) -> tuple[Float, ...]:
-    """Planes (1, u, v) through `what` of each owner: the intercept, and what `Heights` says of it."""
-    plane, inverse, good = _fitted(design, what, owner, count)
-    number = np.bincount(owner, minlength=count)
-    residual = what - (design * plane[owner]).sum(axis=1)
-    spread = np.bincount(owner, residual**2, count) / np.maximum(number - 3, 1)
-    pull = (inverse[owner, 0] * design).sum(axis=1)
-    group, first = _groups(owner, cluster)
-    frames = np.bincount(owner[first], minlength=count)
-    shared = (
-        np.bincount(owner[first], np.bincount(group, pull * residual) ** 2, count) * frames / np.maximum(frames - 2, 1)
-    )
-    good &= (inverse[:, 0, 0] <= LEAST_LEVERAGE) & (frames >= LEAST_FRAMES)
-    leverage = np.bincount(owner[first], np.bincount(group, pull) ** 2, count)
-    found = plane[:, 0], spread * inverse[:, 0, 0], shared, leverage
-    return tuple(np.where(good, one, np.nan) for one in found)
-
-
-def _groups(owner: Int, cluster: Int) -> tuple[Int, Int]:
-    """A number for every pair of owner and cluster, and where each first occurs."""
-    key = owner * (int(cluster.max(initial=0)) + 1) + cluster
-    _, first, group = np.unique(key, return_index=True, return_inverse=True)
-    return group, first
+        used, inverse = again, np.linalg.inv(matrix)
+        plane = inverse @ (design[again].T @ what[again])
+        residual = what - design @ plane
+    pull, own = design[used] @ inverse[0], residual[used]
+    _, group = np.unique(cluster[used], return_inverse=True)
+    frames = int(group.max()) + 1
+    if inverse[0, 0] > LEAST_LEVERAGE or frames < LEAST_FRAMES:
+        return NOWHERE
+    shared = (np.bincount(group, pull * own) ** 2).sum() * frames / (frames - 2)
+    leverage = (np.bincount(group, pull) ** 2).sum()
+    return float(plane[0]), float(own @ own) / (len(own) - 3) * float(inverse[0, 0]), float(shared), float(leverage)

@@ -330,20 +330,15 @@ def part_of(part: P | None, known: Mapping[tuple[str, ...], P], path: Path, head
 
 def otherwise_separated(head: bytes, part: TextPart) -> str:
     """What to say where another delimiter than the part's gives all of its columns; '' where none does."""
-    lines, columns = head_text(head).split("\n"), part.wanted.values()
+    form = sniffed(head, len(head) < HEAD_BYTES)
+    columns = part.wanted.values()
     names = {one for one in columns if isinstance(one, str)}
     last = max((one for one in columns if isinstance(one, int)), default=-1)
-    for mark, shown in DELIMITERS.items():
-        titles = cells(lines[part.skip_lines], mark) if len(lines) > part.skip_lines else []
-        fits = names <= set(titles) if part.header else all(titles) and None not in map(number, _points(titles))
-        if mark != part.delimiter and fits and max(last, len(names) - 1) < len(titles) > 1:
-            key = f'"delimiter": {json.dumps(mark)} in the mapping'
-            return f"the columns are separated by {shown}, not by {DELIMITERS[part.delimiter]}: expected {key}"
-    return ""
-
-
-def _points(texts: Sequence[str]) -> Iterator[str]:
-    return (text.replace(",", ".") for text in texts)
+    if form is None or form.delimiter == part.delimiter or last >= form.rows.shape[1] or not names <= set(form.header):
+        return ""
+    key = f'"delimiter": {json.dumps(form.delimiter)} in the mapping'
+    shown = DELIMITERS[form.delimiter]
+    return f"the columns are separated by {shown}, not by {DELIMITERS[part.delimiter]}: expected {key}"
 
 
 def read_table(path: Path, part: TextPart) -> Table:

@@ -13,7 +13,7 @@ from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
-from workbench.checks.profiles import Chain, Few, chains, rough_mm
+from workbench.checks.profiles import Chain, Few, chains, disorder
 from workbench.checks.sensor import (
     PACKED,
     column_pitch_mm,
@@ -22,7 +22,10 @@ from workbench.checks.sensor import (
     quaternion_step,
     sensor_traces,
     shared_range,
+    some,
+    step_mm,
     uneven_share,
+    uneven_step_mm,
 )
 from workbench.checks.window import (
     as_delivered,
@@ -56,13 +59,12 @@ TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 CONVENTION_TWIST_DEG = 0.25  # likewise, of a scan that is oblique
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with that share of it
-UNORDERED, UNORDERED_MM = 0.5, 0.1  # neighbours that scatter as the whole pass does: robots that scan vibrate by less
-NO_ORDER = 0.15  # share of that scatter which neighbours out of order have (0.19 and more), and 3 % of sound recordings
-ROUGH_MM = 0.02  # a section that wanders by more may be that of a rough face
+NO_ORDER = 0.1  # share of that scatter which neighbours out of order have, and 3 % of sound recordings
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
 STEADIER = 0.4  # share of that, and of its swing, which a better reading leaves: of sound scans chance leaves 0.64
+COARSE_MM = 0.02  # steps of ranges that bend faces, where another check fails
 COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned in steps of fewer columns is a true one
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
@@ -121,7 +123,12 @@ def _returns_cause(recording: Recording) -> str:
     if shared := shared_range(recording.z_mm):
         told = f"{100 * shared[1]:.2g} % of the returns have the range {shared[0]:.6g} mm to the digit: "
         return told + "the sensor's code for no return, or ranges that saturate? make them NaN"
-    return f"are {PACKED}?" if is_packed(recording.x_mm, recording.z_mm) else ""
+    if is_packed(recording.x_mm, recording.z_mm):
+        return f"are {PACKED}?"
+    if uneven_share(recording.z_mm) < SWAPPED < uneven_share(recording.x_mm):
+        return "ranges are evenly spaced, as columns are, and lateral places are not: axes x and z swapped?"
+    step = step_mm(some(recording.z_mm))
+    return f"ranges are rounded to {step:.3g} mm: export them at full resolution" if step > COARSE_MM else ""
 
 
 def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fuse.limits") -> None:
@@ -382,18 +389,10 @@ def _longest_run(on: Bool) -> int:
 
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
-    traces = sensor_traces(recording.x_mm, recording.z_mm, recording.pass_index)
-    noise = traces.noise_mm if np.isfinite(traces.noise_mm) else 0.0
-    pitch = traces.pitch_mm if np.isfinite(traces.pitch_mm) else 0.0
-    for name, what, step, blurred in (  # noise of the ranges blurs their own steps alone
-        ("range_step_mm", "ranges", traces.step_z_mm, 2.0 * noise),
-        ("lateral_step_mm", "lateral places", traces.step_x_mm, STEP_SHARE * pitch),
-    ):
-        told = f"{what} are rounded to {step:.3g} mm, noise is {noise:.3g} mm: export them at full resolution"
-        even = step > 0.0 and uneven_share(recording.z_mm) < SWAPPED < uneven_share(recording.x_mm)
-        if even and name == "range_step_mm":
-            told = f"ranges are spaced by {step:.3g} mm as columns are, lateral places are not: axes x and z swapped?"
-        yield check(name, step, told, given=given, default=max(most(name), blurred))
+    traces = sensor_traces(recording.z_mm, recording.pass_index)
+    step, pitch = uneven_step_mm(recording.x_mm, recording.z_mm), column_pitch_mm(recording.x_mm)
+    told = f"lateral places are rounded to {step:.3g} mm: export them at full resolution"
+    yield check("lateral_step_mm", step, told, given=given, default=max(most("lateral_step_mm"), STEP_SHARE * pitch))
     told = (
         f"the sensor has averaged its profiles over {traces.mean_columns:.2g} columns: switch its smoothing filter off"
     )
@@ -466,7 +465,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     wide = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected = steadier
-    yield _wiggle_check(recording, found, now, given)
+    yield _order_check(recording, found, given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained = now.twist_deg > sure + now.waved_deg
     if unexplained or not (oblique.passed and varies.passed and wide.passed and unsteady.passed):
@@ -518,6 +517,9 @@ def _unseen(recording: Recording, found: Mapping[int, Chain], now: Consistency) 
         )
     if not _sways(recording):
         told += "; it turns evenly, which does not show whether the clocks agree"
+    fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
+    if fewest < FEW_POSES:
+        told += f"; a pass has {fewest} poses only: noise in them would not show"
     if turned == 0.0:
         told += "; the orientation is the same to the last digit: if it was not measured, its turn is in no value"
     reason = f"a hand-eye pose shows itself where the flange turns against the edge by {TURNS_DEG:g} deg and more"
@@ -561,27 +563,17 @@ def _explains(there: Consistency, now: Consistency) -> bool:
     return better and there.twist_deg < left
 
 
-def _wiggle_check(
-    recording: Recording, found: Mapping[int, Chain], now: Consistency, given: Mapping[str, Bound]
-) -> Check:
-    """Whether the edge's way jumps from profile to profile by more than a rough face makes it wave."""
-    wiggle, in_view = now.wiggle_mm, now.in_view
-    if in_view > 0.0 and wiggle > ROUGH_MM:
-        rough = rough_mm(recording.x_mm, recording.z_mm, recording.pass_index, found)
-        wiggle = math.sqrt(max(wiggle**2 - rough**2, 0.0))
-        in_view *= wiggle / now.wiggle_mm
-    told = f"the edge would wiggle by {wiggle:.2f} mm from profile to profile: frames out of order, or recorded "
-    told += "poses that are noisy or rounded?"
-    allowed = UNORDERED_MM if in_view > UNORDERED else most("wiggle_mm")
-    if in_view > NO_ORDER and wiggle < allowed:
-        told = f"the section's place in the view scatters by {wiggle:.2f} mm between neighbouring frames, "
-        told += f"{100 * in_view:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of order; "
-        told += "nothing tells which"
-    fewest = int(np.unique(recording.robot_pass, return_counts=True)[1].min())
-    if fewest < FEW_POSES and wiggle < allowed:
-        few = f"a pass has {fewest} poses only: noise in them would not show"
-        told = f"{told}; {few}" if in_view > NO_ORDER else few
-    return check("wiggle_mm", wiggle, told, given=given, default=allowed)
+def _order_check(recording: Recording, found: Mapping[int, Chain], given: Mapping[str, Bound]) -> Check:
+    """Whether the section jumps about in the view from frame to frame, as it does where frames are out of order."""
+    here = disorder(recording.x_mm, recording.z_mm, recording.pass_index, found)
+    told = f"the section jumps by {here.jumps_mm:.2f} mm in the view from frame to frame: frames out of order, or a "
+    told += "part that vibrates?"
+    jumps = check("wiggle_mm", here.jumps_mm, told, given=given)
+    if jumps.passed and here.share > NO_ORDER:
+        told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
+        told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
+        return dataclasses.replace(jumps, finding=f"{told}order; nothing tells which")
+    return jumps
 
 
 def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:

@@ -75,15 +75,10 @@ LIMITS: dict[str, Limit] = {
         "slope, to the digit and more often than noise does",
         "a median, or a filter that fills lost returns, comes to 0.25 and more; good recordings have 0.00",
     ),
-    "range_step_mm": Limit(
-        0.02,
-        "step to which ranges are rounded, where the noise does not blur it",
-        "rounding without noise bends faces; twice the noise is taken where that is more",
-    ),
     "lateral_step_mm": Limit(
         0.02,
         "step to which lateral places are rounded, where they are uneven for it",
-        "as of ranges; it moves returns along the faces",
+        "it moves returns along the faces; a quarter of the columns' distance is taken where that is more",
     ),
     "obliquity_deg": Limit(
         20.0,
@@ -115,11 +110,10 @@ LIMITS: dict[str, Limit] = {
         "no other check can follow the edge through them",
     ),
     "wiggle_mm": Limit(
-        0.12,
-        "standard deviation of the edge's way through the base from a smooth one, from profile to profile, less what a "
-        "rough face makes of it; 0.1 where the section's place in the view scatters as much between neighbours as over "
-        "the whole pass",
-        "robots and edges are smoother; frames out of order and poses that jump are not",
+        0.1,
+        "standard deviation by which the section's place in the view jumps from frame to frame",
+        "robots that scan vibrate by less, and a rough face shows neighbouring frames nearly one place; frames out of "
+        "order jump by what the place varies over the pass",
     ),
     "pass_disagreement_mm": Limit(
         0.6,
@@ -332,7 +326,7 @@ GONE = {
         "step_share": ("root_step_share", "end_face_step_share"),
         "goes_on_share": ("hollow_share", "end_face_goes_on_share"),
         "face_bow": ("corner_bow", "end_face_bow"),
-        "no check": ("size_scatter", "groove_told_share"),
+        "no check": ("size_scatter", "groove_told_share", "range_step_mm"),
     }.items()
     for name in names
 }

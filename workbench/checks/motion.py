@@ -30,8 +30,6 @@ class Consistency:
     varies_deg: float  # of that angle within a pass: half of its middle nine tenths, or of what is slow of it
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
-    wiggle_mm: float  # robust standard deviation of a place across its way from a smooth one
-    in_view: float  # how much of that wiggle the profiles show without poses, over what they show over the whole pass
     swing_deg: float  # how much the edge's direction varies against the laser plane, in any sense: nine tenths of it
     way_mm: float  # of the edge, all passes
 
@@ -61,10 +59,10 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 8)
+        return Consistency(*[float("nan")] * 6)
     table = np.array(found)
-    oblique, varies, twist, unsteady, wiggle, in_view, swing = table[:, :-1].max(axis=0).tolist()
-    return Consistency(oblique, varies, twist, unsteady, wiggle, in_view, swing, float(table[:, -1].sum()))
+    oblique, varies, twist, unsteady, swing = table[:, :-1].max(axis=0).tolist()
+    return Consistency(oblique, varies, twist, unsteady, swing, float(table[:, -1].sum()))
 
 
 def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
@@ -78,15 +76,12 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
     ranges = [
         np.ptp(np.percentile(one, [5, 95])) for one in (way.oblique_deg[here], slow @ (slow.T @ way.oblique_deg[here]))
     ]
-    wiggle = _wiggle(place, stretch)
     aside = np.einsum("kij,ki->kj", pose[here][:, :3, [0, 2]], way.tangent[here])
     swing = np.degrees(np.linalg.norm(np.ptp(np.percentile(aside, [5, 95], axis=0), axis=0)))
     return (
         float(np.median(way.oblique_deg[here])),
         float(min(ranges)) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
-        wiggle,
-        _in_view(chain, wiggle),
         float(swing),
         way.length_mm,
     )
@@ -107,34 +102,6 @@ def _carried_by(chain: Chain | Few, pose: Float) -> tuple[Float, Float, Int]:
     place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
     across = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(np.stack([np.cos(turn), np.sin(turn)], axis=1)))
     return place, across, stretch
-
-
-def _wiggle(place: Float, stretch: Int) -> float:
-    """Robust standard deviation of a place across its way, from the third differences: a bend of the way has none."""
-    together = stretch[3:] == stretch[:-3]
-    if together.sum() < LEAST_STRETCH:
-        return 0.0
-    bend, chord = np.diff(place, n=3, axis=0)[together], (place[3:] - place[:-3])[together]
-    size = np.maximum(np.linalg.norm(chord, axis=1), LEAST_MM)
-    aside = np.linalg.norm(np.cross(bend, chord), axis=1) / size
-    return float(np.median(aside)) / 1.1774 / math.sqrt(20.0)  # of two normal numbers; of 1, -3, 3, -1
-
-
-def _in_view(chain: Chain, wiggle_mm: float) -> float:
-    """Scatter of the section's place in the view from profile to profile, over that in the whole pass; 0 to about 1.
-
-    Frames out of order scatter as much between neighbours as over the pass. 0 where the view does not show half of the
-    wiggle: it is then the poses that jump.
-    """
-    point, _, stretch = chain.track
-    together = stretch[3:] == stretch[:-3]
-    longest = stretch == np.bincount(stretch).argmax()
-    over_all = float(point[longest].std(axis=0).max())
-    if together.sum() < LEAST_STRETCH or over_all < LEAST_MM:
-        return 0.0
-    bend = np.diff(point, n=3, axis=0)[together]
-    near = float(np.median(np.abs(bend), axis=0).max()) / 0.6745 / math.sqrt(20.0)
-    return near / over_all if near > 0.5 * wiggle_mm else 0.0
 
 
 def _spatial(point: Float) -> Float:

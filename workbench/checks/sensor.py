@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,14 +19,14 @@ SAMPLE, FEW, MANY = 40, 12, 120  # frames
 LEAST_PIECES = 40
 MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
 ENOUGH = 8000  # values whose median is known to 1.5 %
-BLIND = 0.015  # times the columns' square: of the power beside, what the ends of a piece leave (0.2 to 0.6 of it)
-MOST_BLIND = 9.0  # columns of a mean that a piece's spectrum resolves
+PERIODS, NEAR = np.arange(0.1, 0.481, 0.01)[:, None], 5  # per column; of these, that one missing period spans
+WIPED = 4.0  # times less power than at some longer and some shorter period: noise has 2.6 at most, a mean over 5 13
+MOST_RESOLVED = 6.0  # columns of a mean whose periods a piece tells apart
 LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
-LEAST_SHARE = 0.6  # of a piece's columns that returned
-OUTLIERS = 6.0  # median misfits
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
-STRAIGHT = 1.4  # median misfits: a piece that is bent, broken or rough has more
+STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
+BEND_OF_NOISE = 0.6745 * math.sqrt(6.0)  # median of 1, -2, 1, of noise of 1
 EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
 FILTERED = 0.05  # as little of the noise is left at two columns where a filter has smoothed by 0.7 columns and more
@@ -47,101 +47,36 @@ PACKED = "returns packed into the first columns, lost ones left out: export ever
 LEAST_FILLED, APART = 30, 8  # columns apart, whose noise no median or hold has made alike
 POSITION_DIGIT = 1e-6  # mm: a position in metres or inches is a multiple to no more
 STEP_SHARE = 0.02  # of the least step: values that are off a multiple by more are not rounded to it
-SIDE, ACROSS = 4, 24  # returns of a straight side of a jump; columns from side to side at most
-JUMP_MM, LEAST_JUMPS = 3.0, 20  # of the ranges, and so many of them
-OF_NO_SIDE = 0.05  # of a jump, by which returns of no side are off both: more than a rounding or the noise leaves
 
 
 @dataclass(frozen=True, slots=True)
 class SensorTraces:
-    """What the noise within straight pieces of profiles and the values themselves show; NaN where nothing does."""
+    """What the noise of profiles and the values themselves show; NaN where nothing does."""
 
-    noise_mm: float  # standard deviation about a straight line
-    mean_columns: float  # width of a moving mean over columns, or of one that smooths as much; 0: none
+    mean_columns: float  # width of a moving mean over columns, or of a filter that smooths likewise; 0: none
     mean_frames: float  # likewise from frame to frame
     held_end_share: float  # of short gaps, those that a filter has filled; nearly 1 of a median
-    step_z_mm: float  # ranges are multiples of this; 0: of nothing
-    step_x_mm: float  # lateral places are multiples of this and unevenly spaced for it; 0: they are not
-    pitch_mm: float  # median distance of neighbouring columns
 
 
-def sensor_traces(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> SensorTraces:
-    """Look at some frames of a grid (N, M) of passes (N,)."""
-    rows = np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))
-    step_z, series = _step(z_mm[rows]), _series(z_mm, pass_index)
-    x, z = x_mm[rows].astype(np.float64), z_mm[rows].astype(np.float64)
-    more = np.unique(np.linspace(0, len(z_mm) - 1, MANY).astype(int))
-    many = z_mm[more].astype(np.float64)
-    digit = _digit(many, step_z)
-    x = np.where(np.isfinite(z), x, np.nan)  # many sensors write any x where nothing returned
-    step_x, pitch = _uneven_step(x.astype(x_mm.dtype)), _pitch(x)
-    held = _filled_share(many, digit)
-    mean_frames = moving_mean(series) if _bends(series) < _bends(z) else 0.0  # else the part moves in the view
-    pieces_x, pieces_z = _pieces(x), _pieces(z)
-    enough = (np.isfinite(pieces_x) & np.isfinite(pieces_z)).mean(axis=1) >= LEAST_SHARE
-    pieces_z = pieces_z[enough]
-    off, used = _off_line(pieces_x[enough], pieces_z)
-    straight = used.mean(axis=1) >= LEAST_SHARE
-    mean, overshoot = moving_mean(z), overshoot_columns(many)
-    traces = SensorTraces(np.nan, max(mean, overshoot), mean_frames, held, step_z, step_x, pitch)
-    if straight.sum() < LEAST_PIECES:
-        return traces
-    off, used, pieces_z = off[straight], used[straight], pieces_z[straight]
-    size = np.sqrt((off**2).sum(axis=1) / used.sum(axis=1))
-    plain = (size > 0.0) & (size < STRAIGHT * np.median(size) + 1e-12)  # 0: a held value, not noise
-    noise = float(np.median(size))
-    if plain.sum() < LEAST_PIECES or noise < 1e-6:
-        return traces
-    correlation = _correlation(off[plain] / size[plain][:, None], used[plain])
-    is_whole = plain & used.all(axis=1)
-    whole = _off_trend(pieces_z[is_whole])
-    if mean and not _blind(whole, mean):
-        mean = 0.0
-    if fading(whole, digit) < FILTERED:
-        alike = correlation[1:][np.cumprod(correlation[1:] > 0.0, dtype=bool)]
-        mean = max(mean, 1.0 + 2.0 * alike.sum())  # the mean that leaves as much of slow noise
-    return replace(traces, noise_mm=noise, mean_columns=max(mean, overshoot))
+def sensor_traces(z_mm: AnyArray, pass_index: Int) -> SensorTraces:
+    """Look at some frames of ranges (N, M) of passes (N,)."""
+    rows, series = some(z_mm), _series(z_mm, pass_index)
+    z, many = rows.astype(np.float64), some(z_mm, MANY).astype(np.float64)
+    digit = _digit(many, step_mm(rows))
+    mean, pieces = moving_mean(z), _straight_pieces(z)
+    if len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED and not fading(pieces, digit) < FILTERED:
+        wiped = wiped_out(pieces)
+        mean = (mean or wiped) if wiped else 0.0
+    return SensorTraces(
+        mean_columns=mean,
+        mean_frames=moving_mean(series) if _bends(series) < _bends(z) else 0.0,  # else the part moves in the view
+        held_end_share=_filled_share(many, digit),
+    )
 
 
-def overshoot_columns(z: Float) -> float:
-    """How many returns lie on neither side of a jump in rows of ranges (n, M), in the median; 0: none overshoots.
-
-    A smoothing filter that leaves much of the noise alone has weights below 0 beside those above: it overshoots a jump
-    on both sides, and takes as many returns from the faces as it is wide. A steep face lies between the sides, and so
-    does what a pixel returns that sees both.
-
-    Example:
-        >>> z = np.repeat([[0.0] * 10 + [30.0] * 10], 40, axis=0) + np.random.default_rng(0).normal(0, 0.01, (40, 20))
-        >>> filtered = np.apply_along_axis(np.convolve, 1, z, np.array([-3, 12, 17, 12, -3]) / 35, "valid")
-        >>> overshoot_columns(z), overshoot_columns(filtered)
-        (0.0, 4.0)
-    """
-    bend = np.abs(np.diff(z, n=2, axis=1))
-    if not np.isfinite(bend[:, 2:]).any():  # no jump with both its sides
-        return 0.0
-    straight = bend < OUTLIERS * np.nanmedian(bend)
-    side = np.pad(np.lib.stride_tricks.sliding_window_view(straight, SIDE - 2, axis=1).all(axis=2), ((0, 0), (1, 1)))
-    row, last = np.nonzero(side[:, 1:-1] & ~side[:, 2:])
-    rows, first = np.nonzero(side[:, 1:-1] & ~side[:, :-2])
-    size = z.shape[1]
-    after = np.searchsorted(rows * size + first, row * size + last + SIDE)
-    row, last, after = row[after < len(first)], last[after < len(first)] + SIDE - 1, after[after < len(first)]
-    apart = np.where(rows[after] == row, first[after] - last, ACROSS)
-    row, last, apart = row[apart < ACROSS], last[apart < ACROSS], apart[apart < ACROSS]
-    at = np.arange(1 - SIDE, ACROSS + SIDE)
-    values = z[row[:, None], np.minimum(last[:, None] + at, size - 1)]  # from the beginning of the one side
-    line, begins = np.linalg.pinv(np.vander(np.arange(SIDE), 2)).T, SIDE - 1 + apart[:, None]
-    near, far = values[:, :SIDE] @ line, np.take_along_axis(values, begins + np.arange(SIDE), axis=1) @ line
-    near = near[:, :1] * (at + SIDE - 1) + near[:, 1:]
-    jump = far[:, :1] * (at - apart[:, None]) + far[:, 1:] - near
-    between = (at > 0) & (at < apart[:, None])
-    jumps = np.where(between, np.abs(jump) > JUMP_MM, True).all(axis=1) & (apart > 1)
-    share = np.full(values.shape, np.nan)
-    np.divide(values - near, jump, out=share, where=between & jumps[:, None])
-    below, beyond = share < -OF_NO_SIDE, share > 1.0 + OF_NO_SIDE
-    of_none = below | beyond | ((share > OF_NO_SIDE) & (share < 1.0 - OF_NO_SIDE))
-    found = (of_none.sum(axis=1) * below.any(axis=1) * beyond.any(axis=1))[jumps]
-    return float(np.median(found)) if len(found) >= LEAST_JUMPS else 0.0
+def some(grid: AnyArray, count: int = SAMPLE) -> AnyArray:
+    """So many frames of a grid (N, M), evenly."""
+    return np.asarray(grid[np.unique(np.linspace(0, len(grid) - 1, count).astype(int))])
 
 
 def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
@@ -149,7 +84,7 @@ def shared_range(z_mm: AnyArray) -> tuple[float, float] | None:
 
     Only 0, the least and the greatest one are looked at: what sensors write for no return, or where they saturate.
     """
-    rows = z_mm[np.unique(np.linspace(0, len(z_mm) - 1, SAMPLE).astype(int))]
+    rows = some(z_mm)
     found, count = np.unique(rows[np.isfinite(rows)], return_counts=True)
     if len(found) < FEW:
         return None
@@ -178,7 +113,7 @@ def _filled_share(z: Float, digit_mm: float) -> float:
     a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
     of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself.
     """
-    found, spread = 0.0, _bends(z[:, ::APART]) / 0.6745 / math.sqrt(6.0)  # of 1, -2, 1
+    found, spread = 0.0, _bends(z[:, ::APART]) / BEND_OF_NOISE
     if not digit_mm <= spread < math.inf:
         return 0.0
     for way in (z, z[:, ::-1]):
@@ -296,17 +231,23 @@ def _series(z_mm: AnyArray, pass_index: Int) -> Float:
     return np.asarray(z_mm[at[None, start : start + BLOCK], columns[:, None]].astype(np.float64))
 
 
-def _blind(off: Float, columns: float) -> bool:
-    """Whether rows (n, PIECE) hold nothing at the periods of a mean over so many columns, which it wipes out.
+def wiped_out(rows: Float) -> float:
+    """The longest period that rows of noise (n, PIECE) lack, while longer and shorter ones are there, columns; or 0.
 
-    A rough surface is smooth from column to column too, but the sensor's own noise is there at every period. The power
-    is compared with that between these periods. Unknown where there are too few rows, or too short ones: then True.
+    A mean over columns has such periods, and so has a filter that leaves much of the noise alone. Noise of any other
+    origin changes smoothly with the period, and a rough surface adds to long ones.
+
+    Example:
+        >>> noise = np.random.default_rng(0).normal(size=(200, PIECE + 4))
+        >>> filtered = np.apply_along_axis(np.convolve, 1, noise, np.ones(5) / 5.0, "valid")
+        >>> wiped_out(noise[:, :PIECE]), round(wiped_out(filtered), 1)
+        (0.0, 5.0)
     """
-    if len(off) < LEAST_PIECES or columns > MOST_BLIND:
-        return True
-    null = np.arange(1.0, columns / 2.0 + 0.1) / columns
-    power = _powers(off, null, null + 0.5 / columns if columns > 2 else null - 0.125)
-    return bool(power[0] < BLIND * columns**2 * power[1])
+    power = np.array(_powers(rows, *PERIODS))
+    around = np.minimum(np.maximum.accumulate(power), np.maximum.accumulate(power[::-1])[::-1])
+    lacks = around > WIPED * power
+    first = int(lacks.argmax())
+    return float(1.0 / PERIODS[first + int(power[first : first + NEAR].argmin())][0]) if lacks.any() else 0.0
 
 
 def _off_trend(rows: Float) -> Float:
@@ -331,32 +272,12 @@ def _white(sigma: float) -> float:
     return sigma**2 * float((np.hanning(PIECE) ** 2).sum())
 
 
-def _pieces(grid: Float) -> Float:
-    count = grid.shape[1] // PIECE
-    return grid[:, : count * PIECE].reshape(-1, PIECE)
-
-
-def _off_line(x: Float, z: Float) -> tuple[Float, Bool]:
-    """Rows of z less their straight line over x, 0 where not used; and what was used. Outliers are left out."""
-    used = np.isfinite(x) & np.isfinite(z)
-    x, z = np.where(used, x, 0.0), np.where(used, z, 0.0)
-    for last in (False, False, True):
-        count = np.maximum(used.sum(axis=1, keepdims=True), 1)
-        u = np.where(used, x - (x * used).sum(axis=1, keepdims=True) / count, 0.0)
-        w = np.where(used, z - (z * used).sum(axis=1, keepdims=True) / count, 0.0)
-        slope = (u * w).sum(axis=1) / np.maximum((u * u).sum(axis=1), 1e-12)
-        off = w - u * slope[:, None]
-        if last:
-            break
-        middle = row_medians(np.where(used, np.abs(off), np.nan))
-        used = used & (np.abs(off) < OUTLIERS * middle[:, None] + 1e-9)
-    return off, used
-
-
-def _correlation(scaled: Float, used: Bool) -> Float:
-    """Mean product by lag of rows of unit variance, over that at lag 0."""
-    raw = _by_lag(scaled, used, LAGS + 1)
-    return np.asarray(raw / raw[0])
+def _straight_pieces(z: Float) -> Float:
+    """Pieces (n, PIECE) of rows of ranges (m, M) that returned as a whole, less their line; not bent or rough ones."""
+    pieces = z[:, : z.shape[1] // PIECE * PIECE].reshape(-1, PIECE)
+    off = _off_trend(pieces[np.isfinite(pieces).all(axis=1)])
+    size = off.std(axis=1)
+    return off[(size > LEAST_NOISE_MM) & (size < STRAIGHT * np.median(size))] if size.size else off
 
 
 def _by_lag(values: Float, used: Bool, lags: int) -> Float:
@@ -395,7 +316,7 @@ def moving_mean(z: Float) -> float:
     return float(best) if products[best] < MEAN_CORRELATION * products[0] else 0.0
 
 
-def _step(values: AnyArray) -> float:
+def step_mm(values: AnyArray) -> float:
     """The step of which all values are multiples, as far as float32 can tell; 0: none."""
     found = np.unique(values[np.isfinite(values)])
     if len(found) < 3:
@@ -415,17 +336,13 @@ def _step(values: AnyArray) -> float:
     return step if np.percentile(off, 95) < STEP_SHARE * step + 4.0 * digit else 0.0
 
 
-def _uneven_step(x: AnyArray) -> float:
-    """The step to which lateral places were rounded, where that made their spacing uneven; else 0."""
-    step = _step(x)
-    if step == 0.0:
-        return 0.0
-    spacing = np.diff(x.astype(np.float64), axis=1)
-    spacing = np.abs(spacing[np.isfinite(spacing)])
-    if not spacing.size:
-        return 0.0
-    uneven = float((np.abs(spacing - np.median(spacing)) > 0.5 * step).mean())
-    return step if uneven > UNEVEN_SHARE else 0.0
+def uneven_step_mm(x_mm: AnyArray, z_mm: AnyArray) -> float:
+    """The step to which lateral places of a grid (N, M) were rounded, where that made their spacing uneven; else 0."""
+    x = np.where(np.isfinite(some(z_mm)), some(x_mm), np.nan)  # any x may be written for lost returns
+    step, spacing = step_mm(x), np.abs(np.diff(x, axis=1))
+    spacing = spacing[np.isfinite(spacing)]
+    uneven = np.abs(spacing - np.median(spacing)) > 0.5 * step if spacing.size else np.zeros(1, bool)
+    return step if uneven.mean() > UNEVEN_SHARE else 0.0
 
 
 def uneven_share(grid: AnyArray) -> float:
@@ -433,7 +350,7 @@ def uneven_share(grid: AnyArray) -> float:
 
     NaN: no two neighbours are seen.
     """
-    step = np.diff(grid[np.unique(np.linspace(0, len(grid) - 1, FEW).astype(int))].astype(np.float64), axis=1)
+    step = np.diff(some(grid, FEW).astype(np.float64), axis=1)
     usual = row_medians(step)[:, None]
     known = np.isfinite(step)
     return float((np.abs(step - usual) >= EVEN * np.abs(usual))[known].mean()) if known.any() else float("nan")
@@ -441,11 +358,7 @@ def uneven_share(grid: AnyArray) -> float:
 
 def column_pitch_mm(x_mm: AnyArray) -> float:
     """Mean distance of neighbouring columns of some frames (N, M); NaN: there is none."""
-    return _pitch(x_mm[np.unique(np.linspace(0, len(x_mm) - 1, FEW).astype(int))].astype(np.float64))
-
-
-def _pitch(x: Float) -> float:
-    spacing = np.abs(np.diff(x, axis=1))
+    spacing = np.abs(np.diff(some(x_mm, FEW).astype(np.float64), axis=1))
     spacing = spacing[np.isfinite(spacing)]
     return float(spacing.mean()) if spacing.size else float("nan")
 

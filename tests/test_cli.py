@@ -122,27 +122,6 @@ def test_a_name_that_no_file_system_takes_is_refused_in_one_line(command: Any, p
     assert "File name too long" in got.err
 
 
-@pytest.mark.parametrize("stream", ["/dev/full", None])
-def test_results_stay_where_they_are_if_nobody_can_be_told(tmp_path: Path, stream: str | None) -> None:
-    """A full or closed standard output; the run is done all the same."""
-    if stream and not Path(stream).exists():
-        pytest.skip(f"no {stream} here")
-    pipeline = ROOT / "pipelines" / "inspect_bevel.json"
-    command = [sys.executable, "-m", "workbench", "run", str(pipeline), "--no-report", "--out", str(tmp_path / "out")]
-    closing = "import os, sys; os.close(1); os.execv(sys.argv[1], sys.argv[1:])"
-    if stream is None:
-        done = subprocess.run([sys.executable, "-c", closing, *command], stderr=subprocess.PIPE, text=True, check=False)
-    else:
-        with open(stream, "w") as full:
-            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    errors = [line for line in done.stderr.splitlines() if line.startswith(("error:", "note:"))]
-    expected = [] if stream is None else ["error: standard output: cannot be written: No space left on device"]
-    assert (done.returncode, errors) == (2 if stream else 0, expected)
-    left = os.listdir(tmp_path / "out")
-    assert {"inspection.json", "run.json"} <= set(left)
-    assert not [name for name in left if name.endswith(".html") or name == "superseded"]
-
-
 def test_failure_half_way_shows_the_stage_and_one_error_line(command: Any, pipeline: Path, tmp_path: Path) -> None:
     (tmp_path / "part.txt").write_text("")
     got = command("run", pipeline, "--out", tmp_path / "out")
@@ -220,7 +199,8 @@ def test_help_imports_nothing_heavy() -> None:
     code = "import sys; from workbench.cli import main; main(['--help']); print(sorted(sys.modules), file=sys.stderr)"
     loaded = set(re.findall(r"'(\w+)", python("-c", code).stderr))
     assert "argparse" in loaded
-    assert not loaded & {"numpy", "pydantic", "numba", "open3d", "h5py", "rich", "scipy", "importlib.metadata", "json"}
+    heavy = {"numpy", "pydantic", "numba", "open3d", "h5py", "rich", "scipy", "importlib.metadata", "json", "fcl"}
+    assert not loaded & {*heavy, "matplotlib", "pinocchio", "pyvista", "skimage", "vtkmodules"}
 
 
 def test_module_runs_and_closed_pipe_is_no_error(tmp_path: Path) -> None:
@@ -251,7 +231,11 @@ def test_streams_that_cannot_be_written(tmp_path: Path, redirect: str, status: i
     )
     assert got.returncode == status
     assert "Traceback" not in got.stderr
-    assert (tmp_path / "out" / "a.txt").exists() == ("x=1" not in redirect)  # the run itself was good
+    if redirect == ">/dev/full":
+        assert got.stderr.splitlines()[-1] == "error: standard output: cannot be written: No space left on device"
+    assert (tmp_path / "out").exists() == ("x=1" not in redirect)
+    if "x=1" not in redirect:  # the run itself was good
+        assert {*os.listdir(tmp_path / "out")} == {"a.txt", "run.json"}
 
 
 SLEEPER = """

@@ -10,9 +10,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+
+from tests.printing import sheets
 
 from .conftest import PART, ROOT, SCAN, SHIPPED, Ended
 from .hdf import write
@@ -102,6 +105,11 @@ def test_page_needs_no_network_and_escapes_names(full: Ended) -> None:
     assert "&lt;script&gt;alert(" in page
     for section in full.read()["sections"]:
         assert any(f"{section['root_mm']:.{digits}f}" in page for digits in (2, 3, 4))
+
+
+def test_page_prints_on_few_sheets(full: Ended, browser: Any) -> None:
+    """Pictures and provenance included."""
+    assert 1 < sheets(browser, full.directory / "report.html") <= 4
 
 
 @pytest.mark.skipif(CHECKER is None, reason="check_contract.py is not beside this checkout")

@@ -42,19 +42,9 @@ def _of_x(make: Callable[[np.ndarray, np.random.Generator], np.ndarray]) -> Call
     )
 
 
-NOT_EDGES: dict[str, Callable[[Arrays], Arrays]] = {
-    "flat plate": _of_x(lambda x, r: 100 + 0.4 * x + r.normal(0, 0.012, x.shape)),
-    "corner of 90 deg": _of_x(lambda x, r: 100 + np.abs(x) + r.normal(0, 0.012, x.shape)),
-    "noise": _of_x(lambda x, r: r.uniform(80, 120, x.shape)),
-    "cylinder": _of_x(lambda x, r: 130 - np.sqrt(900 - x**2) + r.normal(0, 0.012, x.shape)),
-    "step": _of_x(lambda x, r: 100 + 5 * (x > 0) + r.normal(0, 0.012, x.shape)),
-    "constant": _of_x(lambda x, r: 0 * x),
-}
-
-
-@pytest.mark.parametrize("kind", NOT_EDGES)
-def test_what_is_no_milled_edge_is_refused(kind: str, run: Run, setting: Setting, folder: Path) -> None:
-    arrays = NOT_EDGES[kind](record(Part(), [SHORT], setting))
+def test_a_sensor_that_says_nothing_is_refused(run: Run, setting: Setting, folder: Path) -> None:
+    """Shapes that are no bevel: tests/checks/test_faces.py."""
+    arrays = _of_x(lambda x, r: 0 * x)(record(Part(), [SHORT], setting))
     refused(run(write(folder / "odd.h5", arrays)), "odd.h5")
 
 

@@ -102,12 +102,13 @@ def test_python_warnings_of_a_stage_are_results(demo_document: Doc, tmp_path: Pa
         assert Pipeline(demo_document, base_dir=tmp_path).run().warnings == ["demo.warn: few points"]
 
 
-@pytest.mark.parametrize("name", ["../escape.html", "run.json", "", ".hidden", "a/b", "inspection.json", "a\nb"])
-def test_document_cannot_leave_its_place(demo_document: Doc, tmp_path: Path, name: str) -> None:
+def test_document_cannot_take_another_file_s_place(demo_document: Doc, tmp_path: Path) -> None:
+    """Names that leave the folder: tests/security/test_names.py."""
+
     @stage("demo.rogue")
     def rogue(inspection: Inspection) -> Document:
         """Name a file that is not its own."""
-        return Document(name, b"")
+        return Document("inspection.json", b"")
 
     demo_document["stages"].append({"stage": "demo.rogue"})
     with pytest.raises(PipelineError, match="expected a file name of its own"):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.printing import sheets
 from workbench.artefacts import Part, Uncertainty, Unseen
 from workbench.batch.fleet import MOST_PARTS
 from workbench.batch.fleet import page as fleet_page
@@ -15,7 +14,6 @@ from workbench.batch.part import Record
 from workbench.cloud import denoise
 from workbench.edge import segment_groove
 from workbench.inspect import groove as inspect_groove
-from workbench.pipeline import Pipeline
 from workbench.report import closed_loop, html, inspection, plan
 from workbench.report import groove as report_groove
 from workbench.scan import fuse, read
@@ -171,9 +169,3 @@ def test_no_heading_stands_over_nothing(page, media):
 
 def test_every_text_is_dark_enough(page):
     assert page.evaluate(CONTRAST) == []
-
-
-def test_a_report_prints_on_few_pages(browser, tmp_path):
-    """A shipped pipeline as it runs, pictures and provenance included; tests/acceptance prints the measured loop's."""
-    Pipeline.load(ROOT / "pipelines" / "inspect_bevel.json").run(tmp_path / "out")
-    assert 1 < sheets(browser, tmp_path / "out" / "report.html") <= 4

@@ -163,20 +163,8 @@ def test_html_that_reaches_outside_is_refused(stranger, html, pipeline_file, com
 @pytest.mark.parametrize(
     "name",
     [
-        "../x",
-        "a/b",
-        "/tmp/x",
-        "..",
-        ".",
-        "",
-        ".hidden",
-        "a\\b",
-        "run.json",
-        "a\nb",
-        "a\x00b",
-        "\x1b[31m",
-        "C:\\x",
-        "a\u202eb",
+        *("../x", "a/b", "/tmp/x", "..", ".", "", ".hidden", "a\\b", "run.json"),
+        *("a\nb", "a\x00b", "\x1b[31m", "C:\\x", "a\u202eb"),
     ],
 )
 def test_a_result_can_only_be_a_visible_file_in_the_folder(stranger, name, pipeline_file, command, tmp_path):

@@ -190,7 +190,7 @@ def _with_scales(
         if worst is not None:
             free = (free[0] or worst == 0, free[1] or worst == 1)
             scales = scales_of(answer, profiles, recording, sensor, free, stated_u)
-        elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * _u(scales)[list(free)]).all():
+        elif not any(free) or (np.abs(scales.error - sensor.error)[list(free)] < NEAR * scales.u[list(free)]).all():
             break
         sensor = dataclasses.replace(sensor, error=np.where(free, scales.error, 0.0))
     return Sized(answer, view, scales, sensor)
@@ -201,10 +201,6 @@ def _view(profiles: SphereProfiles, recording: Recording, sensor: Sensor | None 
     x, z = (recording.x_mm.astype(float), recording.z_mm.astype(float)) if sensor is None else sensor.true(recording)
     circle = profiles.circle if sensor is None else rescaled(profiles, recording, sensor).circle
     return view_of_points(x[profiles.frame], z[profiles.frame], circle)
-
-
-def _u(scales: Scales) -> Float:
-    return np.sqrt(np.diag(scales.covariance))
 
 
 def _by_method(method: Method, answer: Answer, design: Float | None, seed: int, where: str) -> Settled:
@@ -272,7 +268,7 @@ def _calibration(
             (1.0 + float(sized.sensor.error[0]), 1.0 + float(sized.sensor.error[1])),
             (float(sized.sensor.middle_mm[0]), float(sized.sensor.middle_mm[1])),
         ),
-        sensor_scale_u=(float(_u(sized.scales)[0]), float(_u(sized.scales)[1])),
+        sensor_scale_u=(float(sized.scales.u[0]), float(sized.scales.u[1])),
         sphere_center_mm=estimate.center_mm,
         sphere_radius_mm=estimate.radius_mm,
         covariance=frozen(covariance),

@@ -13,6 +13,7 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from workbench.api import (
     DEG,
@@ -27,7 +28,6 @@ from workbench.api import (
     frozen,
     pose_from,
     quaternion_from_rotation,
-    rotation_from_quaternion,
     rotation_from_vector,
     stage,
 )
@@ -252,8 +252,7 @@ def _limits(
     calibration: Calibration, recording: Recording, turn_deg: tuple[float, float], half_mm: tuple[float, float]
 ) -> Limits:
     """About the mean orientation of the recording and the middle of its view, at the mean distance seen."""
-    U, _, V = np.linalg.svd(rotation_from_quaternion(recording.robot_quaternion_wxyz).sum(axis=0))
-    mean = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    mean = Rotation.from_quat(recording.robot_quaternion_wxyz, scalar_first=True).mean().as_matrix()
     x = float(np.nanmin(recording.x_mm) + np.nanmax(recording.x_mm)) / 2
     z = float(calibration.centre_mm[calibration.used, 2].mean())
     cone, roll = (angle * DEG for angle in turn_deg)

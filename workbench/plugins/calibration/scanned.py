@@ -86,13 +86,8 @@ class Scanner:
 def start_center(estimate: Estimate, seen: Observations, noise: Noise) -> Estimate:
     """Where a sphere stood, roughly: of all frames and both signs of y the centre that fits all best."""
     h = np.sqrt(np.maximum(noise.radius_mm**2 - seen.circle[:, 2], 0.0))
-    best: tuple[float, Estimate] | None = None
-    for sign in (1.0, -1.0):
-        centre = np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1)
-        for point in to_base(centre, estimate, seen):
-            one = dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm)
-            off = np.median(np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1))
-            if best is None or off < best[0]:
-                best = float(off), one
-    assert best is not None
-    return best[1]
+    centres = [np.stack([seen.circle[:, 0], sign * h, seen.circle[:, 1]], axis=1) for sign in (1.0, -1.0)]
+    points = np.concatenate([to_base(centre, estimate, seen) for centre in centres])
+    tried = [dataclasses.replace(estimate, center_mm=point, radius_mm=noise.radius_mm) for point in points]
+    off = [np.linalg.norm(linearise(one, seen, noise).residual[:, :2], axis=1) for one in tried]
+    return tried[int(np.argmin(np.median(off, axis=1)))]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from workbench.api import (
     DEG,
@@ -123,8 +124,7 @@ class Tracking:
         for _ in range(START_ROUNDS):
             at = np.einsum("nij,nj->ni", seen.flange[:, :3, :3], points[seen.target]) + seen.flange[:, :3, 3]
             a, b = np.average(at, axis=0, weights=weight), np.average(seen.place_mm, axis=0, weights=weight)
-            left, _, right = np.linalg.svd((weight[:, None] * (seen.place_mm - b)).T @ (at - a))  # Kabsch
-            turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+            turn = Rotation.align_vectors(seen.place_mm - b, at - a, weight)[0].as_matrix()
             frame = pose_from(turn, b - turn @ a)
             back = inverse(frame @ seen.flange)
             local = np.einsum("nij,nj->ni", back[:, :3, :3], seen.place_mm) + back[:, :3, 3]

@@ -54,6 +54,11 @@ class Scales:
     chance: Shaped[Float, " 2"]  # of an error by itself over its u that large, by residuals as large as they are
 
     @property
+    def u(self) -> Float:
+        """Standard uncertainties (2,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
     def contradicted(self) -> int | None:
         """The axis whose stated scale the data contradict most."""
         chance = np.where(self.free, 1.0, self.chance)
@@ -248,9 +253,9 @@ def warnings(
         said.append(f"{len(gross)} of {len(found.used)} postures rejected as gross (frames {which})")
     if found.misfit:
         said.append(_misfit(answer, stated, systematic_mm))
-    for axis, free, error, variance in zip(AXES, scales.free, scales.error, np.diag(scales.covariance), strict=True):
+    for axis, free, error, u in zip(AXES, scales.free, scales.error, scales.u, strict=True):
         if free:
-            size = f"{abs(100 * error):.1f} ± {100 * math.sqrt(variance):.1f} % too {'long' if error > 0 else 'short'}"
+            size = f"{abs(100 * error):.1f} ± {100 * u:.1f} % too {'long' if error > 0 else 'short'}"
             said.append(
                 f"the profiler's {axis} is {size}: taken out here, and of scans that use this calibration; check the "
                 "sensor's scale in that axis"

@@ -305,14 +305,12 @@ def _point_rms(
     used: Bool,
 ) -> float:
     """RMS distance of the measured points from the sphere, over the postures that count."""
-    squares = []
-    for frames, centre, good in zip(seen.frames, linear.centre, used, strict=True):
-        for frame in frames if good else ():
-            here = profiles.on_arc[frame]
-            x, z = points[0][frame, here], points[1][frame, here]
-            distance = np.sqrt((x - centre[0]) ** 2 + centre[1] ** 2 + (z - centre[2]) ** 2)
-            squares.append((distance - estimate.radius_mm) ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+    pairs = [(frame, k) for k in np.flatnonzero(used) for frame in seen.frames[k]]
+    frame, k = np.array(pairs).T
+    x, y, z = np.moveaxis(linear.centre[k, :, None], 1, 0)
+    distance = np.sqrt((points[0][frame] - x) ** 2 + y**2 + (points[1][frame] - z) ** 2)
+    off = distance[profiles.on_arc[frame]] - estimate.radius_mm
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def hand_eye_document(found: Calibration) -> Document:

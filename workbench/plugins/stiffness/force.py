@@ -30,6 +30,7 @@ from workbench.plugins.stiffness.coefficients import NAMES, PUBLISHED, CuttingCo
 from workbench.plugins.stiffness.elastic import MM
 from workbench.plugins.stiffness.values import CuttingProcess, LayerForce, MillingForce
 
+DEPTHS = ("radial_mm", "axial_mm")  # of a layer, which the file of its forces does not repeat
 STAND_IN = "al7075_t6"  # of a plate whose material nobody states
 Pressure = Annotated[float, Field(ge=0, le=1e5)]
 Six = tuple[Pressure, Pressure, Pressure, Pressure, Pressure, Pressure]
@@ -179,14 +180,7 @@ def _document(found: MillingForce, part: Part) -> bytes:
             "coefficients": found.source,
             "spindle_rpm": found.spindle_rpm,
             "layers": [
-                {
-                    "index": layer.index,
-                    "arc_length_mm": layer.arc_length_mm,
-                    "mean_n": layer.mean_n,
-                    "peak_n": layer.peak_n,
-                    "torque_nm": layer.torque_nm,
-                    **({} if layer.u_mean_n is None else {"u_mean_n": layer.u_mean_n}),
-                }
+                {name: one for name, one in asdict(layer).items() if name not in DEPTHS and one is not None}
                 for layer in found.layers
             ],
         }

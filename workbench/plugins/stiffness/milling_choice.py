@@ -66,7 +66,6 @@ class Chosen:
 
     def words(self, margin: float) -> str:
         """The choice in words."""
-        one = self.fastest
         asked, one = f"a margin of {margin:g} less U", self.fastest
         failed = sum(self.faster.values(), Counter[str]()) if one is None else self.faster[one.direction]
         why = ", ".join(f"{what} {count}" for what, count in failed.most_common())

@@ -108,13 +108,16 @@ def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, is_all
 
     Cells that stand off by one height tell the face's shape with its own.
     """
-    told = _told(value - face, u)
+    told, stiffness = _told(value - face, u), None
     for _ in range(MOST_ROUNDS):
         known = np.maximum(told.own, told.even)
         if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
             return None
         shown = np.where(told.even > told.own, value - told.height, value)
-        course = fit_course(s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN))
+        course = fit_course(
+            s, np.where(known > LEAST_OWN, shown, np.nan), u**2 / np.maximum(known, LEAST_OWN), stiffness=stiffness
+        )
+        stiffness = course.stiffness
         sigma = u if is_all else u * math.sqrt(course.noise_factor)
         before, told = told.own, _told(value - course.value(s), sigma)
         if np.abs(told.own - before).max() < SETTLED:
@@ -141,7 +144,7 @@ def _height_u(s: Float, value: Float, u: Float, told: _Told) -> Float:
 
 def _clean(off: Float, u: Float) -> Float:
     """Logarithmic densities of cells `off` (c,) the face that show its own end."""
-    return np.log(np.exp(-0.5 * (off / u) ** 2) / (u * math.sqrt(2.0 * math.pi)) + STRAY)
+    return np.log(np.exp(-0.5 * (off / u) ** 2) / (FULL * u) + STRAY)
 
 
 class _Told(NamedTuple):
@@ -156,7 +159,7 @@ class _Told(NamedTuple):
 def _told(off: Float, u: Float) -> _Told:
     """Of cells `off` (c,) the face, mm, with standard uncertainties (c,)."""
     below = -0.5 * (np.minimum(off, 0.0) / u) ** 2  # nothing off the face lies below it, but for noise
-    change, beside = np.diff(off, prepend=off[0]), np.sqrt(u**2 + np.append(u[:1], u[:-1]) ** 2)
+    change, beside = np.diff(off, prepend=off[0]), np.hypot(u, np.append(u[:1], u[:-1]))
     apart = np.hypot(RAGGED_MM, beside)
     ragged = below - np.log(math.pi * apart * (1.0 + (change / apart) ** 2))
     # Half of what a height costs where the stretch begins, half where it ends: the same from either side.

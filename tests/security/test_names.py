@@ -58,7 +58,7 @@ def texts():
     return {}
 
 
-@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+@pytest.mark.parametrize("name", [PROGRAM, NAMES["terminal"]], ids=["program", "terminal"])
 def test_a_part_that_is_milled(name, texts, hostile_part, pipeline_file, command, tmp_path):
     """The path is the same; names in programs are comments (tests/program/test_rapid.py)."""
     for part in {"plate", name} - {*texts}:

@@ -87,6 +87,13 @@ def off_design(rng: np.random.Generator, turn_deg: float = 20.0, shift_mm: float
     return pose_from(turn @ TRUE[:3, :3], TRUE[:3, 3] + shift_mm * way)
 
 
+def edited(row: str, labels: int, change: Any) -> str:
+    """A row of a table with `change` of the numbers behind its labels."""
+    cells = row.split(",")
+    values = change(np.array([float(cell) for cell in cells[labels:]]))
+    return ",".join([*cells[:labels], *(f"{v:.9f}" for v in values)])
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)

@@ -26,6 +26,7 @@ from bench.calibration.arm import (
     sphere,
 )
 from bench.metrology.sphere_truth import circles_of
+from tests.plugins.calibration.conftest import edited
 from workbench.api import (
     DEG,
     Float,
@@ -49,13 +50,8 @@ REAL = Path(__file__).parents[3].parent / "shared" / "data" / "real"
 def changed_readings(folder: Path, change: Any) -> Path:
     """The shipped readings with `change` of each row's joints (6,) and place (3,)."""
     note, header, *rows = (DATA / "tracker.csv").read_text().splitlines()
-    out = []
-    for row in rows:
-        target, *numbers = row.split(",")
-        values = change(np.array([float(v) for v in numbers]))
-        out.append(",".join([target, *(f"{v:.9f}" for v in values)]))
     path = folder / "readings.csv"
-    path.write_text("\n".join([note, header, *out]) + "\n")
+    path.write_text("\n".join([note, header, *(edited(row, 1, change) for row in rows)]) + "\n")
     return path
 
 
@@ -88,11 +84,8 @@ def test_a_joint_that_is_counted_from_elsewhere_is_told(tmp_path: Path) -> None:
 def test_postures_that_a_robot_comes_back_to_count_once(tmp_path: Path) -> None:
     """Nine readings of each, joints but for what a robot at rest shows: nothing is known better."""
     rng, note = np.random.default_rng(4), (DATA / "tracker.csv").read_text().splitlines()
-    again = []
-    for row in note[2:] * 8:
-        target, *numbers = row.split(",")
-        values = np.array([float(v) for v in numbers]) + np.r_[rng.normal(size=6) * 0.0005, rng.normal(size=3) * 0.002]
-        again.append(",".join([target, *(f"{v:.9f}" for v in values)]))
+    noise = np.repeat([0.0005, 0.002], [6, 3])
+    again = [edited(row, 1, lambda v: v + rng.normal(size=9) * noise) for row in note[2:] * 8]
     path = tmp_path / "readings.csv"
     path.write_text("\n".join([*note, *again]) + "\n")
     once, often = (

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.plugins.calibration.conftest import edited
 from workbench.api import DEG, Float, InputError, quaternion_from_rotation, rotation_from_vector
 from workbench.plugins.calibration import tcp as tcp_stage
 from workbench.plugins.calibration import turntable as turntable_stage
@@ -106,16 +107,6 @@ def test_a_distance_below_zero_is_refused(tmp_path: Path) -> None:
         calibrated(path)
 
 
-def changed(rows: list[str], change: Any) -> list[str]:
-    """Rows with `change` of their numbers (position, then quaternion, then the known reference)."""
-    out = []
-    for row in rows:
-        cells = row.split(",")
-        numbers = change(np.array([float(c) for c in cells[2:]]))
-        out.append(",".join([*cells[:2], *(f"{v:.9f}" for v in numbers)]))
-    return out
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -129,7 +120,7 @@ def changed(rows: list[str], change: Any) -> list[str]:
     ids=["inches", "metres", "conjugate"],
 )
 def test_positions_in_another_unit_and_turned_round_poses_are_refused(tmp_path: Path, change: Any, words: str) -> None:
-    rows = changed(touch_rows(np.random.default_rng(12)), change)
+    rows = [edited(row, 2, change) for row in touch_rows(np.random.default_rng(12))]
     with pytest.raises(InputError, match=words):
         calibrated(touch_file(tmp_path, rows))
 

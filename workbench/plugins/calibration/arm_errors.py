@@ -27,7 +27,7 @@ from workbench.api import (
     Shaped,
     pieces,
 )
-from workbench.plugins.calibration.tables import results, sentence
+from workbench.plugins.calibration.tables import beside, results, sentence
 
 if TYPE_CHECKING:  # the robot's libraries are heavy: a calibration without a cell does not load them
     from workbench.api import Chain
@@ -144,10 +144,7 @@ def _ways(chain: Chain, k: int) -> list[Float]:
 
 def _across(axis: Float) -> Float:
     """Two unit vectors square to an axis, along the base's axes where that is possible."""
-    along = np.eye(3)[np.argsort(np.abs(axis), kind="stable")]
-    first = along[0] - (along[0] @ axis) * axis
-    first = first / np.linalg.norm(first)
-    second = np.cross(axis, first)
+    first, second, _ = beside(axis)
     return np.stack([first, second * np.sign(second[np.argmax(np.abs(second))])])
 
 

@@ -33,9 +33,11 @@ from workbench.api import (
 )
 from workbench.plugins.calibration.scanned import UNSAID, Places, Scanner
 from workbench.plugins.calibration.tables import (
+    beside,
     check_misfit,
     enough,
     fit_words,
+    frame_by,
     noisy,
     refuse_open,
     results,
@@ -123,10 +125,10 @@ class _Turning:
     def begun(self) -> Axis:
         """The best of fits from directions all about: for one direction point and markers follow at once."""
         zero = np.zeros((self.marks.markers, 3))
-        starts = [Axis(self.middle, _beside(one), zero) for one in Rotation.create_group("I").as_matrix()[:, 2]]
+        starts = [Axis(self.middle, beside(one), zero) for one in Rotation.create_group("I").as_matrix()[:, 2]]
         rough = sorted((estimator.fit(self, one, steps=2) for one in starts), key=lambda one: one.chi2)
         best = min((estimator.fit(self, one.at) for one in rough[:TRIED]), key=lambda one: one.chi2).at
-        return replace(best, frame=_beside(best.frame[2]))  # the same from whatever start
+        return replace(best, frame=beside(best.frame[2]))  # the same from whatever start
 
 
 @stage("calibrate.turntable")
@@ -299,18 +301,6 @@ def worst(axis: Axis, covariance: Float, points_mm: Float, reach_mm: float) -> t
     return u, way @ axis.frame[:2]
 
 
-def _frame(direction: Float, near: Float) -> Float:
-    """Rows: two unit vectors square to a unit vector, the first by `near`, and that vector."""
-    a = near - (near @ direction) * direction
-    a = a / np.linalg.norm(a)
-    return np.stack([a, np.cross(direction, a), direction])
-
-
-def _beside(direction: Float) -> Float:
-    """`_frame` by the base's axis that is most square to the vector."""
-    return _frame(direction, np.eye(3)[np.argmin(np.abs(direction))])
-
-
 def _turned(at: Axis, turn: Float) -> Axis:
     direction = at.frame[2] + turn @ at.frame[:2]
-    return replace(at, frame=_frame(direction / np.linalg.norm(direction), at.frame[0]))
+    return replace(at, frame=frame_by(direction / np.linalg.norm(direction), at.frame[0]))

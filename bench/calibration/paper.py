@@ -22,7 +22,7 @@ from bench.peers.genetic import evolve
 from bench.tables import markdown
 from workbench.geometry.poses import pose_from, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from workbench.marks import FACES, GREY, MEASURED
-from workbench.plugins.calibration.methods import Centres, _Pairs, translation
+from workbench.plugins.calibration.methods import BOX_MM, Centres, _Pairs, translation
 from workbench.units import DEG, Float
 
 CENTER_MM = np.array([1890.33, 241.48, 1079.72])  # the paper's sphere
@@ -80,10 +80,6 @@ def vol_mm(pose: Float) -> float:
     corners = np.array([[a * 16 / np.sqrt(3), 0.0, b * 20 / np.sqrt(3)] for a in (-1, 1) for b in (-1, 1)])
     off = corners @ (pose - TRUE)[:3, :3].T + (pose - TRUE)[:3, 3]
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
-
-
-BOX_MM = 50.0
-SHARED_RAD = 0.1 * DEG
 
 
 def sharing(seen: Centres) -> tuple[Float, Float]:

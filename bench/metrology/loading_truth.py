@@ -41,26 +41,23 @@ def known(condition: str) -> Known:
     cell = read_cell(CELL)
     assert cell.loading is not None
     targets = TARGETS if condition.endswith("points") else 0
-    labels, joints, wrench = _planned(cell, condition, targets) if "planned" in condition else _paper(cell, condition)
+    lever = np.array([[LEVER_MM, 0.0, 0.0]])
+    at = lever if condition == "one_lever" else cell.loading.load_points_mm - cell.loading.flange_from_sensor[:3, 3]
+    labels, joints, wrench = _planned(cell, condition, targets) if "planned" in condition else loads_at(at)
     exact = simulate_tests(cell.chain, cell.loading, K, joints, wrench, labels, targets=targets)
     return Known(cell, cell.loading, exact, _bound(cell, cell.loading, exact, targets))
 
 
-def noisy(truth: Known, seed: int) -> LoadingTests:
+def noisy(exact: LoadingTests, setup: LoadingSetup, seed: int) -> LoadingTests:
     """The tests with the cell's noise on wrench and displacement."""
-    rng, setup, exact = np.random.default_rng(seed), truth.setup, truth.exact
+    rng = np.random.default_rng(seed)
     wrench = exact.wrench + rng.normal(size=exact.wrench.shape) * _wrench_noise(setup)
     moved = exact.moved + rng.normal(size=exact.moved.shape) * _row_noise(setup, exact.points)
     return dataclasses.replace(exact, wrench=wrench, moved=moved)
 
 
-def _paper(cell: Cell, condition: str) -> tuple[tuple[str, ...], Float, Float]:
-    """Table A1's postures: opposite forces along the sensor's axes at the load points, or at one lateral lever."""
-    setup = cell.loading
-    assert setup is not None
-    at = setup.load_points_mm - setup.flange_from_sensor[:3, 3]
-    if condition == "one_lever":
-        at = np.array([[LEVER_MM, 0.0, 0.0]])
+def loads_at(at: Float) -> tuple[tuple[str, ...], Float, Float]:
+    """Labels, joints and wrenches: opposite forces along the sensor's axes, at (m, 3) from it, mm, in Table A1."""
     rows = [
         (str(i), q, np.concatenate([f, np.cross(p, f) / 1e3]))
         for i, q in enumerate(abb_angles(np.radians(TABLE_A1_DEG), "dh"), 1)

@@ -23,7 +23,7 @@ PLANNED_GOAL, LOADS_GOAL = 0.05, 40  # all six joints within 5 % in 95 % of case
 def measure(condition: str, seed: int) -> Row:
     """Errors of the six joints, their bound and stated u, relative; squared error by the stated covariance."""
     truth = known(condition)
-    tests = noisy(truth, seed)
+    tests = noisy(truth.exact, truth.setup, seed)
     start = time.process_time()
     found, notes = identify_from(truth.cell.chain, truth.setup, tests)
     taken = time.process_time() - start

@@ -29,10 +29,12 @@ def test_loads_are_the_papers_with_one_lever():
 
 def test_noise_is_that_of_the_cell_and_of_the_seed():
     truth = known("one_lever")
-    one, same, other = (noisy(truth, seed) for seed in (1, 1, 2))
+    one, same, other = (noisy(truth.exact, truth.setup, seed) for seed in (1, 1, 2))
     assert np.array_equal(one.wrench, same.wrench)
     assert not np.array_equal(one.wrench, other.wrench)
-    off = np.concatenate([(noisy(truth, seed).wrench - truth.exact.wrench)[:, :3] for seed in range(40)])
+    off = np.concatenate(
+        [(noisy(truth.exact, truth.setup, seed).wrench - truth.exact.wrench)[:, :3] for seed in range(40)]
+    )
     assert off.std() == pytest.approx(truth.setup.force_noise_n, rel=0.05)
 
 

@@ -1,6 +1,6 @@
 """The shipped cell, the paper's stiffness and postures, and loading tests simulated at them."""
 
-import dataclasses
+import functools
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.metrology.loading_truth import loads_at
+from bench.metrology.loading_truth import noisy as with_noise
 from workbench.plugins import stiffness as stages
 from workbench.plugins.stiffness.simulate_loads import loads_csv, simulate_tests
 from workbench.plugins.stiffness.values import TABLE_2_NM_PER_RAD, TABLE_A1_DEG, JointStiffness, LoadingTests
@@ -38,26 +40,15 @@ Make = Callable[..., LoadingTests]
 
 
 @pytest.fixture(scope="session")
-def exact(cell: Cell, table_a1: Float) -> Make:
+def exact(cell: Cell) -> Make:
     """`exact(targets)`: +-200 N along three axes at every load point and posture of Table A1, without noise."""
     setup = cell.loading
     assert setup is not None
-    made: dict[tuple[int, int], LoadingTests] = {}
 
-    def make(targets: int = 0, points: slice = slice(None)) -> LoadingTests:
-        key = (targets, points.stop or 0)
-        if key not in made:
-            rows = [
-                (str(i), q, np.concatenate([f, np.cross(p - setup.flange_from_sensor[:3, 3], f) / 1e3]))
-                for i, q in enumerate(table_a1, 1)
-                for p in setup.load_points_mm[points]
-                for f in 200.0 * np.vstack([np.eye(3), -np.eye(3)])
-            ]
-            labels, joints, wrench = zip(*rows, strict=True)
-            made[key] = simulate_tests(
-                cell.chain, setup, K, np.array(joints), np.array(wrench), labels, targets=targets
-            )
-        return made[key]
+    @functools.cache
+    def make(targets: int = 0, points: int | None = None) -> LoadingTests:
+        labels, joints, wrench = loads_at(setup.load_points_mm[:points] - setup.flange_from_sensor[:3, 3])
+        return simulate_tests(cell.chain, setup, K, joints, wrench, labels, targets=targets)
 
     return make
 
@@ -67,17 +58,7 @@ def noisy(cell: Cell, exact: Make) -> Make:
     """`noisy(seed, targets)`: the same with the cell's noise."""
     setup = cell.loading
     assert setup is not None
-
-    def make(seed: int, targets: int = 0, points: slice = slice(None)) -> LoadingTests:
-        clean, rng = exact(targets, points), np.random.default_rng(seed)
-        wrench = clean.wrench + rng.normal(size=clean.wrench.shape) * (
-            [setup.force_noise_n] * 3 + [setup.torque_noise_nm] * 3
-        )
-        tool = [setup.displacement_noise_mm] * 3 + [setup.rotation_noise] * 3
-        moved = clean.moved + rng.normal(size=clean.moved.shape) * (setup.target_noise_mm if targets else tool)
-        return dataclasses.replace(clean, wrench=wrench, moved=moved)
-
-    return make
+    return lambda seed, *which: with_noise(exact(*which), setup, seed)
 
 
 @pytest.fixture

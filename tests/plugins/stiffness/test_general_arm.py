@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.api import inverse, pose_from, quaternion_from_rotation, rotation_from_quaternion, rotation_from_vector
+from tests.program.paths import moved
+from workbench.api import inverse, pose_from, rotation_from_quaternion, rotation_from_vector
 from workbench.artefacts import Toolpath
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
@@ -113,9 +114,7 @@ def placed(path: Toolpath, cell: Cell, joints_deg: tuple[float, ...]) -> Toolpat
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = rotation_from_quaternion(layer.quaternion_wxyz[i]), layer.position_mm[i]
     move = forward_kinematics(cell.chain, np.radians(joints_deg)) @ cell.flange_from_cutter @ inverse(frame)
-    turn = move[:3, :3] @ rotation_from_quaternion(layer.quaternion_wxyz)
-    at = layer.position_mm @ move[:3, :3].T + move[:3, 3]
-    return replace(path, layers=(replace(layer, position_mm=at, quaternion_wxyz=quaternion_from_rotation(turn)),))
+    return moved(path, move)
 
 
 def test_an_ur_has_postures(ur: Cell) -> None:

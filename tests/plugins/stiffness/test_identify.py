@@ -85,7 +85,7 @@ def in_base(cell: Cell, q: Any, force: Any) -> Any:
 
 def test_in_line_tool_loses_joint_6(identified: Any, noisy: Any) -> None:
     with pytest.raises(InputError, match=r"joint 6 cannot be determined: every force acts through its axis"):
-        identified(noisy(8, 0, slice(0, 1)))
+        identified(noisy(8, 0, 1))
 
 
 @pytest.mark.parametrize(("force", "lost"), [([0, 0, 200], "joint 1 cannot"), ([0, 200, 0], "joints 2 and 3 cannot")])

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.program.paths import thinned as with_points
 from tests.seldom import seldom
 from workbench.api import inverse, rotation_from_vector
-from workbench.artefacts import Layer, PathGate, Toolpath
+from workbench.artefacts import PathGate, Toolpath
 from workbench.errors import InputError
 from workbench.path import read
 from workbench.plugins.stiffness import force, posture
@@ -41,10 +42,8 @@ COARSE: dict[str, Any] = {"step_deg": 30.0, "sampled_points": 100, "reach_mm": 1
 
 def thinned(path: Toolpath, every: int) -> Toolpath:
     """The last layer alone, one point in so many; no travels."""
-    last = path.layers[-1]
-    columns = [f.name for f in dataclasses.fields(Layer) if f.name not in ("index", "height_mm")]
-    layer = dataclasses.replace(last, **{name: getattr(last, name)[::every] for name in columns})
-    return dataclasses.replace(path, layers=(layer,), travels=())
+    last = dataclasses.replace(path, layers=path.layers[-1:], travels=())
+    return with_points(last, slice(None, None, every))
 
 
 @pytest.fixture(scope="module")

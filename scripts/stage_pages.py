@@ -109,15 +109,17 @@ def _markdown(text: str) -> str:
 
 def _items(parameters: Iterable[ParameterText], here: str, told: Mapping[str, str]) -> list[str]:
     """A line each, and one for those that another stage's page tells in many words."""
-    own, others = [], dict[str, list[str]]()
+    own, others, before = [], dict[str, list[str]](), here
     for one in parameters:
         text = _item(one)
         said = AS_IN.fullmatch(one.description)
         first = said[1] if said else told[text]
-        if first == here or not (said or len(one.description.split()) >= LONG):
+        if first == here or not (said or first == before or len(one.description.split()) >= LONG):
             own.append(text)
-        else:
+            before = here
+        else:  # `likewise` stays with what it refers to
             others.setdefault(first, []).append(f"`{_named(one)}`")
+            before = first
     return own + [f"- As in [`{first}`]({first}.md): {', '.join(some)}." for first, some in others.items()]
 
 

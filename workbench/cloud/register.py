@@ -31,7 +31,7 @@ def register(
     least_overlap: Annotated[float, Field(gt=0, le=1)] = 0.5,
     seed: Seed = 0,
 ) -> tuple[PointSet, Document]:
-    """Lay a cloud on a reference from no start: Open3D's features and RANSAC, then its point-to-plane ICP.
+    """Register a cloud without a start: Open3D's features and RANSAC, then point-to-plane ICP.
 
     The cloud comes back in the reference's frame, with the pose in `cloud_registration.json`. A covariance and open
     directions: `compare.register`.

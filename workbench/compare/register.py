@@ -135,7 +135,7 @@ def register(
     least_overlap: Annotated[float, Field(gt=0, le=1)] = 0.5,
     largest_rms_mm: Annotated[float, Field(gt=0, le=10)] = 0.15,
 ) -> tuple[Registration, Document]:
-    """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), coarse to fine, robust.
+    """Register a scan to another scan, a mesh or a plan: point-to-plane ICP (Open3D), robust.
 
     The scan's local planes are matched with the reference's. Open directions (a straight edge slides along itself) are
     named, and refused or held (docs/comparison.md).

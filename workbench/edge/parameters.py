@@ -47,7 +47,9 @@ EndU: TypeAlias = Annotated[
 RootNominal: TypeAlias = Annotated[
     float, Field(gt=0, le=50, description="expected root face; only tells the faces apart.")
 ]
-BevelNominal: TypeAlias = Annotated[float, Field(ge=20, le=70, description="expected bevel angle; likewise.")]
+BevelNominal: TypeAlias = Annotated[
+    float, Field(ge=20, le=70, description="expected bevel angle; only tells the faces apart.")
+]
 Limits: TypeAlias = Annotated[
     dict[str, float | tuple[float, float]],
     Field(

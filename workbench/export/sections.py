@@ -40,7 +40,7 @@ def sections(
     thickness_mm: Annotated[float, Field(gt=0, le=20)] = 0.5,
     reach_mm: Annotated[float, Field(ge=1, le=200)] = 25.0,
 ) -> Document:
-    """Write every section in its own plane as `sections.dxf`, or its points and corners as `section_points.csv`.
+    """Write every section in its plane as `sections.dxf`, or its points as `section_points.csv`.
 
     Coordinates are mm from the section's origin, along `normal` and `across`. The DXF holds a block a section: points,
     fitted lines, corners, sizes with standard uncertainties. The CSV has a row a point (with face, frame and column) or

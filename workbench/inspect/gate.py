@@ -26,7 +26,7 @@ def gate(
     ),
     least_measured_share: Annotated[float, Field(ge=0, le=1)] = LEAST_SHARE,
 ) -> Gate:
-    """Let a part through whose verdict is `pass`; any other rejects it, and the exit status of the run is then 1.
+    """Let a part through whose verdict is `pass`; any other gives the exit status 1.
 
     A part of which too little was measured does not pass either. The reason and the run's warnings say where
     `undecided`, or less than two thirds of the edge, was accepted.

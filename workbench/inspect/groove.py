@@ -81,7 +81,7 @@ def preparation(
     guard_factor: Annotated[float, Field(ge=0, le=5)] = 1.645,
     accept_conditions: tuple[Literal["window_end"], ...] = (),
 ) -> PreparationInspection:
-    """Measure the prepared edge of a plate in equidistant sections and judge what is required, as `inspect.groove`.
+    """Measure the prepared edge of a plate in equidistant sections and judge, as `inspect.groove`.
 
     Args:
         preparation: the measured edge.

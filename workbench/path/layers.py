@@ -91,7 +91,7 @@ def layers(
         v_slow_mm_s: feed while cutting (`path.feed` makes the rest faster).
         clearance_mm: height above stock and clamps in travel moves.
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
-        ramp_mm: length of edge in which it rises or falls.
+        ramp_mm: length of edge in which the cutter rises or falls.
         lead_mm: length of lead-in and lead-out.
         root_radius_mm: of a J preparation, milled by a ball end of this radius; 0: a bevel.
         smoothing_mm: over which the stock's upper edge is smoothed, to each side.

@@ -116,12 +116,12 @@ def rework(
         toolpath: that it was milled with: its cutter and depth of cut hold again; required is what was inspected for.
         cloud: the scan of the milled edge.
         overlap_mm: milled beyond each end of a failing stretch.
-        clearance_mm: as in `path.layers`: height above stock and clamps.
-        side_clearance_mm: as in `path.layers`: distance to a clamp beside the cutter.
-        ramp_mm: as in `path.layers`: length of edge in which the cutter rises or falls.
-        lead_mm: as in `path.layers`: length of lead-in and lead-out.
-        v_fast_mm_s: as in `path.feed`; the path is checked as by `path.check`.
-        acceleration_mm_s2: likewise.
+        clearance_mm: as in `path.layers`.
+        side_clearance_mm: as in `path.layers`.
+        ramp_mm: as in `path.layers`.
+        lead_mm: as in `path.layers`.
+        v_fast_mm_s: as in `path.feed`.
+        acceleration_mm_s2: as in `path.feed`.
 
     Raises:
         InputError: a raw edge, an inspection of another edge.

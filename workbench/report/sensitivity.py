@@ -180,7 +180,7 @@ def sensitivity(
     inspection_mm: Annotated[float | None, Field(ge=0, le=100)] = None,
     inspection_deg: Annotated[float | None, Field(ge=0, le=20)] = None,
 ) -> tuple[Chapter, Document]:
-    """What each link of the chain contributes to this part's root face and bevel angle, and what to improve first.
+    """What each link of the chain contributes to root face and bevel angle, and what to improve first.
 
     Standard uncertainties of the bevel face's place and direction, milled blindly and with a finishing pass corrected
     by a measured cut (docs/planning.md, "Which link costs how much").
@@ -195,8 +195,7 @@ def sensitivity(
         hand_eye_mm: standard uncertainty of a point by the hand-eye pose (three axes together); null: by the scan's
             covariance.
         hand_eye_deg: of its direction about the feed; null: by its file.
-        robot_calibration: a robot.json of `calibrate.tracker` or `calibrate.robot` that the controller was corrected
-            by: its u instead of robot_accuracy_mm.
+        robot_calibration: as in `path.layers`.
         robot_accuracy_mm: of the robot between scan and cut, along an axis.
         robot_repeatability_mm: of the robot along an axis.
         robot_deg: of its orientation between scan and cut.

@@ -65,7 +65,7 @@ def next_(
     edge_condition: EdgeCondition = "unknown",
     robot_noise_mm: RobotNoiseOrUsual = USUAL_NOISE_MM,
 ) -> tuple[Document | Chapter, ...]:
-    """Name the pass that would decide an inspection which ends undecided; nothing of one that is decided.
+    """Name the pass that would decide an undecided inspection.
 
     Of elevations 10 deg apart the one that decides most sections together with the passes that are there, by the u that
     `scan.plan` predicts. `next_scan.json` is an `edge` for `plan_scan.json`, which checks it against robot and
@@ -75,7 +75,7 @@ def next_(
         cloud: the recording that was inspected.
         edge: the measured edge.
         inspection: its verdict.
-        edge_condition: what is held possible of the lower edge.
+        edge_condition: as in `edge.segment`.
         sensor: a sensor.json; null: columns, field of view and noise of the recording.
 
     Example:

@@ -156,7 +156,7 @@ def plan(
     tool_stays: bool = True,
     z_away: bool = True,
 ) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
-    """Plan from where, in how many passes, to scan so that root face and bevel angle are known well enough.
+    """Plan from where, in how many passes, to scan so that U is as wanted.
 
     u is predicted for candidates of elevation, lead, frame pitch and turntable angle that robot, plate, fixtures and
     light paths allow (docs/scan_planning.md). The set of passes of least time that reaches the wanted U is chosen;

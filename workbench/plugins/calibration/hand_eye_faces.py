@@ -66,11 +66,11 @@ def hand_eye_faces(
             tracker found, on a straight line of its own.
         profile_noise_mm: least standard deviation of a point; more where the lines show more.
         corner_mm: of 'edge': points nearer to the corner, which may be rounded, are left out.
-        pose_noise_mm: standard deviation of a recorded flange position, each axis: the robot's repeatability.
-        pose_noise_deg: the same of its orientation.
+        pose_noise_mm: as in `calibrate.hand_eye`.
+        pose_noise_deg: as in `calibrate.hand_eye`.
         sensor_scale_u: standard uncertainty of the profiler's x and z, as a share.
         clock_search_s: greatest offset of the clocks, where the profiles have their own.
-        max_u_mm: largest predicted uncertainty over the field of view that is accepted; else the recording is refused.
+        max_u_mm: as in `calibrate.hand_eye`.
         root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
         bevel_tolerance_deg: likewise.
         bevel_deg: angle of that bevel.

@@ -128,15 +128,15 @@ def robot(
         recording: flange poses, all postures held still; the profiler's clock does not matter.
         cell: the cell file with the robot's URDF.
         joints: a CSV of each pass and its six joint angles in degrees (docs/howto/calibrate_robot.md).
-        pose_noise_mm: repeatability of a flange position, each axis.
-        pose_noise_deg: of its orientation, each axis.
-        sphere_radius_u_mm: standard uncertainty of the sphere's stated radius.
+        pose_noise_mm: as in `calibrate.hand_eye`.
+        pose_noise_deg: as in `calibrate.hand_eye`.
+        sphere_radius_u_mm: as in `calibrate.hand_eye`.
         offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
         max_u_mm: largest accepted u of the hand-eye pose over the field of view, as predicted.
-        root_tolerance_mm: of the root face that robot and profiler must serve.
+        root_tolerance_mm: as in `calibrate.hand_eye`.
         bevel_tolerance_deg: of its bevel angle; `handeye.json` says whether the hand-eye pose alone serves both.
-        bevel_deg: angle of the bevel that is measured.
+        bevel_deg: as in `calibrate.hand_eye`.
 
     Raises:
         InputError: scans instead of postures, too few postures, angles of other poses, an undetermined direction.

@@ -159,14 +159,14 @@ def tracker(
         readings: a CSV of tracker readings (docs/howto/calibrate_robot.md).
         cell: the cell file with the robot's URDF, for readings with joint angles; null: the table has poses.
         tracker_noise_mm: standard deviation of a reading, each axis.
-        robot_noise_mm: repeatability of a flange position, each axis.
-        robot_noise_deg: of its orientation, each axis.
+        robot_noise_mm: as in `calibrate.tcp`.
+        robot_noise_deg: as in `calibrate.tcp`.
         offset_prior_deg: standard deviation of a joint's zero as built; 0: right, not estimated.
         length_prior_mm: of where an axis lies beside the one before; 0: right, not estimated.
         tilt_prior_deg: of an axis' direction; 0: right, not estimated.
-        root_tolerance_mm: of the root face that the robot must serve.
+        root_tolerance_mm: as in `calibrate.tcp`.
         bevel_deg: angle of the bevel that it mills.
-        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
+        part: as in `calibrate.tcp`.
 
     Raises:
         InputError: an unusable table or cell; too few postures; more blunders than can be told apart.

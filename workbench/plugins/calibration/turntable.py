@@ -158,16 +158,16 @@ def turntable(
         profiles: of scanned spheres: circles from `calibrate.circles`.
         recording: of scanned spheres: their postures.
         marks: a CSV of markers (docs/howto/calibrate_tool.md).
-        hand_eye: of scanned spheres: a handeye.json of the profiler that scanned them; null: the recording's own.
-        pose_noise_mm: of scanned spheres: repeatability of a flange position, each axis.
-        pose_noise_deg: likewise of its orientation.
+        hand_eye: as in `calibrate.tcp`.
+        pose_noise_mm: as in `calibrate.hand_eye`.
+        pose_noise_deg: as in `calibrate.hand_eye`.
         noise_mm: standard deviation of a measured point, each axis.
         angle_noise_deg: of the table's angle.
         reach_mm: how far parts reach along the axis, each way from the markers' middle.
         max_u_mm: greatest accepted u of the axis over that reach.
-        root_tolerance_mm: of the root face that the table must serve.
-        bevel_deg: angle of the bevel that is milled on it.
-        part: whose calibration it is: robot, robot_serial, recorded_at (ISO 8601), operator, for the file and the page.
+        root_tolerance_mm: as in `calibrate.tcp`.
+        bevel_deg: as in `calibrate.tcp`.
+        part: as in `calibrate.tcp`.
 
     Raises:
         InputError: an unusable table; too few angles or markers; an axis that remains open.

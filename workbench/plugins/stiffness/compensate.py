@@ -18,7 +18,7 @@ def compensate(
     *,
     share: Annotated[float, Field(ge=0, le=2)] = 1.0,
 ) -> Toolpath:
-    """Move every point of a path against its predicted deflection, so that the loaded cutter comes where it should.
+    """Move every point of a path against its predicted deflection.
 
     Positions only; the force on the moved path is taken as the same. Lead-ins and leads-out stay.
 

@@ -73,7 +73,7 @@ def identify(
     Args:
         cell: the cell; its `loading` says where sensor, tool and targets sit.
         loads: a loads.csv: one row a loading test, loaded minus unloaded.
-        angle_convention: of the file's joint angles.
+        angle_convention: as in `stiffness.deflection`.
         largest_relative_u: largest accepted ratio of standard uncertainty to stiffness of a joint.
         scale_relative_u: standard uncertainty of the ratio of the force sensor's scale to the tracker's, which no load
             shows.

@@ -30,7 +30,7 @@ def maps(
     steps: Annotated[int, Field(ge=5, le=400)] = 41,
     directions: Annotated[int, Field(ge=6, le=2000)] = 60,
 ) -> tuple[StiffnessMaps, Chapter]:
-    """Map 1/omega (18), f_p (19) and f_r (20) over two axes, and say whether K_c is negligible for this robot.
+    """Map 1/omega (18), f_p (19) and f_r (20) over two axes: is K_c negligible for this robot?
 
     f_p: distance of the cutter's resting places with K_c and without, over the larger displacement; f_r: the largest
     component of the difference in its rotation; both worst over directions. (The paper compares lengths: its f_p is

@@ -63,7 +63,7 @@ def modes(
     joints_deg: tuple[Angle, Angle, Angle, Angle, Angle, Angle] = (0, 38, -5, 20, 55, -10),
     part: PartNames = NO_NAMES,
 ) -> tuple[RobotModes, Document, Chapter]:
-    """Mass, stiffness and damping of the robot at the tool: declared, or fitted to tap tests of several postures.
+    """Mass, stiffness and damping of the robot at the tool, declared or fitted to tap tests.
 
     Rigid links on springs and dampers. Without tap tests masses come from the URDF (or are given) and damping is
     declared; with them these are priors of the fit. Writes `modes.json`.

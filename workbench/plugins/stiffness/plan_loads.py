@@ -113,7 +113,7 @@ def plan_loads(
     trials: Annotated[int, Field(ge=10, le=5000)] = 150,
     seed: Seed = 0,
 ) -> tuple[LoadPlan, Document]:
-    """Plan loading tests: postures, load points and directions that determine the worst joint best, and how many.
+    """Plan loading tests that determine the worst joint best.
 
     Pairs of opposite forces in 13 directions at the cell's load points are added until every joint reaches the target,
     then exchanged while that helps.
@@ -122,7 +122,7 @@ def plan_loads(
         cell: the cell; chosen postures are within limits and free of collision in it.
         stiffness: as expected, for instance of a sister robot.
         postures_deg: postures to load at; null: choose them.
-        angle_convention: how these angles count.
+        angle_convention: as in `stiffness.deflection`.
         postures: largest count of postures, where they are chosen.
         loads_per_posture: largest count of loads at a posture.
         force_n: of each load.

@@ -104,7 +104,7 @@ def posture(
     least_margin: Annotated[float, Field(ge=0, le=100)] = 1.5,
     stations: Annotated[int, Field(ge=2, le=2000)] = 24,
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
-    """Choose cutter rotation and turntable angle so that the cutter deflects least: eq. (25), Fig. 17.
+    """Choose cutter rotation and turntable angle of least deflection: eq. (25), Fig. 17.
 
     The pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid; without known
     stiffness the least awkwardness (nearness to singular postures and limits). A tilt of the turntable and a track are

@@ -43,7 +43,7 @@ def predict(
         toolpath: the path, as planned.
         force: on the cutter along it.
         postures: how the robot stands along it.
-        load: the force of a revolution that counts: its mean or its peak.
+        load: as in `stiffness.posture`.
 
     Raises:
         InputError: postures or force are of another path.

@@ -40,7 +40,7 @@ def read(
     stiffness: InputFile | None = None,
     joint_stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None,
 ) -> JointStiffness | None:
-    """Take the robot's joint stiffness from a file, as given, or from the cell's file: that of this robot, no other's.
+    """Take the joint stiffness of this robot from a file, as given, or from the cell's file.
 
     None where nobody states it: postures are then chosen without it.
 

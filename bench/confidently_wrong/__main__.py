@@ -57,7 +57,7 @@ SHORT = {
     NAMED: "named",
 }
 EXPECTED = ("right", "refused, right suspicion")
-MOST = 5  # kinds that a class names, those with most parts
+MOST = 2  # kinds that a class names, those with most parts
 FLOOR_MM, FLOOR_DEG = 0.02, 0.1  # below these a difference to the truth at a place known to a few mm is none
 WIDE_MM, WIDE_DEG = 1.0, 2.0  # off the drawing that any of the parts passes
 HONEST_MM, HONEST_DEG = 0.25, 0.5  # u of what nobody would call confident: half of the default tolerance

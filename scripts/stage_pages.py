@@ -127,7 +127,8 @@ def _item(one: ParameterText) -> str:
     """One parameter on a line, as Python has it; what a default shows by itself (a number) is not said again."""
     required = one.default == "required"
     of_type = one.type.removesuffix(" or null") if one.default == "null" else one.type
-    kind = "" if of_type in IMPLIED and of_type == one.type and not required else f" ({_short(of_type)})"
+    implied = (of_type in IMPLIED and of_type == one.type and not required) or (of_type == "number" and one.range)
+    kind = "" if implied else f" ({_short(of_type)})"
     bounds = f", {_interval(one.range)}" if one.range else ""
     return f"- `{_named(one)}`{kind}{bounds}: {_line(one.description)}"
 

@@ -39,7 +39,7 @@ def read(
     NaN points are left out; scans of an E57 file are placed by their poses.
 
     Args:
-        file: the cloud; its name's ending tells the format.
+        file: the cloud; the suffix of its name gives the format.
         unit: of the coordinates; null: as format (E57: m), reference system (LAS) or head say, else mm, with a warning.
         part: who and what was measured with what: no format of clouds says so.
 

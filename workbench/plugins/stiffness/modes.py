@@ -82,7 +82,7 @@ def modes(
         tool_stiffness_n_um: of that mode at the cutter's tip, a number of N/um.
         band_hz: of the responses that are fitted.
         response_relative_u: ratio of standard uncertainty to size of a line of a response.
-        joints_deg: a posture whose modes are told.
+        joints_deg: the posture whose modes are listed.
         part: whose tests they are, for the file and the page.
 
     Raises:

@@ -47,10 +47,7 @@ def pages(directory: Path = DIRECTORY) -> dict[str, str]:
         if family in broken:
             raise SystemExit(broken[family])
     own = {name: stage for name, stage in found.items() if stage.function.__module__.startswith("workbench.")}
-    told: dict[str, str] = {}
-    for name, stage in own.items():
-        for one in parameter_texts(stage):
-            told.setdefault(_item(one), name)
+    told = {_item(one): name for name, stage in reversed(own.items()) for one in parameter_texts(stage)}
     return {"README.md": index(own), **{f"{name}.md": page(stage, told, directory) for name, stage in own.items()}}
 
 
@@ -91,9 +88,10 @@ def _comment(shown: str) -> str:
 def picture(name: str, directory: Path) -> list[str]:
     """What the example makes, as `python -m scripts.pictures` drew it."""
     drawn = directory / PICTURES / f"{name}.svg"
-    if drawn.exists() and (title := TITLE.search(drawn.read_text(encoding="utf-8"))):
-        return [f"![]({PICTURES}/{drawn.name})\n\n*{html.unescape(title[1])}.*"]
-    return []
+    if not drawn.exists():
+        return []
+    title = TITLE.findall(drawn.read_text(encoding="utf-8"))[0]
+    return [f"![]({PICTURES}/{drawn.name})\n\n*{html.unescape(title)}.*"]
 
 
 def _markdown(text: str) -> str:
@@ -109,25 +107,23 @@ def _markdown(text: str) -> str:
 
 def _items(parameters: Iterable[ParameterText], here: str, told: Mapping[str, str]) -> list[str]:
     """A line each, and one for those that another stage's page tells in many words."""
-    own, others, before = [], dict[str, list[str]](), here
+    lines, before = dict[str, list[str]](), here
     for one in parameters:
         text = _item(one)
         said = AS_IN.fullmatch(one.description)
         first = said[1] if said else told[text]
-        if first == here or not (said or first == before or len(one.description.split()) >= LONG):
-            own.append(text)
-            before = here
-        else:  # `likewise` stays with what it refers to
-            others.setdefault(first, []).append(f"`{_named(one)}`")
-            before = first
-    return own + [f"- As in [`{first}`]({first}.md): {', '.join(some)}." for first, some in others.items()]
+        # `likewise` stays with what it refers to
+        before = first if said or first == before or len(one.description.split()) >= LONG else here
+        lines.setdefault(before, []).append(text if before == here else f"`{_named(one)}`")
+    own = lines.pop(here, [])
+    return own + [f"- As in [`{first}`]({first}.md): {', '.join(some)}." for first, some in lines.items()]
 
 
 def _item(one: ParameterText) -> str:
     """One parameter on a line, as Python has it; what a default shows by itself (a number) is not said again."""
     required = one.default == "required"
     of_type = one.type.removesuffix(" or null") if one.default == "null" else one.type
-    implied = (of_type in IMPLIED and of_type == one.type and not required) or (of_type == "number" and one.range)
+    implied = of_type in IMPLIED and (one.range or (of_type == one.type and not required))
     kind = "" if implied else f" ({_short(of_type)})"
     bounds = f", {_interval(one.range)}" if one.range else ""
     return f"- `{_named(one)}`{kind}{bounds}: {_line(one.description)}"
@@ -146,12 +142,10 @@ def _short(of_type: str) -> str:
 
 def _interval(bounds: str) -> str:
     """'0 < value <= 5' as '(0, 5]'; with one bound only, as '>0'."""
-    low, high = re.search(r"(\S+) (<=?) value", bounds), re.search(r"value (<=?) (\S+)", bounds)
+    low, _, high = (side.split() for side in bounds.partition("value"))
     if low and high:
-        return f"{'[' if low[2] == '<=' else '('}{low[1]}, {high[2]}{']' if high[1] == '<=' else ')'}"
-    if low:
-        return f"{'≥' if low[2] == '<=' else '>'}{low[1]}"
-    return f"{'≤' if high and high[1] == '<=' else '<'}{high[2] if high else ''}"
+        return f"{'[('[low[1] == '<']}{low[0]}, {high[1]}{'])'[high[0] == '<']}"
+    return {"<": ">", "<=": "≥"}[low[1]] + low[0] if low else "".join(high).replace("<=", "≤")
 
 
 def _line(text: str) -> str:

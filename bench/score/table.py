@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -96,13 +96,9 @@ def summary(page: Path, text: str) -> str:
     if SIMULATOR not in head:
         return text
     several = {(row[0], row[2]) for row in others if row[1] == ALL}
-    apart = {line for line, row in rows.items() if row in others and row[1] != ALL and (row[0], row[2]) in several}
-    kept = "\n".join(_without_simulator(line, rows) for line in text.split("\n") if line not in apart)
+    apart = [line for line, row in rows.items() if row in others and row[1] != ALL and (row[0], row[2]) in several]
+    kept = "\n".join(line for line in text.split("\n") if line not in apart)
     return f"{kept}\n\n[Every simulator by itself]({written(page, 'Simulators', head, others)})."
-
-
-def _without_simulator(line: str, rows: Mapping[str, list[str]]) -> str:
-    return f"| {' | '.join([rows[line][0], *rows[line][2:]])} |" if line in rows else line
 
 
 def _cells(line: str) -> list[str]:

@@ -604,7 +604,7 @@ def test_where_neighbours_scatter_nothing_tells_the_order_of_frames() -> None:
     recording, _ = simulate_recording(random_recipe("wavy", 8_995_110))
     order = np.random.default_rng(1).permutation(len(recording.time_s))
     shuffled = spoilt(recording, x_mm=recording.x_mm[order], z_mm=recording.z_mm[order])
-    good, found = ({one.name: one for one in judge_recording(r)}["wiggle_mm"] for r in (recording, shuffled))
+    good, found = ({one.name: one for one in judge_recording(r)}["order_share"] for r in (recording, shuffled))
     assert "nothing tells which" not in good.finding
     assert "frames out of order; nothing tells which" in found.finding
 

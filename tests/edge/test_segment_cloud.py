@@ -173,7 +173,6 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
         "recording_judged",
         "two_plates_share",
         "end_face_lean_deg",
-        "end_face_square_deg",
         "face_bow",
         "face_bend_deg",
         "step_share",

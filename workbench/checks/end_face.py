@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.artefacts import ROOT_FACE, UPPER_SURFACE, Check, Cloud
-from workbench.checks.faces import LEAST_POINTS, RIGHT, SAMPLE, direction, rising, surfaces_beside
+from workbench.checks.faces import LEAST_POINTS, SAMPLE, direction, rising
 from workbench.checks.judge import refuse_failed
 from workbench.checks.levels import beside_share
 from workbench.checks.limits import Bound, check
@@ -29,8 +29,8 @@ def require_end_face(
 ) -> tuple[Check, ...]:
     """Checks of what was found as the end face (labels (N, M), ROOT_FACE) of a raw plate.
 
-    A plate's end is cut square or nearly so, runs along `upper_side`, and is straight but for its roughness. Root face
-    and bevel of an edge that is prepared already are none of these.
+    A plate's end runs along `upper_side`, no further surface leads on from it, and it is straight but for its
+    roughness. Root face and bevel of an edge that is prepared already are none of these.
 
     Args:
         cloud: organised.
@@ -45,11 +45,9 @@ def require_end_face(
     rows = np.flatnonzero((labels == ROOT_FACE).any(axis=1))
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
     wished = np.asarray(upper_side, dtype=float)
-    seen = [_of_frame(cloud, labels[i], int(i), wished / np.linalg.norm(wished)) for i in rows]
-    leans = [lean for lean, _ in seen if lean is not None]
+    seen = [_lean(cloud, labels[i], int(i), wished / np.linalg.norm(wished)) for i in rows]
+    leans = [lean for lean in seen if lean is not None]
     lean = float(np.median(leans)) / DEG if len(leans) >= LEAST_FRAMES else None
-    turns = [turn for _, beside in seen for turn in beside]
-    off = abs(float(np.median(turns)) - RIGHT) / DEG if len(turns) >= LEAST_FRAMES else None
     shape = {ROOT_FACE: straightness(cloud, labels, ROOT_FACE)}
     stepped, beside = max((beside_share(cloud, labels, rows, way) for way in (1, -1)), key=lambda one: one[0] or 0.0)
     further = f"in {100 * goes_on_share:.0f} % of the frames a further surface begins where what would be the end face "
@@ -63,12 +61,6 @@ def require_end_face(
             "end_face_lean_deg",
             lean,
             f"what would be the end face leans by {lean or 0.0:.0f} deg from upper_side: {prepared}",
-            given=limits,
-        ),
-        check(
-            "end_face_square_deg",
-            off,
-            f"the surface beside what would be the end face is {off or 0.0:.0f} deg off the square to it: {prepared}",
             given=limits,
         ),
         *straight_checks(shape, {}, prepared.rstrip("?"), limits),
@@ -113,17 +105,15 @@ def _behind(cloud: Cloud, labels: AnyArray, i: int) -> bool:
     return bool(abs(direction(x[wall], z[wall], sign) - at) < WALL_LEAN)
 
 
-def _of_frame(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> tuple[float | None, list[float]]:
-    """Angle (rad) between a frame's end face and `upper_side` in the laser plane, and the turns to what joins it."""
+def _lean(cloud: Cloud, labels: AnyArray, i: int, upper_side: AnyArray) -> float | None:
+    """Angle (rad) between a frame's end face and `upper_side` in the laser plane."""
     x, z = cloud.x_mm[i].astype(np.float64), cloud.z_mm[i].astype(np.float64)
     on = np.flatnonzero((labels == ROOT_FACE) & cloud.keep[i])
     if len(on) < LEAST_POINTS:
-        return None, []
-    kept = np.flatnonzero(cloud.keep[i])
-    sign = rising(x[kept])
+        return None
+    sign = rising(x[cloud.keep[i]])
     at = direction(x[on], z[on], sign)
     wished = upper_side @ cloud.base_from_profiler[i, :3, [0, 2]].T
     size = float(np.linalg.norm(wished))
     along = abs(float(wished @ np.array([sign * np.cos(at), np.sin(at)]))) / size if size > 0 else 0.0
-    beside = surfaces_beside(x, z, kept, on, on, sign)
-    return float(np.arccos(min(along, 1.0))), [abs(one - at) for one in beside if one is not None]
+    return float(np.arccos(min(along, 1.0)))

@@ -295,7 +295,8 @@ def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAM
     sign = rising(x[kept])
     at_first, at_second = direction(x[first], z[first], sign), direction(x[second], z[second], sign)
     sense = float(np.sign(at_second - at_first))
-    before, after = surfaces_beside(x, z, kept, first, second, sign)
+    before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
+    after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
     beside = {}
     if before is not None:
         beside[lower] = (at_first - before) * sense
@@ -307,14 +308,6 @@ def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAM
 def rising(x: Float) -> float:
     """+1 if x rises with the column, else -1."""
     return 1.0 if x[-1] >= x[0] else -1.0
-
-
-def surfaces_beside(
-    x: Float, z: Float, kept: AnyArray, first: AnyArray, last: AnyArray, sign: float
-) -> tuple[float | None, float | None]:
-    """Directions (rad) of the surfaces before the face in columns `first` and beyond that in columns `last`, if any."""
-    before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
-    return before, _joined(x, z, kept[kept > last[-1]], last[::-1], sign)
 
 
 def direction(x: Float, z: Float, sign: float) -> float:

@@ -13,7 +13,7 @@ from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
-from workbench.checks.profiles import Chain, Few, chains, disorder
+from workbench.checks.profiles import IN_ORDER, Chain, chains, disorder
 from workbench.checks.sensor import (
     PACKED,
     column_pitch_mm,
@@ -50,6 +50,7 @@ NOT_JUDGED = Check(
 STANDING_MM = 1e-6  # of way from frame to frame
 AXIS_MM = (2.0, 100_000.0)  # way of a linear axis: less is no scan
 FEW_POSES = 12  # of a pass: with fewer the way between them is straight, whatever their noise
+CHORD_DEG = 10.0  # by which chords of the edge's way may stand further off square
 SMALL_DEG = 12.0  # obliquity of a scan as it is usually made
 OBLIQUE_DEG = 10.0  # from here on a small twist is looked into
 SURE_TWIST_DEG = 1.2  # by more no plate happens to be twisted as a known mistake would show it
@@ -59,7 +60,6 @@ TURNS_DEG = 10.0  # of the flange: with less, nothing shows the hand-eye pose
 CONVENTION_TWIST_DEG = 0.25  # likewise, of a scan that is oblique
 EXPLAINED = 0.15  # share of the twist that a better reading may leave
 SEEN_TWIST_DEG = 0.06  # what the best reading may leave of a twist, with that share of it
-NO_ORDER = 0.1  # share of that scatter which neighbours out of order have, and 3 % of sound recordings
 SQUARER_DEG = 1.5  # by which a better reading may take the laser plane further from square
 VARIES_DEG = 0.05  # by which the obliquity may vary more under a better reading
 VARIED_DEG = 1.5  # from here on it is looked into why the obliquity varies: wavy edges vary by 1 to 6 under any reading
@@ -219,8 +219,12 @@ def _consistent(
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg) if twist_deg is None else twist_deg
     known = [one for one in known_conventions() if not turning or _turning([one.name])]
-    near = [one for one in known if _roughly_square(recording, found, hand_eye, one, most_deg)]
-    tried = [(one, consistency(found, _poses(recording, found, hand_eye, one))) for one in near]
+    carried = [(one, _poses(recording, found, hand_eye, one)) for one in known]
+    tried = [
+        (one, consistency(found, poses))
+        for one, poses in carried
+        if all(chord_obliquity_deg(found[k], poses[k]) < most_deg + CHORD_DEG for k in found)
+    ]
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
     fits.sort(key=lambda fit: _unlikely(fit[1], known.index(fit[0])))
     if as_read.obliquity_deg <= most_deg:
@@ -237,23 +241,13 @@ def _unlikely(there: Consistency, rank: int) -> float:
     return float(sum((3.0 * share) ** 2 for share in shares) + 2.0 * np.log(1.0 + rank))
 
 
-def _roughly_square(
-    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, reading: Convention, most_deg: float
-) -> bool:
-    """Whether chords of the edge's way stand within `most_deg`, and 10 deg, of square to the laser plane."""
-    few = {number: chain.few() for number, chain in found.items()}
-    poses = _poses(recording, few, hand_eye, reading)
-    return all(chord_obliquity_deg(few[number], poses[number]) < most_deg + 10.0 for number in few)
-
-
 def _poses(
     recording: Recording,
-    found: Mapping[int, Chain] | Mapping[int, Few],
+    found: Mapping[int, Chain],
     hand_eye: Float,
     reading: Convention,
-    shift_s: float = 0.0,
 ) -> dict[int, Float]:
-    """base_from_profiler (k, 4, 4) at the profiles of each chain, under a reading, `shift_s` later."""
+    """base_from_profiler (k, 4, 4) at the profiles of each chain, under a reading."""
     quaternion, position, hand_eye = reading.read(
         recording.robot_quaternion_wxyz, recording.robot_position_mm, hand_eye
     )
@@ -264,7 +258,7 @@ def _poses(
         seen = recording.time_s[chain.frames]
         if reading.frames_reversed:
             seen = recording.time_s[recording.pass_index == number][[0, -1]].sum() - seen
-        frames = np.clip(seen + shift_s, time[0], time[-1])
+        frames = np.clip(seen, time[0], time[-1])
         made[number] = interpolate_poses(frames, time, position[at], quaternion[at]) @ hand_eye
     return made
 
@@ -465,7 +459,7 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     wide = check("twist_deg", now.twist_deg, given=given)
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected = steadier
-    yield _order_check(recording, found, given)
+    yield from _order_checks(recording, found, given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained = now.twist_deg > sure + now.waved_deg
     if unexplained or not (oblique.passed and varies.passed and wide.passed and unsteady.passed):
@@ -563,17 +557,18 @@ def _explains(there: Consistency, now: Consistency) -> bool:
     return better and there.twist_deg < left
 
 
-def _order_check(recording: Recording, found: Mapping[int, Chain], given: Mapping[str, Bound]) -> Check:
+def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mapping[str, Bound]) -> Iterator[Check]:
     """Whether the section jumps about in the view from frame to frame, as it does where frames are out of order."""
     here = disorder(recording.x_mm, recording.z_mm, recording.pass_index, found)
     told = f"the section jumps by {here.jumps_mm:.2f} mm in the view from frame to frame: frames out of order, or a "
     told += "part that vibrates?"
-    jumps = check("wiggle_mm", here.jumps_mm, told, given=given)
-    if jumps.passed and here.share > NO_ORDER:
+    yield check("wiggle_mm", here.jumps_mm, told, given=given)
+    told = "frames next to each other are alike, which shows their order"
+    if here.share > IN_ORDER:
         told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
         told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
-        return dataclasses.replace(jumps, finding=f"{told}order; nothing tells which")
-    return jumps
+        told += "order; nothing tells which"
+    yield Check("order_share", here.share, None, True, "where they scatter as all do, any order looks alike", told)
 
 
 def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:

@@ -227,11 +227,6 @@ LIMITS: dict[str, Limit] = {
         "angle between the end face of a raw edge and upper_side, in the laser plane",
         "upper_side is good to that much; a bevel leans by 25 to 55 deg",
     ),
-    "end_face_square_deg": Limit(
-        15.0,
-        "how far the plate's surface beside the end face of a raw edge is from square to it; median of the frames",
-        "a raw plate is cut square to a few degrees; beside a root face lies a bevel, beside a bevel the upper surface",
-    ),
     "face_behind_share": Limit(
         0.3,
         "share of some frames in which a second face rises behind the end face of a raw edge, along it, where the "
@@ -326,7 +321,7 @@ GONE = {
         "step_share": ("root_step_share", "end_face_step_share"),
         "goes_on_share": ("hollow_share", "end_face_goes_on_share"),
         "face_bow": ("corner_bow", "end_face_bow"),
-        "no check": ("size_scatter", "groove_told_share", "range_step_mm"),
+        "no check": ("size_scatter", "groove_told_share", "range_step_mm", "end_face_square_deg"),
     }.items()
     for name in names
 }

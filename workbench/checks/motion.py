@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.checks.profiles import Chain, Few
+from workbench.checks.profiles import Chain
 from workbench.units import DEG, Float, Int, Shaped
 
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
@@ -31,7 +31,6 @@ class Consistency:
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     swing_deg: float  # how much the edge's direction varies against the laser plane, in any sense: nine tenths of it
-    way_mm: float  # of the edge, all passes
 
     @property
     def waved_deg(self) -> float:
@@ -43,7 +42,6 @@ class Consistency:
 class Way:
     """The way of the edge through the base, at each profile; NaN where too few profiles go together."""
 
-    length_mm: float  # all stretches
     arc_mm: Shaped[Float, " k"]  # along the edge, against the motion where the scanner goes back
     tangent: Shaped[Float, "k 3"]  # towards greater arc length
     oblique_deg: Shaped[Float, " k"]  # between the tangent and the laser plane's normal
@@ -59,10 +57,8 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     found = [one for one in found if one is not None]
     if not found:
-        return Consistency(*[float("nan")] * 6)
-    table = np.array(found)
-    oblique, varies, twist, unsteady, swing = table[:, :-1].max(axis=0).tolist()
-    return Consistency(oblique, varies, twist, unsteady, swing, float(table[:, -1].sum()))
+        return Consistency(*[float("nan")] * 5)
+    return Consistency(*np.max(found, axis=0).tolist())
 
 
 def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
@@ -83,20 +79,20 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
         float(min(ranges)) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
         float(swing),
-        way.length_mm,
     )
 
 
-def chord_obliquity_deg(chain: Few, pose: Float) -> float:
-    """Median angle between the chords from place to place and the laser plane's normal; of few profiles of a pass."""
-    chord = np.diff(_carried_by(chain, pose)[0], axis=0)
-    normal = pose[1:, :3, 1] + pose[:-1, :3, 1]
+def chord_obliquity_deg(chain: Chain, pose: Float) -> float:
+    """Median angle between chords of the edge's way, from place to place of five profiles, and the plane's normal."""
+    at = np.unique(np.linspace(0, len(pose) - 1, 5).astype(int))
+    chord = np.diff(_carried_by(chain, pose)[0][at], axis=0)
+    normal = pose[at[1:], :3, 1] + pose[at[:-1], :3, 1]
     size = np.linalg.norm(chord, axis=1) * np.linalg.norm(normal, axis=1)
     cosine = np.abs(np.einsum("ki,ki->k", chord, normal)) / np.maximum(size, LEAST_MM)
     return float(np.degrees(np.arccos(np.clip(np.median(cosine), 0.0, 1.0))))
 
 
-def _carried_by(chain: Chain | Few, pose: Float) -> tuple[Float, Float, Int]:
+def _carried_by(chain: Chain, pose: Float) -> tuple[Float, Float, Int]:
     """Places (k, 3) and directions (k, 3) of the section in the base, and the stretch (k,) that each is in."""
     point, turn, stretch = chain.track
     place = np.einsum("kij,kj->ki", pose[:, :3, :3], _spatial(point)) + pose[:, :3, 3]
@@ -116,15 +112,14 @@ def way_of(place: Float, stretch: Int, pose: Float) -> Way:
     there and on the way back is the same part; a place's tangent is the line through all places near it along the edge.
     """
     normal = pose[:, :3, 1]
-    arc, tangent, length = np.full(len(place), np.nan), np.full((len(place), 3), np.nan), 0.0
+    arc, tangent = np.full(len(place), np.nan), np.full((len(place), 3), np.nan)
     for number in np.unique(stretch):
         at = np.flatnonzero(stretch == number)
         if len(at) < min(LEAST_STRETCH, len(place)):
             continue
         arc[at], tangent[at] = _line_of(place[at], normal[at])
-        length += float(np.ptp(arc[at]))
     cosine = np.abs(np.einsum("ki,ki->k", tangent, normal))
-    return Way(length, arc, tangent, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))))
+    return Way(arc, tangent, np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))))
 
 
 def _line_of(place: Float, normal: Float) -> tuple[Float, Float]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from workbench.artefacts import Check
 from workbench.geometry.blocks import as_input
 from workbench.geometry.medians import median_of, row_medians, select
 from workbench.kernels import kernel
@@ -19,7 +20,7 @@ RUNS, RUN_FRAMES = 8, 24  # of a pass, evenly: frames next to each other, which 
 LEAST_BENDS = 8  # third differences that tell
 THIRD = math.sqrt(20.0)  # of 1, -3, 3, -1
 MEDIAN, NINE_IN_TEN = 1.1774, 2.146  # length of two normal numbers of standard deviation 1
-SMOOTH_MM, IN_ORDER = 0.02, 0.1  # of the profiles of a chain: what scatters by less, and less of its way, is in order
+SMOOTH_MM, IN_ORDER = 0.02, 0.08  # of the profiles of a chain: what scatters by less, and less of its way, is in order
 SMOOTH = 0.1  # of that, which frames next to each other scatter by: on ten rough faces by 0.01 to 0.03 of it
 
 
@@ -46,6 +47,11 @@ def disorder(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, found: Mapping[int
         share = jumps / varies if varies > 0.0 else 0.0
         worst = Disorder(max(worst.jumps_mm, jumps), max(worst.share, share))
     return worst
+
+
+def in_order(checks: Sequence[Check]) -> bool:
+    """Whether profiles show the order in which they were taken, by what a recording's checks found."""
+    return all((check.value or 0.0) <= IN_ORDER for check in checks if check.name == "order_share")
 
 
 def _jumps_mm(found: Iterable[Chain], size: float, percentile: float) -> float:
@@ -99,12 +105,6 @@ class Chain:
     good: Bool  # (k - 1,) the two profiles agree on at least half of what both show
     turn_u: Float  # (k - 1,) standard uncertainty of the turn by the noise of the profiles, rad; large on round shapes
 
-    def few(self) -> Few:
-        """Up to five of the profiles, evenly along the pass."""
-        at = np.unique(np.linspace(0, len(self.frames) - 1, 5).astype(int))
-        point, turn, stretch = self.track
-        return Few(self.frames[at], (point[at], turn[at], stretch[at]))
-
     @cached_property
     def track(self) -> tuple[Float, Float, Int]:
         """A point that goes with the section (k, 2), its turn (k,) rad, and the stretch (k,) that it is in.
@@ -125,14 +125,6 @@ class Chain:
             f = self.turn[i]
             point[i + 1 - first] = x - f * (z - z0), z + f * (x - x0)
         return point
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Few:
-    """Some of a chain's profiles."""
-
-    frames: Shaped[Int, " k"]
-    track: tuple[Float, Float, Int]  # as of Chain
 
 
 def chains(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int) -> dict[int, Chain]:

@@ -1,8 +1,7 @@
-"""Whether profiles show the order in which they were taken, and what it costs where they do not.
+"""Profiles in the order of their columns, and what it costs where they do not show the order of frames.
 
 Of frames that were shuffled every size scatters about a smooth course that is none of its own: at a place it is known
-no better than single profiles scatter. Where a part drifts through the view, or its sizes change along it, neighbouring
-profiles are alike, and scatter beyond their noise is texture.
+no better than single profiles scatter. Where neighbouring profiles are alike, scatter beyond their noise is texture.
 """
 
 from __future__ import annotations
@@ -13,34 +12,6 @@ import numpy as np
 
 from workbench.artefacts import Cloud
 from workbench.units import Float, Int
-
-LEAST_FRAMES = 30  # of a pass, that tell
-SURE_SIGMAS = 5.0  # by which neighbours differ less than any two profiles do
-SPREAD = 0.78  # standard deviation of the mean of n neighbours' differences of ranks, over it and over 1 / sqrt(n)
-
-
-def shows_order(values: Float, s: Float, group: Int) -> bool:
-    """Whether any of values (n, k) of profiles at s (n,) mm of passes (n,) differs less between neighbours than at all.
-
-    NaN is left out.
-    """
-    for number in np.unique(group):
-        for column in values.T:
-            mine = np.flatnonzero((group == number) & np.isfinite(column) & np.isfinite(s))
-            if mine.size < LEAST_FRAMES:
-                continue
-            rank = _ranks(column[mine[np.argsort(s[mine], kind="stable")]])
-            n = rank.size
-            any_two = 2.0 * float(((2.0 * np.arange(n) - n + 1) * np.sort(rank)).sum()) / (n * (n - 1))
-            if np.abs(np.diff(rank)).mean() < any_two * (1.0 - SURE_SIGMAS * SPREAD / math.sqrt(n)):
-                return True
-    return False
-
-
-def _ranks(values: Float) -> Float:
-    """Ranks (n,) from 1, of equal values their mean; scipy.stats has them too and takes half a second to load."""
-    _, which, count = np.unique(values, return_inverse=True, return_counts=True)
-    return np.asarray((np.cumsum(count) - 0.5 * (count - 1))[which])
 
 
 def scatter(left: Float, variance: Float) -> float:

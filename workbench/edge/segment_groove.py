@@ -13,8 +13,8 @@ from workbench.checks import checked_limits
 from workbench.checks.faces import bows_check
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
+from workbench.checks.profiles import in_order
 from workbench.checks.window import hidden_columns_u
-from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import ReadFrames, axes, groove_curve, read_frames
 from workbench.edge.groove_plates import plates
 from workbench.edge.groove_profile import Kind
@@ -76,11 +76,7 @@ def segment_groove(
         cloud.pass_index[read.frame],
         at + first,
         np.hypot(curve.tangent_u(at + first), math.hypot(by_robot, laser_plane_u(cloud))),
-        shows_order(
-            np.array([[*one.corner, *other.corner] for one, other in zip(*read.sides, strict=True)]),
-            s,
-            cloud.pass_index[read.frame],
-        ),
+        in_order(cloud.checks),
     )
     lean = _lean(cloud, read.frame, curve, s, about - tilt.value(s))
     measured = GrooveSizes(cloud.source, both, along, lean, declared_linearity(sensor), hidden_columns_u(cloud.checks))

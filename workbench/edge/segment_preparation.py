@@ -25,9 +25,9 @@ from workbench.checks.end_face import edge_break_check
 from workbench.checks.faces import bows_check, corners_checks, plates_check, require_columns
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
+from workbench.checks.profiles import in_order
 from workbench.edge.directions import near_slope, width_mm, wrapped
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
-from workbench.edge.frame_order import shows_order
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.joint_lines import Along, JointLines, Place, Values, corners, joined, meeting, typical
 from workbench.edge.measure import UNDETERMINED, Measured, measure_edge
@@ -203,9 +203,7 @@ class _Chain:
         self.at = edge.arc_length_mm + measured.shift
         self.group = cloud.pass_index
         faces = [frames.tracked.faces[label] for label in frames.order]
-        view = [faces[-1].x_mean, faces[-1].z_mean, *(one.slope for one in faces)]
-        ordered = shows_order(np.stack(view, axis=1), self.s, self.group)
-        along = Along(self.s, self.group, self.at, edge.tangent_u, ordered)
+        along = Along(self.s, self.group, self.at, edge.tangent_u, in_order(cloud.checks))
         sections = [
             section_lines(
                 face,

@@ -169,7 +169,7 @@ def loosened_checks(toolpath: Toolpath) -> tuple[str, ...]:
 SHOWING = (
     "flange_turn_deg",
     "fixed_end_share",
-    "wiggle_mm",
+    "order_share",
     "position_step_mm",
     "lies_on_share",
     "pass_disagreement_mm",

@@ -269,7 +269,7 @@ def _goes_on(seen: Sequence[_Corner], face: int, lies_on: bool) -> tuple[float, 
     Upper and lower surface stand upright on the root face; what the plate lies on turns up.
     """
     upright = [RIGHT - UPRIGHT - (one.turn if face == BEVEL_FACE else 0.0) for one in seen]
-    beyond = [one.beside.get(face, np.inf) for one in seen]
+    beyond = [one.beside[face] for one in seen]
     least = -HOLLOW if lies_on and face == ROOT_FACE else -np.inf
     goes = [least < turn < max(HOLLOW, lowest) for turn, lowest in zip(beyond, upright, strict=True)]
     off = float(np.median(np.array(beyond)[goes])) if any(goes) else 0.0
@@ -297,11 +297,7 @@ def _corner_of(cloud: Cloud, labels: AnyArray, i: int, pair: Iterable[int] = NAM
     sense = float(np.sign(at_second - at_first))
     before = _joined(x, z, kept[kept < first[0]][::-1], first, sign)
     after = _joined(x, z, kept[kept > second[-1]], second[::-1], sign)
-    beside = {}
-    if before is not None:
-        beside[lower] = (at_first - before) * sense
-    if after is not None:
-        beside[upper] = (after - at_second) * sense
+    beside = {lower: (at_first - before) * sense, upper: (after - at_second) * sense}
     return _Corner(abs(at_second - at_first), beside)
 
 
@@ -316,8 +312,8 @@ def direction(x: Float, z: Float, sign: float) -> float:
     return float(np.arctan2(median(z[half:]) - median(z[:half]), sign * (median(x[half:]) - median(x[:half]))))
 
 
-def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -> float | None:
-    """Direction of the surface that begins where a face ends, if one does: without a jump, and long enough.
+def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -> float:
+    """Direction of the surface that begins where a face ends, without a jump, and long enough; NaN: none does.
 
     `beyond` and `face` are columns, both from the face's end on.
     """
@@ -330,11 +326,11 @@ def _joined(x: Float, z: Float, beyond: AnyArray, face: AnyArray, sign: float) -
         long = max(FEW, int(np.argmax(far)) + 1) if far.any() else long
         run = run[:long]
     if len(run) < long or abs(int(run[-1]) - int(end)) > 2 * (long + SKIP):
-        return None
+        return math.nan
     step = np.hypot(np.diff(x[run]), np.diff(z[run]))
     usual = max(median(step), pitch)
     gap = float(np.hypot(x[run[0]] - x[end], z[run[0]] - z[end]))
     if step.max() > 8.0 * usual or gap > 1.5 * usual * abs(int(run[0]) - int(end)):
-        return None
+        return math.nan
     run = np.sort(run)
     return direction(x[run], z[run], sign)

@@ -219,17 +219,22 @@ def _consistent(
     as_read = consistency(found, _poses(recording, found, hand_eye, AS_READ))
     allowed = max(SURE_TWIST_DEG, EXPLAINED * as_read.twist_deg) if twist_deg is None else twist_deg
     known = [one for one in known_conventions() if not turning or _turning([one.name])]
-    carried = [(one, _poses(recording, found, hand_eye, one)) for one in known]
-    tried = [
-        (one, consistency(found, poses))
-        for one, poses in carried
-        if all(chord_obliquity_deg(found[k], poses[k]) < most_deg + CHORD_DEG for k in found)
-    ]
+    tried = _tried(recording, found, hand_eye, known, most_deg)
     fits = [(one, c) for one, c in tried if c.obliquity_deg <= most_deg and c.twist_deg <= allowed]
     fits.sort(key=lambda fit: _unlikely(fit[1], known.index(fit[0])))
     if as_read.obliquity_deg <= most_deg:
         fits.insert(0, (AS_READ, as_read))
     return tuple(fits)
+
+
+def _tried(
+    recording: Recording, found: Mapping[int, Chain], hand_eye: Float, known: Sequence[Convention], most_deg: float
+) -> Iterator[tuple[Convention, Consistency]]:
+    """How poses and profiles agree under each reading that may bring the laser plane within `most_deg` of square."""
+    for one in known:
+        poses = _poses(recording, found, hand_eye, one)
+        if chord_obliquity_deg(found, poses) < most_deg + CHORD_DEG:
+            yield one, consistency(found, poses)
 
 
 def _unlikely(there: Consistency, rank: int) -> float:

@@ -82,8 +82,12 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
     )
 
 
-def chord_obliquity_deg(chain: Chain, pose: Float) -> float:
-    """Median angle between chords of the edge's way, from place to place of five profiles, and the plane's normal."""
+def chord_obliquity_deg(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Float]) -> float:
+    """As `consistency` has it, by chords of the edge's way between five profiles of each pass; quick, and rough."""
+    return max((_chords_deg(chains[number], base_from_profiler[number]) for number in chains), default=0.0)
+
+
+def _chords_deg(chain: Chain, pose: Float) -> float:
     at = np.unique(np.linspace(0, len(pose) - 1, 5).astype(int))
     chord = np.diff(_carried_by(chain, pose)[0][at], axis=0)
     normal = pose[at[1:], :3, 1] + pose[at[:-1], :3, 1]

@@ -55,10 +55,8 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     the laser plane is small in a scan that measures anything; where orientation or hand-eye pose are wrong it is large.
     """
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
-    found = [one for one in found if one is not None]
-    if not found:
-        return Consistency(*[float("nan")] * 5)
-    return Consistency(*np.max(found, axis=0).tolist())
+    table = np.array([one for one in found if one is not None])
+    return Consistency(*(table.max(axis=0).tolist() if len(table) else [float("nan")] * 5))
 
 
 def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:

@@ -263,9 +263,10 @@ LIMITS: dict[str, Limit] = {
         "as of a nose's land; what falls more is a bevel below another one",
     ),
     "groove_gap_mm": Limit(
-        15.0,
-        "gap between the plates of a groove",
-        "plates are joined at gaps of up to 10 mm; what lies beside two narrow plates is further apart",
+        (-0.2, 15.0),
+        "gap between the plates of a groove; below 0: by how much their roots overlap for certain",
+        "plates are joined at gaps of up to 10 mm; what lies beside two narrow plates is further apart, and no plate "
+        "lies in another",
     ),
     "bevel_grazing": Limit(
         8.0,
@@ -299,11 +300,6 @@ LIMITS: dict[str, Limit] = {
         "how much higher one plate stands than the other, over the depth of the groove",
         "plates are joined nearly flush; a plate over a table, or lapped on another, is no groove",
     ),
-    "groove_overlap_mm": Limit(
-        0.2,
-        "how far the plates' roots overlap, for certain",
-        "two plates do not lie in each other",
-    ),
     "not_confirmed": Limit(
         0.0,
         "count of the values that its import took for granted and nobody has confirmed",
@@ -321,6 +317,7 @@ GONE = {
         "step_share": ("root_step_share", "end_face_step_share"),
         "goes_on_share": ("hollow_share", "end_face_goes_on_share"),
         "face_bow": ("corner_bow", "end_face_bow"),
+        "groove_gap_mm": ("groove_overlap_mm",),
         "no check": ("size_scatter", "groove_told_share", "range_step_mm", "end_face_square_deg"),
     }.items()
     for name in names

@@ -139,12 +139,14 @@ def _checks(
     """That what was measured is a groove, that its faces are straight and that their ends were seen."""
     level = measured.level_share()
     gap, radius = measured.sizes["gap_mm"], measured.sizes.get("root_radius_mm")
-    overlap, wide = typical(-gap.value - 3.0 * gap.u), typical(gap.value)
+    overlap, wide = typical(-gap.value - 3.0 * gap.u), max(typical(gap.value), 0.0)
     grazing = max((typical(one.grazing) for one in measured.plates if one.kind == "bevel"), default=math.nan)
     small = math.nan if radius is None else typical(radius.value)
     by = f"{100 * level:.0f} % of the groove's depth" if level < 10.0 else "many times the groove's depth"
     stands = f"one plate stands {by} above the other: a plate's edge or a lap joint?"
     far = f"the plates stand {wide:.1f} mm apart: two plates beside something else, or what lies under them?"
+    if overlap > 0.0:
+        wide, far = -overlap, "the plates' roots overlap: no gap, other faces were followed"
     steep = f"along a bevel the returns stand {grazing:.0f} times as far apart as on its plate: the view grazes it, so "
     steep += "that nothing tells where it ends; scan it more squarely"
     lean = max((one.lean_deg for one in measured.plates), default=math.nan)
@@ -158,12 +160,6 @@ def _checks(
     short = f"a fillet of {small:.1f} mm: it is not told from a rounded corner"
     return [
         check("groove_level", level, stands, given=given),
-        check(
-            "groove_overlap_mm",
-            _known(overlap),
-            "the plates' roots overlap: no gap, other faces were followed",
-            given=given,
-        ),
         check("groove_gap_mm", _known(wide), far, given=given),
         check("bevel_grazing", _known(grazing), steep, given=given),
         check("root_face_lean_deg", _known(lean), leans, given=given),

@@ -144,8 +144,10 @@ def chains(calls: Any, recording_file: Path, tmp_path_factory: pytest.TempPathFa
     (folder / "raw.json").write_text(json.dumps(RAW))
     path = json.loads((DATA / "paths" / "raw_arc.json").read_text())
     (folder / "path.json").write_text(json.dumps(path | {"layers": path["layers"][-1:], "travels": []}))
-    given: dict[str, Any] = {"inspect_bevel": {"recording": recording_file}}
+    given: dict[str, Any] = {name: {"recording": recording_file} for name in ("inspect_bevel", "export_inspection")}
     given |= {name: {"recipe": folder / "raw.json"} for name in LOOPS}
+    given["measured_loop"] |= (once_over := {"passes": 1})
+    given["plan_scan"] = once_over
     given |= {name: {"toolpath": folder / "path.json"} for name in MILLED_ONCE}
     return [run_chain(path.stem, **given.get(path.stem, {})) for path in sorted(PIPELINES.glob("*.json"))]
 

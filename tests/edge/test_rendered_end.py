@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.edge.rim import INCIDENCES, PIXELS, Depths, EndView, end_phases, free_depths, rendered_end
+from workbench.edge.rim import INCIDENCES, Depths, EndView, end_phases, free_depths, rendered_end
 
 
 @pytest.mark.parametrize("lean", [0.0, 1e-4, 0.02])
@@ -14,7 +14,9 @@ def test_no_return_lies_deeper_than_the_rounding_that_it_is_on(lean: float) -> N
     view = EndView(known, edges, lean, 0.013, end_phases(False), 0.0, 0.0)
     size, limit, pixel, phase = (
         a.ravel()
-        for a in np.meshgrid([0.0, 0.005, 0.02], INCIDENCES, range(len(PIXELS)), range(len(view.phases)), indexing="ij")
+        for a in np.meshgrid(
+            [0.0, 0.005, 0.02], INCIDENCES, range(len(view.pixels[0])), range(len(view.phases)), indexing="ij"
+        )
     )
     of = size, np.zeros(size.size), limit, pixel.astype(int), phase.astype(int), np.zeros(size.size)
     assert (rendered_end(view, *of)[1] <= size[:, None] + 1e-12).all()

@@ -130,10 +130,12 @@ class Cloud:
     checks: tuple[Check, ...] = ()  # of the recording that it was made from
     sparse_poses_u: tuple[float, float] = (0.0, 0.0)  # of a frame's place, mm, and turn, rad, between poses far apart
     only_end_poses: bool = False  # some pass has the poses of its two ends only: frames do not average their errors
+    intensity: Shaped[AnyArray, "N M"] | None = None  # brightness, where it was recorded
 
     def of_frames(self, frames: slice | Int) -> Cloud:
         """The cloud of some of its frames; of a slice its grid is a view."""
-        named = ("x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index")
+        named = ["x_mm", "z_mm", "keep", "base_from_profiler", "time_s", "pass_index"]
+        named += [] if self.intensity is None else ["intensity"]
         return replace(self, **{name: getattr(self, name)[frames] for name in named})
 
     def plot(self) -> Any:

@@ -52,12 +52,11 @@ STEP = math.radians(6.0)
 INCIDENCES = np.arange(math.radians(44.0), math.radians(89.0), STEP)
 INCIDENCE_PRIOR = np.where(np.radians(60.0) > INCIDENCES, 0.1 / 3.0, 0.9 / 5.0)
 QUARTER = 0.15  # of a depth: a rounding need be no quarter circle, a chamfer not flat
-# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on: columns by
-# which its middle then lies beyond the end, and half of what it sees. A sensor that needed much more than half of a
-# pixel's light would lose columns all over a face, by speckle.
+# A pixel sees a point or so many columns of the line, all alike likely, and returns from such a fill on. A sensor that
+# needs much more than half of a pixel's light mostly loses columns all over a face, by speckle.
 FOOTPRINTS, FILLS = np.array([0.5, 0.75, 1.0, 1.25, 1.5]), np.array([0.1, 0.3, 0.5])
-PIXELS = np.array([[0.0, 0.0], *([w * (0.5 - fill), 0.5 * w] for w in FOOTPRINTS for fill in FILLS)])
-PIXEL_PRIOR = np.append(1.0, np.full(FOOTPRINTS.size * FILLS.size, 1.0 / FILLS.size)) / (1.0 + FOOTPRINTS.size)
+FAINTEST = 1e-4  # share of the returns that may be fainter than what the sensor asks for: noise of the brightness
+NO_LIGHT = 0.1  # probability that a recorded brightness does not count the light of a pixel
 # Columns of the lower surface that return beyond its edge, where the view reaches under the plate.
 ONWARD = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
 WITHIN = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # places within a pixel
@@ -278,6 +277,21 @@ class EndView(NamedTuple):
     phases: Shaped[Float, "p q"]  # places of the end within its column; p alike likely, each the mean over q
     further: float  # columns beyond the line's end in which returns go on, on average
     usually_further: float  # the same in the median frame
+    darkness: float | None = None  # light that the sensor asks for, of what the face returns; None: not recorded
+
+    @property
+    def pixels(self) -> tuple[Shaped[Float, "k 2"], Shaped[Float, " k"]]:
+        """Columns by which a pixel's middle may lie beyond the end, and half of what it sees; and their shares.
+
+        Where the darkness is known, a pixel returns from this fill on.
+        """
+        fills, shares = FILLS, np.full(FILLS.size, 1.0 / FILLS.size)
+        if self.darkness is not None:
+            fills, shares = np.append(fills, self.darkness), np.append(NO_LIGHT * shares, 1.0 - NO_LIGHT)
+        wide, fill = (a.ravel() for a in np.meshgrid(FOOTPRINTS, fills, indexing="ij"))
+        seen = np.stack([wide * (0.5 - fill), 0.5 * wide], axis=1)
+        prior = np.append(1.0, np.tile(shares, FOOTPRINTS.size)) / (1.0 + FOOTPRINTS.size)
+        return np.concatenate([np.zeros((1, 2)), seen]), prior
 
 
 def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
@@ -319,7 +333,22 @@ def _view(cloud: Cloud, rim: FaceRim, here: Bool) -> EndView:
     further = float(last[alike, 0].mean())
     if not rim.on_line:  # a return under the line lies that much farther along the face
         further -= float(np.nanmean(last[alike, 1])) * slope / step
-    return EndView(known, edges * step, math.atan(slope), step, end_phases(moved > STILL), further, usual)
+    moving = moved > STILL
+    darkness = _darkness(cloud, face, frames) if moving else None  # else the end fills the same share of its pixel
+    return EndView(known, edges * step, math.atan(slope), step, end_phases(moving), further, usual, darkness)
+
+
+def _darkness(cloud: Cloud, face: FaceLines, frames: Int) -> float | None:
+    """What the faintest returns of a pass have of the light of its face; None: unknown, or the same everywhere."""
+    if cloud.intensity is None:
+        return None
+    light, column = cloud.intensity[frames], np.arange(cloud.intensity.shape[1])
+    returned = np.isfinite(cloud.z_mm[frames])
+    first, last = face.columns[frames].T
+    on_face = returned & (column >= first[:, None]) & (column < last[:, None])
+    usual = float(np.median(light[on_face])) if on_face.any() else 0.0
+    faintest = float(np.quantile(light[returned], FAINTEST)) if usual > 0.0 else 0.0
+    return min(faintest / usual, 1.0) if 0.0 < faintest < light[returned].max() else None
 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:
@@ -346,13 +375,14 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
 
     And over how far the lower surface returns, where it does.
     """
+    pixels, pixel_prior = view.pixels
     onwards = ONWARD if INCIDENCES[-1] > 0.5 * math.pi + view.inclination else ONWARD[:1]
     sizes, limit, pixel, phase, further = (
         a.ravel()
         for a in np.meshgrid(
             np.arange(templates.size_mm.size),
             np.arange(INCIDENCES.size),
-            np.arange(len(PIXELS)),
+            np.arange(len(pixels)),
             np.arange(len(view.phases)),
             np.arange(onwards.size),
             indexing="ij",
@@ -367,10 +397,10 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
     log[order] = score
     kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
-    log += np.log(PIXEL_PRIOR)[pixel] + np.log(kept / kept.mean())[limit]
+    log += np.log(pixel_prior)[pixel] + np.log(kept / kept.mean())[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
     goes_on = size + onward > 0.0
-    beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - PIXELS[pixel, 0] * view.step_mm
+    beyond = np.where(goes_on, hidden + view.further * view.step_mm, 0.0) - pixels[pixel, 0] * view.step_mm
     beyond_u = np.where(goes_on, QUARTER * hidden, view.usually_further * view.step_mm)
     shape = (templates.size_mm.size, -1)
     log, beyond, beyond_u = log.reshape(shape), beyond.reshape(shape), beyond_u.reshape(shape)
@@ -394,7 +424,7 @@ def rendered_end(
     the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
     of one that the end fills in part, that lies before its middle.
     """
-    lean, column = view.inclination, view.step_mm
+    lean, column, pixels = view.inclination, view.step_mm, view.pixels[0]
     round_, seen = turn == 0.0, turn + lean < incidence
     last = np.clip(incidence - lean, 0.0, math.pi / 2.0)  # turn of the circle where it is lost
     shown = np.where(
@@ -409,9 +439,9 @@ def rendered_end(
     falls = np.where(seen & ~round_, np.tan(turn) / np.maximum(1.0 - np.tan(turn) * math.tan(lean), 1e-3), 0.0)
     known = np.stack([np.where(round_, size, 0.0), shown + onward, falls, shown, size], axis=1)
     depth = np.zeros((size.size, width.size))
-    _depths(known, phase, pixel, place, PIXELS * column, lean, depth)
-    before = place - column * PIXELS[:, 0, None, None, None]
-    half = column * PIXELS[:, 1, None, None, None]
+    _depths(known, phase, pixel, place, pixels * column, lean, depth)
+    before = place - column * pixels[:, 0, None, None, None]
+    half = column * pixels[:, 1, None, None, None]
     raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
     return size - shown - onward, depth, raised
 

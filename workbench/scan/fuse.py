@@ -77,6 +77,7 @@ def fuse(
         checks=checks,
         sparse_poses_u=sparse_poses_u(recording),
         only_end_poses=bool((np.unique(recording.robot_pass, return_counts=True)[1] <= 2).any()),
+        intensity=recording.intensity,
     )
     if scan_plan is None:
         return cloud

@@ -22,7 +22,6 @@ from workbench.edge.residual_image import LEAST_PLACES, PLACES, STRETCH_MM, Face
 from workbench.edge.rim import (
     DEEP_MM,
     DEPTH_U_MM,
-    PIXELS,
     PRIORS,
     SAMPLE_FRAMES,
     SIZES,
@@ -311,7 +310,6 @@ def edges_of(condition: EdgeCondition) -> tuple[float, float]:
 
 
 LEVELS = (0.5, 0.99)
-PIXEL = int(np.abs(PIXELS - [0.0, 0.5]).sum(axis=1).argmin())  # a column wide, that returns where half of it is filled
 
 
 def decay_columns(noise_columns: float) -> float:
@@ -350,7 +348,9 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     )
     templates = _templates(known.edge_condition)
     sizes = np.array(edges_of(known.edge_condition))
-    none, most, pixel = np.zeros(2), np.full(2, MOST_INCIDENCE), np.full(2, PIXEL)
+    # a pixel a column wide, which returns where half of it is filled
+    usual = np.abs(blank.pixels[0] - [0.0, 0.5]).sum(axis=1).argmin()
+    none, most, pixel = np.zeros(2), np.full(2, MOST_INCIDENCE), np.full(2, usual)
     _, depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(2, np.int64), none)
     return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in depth - raised)
 

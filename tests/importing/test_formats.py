@@ -45,6 +45,26 @@ def test_arrays(tmp_path: Path, milled: Recording, imported: Imported) -> None:
     np.testing.assert_array_equal(got.robot_position_mm, milled.robot_position_mm)
 
 
+@pytest.mark.parametrize(("axis", "other"), [("x", "z"), ("z", "x")])
+def test_a_code_beside_a_lost_return_is_refused(
+    axis: str, other: str, tmp_path: Path, milled: Recording, imported: Imported
+) -> None:
+    grids = {"x": np.array(milled.x_mm), "z": np.array(milled.z_mm)}
+    grids[axis][5, 7], grids[other][5, 7] = -1e6, np.nan
+    np.savez(tmp_path / "scan.npz", **grids, time=milled.time_s, travel=np.arange(float(len(milled.time_s))))
+    with pytest.raises(InputError, match=f"frame 6: expected mm or no return, found {axis} = -1e\\+06 in column 8"):
+        imported(tmp_path / "scan.npz", mapping=mapping(tmp_path))
+
+
+def test_joints_in_arrays_are_not_left_out_in_silence(tmp_path: Path, milled: Recording, imported: Imported) -> None:
+    joints = np.zeros((len(milled.time_s), 6))
+    np.savez(tmp_path / "scan.npz", x=milled.x_mm, z=milled.z_mm, time=milled.time_s, joints=joints)
+    with pytest.raises(InputError, match="joints come as a table"):
+        imported(tmp_path / "scan.npz", mapping=mapping(tmp_path))
+    with pytest.raises(InputError, match=r"arrays\.joints: joints come as a table"):
+        imported(tmp_path / "scan.npz", mapping=mapping(tmp_path, arrays={"joints": "q"}))
+
+
 def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, imported: Imported) -> None:
     np.savez(tmp_path / "a.npz", z=np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(InputError, match="expected whole arrays of numbers"):

@@ -64,6 +64,8 @@ def told(path: Path, part: ArraysPart) -> tuple[dict[str, str], dict[str, AnyArr
         InputError: not such a file, a name that it does not hold, neither profiles nor poses.
     """
     named = _numbers(path)
+    if "joints" in named and not POSES & set(named):
+        raise InputError(f"{path}: 'joints'", "joints come as a table: part joints of the mapping (docs/importing.md)")
     asked = {role: name for role in ROLES if (name := getattr(part, role)) is not None}
     wrong = next((name for name in asked.values() if name not in named), None)
     if wrong is not None:

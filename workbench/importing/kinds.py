@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
@@ -78,7 +79,7 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
 
 def check_file(path: Path) -> None:
     """Refuse what is no file, and a bag, as a file or as the folder that rosbag2 makes."""
-    if not (path / "metadata.yaml").is_file():
+    if not os.path.isfile(path / "metadata.yaml"):  # False of a name that is too long, too
         regular_file(path)
         if path.suffix.lower() not in BAGS:
             return

@@ -183,6 +183,10 @@ def read_mapping(path: Path) -> Mapping:
         page = "importing_bags.md" if "bag" in gone else "importing.md#other-forms"
         expected = f"no such part any more: a few lines of Python make arrays or tables of it (docs/{page})"
         raise InputError(f"{path}: {min(gone)}", expected)
+    arrays = tree["arrays"] if isinstance(tree.get("arrays"), dict) else {}
+    if gone := {"joints", "angle_unit", "urdf", "base_frame", "flange_frame"} & arrays.keys():
+        expected = "joints come as a table: part joints of the mapping (docs/importing.md)"
+        raise InputError(f"{path}: arrays.{min(gone)}", expected)
     try:
         mapping = Mapping.model_validate_json(json.dumps(tree))
     except ValidationError as error:

@@ -44,14 +44,14 @@ def check_angles(values: Float, unit: str, mapping: Mapping, where: str) -> None
 
 def check_profiles(frames: ProfileFrames, mapping: Mapping) -> None:
     """Something is seen, in a field of view and at a distance that a profiler has."""
-    count, ranges = returns_of(frames.x_mm, frames.z_mm)
-    if not count:
-        raise InputError(frames.source, "expected returns, found none in any profile")
-    for name, grid, row in zip("xz", (frames.x_mm, frames.z_mm), np.abs(ranges), strict=True):
-        if row.max() > MAX_MM:
+    for name, grid in (("x", frames.x_mm), ("z", frames.z_mm)):  # also where the other one is NaN: `scan.read` asks
+        if max(np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None)) > MAX_MM:
             frame, column = np.argwhere(np.abs(grid) > MAX_MM)[0]
             what = f"expected mm or no return, found {name} = {grid[frame, column]:g} in column {column + 1}"
             raise InputError(f"{frames.source}: frame {frame + 1}", what)
+    count, ranges = returns_of(frames.x_mm, frames.z_mm)
+    if not count:
+        raise InputError(frames.source, "expected returns, found none in any profile")
     width_mm, farthest_mm = float(np.ptp(ranges[0])), float(np.abs(ranges[1]).max())
     if not WIDTH_MM[0] <= width_mm <= WIDTH_MM[1]:
         other = _other_unit(width_mm, frames.length_unit, WIDTH_MM)

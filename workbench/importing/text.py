@@ -334,11 +334,16 @@ def otherwise_separated(head: bytes, part: TextPart) -> str:
     columns = part.wanted.values()
     names = {one for one in columns if isinstance(one, str)}
     last = max((one for one in columns if isinstance(one, int)), default=-1)
-    if form is None or form.delimiter == part.delimiter or last >= form.rows.shape[1] or not names <= set(form.header):
+    lines = head_text(head).split("\n")
+    header = lines[part.skip_lines] if part.header and len(lines) > part.skip_lines else ""
+    titles = {mark: cells(header, mark) for mark in DELIMITERS}
+    fits = [mark for mark, found in titles.items() if names and names <= set(found) and last < len(found)]
+    if form is not None and last < form.rows.shape[1] and names <= set(form.header):
+        fits = [form.delimiter]
+    if not fits or part.delimiter in fits:
         return ""
-    key = f'"delimiter": {json.dumps(form.delimiter)} in the mapping'
-    shown = DELIMITERS[form.delimiter]
-    return f"the columns are separated by {shown}, not by {DELIMITERS[part.delimiter]}: expected {key}"
+    key = f'"delimiter": {json.dumps(fits[0])} in the mapping'
+    return f"the columns are separated by {DELIMITERS[fits[0]]}, not by {DELIMITERS[part.delimiter]}: expected {key}"
 
 
 def read_table(path: Path, part: TextPart) -> Table:

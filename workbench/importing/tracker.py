@@ -106,7 +106,8 @@ def _positions(path: Path, part: TrackerPart) -> TrackerReadings:
             places.append(numbers(told.groups(), f"{path}: line {k}"))
             numbers_.append(now)
         elif line.strip() and "INVALID" not in line:
-            raise InputError(f"{path}: line {k}", "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'")
+            expected = "expected 'Pos n', or a reading as 'X= ... Y= ... Z= ...'; of a table: tracker.targets"
+            raise InputError(f"{path}: line {k}", expected)
     if not places:
         raise InputError(str(path), "expected readings as 'X= ... Y= ... Z= ...', found none")
     place_mm = np.array(places) * LENGTH_MM[part.length_unit]

@@ -9,6 +9,7 @@ from tests.compare.bodies import AT, LENGTH, box, scanned
 from workbench.artefacts import PointSet
 from workbench.compare import deviation, register, surface
 from workbench.compare.deviation import Scales, course_of, deviations, places_of
+from workbench.compare.local_planes import heights
 from workbench.compare.statistics import changed, changed_regions
 from workbench.compare.surface import Deviations, Registration, Surface
 from workbench.errors import InputError
@@ -38,6 +39,17 @@ def test_a_known_step_is_found(step_mm: float) -> None:
     assert flags[inside].all()
     assert flags[outside].mean() < 0.1
     assert "Significant change" in chapter.summary
+
+
+def test_strays_do_not_move_a_surface() -> None:
+    """A fifth of the points stands 1 mm off: heights stay those of the plane, and u that of its points."""
+    rng = np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(0.0, 30.0, (20_000, 2)), rng.normal(0.0, 0.02, 20_000)])
+    points[rng.random(20_000) < 0.2, 2] += 1.0
+    at = np.column_stack([rng.uniform(3.0, 27.0, (100, 2)), np.zeros(100)])
+    found = heights(points, None, None, at, np.tile([0.0, 0.0, 1.0], (100, 1)), 1.0, 2.0)
+    assert np.abs(found.height_mm).max() < 0.03
+    assert np.median(found.u_mm) < 0.006
 
 
 def test_no_change_is_said_to_be_none() -> None:

@@ -233,6 +233,11 @@ def test_a_plain_table_that_cannot_be_used(tmp_path: Path, text: str, settings: 
     assert message in str(caught.value)
 
 
+def test_names_of_columns_are_for_a_plain_table_alone(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"compare\.study\.columns: expected characteristics too"):
+        study(study=written(tmp_path, "part,operator,trial,section,root_mm\n"), columns={"part": "operator"})
+
+
 def test_the_headline_agrees_with_the_categories(tmp_path: Path) -> None:
     """Parts that hardly differ: a share of the tolerance that is fine does not make the gauge tell them apart."""
     rng = np.random.default_rng(6)

@@ -8,6 +8,7 @@ import pytest
 
 from workbench.artefacts import PointSet
 from workbench.cloud import denoise
+from workbench.cloud import read as read_points
 from workbench.compare import deviation, mesh, plan, surface
 from workbench.errors import InputError
 from workbench.geometry.fits import fit
@@ -45,6 +46,16 @@ def test_point_sets_and_refusals() -> None:
         surface()
     with pytest.raises(InputError, match="100 points"):
         surface(None, PointSet(points.points_mm[:50]))
+
+
+def test_points_that_were_read_are_compared(tmp_path: Path) -> None:
+    """Points of a file cannot be written to: comparing works on its own."""
+    x, y = np.meshgrid(np.arange(0.0, 30.0, 0.3), np.arange(0.0, 20.0, 0.3))
+    for name, z in (("a", 0.0), ("b", 0.1)):
+        np.savetxt(tmp_path / f"{name}.xyz", np.stack([x.ravel(), y.ravel(), np.full(x.size, z)], axis=1))
+    one, two = (surface(points=read_points(file=tmp_path / f"{name}.xyz", unit="mm")) for name in "ab")
+    found = deviation(one, two, position_u_mm=0.0)[0]
+    assert np.nanmedian(np.abs(found.distance_mm)) == pytest.approx(0.1, abs=1e-3)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("m", 1000.0), ("inch", 25.4)])

@@ -43,7 +43,7 @@ def deviation(
         float,
         Field(ge=0, le=100),
     ] = 0.1,
-    spacing_mm: Annotated[float, Field(gt=0, le=50)] = 1.0,
+    spacing_mm: Annotated[float, Field(ge=1e-3, le=50)] = 1.0,
     normal_mm: Annotated[float, Field(gt=0, le=50)] = 2.0,
     projection_mm: Annotated[float, Field(gt=0, le=50)] = 2.0,
     depth_mm: Annotated[float, Field(gt=0, le=100)] = 1.0,

@@ -49,7 +49,7 @@ def surfels(surface: Surface, spacing_mm: float, radius_mm: float) -> Surfels:
     import open3d
 
     o3d: Any = open3d  # its stubs know less than it does
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(surface.points_mm))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(surface.points_mm)))  # its own, since it writes
     tree, centre = o3d.geometry.KDTreeFlann(cloud), np.array(cloud.voxel_down_sample(spacing_mm).points)
     count, nearest, moment = (
         np.zeros(len(centre), np.int64),
@@ -182,14 +182,24 @@ def heights(
         inside = ((aside**2).sum(axis=1) <= radius_mm**2) & (np.abs(height) <= depth_mm) & np.isfinite(what)
         design = np.column_stack([np.ones(len(off)), aside / radius_mm])
         cylinders.append((design[inside], what[inside], cluster[index][inside]))
-    filled = [(design, what) for design, what, _ in cylinders if len(what) >= LEAST_IN_CYLINDER]
-    spreads = [_spread(what - design @ np.linalg.lstsq(design, what)[0]) for design, what in filled]
+    spreads = [_scatter(design, what) for design, what, _ in cylinders if len(what) >= LEAST_IN_CYLINDER]
     least = float(np.median(spreads)) if spreads else 0.0
     return Heights(*np.array([_intercept(*cylinder, least) for cylinder in cylinders]).reshape(-1, 4).T)
 
 
 def _spread(residual: Float) -> float:
     return TO_SD * float(np.median(np.abs(residual)))
+
+
+def _scatter(design: Float, what: Float) -> float:
+    """Of the points about their plane, less those that stand aside by `ASIDE` of it."""
+    residual = what - np.median(what)
+    for _ in range(ROUNDS):
+        near = np.abs(residual) <= ASIDE * _spread(residual)
+        if near.sum() < LEAST_IN_CYLINDER:
+            break
+        residual = what - design @ np.linalg.lstsq(design[near], what[near])[0]
+    return _spread(residual)
 
 
 def _intercept(design: Float, what: Float, cluster: Int, least: float) -> tuple[float, float, float, float]:

@@ -96,8 +96,8 @@ def measurements_of(
         trial, section = row.get(called["trial"], where), 1 if characteristics else _section(row["section"], where)
         one = found.setdefault((part, operator, trial), Measurement(part, operator, where, {}))
         if section in one.sections:
-            what = f"section {section} of trial {trial} of part '{part}' by '{operator}' stands twice"
-            raise InputError(where, what)
+            what = f"trial {trial} of part '{part}' by '{operator}' stands twice"
+            raise InputError(where, what if characteristics else f"section {section} of {what}")
         one.sections[section] = _values(row, characteristics or NUMBERS, where)
     return list(found.values())
 
@@ -105,7 +105,7 @@ def measurements_of(
 def _values(row: Mapping[str, str], names: Sequence[str], where: str) -> dict[str, float]:
     """Numbers of a row by name; NaN where its cell is empty."""
     values = {name: finite_number(row[name], f"{where}, {name}") if name in row else math.nan for name in names}
-    if below := [name for name in CHARACTERISTICS.values() if values.get(name, 0.0) < 0]:
+    if names is NUMBERS and (below := [name for name in CHARACTERISTICS.values() if values.get(name, 0.0) < 0]):
         raise InputError(f"{where}, {below[0]}", "expected a standard uncertainty from 0")
     return values
 

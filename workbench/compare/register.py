@@ -130,7 +130,7 @@ def register(
     open_directions: Literal["refuse", "hold"] = "refuse",
     held_u_mm: Annotated[float, Field(gt=0, le=100)] = 0.5,
     reach_mm: Annotated[float, Field(gt=0, le=50)] = 1.0,
-    spacing_mm: Annotated[float, Field(gt=0, le=20)] = 0.8,
+    spacing_mm: Annotated[float, Field(ge=1e-3, le=20)] = 0.8,
     radius_mm: Annotated[float, Field(gt=0, le=20)] = 0.8,
     least_overlap: Annotated[float, Field(gt=0, le=1)] = 0.5,
     largest_rms_mm: Annotated[float, Field(gt=0, le=10)] = 0.15,

@@ -185,6 +185,8 @@ def study(
         raise InputError("compare.study", "expected either a study or a list of inspections")
     if characteristics and study is None:
         raise InputError("compare.study", "expected a study, whose columns the characteristics are")
+    if columns and not characteristics:
+        raise InputError("compare.study.columns", "expected characteristics too: an own study has fixed names")
     if unknown := [name for name in limits if name not in characteristics]:
         raise InputError("compare.study.limits", f"'{unknown[0]}' is not one of the characteristics")
     if study is not None:

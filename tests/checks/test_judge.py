@@ -39,6 +39,7 @@ from workbench.checks.window import as_delivered
 from workbench.errors import InputError
 from workbench.geometry.poses import inverse, pose_from
 from workbench.plugins.calibration.circles import circles
+from workbench.scan import read
 from workbench.synthetic import simulate_recording
 from workbench.synthetic.sphere import simulate_sphere
 from workbench.units import Float
@@ -131,6 +132,15 @@ def turned(r: Recording, order: list[int]) -> Recording:
     return spoilt(r, robot_quaternion_wxyz=r.robot_quaternion_wxyz[:, order])
 
 
+def coarse(r: Recording) -> Recording:
+    return spoilt(r, z_mm=(np.round(r.z_mm * 2) / 2).astype(np.float32))
+
+
+def jumping(r: Recording) -> Recording:
+    noise = np.random.default_rng(3).normal(0.0, 0.5, r.robot_position_mm.shape)
+    return spoilt(r, robot_position_mm=r.robot_position_mm + noise)
+
+
 def in_steps(r: Recording) -> Recording:
     return spoilt(r, x_mm=(np.round(r.x_mm * 5) / 5).astype(np.float32))
 
@@ -195,6 +205,13 @@ FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
     "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
     "x and z swapped": (lambda _: swapped(good("arc", 46)), "mean_columns", "axes x and z swapped"),
     "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r)), "mean_columns", "smoothing filter"),
+    "ranges rounded to 0.5 mm": (coarse, "range_step_mm", "rounded to 0.5 mm: export them at full resolution"),
+    "Savitzky-Golay over 7 columns": (
+        lambda r: KINDS["Savitzky-Golay over 7 columns"].spoil(r, np.random.default_rng(0)),
+        "mean_columns",
+        "smoothing filter",
+    ),
+    "noise of poses": (lambda _: jumping(good("arc", 46)), "pose_noise_mm", "noisy, or rounded"),
     "quaternions rounded to 0.01": (two_digits, "orientation_step_deg", "rounded to 0.01"),
     "no return is 0": (partial(coded, code=0.0), "held_end_share", "the range 0 mm to the digit: the sensor's code"),
     "no return is -9999": (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),
@@ -234,6 +251,29 @@ def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(step_mm:
         robot_position_mm=r.robot_position_mm[0] + np.linspace(0, 1, len(r.robot_time_s))[:, None] * way,
     )
     assert ("view_width_mm" in failed(narrow)) == (step_mm == 0.3)
+
+
+@pytest.mark.parametrize(("condition", "sigma"), [("straight", 1.5), ("noisy", 1.5), ("wavy", 5.0)])
+def test_a_filter_that_leaves_long_periods_is_seen(condition: str, sigma: float) -> None:
+    r = good(condition)
+    z = gaussian_filter1d(r.z_mm.astype(float), sigma, axis=1).astype("f4")
+    assert "smoothing filter" in failed(spoilt(r, z_mm=z))["mean_columns"]
+
+
+def test_few_frames_show_no_order() -> None:
+    recording = read(recording=Path("data/synthetic/groove.h5"))
+    few = np.random.default_rng(1).permutation(len(recording.time_s))[:8]
+    few = spoilt(
+        recording,
+        time_s=np.sort(recording.time_s[few]),
+        x_mm=recording.x_mm[few],
+        z_mm=recording.z_mm[few],
+        pass_index=recording.pass_index[few],
+    )
+    found = {one.name: one for one in judge_recording(few)}
+    assert found["order_share"].value is None
+    assert "too few" in found["order_share"].finding
+    assert found["wiggle_mm"].value is None
 
 
 def test_a_mean_over_frames_is_told_and_not_refused() -> None:

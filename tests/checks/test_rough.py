@@ -41,3 +41,12 @@ def test_frames_out_of_order_are_told_on_a_rough_face_too(block: int) -> None:
     blocks = np.array_split(np.arange(len(recording.time_s)), len(recording.time_s) // block)
     mixed = [blocks[k] for k in np.random.default_rng(1).permutation(len(blocks))]
     assert not wiggle(in_order(recording, np.concatenate(mixed))).passed
+
+
+def test_poses_that_jump_are_told_on_a_rough_face_too() -> None:
+    recording = rough(0.3)
+    noise = np.random.default_rng(2).normal(0.0, 0.3, recording.robot_position_mm.shape)
+    jumping = dataclasses.replace(recording, robot_position_mm=recording.robot_position_mm + noise)
+    good, bad = ({one.name: one for one in judge_recording(r)}["pose_noise_mm"] for r in (recording, jumping))
+    assert good.passed
+    assert not bad.passed

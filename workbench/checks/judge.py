@@ -389,7 +389,12 @@ def _longest_run(on: Bool) -> int:
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
     traces = sensor_traces(recording.z_mm, recording.pass_index)
-    step, pitch = uneven_step_mm(recording.x_mm, recording.z_mm), column_pitch_mm(recording.x_mm)
+    z, x = some(recording.z_mm), some(recording.x_mm)
+    step = step_mm(z)
+    told = f"ranges are rounded to {step:.3g} mm: export them at full resolution"
+    yield check("range_step_mm", step, told, given=given)
+    step = uneven_step_mm(recording.x_mm, recording.z_mm)
+    pitch = column_pitch_mm(np.where(np.isfinite(z), x, np.nan))  # any x may be written for lost returns
     told = f"lateral places are rounded to {step:.3g} mm: export them at full resolution"
     yield check("lateral_step_mm", step, told, given=given, default=max(most("lateral_step_mm"), STEP_SHARE * pitch))
     told = (
@@ -465,6 +470,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
     unsteady = check("unsteady_twist_deg", now.unsteady_deg, given=given)
     suspected = steadier
     yield from _order_checks(recording, found, given)
+    told = f"the recorded poses jump by {now.pose_noise_mm:.2f} mm across the edge: noisy, or rounded?"
+    yield check("pose_noise_mm", now.pose_noise_mm, told, given=given)
     sure = SURE_TWIST_DEG if now.obliquity_deg < OBLIQUE_DEG else CONVENTION_TWIST_DEG
     unexplained = now.twist_deg > sure + now.waved_deg
     if unexplained or not (oblique.passed and varies.passed and wide.passed and unsteady.passed):
@@ -567,13 +574,23 @@ def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mappi
     here = disorder(recording.x_mm, recording.z_mm, recording.pass_index, found)
     told = f"the section jumps by {here.jumps_mm:.2f} mm in the view from frame to frame: frames out of order, or a "
     told += "part that vibrates?"
-    yield check("wiggle_mm", here.jumps_mm, told, given=given)
+    known = np.isfinite(here.jumps_mm)
+    yield check("wiggle_mm", here.jumps_mm if known else None, told, given=given)
     told = "frames next to each other are alike, which shows their order"
-    if here.share > IN_ORDER:
+    if not known:
+        told = "too few profiles go together to show their order"
+    elif here.share > IN_ORDER:
         told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
         told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "
         told += "order; nothing tells which"
-    yield Check("order_share", here.share, None, True, "where they scatter as all do, any order looks alike", told)
+    yield Check(
+        "order_share",
+        here.share if known else None,
+        None,
+        True,
+        "where they scatter as all do, any order looks alike",
+        told,
+    )
 
 
 def _steadier(recording: Recording, found: Mapping[int, Chain], hand_eye: Float, now: Consistency) -> list[str]:

@@ -75,6 +75,11 @@ LIMITS: dict[str, Limit] = {
         "slope, to the digit and more often than noise does",
         "a median, or a filter that fills lost returns, comes to 0.25 and more; good recordings have 0.00",
     ),
+    "range_step_mm": Limit(
+        0.3,
+        "step to which ranges are rounded",
+        "to 0.1 mm faces are measured within u; no face is found in coarser steps than a third of a millimetre",
+    ),
     "lateral_step_mm": Limit(
         0.02,
         "step to which lateral places are rounded, where they are uneven for it",
@@ -114,6 +119,11 @@ LIMITS: dict[str, Limit] = {
         "standard deviation by which the section's place in the view jumps from frame to frame",
         "robots that scan vibrate by less, and a rough face shows neighbouring frames nearly one place; frames out of "
         "order jump by what the place varies over the pass",
+    ),
+    "pose_noise_mm": Limit(
+        0.12,
+        "standard deviation by which the recorded poses jump across the edge's way, from profile to profile",
+        "robots are smoother, and a path that is planned from such poses is off by as much",
     ),
     "pass_disagreement_mm": Limit(
         0.6,
@@ -317,8 +327,8 @@ GONE = {
         "step_share": ("root_step_share", "end_face_step_share"),
         "goes_on_share": ("hollow_share", "end_face_goes_on_share"),
         "face_bow": ("corner_bow", "end_face_bow"),
-        "groove_gap_mm": ("groove_overlap_mm",),
-        "no check": ("size_scatter", "groove_told_share", "range_step_mm", "end_face_square_deg"),
+        "groove_gap_mm, from least to greatest, [-0.2, 15],": ("groove_overlap_mm",),
+        "no check": ("size_scatter", "groove_told_share", "end_face_square_deg"),
     }.items()
     for name in names
 }
@@ -350,7 +360,10 @@ def checked_limits(given: Mapping[str, object], where: str) -> dict[str, Bound]:
         numbers = list(value) if isinstance(value, list | tuple) else [value]
         good = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
         if not good or len(numbers) != (2 if pair else 1):
-            raise PipelineError(f"{where}.{name}", f"expected {'two numbers' if pair else 'a number'}")
+            usual = ", ".join(f"{one:g}" for one in LIMITS[name].bound) if pair else ""  # type: ignore[union-attr]
+            raise PipelineError(
+                f"{where}.{name}", f"expected {f'two numbers, such as [{usual}]' if pair else 'a number'}"
+            )
         found[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])  # type: ignore[arg-type]
     return found
 

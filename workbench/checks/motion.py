@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.checks.profiles import Chain
+from workbench.checks.profiles import MEDIAN, THIRD, Chain
 from workbench.units import DEG, Float, Int, Shaped
 
 REACH, LONG = 3, 20  # profiles on each side, for the direction of the way; of a stretch that is looked at without ends
@@ -31,6 +31,7 @@ class Consistency:
     twist_deg: float  # greatest turn of the section about the edge, over 150 mm or less of it
     unsteady_deg: float  # greatest turn of it that is no slow function of the place on the edge
     swing_deg: float  # how much the edge's direction varies against the laser plane, in any sense: nine tenths of it
+    pose_noise_mm: float  # robust standard deviation of its place across its way, less what the view itself shows
 
     @property
     def waved_deg(self) -> float:
@@ -56,7 +57,7 @@ def consistency(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Fl
     """
     found = [_of_pass(chains[number], base_from_profiler[number]) for number in chains]
     table = np.array([one for one in found if one is not None])
-    return Consistency(*(table.max(axis=0).tolist() if len(table) else [float("nan")] * 5))
+    return Consistency(*(table.max(axis=0).tolist() if len(table) else [float("nan")] * 6))
 
 
 def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
@@ -77,7 +78,24 @@ def _of_pass(chain: Chain, pose: Float) -> tuple[float, ...] | None:
         float(min(ranges)) / 2.0,
         *_twist(across, way, stretch, chain.turn_u),
         float(swing),
+        _pose_noise_mm(chain, place),
     )
+
+
+def _pose_noise_mm(chain: Chain, place: Float) -> float:
+    """By third differences of a place (k, 3), of which a bend of the way has none, less those of the point in view.
+
+    A rough face, and a part that moves, wander in the view as they do in the base; poses that jump do not.
+    """
+    point, _, stretch = chain.track
+    together = stretch[3:] == stretch[:-3]
+    if together.sum() < LEAST_STRETCH:
+        return 0.0
+    bend, chord = np.diff(place, n=3, axis=0)[together], (place[3:] - place[:-3])[together]
+    size = np.maximum(np.linalg.norm(chord, axis=1), LEAST_MM)
+    across = np.median(np.linalg.norm(np.cross(bend, chord), axis=1) / size)
+    seen = np.median(np.linalg.norm(np.diff(point, n=3, axis=0)[together], axis=1))
+    return math.sqrt(max(float(across**2 - seen**2), 0.0)) / MEDIAN / THIRD
 
 
 def chord_obliquity_deg(chains: Mapping[int, Chain], base_from_profiler: Mapping[int, Float]) -> float:

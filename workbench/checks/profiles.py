@@ -21,6 +21,7 @@ LEAST_BENDS = 8  # third differences that tell
 THIRD = math.sqrt(20.0)  # of 1, -3, 3, -1
 MEDIAN, NINE_IN_TEN = 1.1774, 2.146  # length of two normal numbers of standard deviation 1
 SMOOTH_MM, IN_ORDER = 0.02, 0.08  # of the profiles of a chain: what scatters by less, and less of its way, is in order
+ALIKE_MM = 0.003  # what places may differ by for the noise of profiles alone
 SMOOTH = 0.1  # of that, which frames next to each other scatter by: on ten rough faces by 0.01 to 0.03 of it
 
 
@@ -37,31 +38,32 @@ def disorder(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, found: Mapping[int
     Where profiles some frames apart scatter, frames next to each other are asked: on a face that waves they all but
     agree. By third differences: a bend of the way has none.
     """
-    worst = Disorder(0.0, 0.0)
+    worst = Disorder(float("nan"), float("nan"))  # unknown
     for number, chain in found.items():
         jumps, point, stretch = _jumps_mm([chain], MEDIAN, 50.0), chain.track[0], chain.track[2]
         varies = float(point[stretch == np.bincount(stretch).argmax()].std(axis=0).max())
         if jumps > min(SMOOTH_MM, IN_ORDER * varies):
             near = _jumps_mm(_runs(x_mm, z_mm, np.flatnonzero(pass_index == number)), NINE_IN_TEN, 90.0)
             jumps = near if near < SMOOTH * jumps else jumps
-        share = jumps / varies if varies > 0.0 else 0.0
-        worst = Disorder(max(worst.jumps_mm, jumps), max(worst.share, share))
+        share = jumps / varies if jumps > ALIKE_MM else 0.0 * jumps
+        worst = Disorder(float(np.fmax(worst.jumps_mm, jumps)), float(np.fmax(worst.share, share)))
     return worst
 
 
 def in_order(checks: Sequence[Check]) -> bool:
     """Whether profiles show the order in which they were taken, by what a recording's checks found."""
-    return all((check.value or 0.0) <= IN_ORDER for check in checks if check.name == "order_share")
+    told = [check.value for check in checks if check.name == "order_share"]
+    return all(value is not None and value <= IN_ORDER for value in told)
 
 
 def _jumps_mm(found: Iterable[Chain], size: float, percentile: float) -> float:
-    """Standard deviation of the section's place off an even way, of some chains; 0: too few profiles tell."""
+    """Standard deviation of the section's place off an even way, of some chains; NaN: too few profiles tell."""
     bends = [np.zeros(0)]
     for chain in found:
         point, _, stretch = chain.track
         bends.append(np.linalg.norm(np.diff(point, n=3, axis=0)[stretch[3:] == stretch[:-3]], axis=1))
     every = np.concatenate(bends)
-    return float(np.percentile(every, percentile)) / size / THIRD if every.size >= LEAST_BENDS else 0.0
+    return float(np.percentile(every, percentile)) / size / THIRD if every.size >= LEAST_BENDS else float("nan")
 
 
 def _runs(x_mm: AnyArray, z_mm: AnyArray, frames: Int) -> Iterator[Chain]:

@@ -64,7 +64,10 @@ def sensor_traces(z_mm: AnyArray, pass_index: Int) -> SensorTraces:
     z, many = rows.astype(np.float64), some(z_mm, MANY).astype(np.float64)
     digit = _digit(many, step_mm(rows))
     mean, pieces = moving_mean(z), _straight_pieces(z)
-    if len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED and not fading(pieces, digit) < FILTERED:
+    if len(pieces) >= LEAST_PIECES and fading(pieces, digit) < FILTERED:  # smoothed: by how far neighbours are alike
+        alike = _by_lag(pieces, np.ones(pieces.shape, bool), LAGS + 1)
+        mean = max(mean, 1.0 + 2.0 * float((alike[1:] * np.cumprod(alike[1:] > 0)).sum() / alike[0]))
+    elif len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED:
         wiped = wiped_out(pieces)
         mean = (mean or wiped) if wiped else 0.0
     return SensorTraces(

@@ -348,7 +348,8 @@ def _darkness(cloud: Cloud, face: FaceLines, frames: Int) -> float | None:
     on_face = returned & (column >= first[:, None]) & (column < last[:, None])
     usual = float(np.median(light[on_face])) if on_face.any() else 0.0
     faintest = float(np.quantile(light[returned], FAINTEST)) if usual > 0.0 else 0.0
-    return min(faintest / usual, 1.0) if 0.0 < faintest < light[returned].max() else None
+    known = faintest > 0.0 and usual < light[returned].max()  # else the brightness is the same everywhere, or saturates
+    return min(faintest / usual, 1.0) if known else None
 
 
 def _recession(rim: FaceRim, frames: Int) -> Float:

@@ -93,7 +93,8 @@ def layers(
         side_clearance_mm: distance that the cutter keeps to a clamp beside it.
         ramp_mm: length of edge in which the cutter rises or falls.
         lead_mm: length of lead-in and lead-out.
-        root_radius_mm: of a J preparation, milled by a ball end of this radius; 0: a bevel.
+        root_radius_mm: of a J preparation, milled by a ball end of this radius, half of `cutter_diameter_mm`; 0: a
+            bevel.
         smoothing_mm: over which the stock's upper edge is smoothed, to each side.
         tool: a tcp.json of `calibrate.tcp`: its u counts.
         turntable: a turntable.json of `calibrate.turntable`, likewise.

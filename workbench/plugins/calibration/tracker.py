@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,7 +125,9 @@ class Tracking:
         for _ in range(START_ROUNDS):
             at = np.einsum("nij,nj->ni", seen.flange[:, :3, :3], points[seen.target]) + seen.flange[:, :3, 3]
             a, b = np.average(at, axis=0, weights=weight), np.average(seen.place_mm, axis=0, weights=weight)
-            turn = Rotation.align_vectors(seen.place_mm - b, at - a, weight)[0].as_matrix()
+            with warnings.catch_warnings():  # readings on a line: any turn about it will do to begin with
+                warnings.simplefilter("ignore")
+                turn = Rotation.align_vectors(seen.place_mm - b, at - a, weight)[0].as_matrix()
             frame = pose_from(turn, b - turn @ a)
             back = inverse(frame @ seen.flange)
             local = np.einsum("nij,nj->ni", back[:, :3, :3], seen.place_mm) + back[:, :3, 3]

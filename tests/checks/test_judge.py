@@ -406,7 +406,7 @@ def test_limits_that_a_user_sets() -> None:
     wide = judge_recording(r, limits=checked_limits({"mean_columns": 6}, "here"))
     assert [check.name for check in wide if check.loosened] == ["mean_columns"]
     refuse_failed(wide, "r.h5")
-    with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 3.5; scan.fuse.limits sets it"):
+    with pytest.raises(InputError, match=r"averaged .* over 5 columns.*limit 3.3; scan.fuse.limits sets it"):
         refuse_failed(judge_recording(r), "r.h5")
 
 

@@ -64,10 +64,10 @@ LIMITS: dict[str, Limit] = {
         "0.04 mm off",
     ),
     "mean_columns": Limit(
-        3.5,
+        3.3,
         "width of a moving mean over the columns of a profile",
         "a mean moves the edge of a face by up to half its width, which is in the uncertainty of the face's end; one "
-        "over more columns bends narrow faces",
+        "over more columns, or a Gaussian of 1.5, bends narrow faces",
     ),
     "held_end_share": Limit(
         0.1,

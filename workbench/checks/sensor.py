@@ -21,6 +21,7 @@ MEAN_CORRELATION, LEAST_BENDS = -0.25, 1000
 ENOUGH = 8000  # values whose median is known to 1.5 %
 PERIODS, NEAR = np.arange(0.1, 0.481, 0.01)[:, None], 5  # per column; of these, that one missing period spans
 WIPED = 4.0  # times less power than at some longer and some shorter period: noise has 2.6 at most, a mean over 5 13
+CURVED = 4  # terms of a cubic, which follows a sphere or a wave within a piece
 MOST_RESOLVED = 6.0  # columns of a mean whose periods a piece tells apart
 LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
@@ -65,7 +66,8 @@ def sensor_traces(z_mm: AnyArray, pass_index: Int) -> SensorTraces:
     digit = _digit(many, step_mm(rows))
     mean, pieces = moving_mean(z), _straight_pieces(z)
     if len(pieces) >= LEAST_PIECES and fading(pieces, digit) < FILTERED:  # smoothed: by how far neighbours are alike
-        alike = _by_lag(pieces, np.ones(pieces.shape, bool), LAGS + 1)
+        level = _off_trend(pieces, CURVED)
+        alike = _by_lag(level, np.ones(level.shape, bool), LAGS + 1)
         mean = max(mean, 1.0 + 2.0 * float((alike[1:] * np.cumprod(alike[1:] > 0)).sum() / alike[0]))
     elif len(pieces) >= LEAST_PIECES and mean <= MOST_RESOLVED:
         wiped = wiped_out(pieces)
@@ -253,9 +255,9 @@ def wiped_out(rows: Float) -> float:
     return float(1.0 / PERIODS[first + int(power[first : first + NEAR].argmin())][0]) if lacks.any() else 0.0
 
 
-def _off_trend(rows: Float) -> Float:
+def _off_trend(rows: Float, terms: int = 2) -> Float:
     """Rows (n, PIECE) less their straight line over the columns: a mean of ranges leaves the lateral places noisy."""
-    t = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), 2))[0]
+    t = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, PIECE), terms))[0]
     return np.asarray(rows - (rows @ t) @ t.T)
 
 

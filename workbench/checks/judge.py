@@ -13,7 +13,7 @@ from workbench.checks.conventions import AS_READ, Convention, known_conventions
 from workbench.checks.limits import Bound, check, checked_limits, least, most
 from workbench.checks.motion import LEAST_STRETCH, Consistency, chord_obliquity_deg, consistency, jump_mm
 from workbench.checks.passes import Repeats, disagreement_mm, find_repeats
-from workbench.checks.profiles import IN_ORDER, Chain, chains, disorder
+from workbench.checks.profiles import ALIKE_MM, IN_ORDER, Chain, chains, disorder
 from workbench.checks.sensor import (
     PACKED,
     column_pitch_mm,
@@ -579,6 +579,8 @@ def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mappi
     told = "frames next to each other are alike, which shows their order"
     if not known:
         told = "too few profiles go together to show their order"
+    elif here.share > IN_ORDER and here.jumps_mm < ALIKE_MM:
+        told = "the part hardly moves in the view, so that frames do not show their order"
     elif here.share > IN_ORDER:
         told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
         told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "

@@ -327,7 +327,7 @@ GONE = {
         "step_share": ("root_step_share", "end_face_step_share"),
         "goes_on_share": ("hollow_share", "end_face_goes_on_share"),
         "face_bow": ("corner_bow", "end_face_bow"),
-        "groove_gap_mm, from least to greatest, [-0.2, 15],": ("groove_overlap_mm",),
+        "groove_gap_mm": ("groove_overlap_mm",),
         "no check": ("size_scatter", "groove_told_share", "end_face_square_deg"),
     }.items()
     for name in names

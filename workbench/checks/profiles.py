@@ -45,7 +45,7 @@ def disorder(x_mm: AnyArray, z_mm: AnyArray, pass_index: Int, found: Mapping[int
         if jumps > min(SMOOTH_MM, IN_ORDER * varies):
             near = _jumps_mm(_runs(x_mm, z_mm, np.flatnonzero(pass_index == number)), NINE_IN_TEN, 90.0)
             jumps = near if near < SMOOTH * jumps else jumps
-        share = jumps / varies if jumps > ALIKE_MM else 0.0 * jumps
+        share = jumps / varies if varies > 0.0 else 0.0 * jumps
         worst = Disorder(float(np.fmax(worst.jumps_mm, jumps)), float(np.fmax(worst.share, share)))
     return worst
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import multiprocessing
 import os
@@ -38,6 +39,9 @@ def _results(measure: Callable[[T], R], tasks: Sequence[T], workers: int) -> Ite
         yield from map(measure, tasks)
         return
     os.environ.update(dict.fromkeys(THREADS, "1"))
+    if measure.__module__ == "__main__":  # of `python -m`: a spawned process knows it by the module's own name
+        here = importlib.import_module(sys.modules["__main__"].__spec__.name)  # type: ignore[union-attr]
+        measure = getattr(here, measure.__name__)
     with multiprocessing.get_context("spawn").Pool(workers, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         yield from pool.imap_unordered(measure, tasks)
 

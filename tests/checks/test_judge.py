@@ -272,7 +272,7 @@ def test_few_frames_show_no_order() -> None:
     )
     found = {one.name: one for one in judge_recording(few)}
     assert found["order_share"].value is None
-    assert "too few" in found["order_share"].finding
+    assert "nothing tells their order" in found["order_share"].finding
     assert found["wiggle_mm"].value is None
 
 

@@ -578,9 +578,9 @@ def _order_checks(recording: Recording, found: Mapping[int, Chain], given: Mappi
     yield check("wiggle_mm", here.jumps_mm if known else None, told, given=given)
     told = "frames next to each other are alike, which shows their order"
     if not known:
-        told = "too few profiles go together to show their order"
+        told = "too few profiles go together: nothing tells their order"
     elif here.share > IN_ORDER and here.jumps_mm < ALIKE_MM:
-        told = "the part hardly moves in the view, so that frames do not show their order"
+        told = "the part hardly moves in the view, which does not show the order of its frames"
     elif here.share > IN_ORDER:
         told = f"the section's place in the view scatters by {here.jumps_mm:.2f} mm between neighbouring frames, "
         told += f"{100 * here.share:.0f} % of its scatter over the whole pass: vibration, noise, or frames out of "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.shapes import unchecked
-from workbench.edge.rim import BrokenEnd
+from workbench.edge.broken_end import BrokenEnd
 from workbench.geometry.grids import fuse
 from workbench.units import Shaped
 
@@ -31,7 +31,7 @@ def test_users_have_plain_annotations() -> None:
     import subprocess
     import sys
 
-    told = "import sys, typing, workbench.edge.rim as rim; "
+    told = "import sys, typing, workbench.edge.broken_end as rim; "
     told += "print('jaxtyping' in sys.modules, rim.Shaped is typing.Annotated)"
     out = subprocess.run([sys.executable, "-c", told], check=True, capture_output=True, text=True).stdout
     assert out == "False True\n"

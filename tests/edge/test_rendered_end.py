@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.edge.rim import INCIDENCES, Depths, EndView, end_phases, free_depths, rendered_end
+from workbench.edge.broken_end import INCIDENCES, Depths, EndView, end_phases, free_depths, rendered_end
 
 
 @pytest.mark.parametrize("lean", [0.0, 1e-4, 0.02])

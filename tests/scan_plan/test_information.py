@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
+from workbench.edge.broken_end import ALIKE_MM
 from workbench.edge.residual_image import Linearity
-from workbench.edge.rim import ALIKE_MM
 from workbench.scan_plan.information import Joint, Knowledge, Predicted, Profiler, View, combined, information
 from workbench.units import DEG
 
@@ -25,7 +25,7 @@ def told(*elevations_deg: float, sensor: Profiler = SENSOR, known: Knowledge = S
 
 
 def no_worse(better: Predicted, worse: Predicted) -> bool:
-    """Passes whose view of the break differs by less than ALIKE_MM count alike to the engine (`edge.rim.weights`)."""
+    """Passes whose view of the break differs by less than ALIKE_MM count alike to the engine (`broken_end.weights`)."""
     alike = {"root_mm": ALIKE_MM / 3.0, "bevel_deg": 0.0}
     return all(getattr(better, n) <= UNHARMED * getattr(worse, n) + a for n, a in alike.items())
 

@@ -26,7 +26,7 @@ LEAST_DEPTH_MM = 4.0  # of a groove whose faces are not seen, for judging the le
 # returns tell how a column sees an end.
 STEP_SHARE, SEEN_SHARE = 0.3, 0.12
 # Of the stretch over which columns see an end in part: how far beyond the end the last return's middle may lie. By the
-# fill f from which on a column returns (1 - 2 f) / (2 - 2 f); half of all sensors ask for half a column (`edge.rim`).
+# fill f from which on a column returns (1 - 2 f) / (2 - 2 f); half of all sensors ask for half a column (`broken_end`).
 CUT_OFF, CUT_OFF_U = 0.17, 0.19
 MOST_MIXED = 2.0  # columns by which a last return that sees an end in part is off its face's line
 JOINED_STEPS = 3.0  # by which last returns of two plates differ in level where these meet

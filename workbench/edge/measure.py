@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
+from workbench.edge.broken_end import BrokenEnd, weights, whole_end
 from workbench.edge.directions import TOGETHER_MM, between, near_slope, width_mm, wrapped
 from workbench.edge.faces import TrackedFaces
-from workbench.edge.rim import BrokenEnd, weights, whole_end
-from workbench.edge.root_end import FaceCorner, RootEnds, root_ends
+from workbench.edge.frame_ends import FaceCorner, RootEnds, root_ends
 from workbench.edge.steps import Readings, own_directions, readings
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course

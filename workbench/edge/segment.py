@@ -19,6 +19,15 @@ from workbench.checks.judge import refuse_failed
 from workbench.checks.residuals import FaceAlong, late_of
 from workbench.checks.sensor import column_pitch_mm
 from workbench.checks.window import end_step_check
+from workbench.edge.broken_end import (
+    BrokenEnd,
+    EdgeCondition,
+    broken_end,
+    is_free_end,
+    root_rim,
+    together_along,
+    weights,
+)
 from workbench.edge.certified import certified, certified_linearity
 from workbench.edge.directions import TOGETHER_MM, between, width_mm
 from workbench.edge.faces import TrackedFaces, find_faces
@@ -37,15 +46,6 @@ from workbench.edge.parameters import (
     usual_noise_mm,
 )
 from workbench.edge.residual_image import ASIDE_MM, FaceForm, Linearity, declared_linearity, face_image, forms
-from workbench.edge.rim import (
-    BrokenEnd,
-    EdgeCondition,
-    broken_end,
-    is_free_end,
-    root_rim,
-    together_along,
-    weights,
-)
 from workbench.edge.sizes import EndTerms, corrected_angles, rough_deg, sizes, straightened
 from workbench.edge.steps import burr_stations, waves_u
 from workbench.edge.unseen import BY_NOMINAL, BY_TABLE, COMPOUND, by_thickness, by_window, root_end_check, unseen_of

@@ -24,6 +24,7 @@ from workbench.artefacts import (
     Unseen,
 )
 from workbench.checks import NOT_JUDGED
+from workbench.edge.broken_end import EdgeCondition
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
 from workbench.edge.measure import measure_edge
@@ -35,7 +36,6 @@ from workbench.edge.parameters import (
     RootNominal,
     usual_noise_mm,
 )
-from workbench.edge.rim import EdgeCondition
 from workbench.edge.segment import segment
 from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.edge.segment_cloud_grid import organised, recovered_grid

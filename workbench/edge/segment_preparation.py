@@ -26,6 +26,7 @@ from workbench.checks.faces import bows_check, corners_checks, plates_check, req
 from workbench.checks.judge import refuse_failed
 from workbench.checks.limits import Bound, check
 from workbench.checks.profiles import in_order
+from workbench.edge.broken_end import EdgeCondition, broken_end, is_free_end, root_rim
 from workbench.edge.directions import near_slope, width_mm, wrapped
 from workbench.edge.fillet import Fillet, fit_on_land, misfit_mm
 from workbench.edge.groove_frames import two_plates_share
@@ -43,7 +44,6 @@ from workbench.edge.prepared_frames import (
     straight_corners,
 )
 from workbench.edge.residual_image import FaceForm, Linearity, declared_linearity, face_image, forms
-from workbench.edge.rim import EdgeCondition, broken_end, is_free_end, root_rim
 from workbench.edge.segment import Declared, either_piece_u, milled_edge
 from workbench.edge.unseen import by_window, root_end_check
 from workbench.errors import InputError

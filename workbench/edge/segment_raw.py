@@ -31,6 +31,7 @@ from workbench.checks.end_face import edge_break_check, require_end_face
 from workbench.checks.faces import plates_check
 from workbench.checks.residuals import FaceAlong, Late, every_second, late_check, late_of
 from workbench.checks.window import end_step_check
+from workbench.edge.broken_end import EdgeCondition, together_along
 from workbench.edge.directions import between
 from workbench.edge.groove_frames import two_plates_share
 from workbench.edge.measure import UNDETERMINED
@@ -49,7 +50,6 @@ from workbench.edge.raw_measure import (
     unevenness,
 )
 from workbench.edge.residual_image import Linearity, declared_linearity, face_image, forms
-from workbench.edge.rim import EdgeCondition, together_along
 from workbench.edge.steps import LEAST_BURRED, burr_stations
 from workbench.edge.unseen import fixed_end_check
 from workbench.errors import InputError

@@ -9,8 +9,8 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, UPPER_SURFACE, Check, Cloud, MilledEdge, Quantity, Unseen
 from workbench.checks.window import PINNED
+from workbench.edge.broken_end import is_free_end
 from workbench.edge.faces import TrackedFaces
-from workbench.edge.rim import is_free_end
 from workbench.geometry.grids import columns_beyond, dark_beyond
 from workbench.geometry.poses import rotation_from_vector
 from workbench.units import DEG, AnyArray, Float, Int, Shaped

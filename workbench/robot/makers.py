@@ -1,4 +1,6 @@
-"""Makers of controllers: by what name a cell's file knows them, and where their base and flange are.
+"""Makers of controllers: by what name a cell's file knows them, where base and flange are, how poses are logged.
+
+A further one has its language in `workbench/program/`, which `workbench/program/write.py` names.
 
 Sources: FANUC and Yaskawa: the world's (robot's) origin lies where axis 1 meets the height of axis 2
 (ros-industrial/fanuc#101, ros-industrial/motoman#234). ABB: at the foot, on axis 1, x forward, z up
@@ -30,6 +32,7 @@ class Maker:
     flange: str  # x and z of the flange
     at_axis_2: bool  # the base's origin is at the height of axis 2, else at the foot
     world: bool  # the controller may know a world in which its base stands elsewhere
+    logged: str  # where a recording's poses come from, each with its time
 
     @property
     def axes(self) -> Float:
@@ -49,9 +52,44 @@ class Maker:
 
 
 MAKERS = {
-    "abb": Maker("ABB", SERIAL, "-z +x", at_axis_2=False, world=True),
-    "kuka": Maker("KUKA", "-z +y +y -x +y -x", "-z +x", at_axis_2=False, world=True),
-    "fanuc": Maker("FANUC", LEVEL, "+z +x", at_axis_2=True, world=False),
-    "ur": Maker("UR", "+z -y -y -y -z -y", "+x -y", at_axis_2=False, world=False),
-    "yaskawa": Maker("Yaskawa", LEVEL, "+z +x", at_axis_2=True, world=False),
+    "abb": Maker(
+        "ABB",
+        SERIAL,
+        "-z +x",
+        at_axis_2=False,
+        world=True,
+        logged="EGM or a socket task, flange (tool0) in the base",
+    ),
+    "kuka": Maker(
+        "KUKA",
+        "-z +y +y -x +y -x",
+        "-z +x",
+        at_axis_2=False,
+        world=True,
+        logged="RSI, $POS_ACT with $NULLFRAME as tool and base",
+    ),
+    "fanuc": Maker(
+        "FANUC",
+        LEVEL,
+        "+z +x",
+        at_axis_2=True,
+        world=False,
+        logged="KAREL CURPOS or Stream Motion, tool frame 0 in the world",
+    ),
+    "ur": Maker(
+        "UR",
+        "+z -y -y -y -z -y",
+        "+x -y",
+        at_axis_2=False,
+        world=False,
+        logged="RTDE, actual_q or actual_TCP_pose with the flange as TCP",
+    ),
+    "yaskawa": Maker(
+        "Yaskawa",
+        LEVEL,
+        "+z +x",
+        at_axis_2=True,
+        world=False,
+        logged="the high-speed Ethernet server, flange in the base",
+    ),
 }

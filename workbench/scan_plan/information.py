@@ -1,9 +1,9 @@
 """What a scanning pass will tell of a bevel: predicted standard uncertainties, before anything moves.
 
 The terms and sensitivities are those of the budget (docs/method.md, 5), and so are the engine's own functions where it
-has them: what a view does not see of the broken edge, for edges of the prior (`edge.rim`), and the form of the faces by
-the sensor's linearity (`edge.residual_image`). What averages along the edge does so over a length that was measured on
-simulated parts (docs/scan_planning.md). Several passes are one likelihood.
+has them: what a view does not see of the broken edge, for edges of the prior (`edge.broken_end`), and the form of the
+faces by the sensor's linearity (`edge.residual_image`). What averages along the edge does so over a length that was
+measured on simulated parts (docs/scan_planning.md). Several passes are one likelihood.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.edge.lower_fillet import LIT_COLUMNS
-from workbench.edge.residual_image import LEAST_PLACES, PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
-from workbench.edge.rim import (
+from workbench.edge.broken_end import (
     DEEP_MM,
     DEPTH_U_MM,
     PRIORS,
@@ -40,6 +38,8 @@ from workbench.edge.rim import (
     seen_end,
     weights,
 )
+from workbench.edge.lower_fillet import LIT_COLUMNS
+from workbench.edge.residual_image import LEAST_PLACES, PLACES, STRETCH_MM, FaceForm, FaceImage, Linearity, forms
 from workbench.units import DEG, Float, Shaped
 
 # Length of edge over which the engine's courses average, mm: of an end told by column steps that drift past it, of a

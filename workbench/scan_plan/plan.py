@@ -27,9 +27,9 @@ from workbench.artefacts import (
 )
 from workbench.artefacts.decisions import NOT_CHECKED
 from workbench.cad import NominalEdge
+from workbench.edge.broken_end import EdgeCondition
 from workbench.edge.parameters import RobotNoise
 from workbench.edge.residual_image import declared_linearity
-from workbench.edge.rim import EdgeCondition
 from workbench.errors import InputError
 from workbench.geometry.moves import runs
 from workbench.geometry.poses import pose_from, quaternion_from_rotation

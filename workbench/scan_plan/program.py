@@ -19,7 +19,7 @@ from workbench.program.words import program_name
 from workbench.robot import Cell, cell_triangles, forward_kinematics, posture_key, posture_picture, sliding
 from workbench.robot.cell_file import ProcessPart, Signal, SpindlePart
 from workbench.robot.collision import outermost
-from workbench.robot.makers import Make
+from workbench.robot.makers import MAKERS, Make
 from workbench.scan_plan.plan import ScanPass, ScanPlan
 from workbench.scan_plan.reach import BODY, Examiner
 from workbench.stage import stage
@@ -30,14 +30,6 @@ NEAR_MM = 400.0  # about the edge, in a close picture
 RAYS = 7  # of the laser in a picture, and points on each
 RENAMED = {"spindle": "scanner", "path": "laser, and its way along the lower edge"}
 LEVER_MM = 20.0  # of the laser line, at whose ends a turn counts
-LOGGED = {  # where a recording's poses come from, by controller; each with its time
-    "abb": "EGM or a socket task, flange (tool0) in the base",
-    "kuka": "RSI, $POS_ACT with $NULLFRAME as tool and base",
-    "fanuc": "KAREL CURPOS or Stream Motion, tool frame 0 in the world",
-    "ur": "RTDE, actual_q or actual_TCP_pose with the flange as TCP",
-    "yaskawa": "the high-speed Ethernet server, flange in the base",
-    "trajectory": "joint angles as driven, flange by the robot's kinematics",
-}
 NO_LOAD = "the load of the scanner: neither mass nor centre of gravity (scan.program: scanner_mass_kg)"
 NO_PLAN = "nothing is written: the plan does not reach what is wanted"
 Triple = tuple[float, float, float]
@@ -90,7 +82,8 @@ def program(
         return (Gate(False, NO_PLAN),)
     if cell.process is None:
         raise InputError(f"{cell.source}: $.process", "expected where the robot's home is, for a program of a scan")
-    dialect = controller or (cell.controller.dialect if cell.controller else "trajectory")
+    maker = MAKERS.get(controller or (cell.controller.dialect if cell.controller else ""))
+    logged = maker.logged if maker else "joint angles as driven, flange by the robot's kinematics"
     process = cell.process.model_copy(
         update={
             "spindle": SpindlePart(on_signal=trigger_signal, at_speed_signal=ready_signal, wait_s=5.0),
@@ -105,7 +98,7 @@ def program(
     out: list[Document | Chapter] = []
     gates = []
     for number, one in enumerate(plan.passes, 1):
-        moves, gate = _moves(plan, place, one, number, LOGGED[dialect])
+        moves, gate = _moves(plan, place, one, number, logged)
         written = write(
             moves,
             gate,

@@ -37,7 +37,7 @@ from workbench.plugins.calibration.observations import Observations, by_pass, fr
 from workbench.plugins.calibration.tables import POSE as POSE_COLUMNS
 from workbench.plugins.calibration.values import Calibration, PosturePlan, SphereProfiles
 from workbench.plugins.calibration.verdicts import rescaled, sensor_of
-from workbench.plugins.table import csv_bytes
+from workbench.plugins.csv_table import csv_bytes
 
 EXCHANGES = 4  # rounds over the chosen postures
 AT_LIMIT = 0.6  # share of candidates that lie on a limit, where the best ones are

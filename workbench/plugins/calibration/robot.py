@@ -54,7 +54,7 @@ from workbench.plugins.calibration.solve import solve
 from workbench.plugins.calibration.tables import JOINTS, enough, fit_words, noisy, rms_mm, told
 from workbench.plugins.calibration.values import Rejected, SphereProfiles
 from workbench.plugins.calibration.verdicts import hand_eye_file, serves
-from workbench.plugins.table import Table
+from workbench.plugins.csv_table import Table
 
 if TYPE_CHECKING:
     from workbench.api import Chain

@@ -23,7 +23,7 @@ from workbench.api import (
     pose_from,
     rotation_from_quaternion,
 )
-from workbench.plugins.table import Table
+from workbench.plugins.csv_table import Table
 
 POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")  # a flange in the base
 JOINTS = tuple(f"q{k}_deg" for k in range(1, 7))

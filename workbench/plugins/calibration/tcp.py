@@ -45,7 +45,7 @@ from workbench.plugins.calibration.tables import (
     turned_noise,
 )
 from workbench.plugins.calibration.values import SphereProfiles
-from workbench.plugins.table import Table
+from workbench.plugins.csv_table import Table
 
 KNOWN = ("px_mm", "py_mm", "pz_mm")
 ASKED = "are poses the flange's, in mm, with the quaternion's w first?"

@@ -39,7 +39,7 @@ from workbench.plugins.calibration.arm_errors import (
 from workbench.plugins.calibration.model import cross_matrix
 from workbench.plugins.calibration.observations import posture_of
 from workbench.plugins.calibration.tables import JOINTS, POSE, check_misfit, enough, fit_words, noisy, poses, told
-from workbench.plugins.table import Table
+from workbench.plugins.csv_table import Table
 
 if TYPE_CHECKING:
     from workbench.api import Chain

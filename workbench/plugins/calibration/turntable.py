@@ -46,7 +46,7 @@ from workbench.plugins.calibration.tables import (
     told,
 )
 from workbench.plugins.calibration.values import SphereProfiles
-from workbench.plugins.table import Table
+from workbench.plugins.csv_table import Table
 
 POINT = ("x_mm", "y_mm", "z_mm")
 ASKED = "are they in mm, and is each marker the same point at all angles?"

@@ -24,11 +24,11 @@ from workbench.api import (
     stage,
     within_limits,
 )
+from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.elastic import wrench_at
 from workbench.plugins.stiffness.equations import covariances, equations
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan, Six, moved_columns
-from workbench.plugins.table import csv_bytes
 
 # Postures and loads that a loading test could use, and what each would tell.
 

@@ -16,10 +16,10 @@ from workbench.api import (
     pose_from,
     stage,
 )
+from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.elastic import pushed
 from workbench.plugins.stiffness.path_points import Load, turn_about_z
 from workbench.plugins.stiffness.values import JointStiffness, MillingForce
-from workbench.plugins.table import csv_bytes
 
 
 @stage("stiffness.predict")

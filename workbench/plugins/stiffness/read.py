@@ -24,8 +24,8 @@ from workbench.api import (
     StiffnessFile,
     stage,
 )
+from workbench.plugins.csv_table import Table
 from workbench.plugins.stiffness.values import DISPLACEMENT, JointStiffness, LoadingTests, moved_columns
-from workbench.plugins.table import Table
 
 Positive = Annotated[float, Field(gt=0, le=1e12)]
 ANGLES = tuple(f"q{i}_deg" for i in range(1, 7))

@@ -18,10 +18,10 @@ from workbench.api import (
     Seed,
     stage,
 )
+from workbench.plugins.csv_table import csv_bytes
 from workbench.plugins.stiffness.equations import displaced, row_noise
 from workbench.plugins.stiffness.read import ANGLES, WRENCH
 from workbench.plugins.stiffness.values import JointStiffness, LoadingTests, LoadPlan
-from workbench.plugins.table import csv_bytes
 
 
 @stage("stiffness.simulate_loads")

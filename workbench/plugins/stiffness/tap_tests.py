@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from workbench.api import DEG, AnyArray, Float, InputError, Shaped, read_json
+from workbench.plugins.csv_table import Table
 from workbench.plugins.stiffness.values import Six
-from workbench.plugins.table import Table
 
 LEAST_COHERENCE = 0.8  # of a line that is used
 LEAST_LINES = 20  # used, of a response

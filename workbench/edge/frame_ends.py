@@ -1,4 +1,7 @@
-"""Where the root face ends in every frame, counted from its corner with the bevel face."""
+"""Where the root face ends in every frame, counted from its corner with the bevel face.
+
+`broken_end` says how far the edge lies beyond, by its prior; `measure` and `steps` make one course of all frames.
+"""
 
 from __future__ import annotations
 

@@ -4,14 +4,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import workbench
 from tests.made import files_of
 from workbench import Pipeline, api, artefacts
 from workbench.artefacts import Inspection
-from workbench.errors import PipelineError
 
 ROOT = Path(__file__).parents[1]
 RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
@@ -62,23 +60,3 @@ def test_digest_in_run_json_is_the_files(pipeline: Any) -> None:
     results = Pipeline(pipeline).run()
     assert results.inputs == [("recording", str(RECORDING), hashlib.sha256(RECORDING.read_bytes()).hexdigest())]
     assert repr(results).startswith("Results(passed=True, scan.read: Recording, ")
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"seed": float("nan")}, "pipeline: seed: NaN is not JSON"),
-        ({"title": {1, 2}}, "expected what JSON can hold"),
-        ({"titel": "x"}, "pipeline: titel: unknown key; did you mean 'title'?"),
-    ],
-)
-def test_document_as_python_data_is_checked_as_a_file(pipeline: Any, change: Any, message: str) -> None:
-    with pytest.raises(PipelineError) as caught:
-        Pipeline(pipeline | change)
-    assert message in str(caught.value)
-    assert (
-        Pipeline(
-            pipeline | {"seed": np.int64(3), "inputs": {**pipeline["inputs"], "recording": RECORDING}}
-        ).document.seed
-        == 3
-    )

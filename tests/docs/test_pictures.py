@@ -6,17 +6,12 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from scripts.pictures.__main__ import MOST_BYTES, chart, picture
+from scripts.pictures.__main__ import MOST_BYTES, picture
 from scripts.pictures.kinds import DRAWN
-from scripts.pictures.panels import Curve, Panel, Picture, drawn
-from workbench.artefacts import Chapter
-from workbench.pieces import figure_html
 from workbench.pipeline.catalogue import every_stage, makes
-from workbench.stage import Stage
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs/stages"
@@ -62,53 +57,3 @@ def test_a_picture_is_what_the_example_makes(name: str, monkeypatch: pytest.Monk
 def structure(svg: bytes) -> tuple[Counter[str], list[str]]:
     elements = [*ElementTree.fromstring(svg).iter()]
     return Counter(one.tag for one in elements), [one.text for one in elements if one.text and one.text.strip()]
-
-
-def test_an_example_that_does_not_call_its_stage_is_told() -> None:
-    def read() -> Any:
-        """Nothing.
-
-        Example:
-            >>> 1 + 1
-            2
-        """
-
-    read.__module__ = "workbench.cloud.read"
-    with pytest.raises(SystemExit, match=r"test\.read: its example does not call it as workbench\.cloud\.read"):
-        picture(Stage("test.read", read))
-
-
-def test_a_chapters_chart_keeps_its_numbers_and_is_passed_over_where_it_is_large() -> None:
-    small = b"<svg xmlns='http://www.w3.org/2000/svg'><path d='M1.23456 2'/><text>U = 0.00235 mm</text></svg>"
-    large = small.replace(b"M1", b"M1 1" * MOST_BYTES)
-    html = figure_html(large, "Large") + figure_html(small, "Root face < 2 mm")
-    made = chart(Chapter("A chapter", html))
-    assert made is not None
-    root = ElementTree.fromstring(made)
-    assert [one.text for one in root if one.text] == ["Root face < 2 mm", "U = 0.00235 mm"]
-    assert b"M1.234 2" in made
-    assert chart(Chapter("A chapter", figure_html(large, "Large"))) is None
-
-
-def test_one_scale_both_ways_is_one() -> None:
-    square = Curve([0.0, 3.0, 3.0, 0.0, 0.0], [0.0, 0.0, 3.0, 3.0, 0.0])
-    svg = drawn(Picture("A square", [Panel("x, mm", "y, mm", [square], equal=True)])).decode()
-    line = next(path for path in re.findall(r' d="([^"]+)"', svg) if path.count("L") == 4)
-    x, y = zip(*(map(float, pair.split()) for pair in re.split("[ML]", line)[1:]), strict=True)
-    assert max(x) - min(x) == pytest.approx(max(y) - min(y), abs=0.02)
-
-
-def test_bars_lie_beside_their_names_with_their_lengths() -> None:
-    bars = Curve([1.0, -2.0], [0, 1], how="bars")
-    svg = drawn(Picture("Bars", [Panel("mm", "", [bars], names=["first", "second"])])).decode()
-    rings = [path for path in re.findall(r' d="([^"]+Z)" fill', svg) if path.count("L") == 3]
-    widths, heights = [], []
-    for ring in rings:
-        places = [[float(one) for one in pair.split()] for pair in re.split("[ML]", ring.rstrip("Z"))[1:]]
-        widths.append(places[1][0] - places[0][0])
-        heights.append((places[0][1] + places[2][1]) / 2.0)
-    at = {
-        name: float(y) for y, name in re.findall(r"translate\([\d.]+ ([\d.]+)\)[^>]*><tspan[^>]*>(first|second)<", svg)
-    }
-    assert widths[1] / widths[0] == pytest.approx(-2.0, rel=1e-3)
-    assert heights == pytest.approx([at["first"], at["second"]], abs=0.02)

@@ -1,6 +1,5 @@
 """The site: built without a warning, each link leads somewhere, nothing is fetched, every page is in its contents."""
 
-import base64
 import re
 import subprocess
 import sys
@@ -11,9 +10,8 @@ import pytest
 
 from scripts.site import ages
 from scripts.site.__main__ import main
-from scripts.site.commands import ROOT, PageError, lay_out
+from scripts.site.commands import ROOT, lay_out
 from scripts.site.gallery import hang
-from scripts.site.navigation import chapters_of, toctree
 
 LOADED = {("img", "src"), ("script", "src"), ("link", "href"), ("iframe", "src"), ("source", "src")}
 
@@ -87,36 +85,6 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path, capsys, monk
     assert main() == 1
     assert "expected an empty folder" in capsys.readouterr().err
     assert (tmp_path / "thesis.txt").read_text() == "mine"
-
-
-def test_the_contents_are_the_links_of_a_page():
-    text = "# T\n[out](x.md)\n## One\n- [a page](a.md#there), [b](../b.md)\n## None\n## Two\n- [c](d/c.md)\n"
-    chapters = dict(chapters_of(text, "docs/README.md"))
-    assert chapters == {"One": {"docs/a.md": "A page", "b.md": "B"}, "Two": {"docs/d/c.md": "C"}}
-    assert toctree("One", chapters["One"]).splitlines()[2:] == [":caption: One", "", "A page <docs/a>", "B <b>", "```"]
-
-
-GALLERY = """# Gallery
-```sh
-cp report.html made.html
-```
-<!-- pictures of made.html: {} -->
-"""
-
-
-def test_a_gallery_hangs_the_pictures_that_its_page_asks_for(tmp_path):
-    content = base64.b64encode(b"<svg/>").decode()
-    report = '<img alt="other" src="data:image/png;base64,AAAA">'
-    report += f'<img src="data:image/svg+xml;base64,{content}" alt="A map &amp; more">'
-    (tmp_path / "report.html").write_text(report)
-    page = tmp_path / "page.md"
-    page.write_text(GALLERY.format("A map"))
-    assert hang(page, tmp_path) == 1
-    assert (tmp_path / "made_01.svg").read_bytes() == b"<svg/>"
-    assert "```{figure} made_01.svg\n:alt: A map & more\n" in page.read_text()
-    page.write_text(GALLERY.format("A mop"))
-    with pytest.raises(PageError, match="has no picture 'A mop'"):
-        hang(page, tmp_path)
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 
 from tests.seldom import seldom
-from workbench.cli import main
 from workbench.cloud import read as read_cloud
 from workbench.export import cloud as export_cloud
 from workbench.export import inspection as export_inspection
@@ -30,16 +28,6 @@ def test_tables_are_read(name: str, inspected, provenance) -> None:
         table = getattr(library, f"read_{kind}")(io.BytesIO(document.content))
         assert table["root_mm"].to_list() == pytest.approx(told, nan_ok=True)
         assert table["verdict"].to_list() == [one.verdict for one in inspected.inspection.sections]
-
-
-@pytest.mark.parametrize("result", ["inspection", "toolpath", "handeye"])
-def test_schemas_are_schemas(result: str, capsys: pytest.CaptureFixture[str]) -> None:
-    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
-    assert main(["schema", result]) == 0
-    schema = json.loads(capsys.readouterr().out)
-    jsonschema.validators.validator_for(schema).check_schema(schema)
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({"format": "another"}, schema)
 
 
 @pytest.mark.skipif(shutil.which("h5dump") is None, reason="h5dump is not installed")

@@ -120,11 +120,5 @@ def test_its_traceability_is_told_or_said_to_be_unknown(named, provenance):
     assert "meanError" not in qif(named).content.decode()  # nobody has estimated it
 
 
-def test_the_same_inspection_gives_the_same_bytes(named, provenance):
-    assert qif(named, provenance).content == qif(named, provenance).content
-    other = replace(named, part=replace(named.part, part_id="B"))
-    assert read(qif(other)).findtext("q:QPId", namespaces=Q) != read(qif(named)).findtext("q:QPId", namespaces=Q)
-
-
 def test_times_are_of_xml():
     assert date_time("2026-03-31") == "2026-03-31T00:00:00"

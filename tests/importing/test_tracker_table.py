@@ -22,7 +22,7 @@ from workbench.plugins import calibration
 
 RNG = np.random.default_rng(4)
 COUNT = 12
-MUTATIONS = 60
+MUTATIONS = 20
 TABLE = {"files": "l.csv", "targets": [["X [mm]", "Y [mm]", "Z [mm]"]]}
 JOINTS_DEG = RNG.uniform(-60.0, 60.0, (COUNT, 6))
 PLACES_MM = RNG.uniform(-2000.0, 2000.0, (COUNT, 3))

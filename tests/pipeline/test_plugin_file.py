@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.conftest import Outcome, forget_strangers
+
 PLUGIN = '''
 """A stage of one's own."""
 from __future__ import annotations
@@ -26,9 +27,12 @@ def greet(*, times: Annotated[int, Field(ge=1, description="number of greetings"
 PIPELINE = {"version": 1, "title": "t", "stages": [{"stage": "mine.greet", "times": 2}]}
 
 
-def workbench(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "workbench", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+@pytest.fixture
+def workbench(command: Callable[..., Outcome]) -> Iterator[Callable[..., Outcome]]:
+    """The command, whose strangers are forgotten."""
+    yield command
+    forget_strangers()
+    sys.modules.pop("workbench_plugin_mine", None)
 
 
 @pytest.fixture
@@ -38,18 +42,19 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "mine.py", tmp_path / "p.json"
 
 
-def test_a_file_of_stages_runs(files: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_file_of_stages_runs(workbench: Callable[..., Outcome], files: tuple[Path, Path], tmp_path: Path) -> None:
     plugin, pipeline = files
     got = workbench("run", pipeline, "--plugin", plugin, "--out", tmp_path / "out")
-    assert got.returncode == 0, got.stderr
+    assert got.status == 0, got.err
     assert (tmp_path / "out" / "greeting.txt").read_bytes() == b"hello hello "
     versions = json.loads((tmp_path / "out" / "run.json").read_text())["versions"]
     assert versions["workbench_plugin_mine"].startswith("sha256:")
-    assert "mine.greet" in workbench("stages", "--plugin", plugin).stdout
-    assert workbench("validate", pipeline, "--plugin", plugin).returncode == 0
+    assert "mine.greet" in workbench("stages", "--plugin", plugin).out
+    assert workbench("validate", pipeline, "--plugin", plugin).status == 0
+    forget_strangers()
     without = workbench("validate", pipeline)
-    assert without.returncode == 2
-    assert "unknown stage 'mine.greet'" in without.stderr
+    assert without.status == 2
+    assert "unknown stage 'mine.greet'" in without.err
 
 
 @pytest.mark.parametrize(
@@ -62,12 +67,12 @@ def test_a_file_of_stages_runs(files: tuple[Path, Path], tmp_path: Path) -> None
     ],
 )
 def test_what_is_no_plugin_is_one_line(
-    content: str | None, says: str, files: tuple[Path, Path], tmp_path: Path
+    content: str | None, says: str, workbench: Callable[..., Outcome], files: tuple[Path, Path], tmp_path: Path
 ) -> None:
     path = tmp_path / "bad.py"
     if content is not None:
         path.write_text(content)
     got = workbench("run", files[1], "--plugin", path, "--out", tmp_path / "out")
-    assert got.returncode == 2
-    assert says in got.stderr
-    assert got.stderr.count("\n") == 1
+    assert got.status == 2
+    assert says in got.err
+    assert got.err.count("\n") == 1

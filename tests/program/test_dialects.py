@@ -15,13 +15,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Moves, PathGate
+from workbench.artefacts import Moves
 from workbench.errors import InputError
-from workbench.program import trajectory, write
+from workbench.program import write
 from workbench.program.inform import Arm, inform_configuration
 from workbench.robot import Cell, forward_kinematics
 
-from .conftest import passed, rejected
+from .conftest import passed
 from .languages import back, dialect_of, files, job_of
 from .paths import Shape
 from .postured import ROBOTS, cell_of, postured
@@ -144,15 +144,6 @@ def test_targets_lie_where_the_postures_put_the_tool(made, cells, controller: st
         assert np.abs(stands[:3, 3] - move.pose[:3, 3]).max() < 0.001
 
 
-@pytest.mark.parametrize(("controller", "robot"), [case for case in CASES if case[0] not in ("ur", "trajectory")])
-def test_configurations_are_those_of_the_postures(made, cells, controller: str, robot: str) -> None:
-    moves, cell = made[robot], cells[robot]
-    dialect = dialect_of(moves, cell, controller)
-    program = dialect.read(files(moves, cell, controller))
-    for i, move in enumerate(program.moves[1 - len(moves.layer) :], 1):
-        assert move.configuration == dialect.configuration(moves.postures.joints[moves.point[i]], cell)
-
-
 def test_kuka_says_status_and_turn_as_the_controller_counts_them(cells) -> None:
     """Home of a KUKA is S 2; A5 below zero sets bit 2; T has the signs (real data lists have S 2,T 35 and S 6,T 27)."""
     cell = cells["kr210"]
@@ -263,38 +254,6 @@ def test_another_makers_robot_gets_no_program(made, cells, controller: str) -> N
     assert record.name == "program_check.json"
     assert not gate.passed
     assert [one.kind for one in judgement.violations] == ["frame"]
-
-
-def test_a_program_for_another_controller_than_the_cells_says_so(tmp_path: Path) -> None:
-    cell = cell_of("kr210", tmp_path, dialect="kuka")
-    moves = postured(cell, "kr210", Shape(length_mm=20))
-    for controller, said in ((None, False), ("kuka", False), ("abb", True)):
-        document, *_ = write(moves, passed(moves.toolpath), cell, controller=controller)
-        text = " ".join(document.content.decode().replace("!", "").split())
-        assert ("the cell names kuka, and this is for abb" in text) == said
-
-
-@pytest.mark.parametrize("most", [1, 100])
-def test_between_sparse_points_a_trajectory_has_rows(made, cells, monkeypatch, most: int) -> None:
-    """Between postures 40 to 90 mm apart joints in step leave the straight travel, by up to 4 mm."""
-    monkeypatch.setattr(trajectory, "MOST_ROWS", most)
-    moves = made["irb6700"]
-    gate, *_ = [
-        one
-        for one in write(moves, passed(moves.toolpath), cells["irb6700"], controller="trajectory")
-        if isinstance(one, PathGate)
-    ]
-    assert gate.passed == (most > 1)
-    assert ("the tool leaves the travel before the first layer" in gate.reason) == (most == 1)
-
-
-def test_nothing_without_a_cell_or_for_a_path_that_failed(made, cells) -> None:
-    one = made["kr210"]
-    without = replace(passed(one.toolpath), reached=False)
-    (gate,) = write(replace(one, postures=None), without, controller="kuka")
-    assert (gate.passed, gate.clean) == (True, False)
-    (gate,) = write(one, rejected(one.toolpath), cells["kr210"], controller="kuka")
-    assert not gate.passed
 
 
 def test_a_cell_that_names_no_controller_is_refused(made, cells) -> None:

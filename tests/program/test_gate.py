@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from workbench.artefacts import Chapter, Gate, Moves, PathGate, Toolpath
+from workbench.artefacts import Chapter, Moves, PathGate, Toolpath
 from workbench.dialect import plain
 from workbench.errors import InputError
 from workbench.path import check_file, read, simplify
@@ -226,13 +226,6 @@ def with_spindle(cell: Cell) -> Cell:
     pose = pose.copy()
     pose[:3, 3] -= 120 * pose[:3, 2]
     return replace(cell, shapes=(*cell.shapes, Shape_("tool", 6, "capsule", (30.0, 140.0), pose)))
-
-
-def test_a_loosened_check_is_not_clean() -> None:
-    assert Gate(True, "").clean
-    assert not Gate(False, "no").clean
-    gate = Gate(True, "fine", ("twice the depth",))
-    assert (gate.clean, gate.cause) == (False, "twice the depth")
 
 
 def written(path: Toolpath, gate: PathGate | None, folder: Path) -> Path:

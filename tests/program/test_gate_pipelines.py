@@ -137,7 +137,6 @@ def sound(made, tmp_path):
     ("change", "status", "words"),
     [
         ({"sink_mm": 0.3, "layer": -1}, 1, "lies below the finished bevel"),
-        ({"boxes": [([0, 0, 0], [900, 900, 900])], "limits_deg": [-1, 1]}, 2, "box 0, workpiece"),
         ({"place_mm": [3000, 0, 0], "limits_deg": [-1, 1]}, 2, "envelope, workpiece"),
         # free at 0, which it does not reach, the table is in a post wherever it can turn
         (

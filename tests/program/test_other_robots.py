@@ -19,8 +19,8 @@ from workbench.robot import Cell, forward_kinematics
 from .paths import Shape, mill_path, moved
 from .postured import ROBOTS, cell_of
 
-STIFFNESS = {"m20ia": 4e5, "ur10e": 2e4}  # Nm/rad of each joint: of their size, not theirs
-OWN = {"m20ia": "fanuc", "ur10e": "ur", "kr210": "kuka"}  # the KUKA's stiffness nobody states
+STIFFNESS = {"ur10e": 2e4}  # Nm/rad of each joint: of their size, not theirs
+OWN = {"ur10e": "ur", "kr210": "kuka"}  # the KUKA's stiffness nobody states
 ACCELERATIONS = np.radians([300.0, 300, 300, 500, 500, 700])
 
 

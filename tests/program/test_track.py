@@ -89,7 +89,7 @@ def written(cell: Cell, plan: Toolpath) -> tuple[Moves, tuple[Any, ...]]:
     return moves, program.write(moves, gate, cell)
 
 
-@pytest.fixture(scope="module", params=["abb", "kuka", "fanuc"])
+@pytest.fixture(scope="module", params=["abb", "fanuc"])
 def milled(request: Any, tmp_path_factory: Any) -> tuple[Cell, Toolpath, Moves, tuple[Any, ...]]:
     cell, plan = cell_on_track(tmp_path_factory.mktemp("track"), request.param), edge(LENGTH_MM, request.param)
     return (cell, plan, *written(cell, plan))

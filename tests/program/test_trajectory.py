@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from workbench.api import inverse, quaternion_from_rotation
 from workbench.artefacts import Judgement, Moves, ProgramMoves
-from workbench.cli import main
 from workbench.path import simplify
 from workbench.program import write
 from workbench.program.trajectory import Table
@@ -219,19 +217,3 @@ def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: Cell) -> Non
     timed = tuple(replace(move, line=n + 1, time_s=20.0 * n) for n, move in enumerate(more))
     program = replace(Table().program(written(moves, plated)[0]), moves=timed)
     assert "deviation" in {one.kind for one in judge(plated, program, planned(moves)).violations}
-
-
-@pytest.mark.slow
-def test_a_scanned_plate_is_milled_by_a_trajectory(tmp_path: Path) -> None:
-    """The shipped plan from its scan to the table; the same table at twice the speed may not run."""
-    cell = ROOT / "data/robot/cell.json"
-    at: list[Any] = ["--input", f"cell={cell}", "--input", "controller=trajectory", "--out", tmp_path / "out"]
-    coarse = ["--set", "stiffness.posture.step_deg=30", "--set", "stiffness.posture.whole_map=false"]
-    main([str(one) for one in ["run", ROOT / "pipelines/plan_bevel.json", *at, *coarse]])
-    check = json.loads((tmp_path / "out/program_check.json").read_text())
-    assert check["passed"], check["violations"]
-    files = {one.name: one.read_text() for one in (tmp_path / "out").glob("BevelPath.*")}
-    program = Table().program(files)
-    assert check["time_s"] == pytest.approx(program.moves[-1].time_s, abs=1e-5)
-    found = judge(read_cell(cell), Table().program(faster(files, 2.0)))
-    assert {one.kind for one in found.violations} == {"acceleration"}

@@ -127,11 +127,6 @@ def test_the_part_shows_in_the_colours_of_its_faces(scene):
     assert 0.3 < share_of(picture, (255, 255, 255), 1) < 0.98
 
 
-@pytest.mark.parametrize("chapter", ["Plan", "Closed loop"])
-def test_the_other_chapters_show_too(opened, chapter):
-    assert share_of(opened.scene(chapter).picture(), (255, 255, 255), 1) < 0.98
-
-
 @pytest.mark.parametrize("chapter", ["Inspection", "Closed loop"])
 @pytest.mark.parametrize("index", [1, 5, 8])
 def test_a_section_tells_the_numbers_of_the_inspection_file(opened, measured, chapter, index):
@@ -169,12 +164,6 @@ def test_a_row_brings_its_section_near_and_a_click_on_it_chooses_it(scene, opene
     assert scene.facts.is_hidden()
     opened.page.mouse.click(*scene.middle())
     assert scene.told()["Section"] == "8"
-
-
-def test_a_row_is_chosen_by_the_keyboard(scene, opened):
-    scene.rows("[data-mark='2']").focus()
-    opened.page.keyboard.press("Enter")
-    assert scene.told()["Section"] == "2"
 
 
 def test_it_turns_moves_zooms_and_comes_back(scene, opened):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.report.conftest import make_part, path_by_formula, text_of
 from workbench.artefacts import Engagement, LayerEngagement, Rework, Stretch
 from workbench.errors import InputError
-from workbench.report import closed_loop, html
+from workbench.report import closed_loop
 
 PATH = path_by_formula()
 
@@ -125,14 +125,6 @@ def test_the_chart_draws_measured_and_planned(part, by_formula, drawn):
         crosses = [line.xy[:, 1][0] for line in axes.lines if line.marker == "x"]
         np.testing.assert_allclose(crosses, 0.0, atol=1e-6)
         assert len(crosses) == 7  # two of the nine sections are not cut
-
-
-def test_names_are_text_and_the_page_takes_the_chapter(part, by_formula, hostile, elements):
-    rework = Rework(None, (Stretch(1.0, 2.0, hostile),), (), hostile)
-    chapter = closed_loop(part(frames=50, columns=50).inspection, by_formula(), rework)
-    page = html((chapter,)).content.decode()
-    assert elements(page).scripts_are_the_reports_own()
-    assert '<script>alert("x")</script>' in elements(page).text
 
 
 def test_nothing_to_compare_is_refused(part, by_formula):

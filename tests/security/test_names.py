@@ -19,16 +19,6 @@ INSPECT = (
     {"stage": "inspect.sections", "sections": 2},
     {"stage": "inspect.gate", "reject": ["fail"]},
 )
-PLAN = (
-    *INSPECT[:3],
-    {"stage": "edge.segment_raw", "upper_side": [0, 0, 1]},
-    {"stage": "path.layers", "depth_of_cut_mm": 2},
-    {"stage": "path.feed"},
-    {"stage": "path.check"},
-    {"stage": "path.simplify"},
-    {"stage": "program.write"},
-    {"stage": "program.csv"},
-)
 TABLE = {"stage": "export.inspection", "format": "csv"}
 
 
@@ -50,25 +40,6 @@ def test_a_part_that_is_inspected(name, hostile_part, pipeline_file, command, tm
         assert not any(text.startswith(("=", "+", "@", "\t", "\r", "\n")) for text in row.values())
         assert row["part_id"].lstrip("'")[:40] == one_line(name.replace("\x00", " ")).lstrip("'")[:40]
     json.loads((tmp_path / "out/run.json").read_text())
-
-
-@pytest.fixture(scope="module")
-def texts():
-    """Layers of the path by the part's name."""
-    return {}
-
-
-@pytest.mark.parametrize("name", [PROGRAM, NAMES["terminal"]], ids=["program", "terminal"])
-def test_a_part_that_is_milled(name, texts, hostile_part, pipeline_file, command, tmp_path):
-    """The path is the same; names in programs are comments (tests/program/test_rapid.py)."""
-    for part in {"plate", name} - {*texts}:
-        pipeline = pipeline_file(*PLAN, recording=str(hostile_part("raw", part)))
-        outcome = command("run", pipeline, "--out", tmp_path / "out")
-        assert outcome.status == 1, outcome.err  # nothing shows its place
-        assert_plain_lines(outcome.out + outcome.err)
-        texts[part] = json.loads((tmp_path / "out" / "toolpath.json").read_text())["layers"]
-        assert not (tmp_path / "out" / "BevelPath.mod").exists()
-    assert texts["plate"] == texts[name]
 
 
 @pytest.mark.parametrize(

@@ -63,28 +63,6 @@ def test_a_link_is_found(tmp_path, monkeypatch):
     assert check.findings(link) == [".venv: a symbolic link"]
 
 
-def test_without_git_the_files_made_by_tools_are_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(check, "ROOT", tmp_path)
-    monkeypatch.setenv("PATH", "")
-    for name in ("kept.txt", ".venv/a.txt", "out/b.txt", "workbench/__pycache__/c.pyc"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text("")
-    assert [path.name for path in check.files() if path.is_file()] == ["kept.txt"]
-
-
-def test_two_sides_of_a_merge_of_the_ratchet_hold_together(tmp_path, monkeypatch):
-    monkeypatch.setattr(check.ratchet, "RECORD", tmp_path / "ratchet.txt")
-    check.ratchet.RECORD.write_text(
-        "# head\nedge nodes 90\nedge nodes 80\nedge nodes +5: a groove\nedge nodes +3: a nose\n"
-    )
-    limits, lifts = check.ratchet.record()
-    assert limits == {"edge": {"nodes": 88}}
-    assert len(lifts) == 2
-    check.ratchet.RECORD.write_text("edge nodes 90\nedge nodes +5\n")
-    with pytest.raises(SystemExit, match="expected ROOM MEASURE"):
-        check.ratchet.record()
-
-
 def test_a_rise_is_found_and_written_with_its_reason_only(tmp_path, monkeypatch):
     ratchet = check.ratchet
     monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
@@ -96,41 +74,6 @@ def test_a_rise_is_found_and_written_with_its_reason_only(tmp_path, monkeypatch)
     ratchet.write(now, "a groove")
     assert ratchet.findings(now) == []
     assert ratchet.record() == ({"edge": {"nodes": 12, "numbers": 1}}, ["edge nodes +2: a groove"])
-
-
-def test_what_is_granted_to_a_room_is_granted_to_what_loads_it(tmp_path, monkeypatch):
-    ratchet = check.ratchet
-    monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
-    ratchet.RECORD.write_text("edge nodes 10\nplain-verdict nodes 50\nedge nodes +2: a groove\n")
-    assert ratchet.record()[0] == {"edge": {"nodes": 12}, "plain-verdict": {"nodes": 52}}
-    ratchet.write({"edge": {"nodes": 13}}, "a nose")
-    assert ratchet.record()[0] == {"edge": {"nodes": 13}, "plain-verdict": {"nodes": 53}}
-
-
-def test_a_room_below_what_was_granted_gives_it_back(tmp_path, monkeypatch):
-    ratchet = check.ratchet
-    monkeypatch.setattr(ratchet, "RECORD", tmp_path / "ratchet.txt")
-    ratchet.RECORD.write_text("edge nodes 10\nedge nodes +8: a groove\nedge nodes +5: a nose\n")
-    for nodes, left in ((10, ["edge nodes +8: a groove", "edge nodes +2: a nose"]), (3, ["edge nodes +3: a groove"])):
-        ratchet.write({"edge": {"nodes": nodes}})
-        assert ratchet.record() == ({"edge": {"nodes": nodes}}, left)
-        assert ratchet.findings({"edge": {"nodes": nodes}}) == []
-
-
-def test_a_file_may_be_split_without_a_reason():
-    limits = {"plain-verdict": {"nodes": 10, "modules": 2}}
-    assert check.ratchet.rises({"plain-verdict": {"nodes": 10, "modules": 3}}, limits) == []
-    assert len(check.ratchet.rises({"plain-verdict": {"nodes": 11, "modules": 3}}, limits)) == 2
-
-
-def test_longer_lines_and_packed_arguments_weigh_no_less():
-    size = check.ratchet.size_of
-    assert size("a = 1\nb = 2\n") == size("a = 1; b = 2")
-    assert (
-        size("def f(a, b):\n    return a\nf(1, 2)")["nodes"]
-        <= size("def f(ab):\n    a, b = ab\n    return a\nf((1, 2))")["nodes"]
-    )
-    assert size("def f(): 'Words.'") == size("def f(): 'Many more words.'")
 
 
 @pytest.mark.parametrize(

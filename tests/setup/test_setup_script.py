@@ -55,19 +55,6 @@ def test_a_python_out_of_range_is_named(checkout, version):
 
 
 @needs_sh
-def test_all_pythons_found_are_named_when_none_will_do(checkout):
-    command(checkout, "python3", "echo 3.9")
-    for minor in (11, 12, 13, 14):
-        command(checkout, f"python3.{minor}", "exit 127")
-    assert "python3 is 3.9" in refusal(set_up(checkout))
-
-
-@needs_sh
-def test_a_path_that_is_no_python_is_refused(checkout):
-    assert "nowhere" in refusal(set_up(checkout, PYTHON="nowhere"))
-
-
-@needs_sh
 def test_a_user_who_may_not_install_is_told_the_command(checkout):
     command(checkout, "id", "echo 1000")
     command(checkout, "sudo", "exit 1")
@@ -88,23 +75,6 @@ def test_sudo_is_used_with_yes_only(checkout):
     done = set_up(checkout, PYTHON=sys.executable, YES="1")
     assert "still missing after installing" in done.stderr
     assert "apt-get" in (checkout / "asked").read_text()
-
-
-@needs_sh
-def test_an_unknown_argument_is_named(checkout):
-    done = subprocess.run(["sh", "scripts/setup.sh", "dve"], cwd=checkout, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "setup: expected dev or --yes, got dve\n"
-
-
-@needs_sh
-def test_a_package_that_installs_but_does_not_help_is_named(checkout):
-    command(checkout, "id", "echo 0")
-    command(checkout, "apt-get", "exit 0")
-    (checkout / "scripts/system_libraries.py").write_text("print('libexample1')\n")
-    done = set_up(checkout, PYTHON=sys.executable)
-    assert done.returncode == 1
-    assert "still missing after installing: libexample1" in done.stderr
 
 
 @needs_sh

@@ -9,11 +9,7 @@ import pytest
 
 from bench.speed import recordings
 from bench.speed.__main__ import page
-from bench.speed.computing import calibrating
-from bench.speed.long_edge import THICKNESS_MM, long_raw_edge, section_frames
 from bench.speed.timing import Row, peak_gb
-from workbench.artefacts import ROOT_FACE, UPPER_SURFACE
-from workbench.geometry import grids
 from workbench.scan import read
 
 
@@ -40,24 +36,3 @@ def test_peak_memory_is_that_of_the_process_alone() -> None:
     """A parent's 400 MB do not count for the child, as they would in `resource.getrusage` after a fork."""
     ballast = np.ones(400_000_000, np.uint8)
     assert 5e-3 < peak_gb("--version") < ballast.size / 1e9
-
-
-def test_a_file_of_a_sphere_is_answered(tmp_path: Path) -> None:
-    found = list(calibrating(tmp_path))
-    assert [row.unit for row in found] == ["ms", "s"]
-    assert all(row.value > 0 for row in found)  # how much is the bench's to say
-
-
-def test_the_cloud_of_the_long_edge_lies_on_the_plate() -> None:
-    edge, cloud = long_raw_edge(20.0)
-    points = grids.fuse(cloud.x_mm, cloud.z_mm, cloud.base_from_profiler, np.zeros(3)).astype(float)
-    corner, _, normal, across = section_frames(len(points))
-    off = points - corner[:, None]
-    g, v = np.einsum("ijk,ik->ij", off, normal), np.einsum("ijk,ik->ij", off, across)
-    face, surface = edge.labels == ROOT_FACE, edge.labels == UPPER_SURFACE
-    assert np.abs(g[face]).max() < 0.1
-    assert (v[face].min(), v[face].max()) == (pytest.approx(0, abs=0.1), pytest.approx(THICKNESS_MM, abs=0.1))
-    assert v[surface] == pytest.approx(THICKNESS_MM, abs=0.1)
-    assert g[surface].max() < 0.1
-    assert (face | surface == cloud.keep).all()
-    assert cloud.keep.sum() > 100_000

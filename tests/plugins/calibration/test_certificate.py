@@ -74,29 +74,19 @@ def test_a_diameter_is_read(written: str, tmp_path: Path) -> None:
     assert found.identifier == "K-17"
 
 
+SCALE = [
+    *("Scale", "Scale factor along x", "Lot 3, Skalierung von z", "Error of the scale", "Scale z"),
+    *("Maßstabsfehler", "Skalierungsfaktor", "Abweichungen des Maßstabs"),
+]
+NO_SCALE = ["scale division", "division of the scale", "Scaleability", "Temperature scale", "Full scale", "No scale"]
+
+
 @pytest.mark.parametrize(
     ("name", "kind", "told"),
     [
-        ("Scale", "", True),
-        ("scale of z", "", True),
-        ("Scale factor along x", "", True),
-        ("Lot 3, Skalierung von z", "", True),
-        ("Scale factor error", "", True),
-        ("Error of the scale", "", True),
-        ("Scale errors", "", True),
-        ("Scale z", "", True),
-        ("Scale deviation in the full range", "", True),
-        ("Maßstabsfehler", "", True),
-        ("Skalierungsfaktor", "", True),
-        ("Abweichungen des Maßstabs", "", True),
-        ("z", "scaleZ", True),
-        ("z", "optical_axialScale", True),
-        ("scale division", "", False),
-        ("division of the scale", "", False),
-        ("Scaleability", "", False),
-        ("Temperature scale", "", False),
-        ("Full scale", "", False),
-        ("No scale", "", False),
+        *((name, "", True) for name in SCALE),
+        *((name, "", False) for name in NO_SCALE),
+        *(("z", kind, True) for kind in ("scaleZ", "optical_axialScale")),
         ("z", "optical_scaleDivision", False),
     ],
 )
@@ -106,19 +96,12 @@ def test_a_quantity_is_told_by_known_words_alone(name: str, kind: str, told: boo
     assert (certified_errors(file, SCALES, RATIOS) is not None) is told
 
 
+DEVIATION = ["mean deviation of the indication", "Messabweichung", "Indication error", "Korrektur"]
+NO_DEVIATION = ["Experimental standard deviation", "Std deviation", "Permissible deviation", "Bath stability deviation"]
+
+
 @pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("Deviation", True),
-        ("mean deviation of the indication", True),
-        ("Messabweichung", True),
-        ("Indication error", True),
-        ("Korrektur", True),
-        ("Experimental standard deviation", False),
-        ("Std deviation", False),
-        ("Permissible deviation", False),
-        ("Bath stability deviation", False),
-    ],
+    ("name", "told"), [*((name, True) for name in DEVIATION), *((name, False) for name in NO_DEVIATION)]
 )
 def test_a_standard_deviation_is_no_deviation(name: str, told: bool, tmp_path: Path) -> None:
     file = tmp_path / "thermometer.xml"

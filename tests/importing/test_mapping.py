@@ -113,19 +113,6 @@ def test_hand_eye_as_a_teach_pendant_shows_it(convention: str, tmp_path: Path) -
     assert hand_eye.pose()[:3, 3].tolist() == [10, 20, 30]
 
 
-def test_hand_eye_of_ur_and_of_abb_quaternions(tmp_path: Path) -> None:
-    path = tmp_path / "map.json"
-    turn = Rotation.from_rotvec([0.3, -1.2, 2.0])
-    ur = {"position": [0.01, 0.02, 0.03], "length_unit": "m", "orientation": [0.3, -1.2, 2.0], "convention": "ur"}
-    abb = {"position": [10, 20, 30], "orientation": np.roll(turn.as_quat(), 1).tolist(), "convention": "abb"}
-    for eye in (ur, abb):
-        path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
-        hand_eye = read_mapping(path).hand_eye
-        assert hand_eye is not None
-        np.testing.assert_allclose(hand_eye.pose()[:3, :3], turn.as_matrix(), atol=1e-12)
-        np.testing.assert_allclose(hand_eye.pose()[:3, 3], [10, 20, 30])
-
-
 @pytest.mark.parametrize(
     ("eye", "says"),
     [

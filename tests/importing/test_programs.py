@@ -165,16 +165,3 @@ def test_a_column_of_labels_is_no_coordinate(tmp_path: Path) -> None:
     np.savetxt(path, rows, delimiter=",", fmt="%.3f")
     tree, _ = drafted([path])
     assert tree["profiles"]["columns"] == {"x": 0, "z": 1}
-
-
-def test_angles_before_lengths(tmp_path: Path) -> None:
-    """As external guidance logs them; told as a cloud of a part 153 m long."""
-    time = 4.0 * np.arange(50)
-    way = [2100 + 0.1 * time, 0.2 * time, 1000 + 0.1 * np.cos(time)]
-    rows = np.stack([time, 0.01 * np.sin(time), 0 * time, 0 * time, *way], axis=1)
-    path = tmp_path / "egm.txt"
-    np.savetxt(path, rows)
-    tree, _ = drafted([path])
-    assert tree["poses"]["position"] == [4, 5, 6]
-    assert tree["poses"]["orientation"] == [1, 2, 3]
-    assert tree["poses"]["convention"] == "euler_xyz_extrinsic"

@@ -24,89 +24,62 @@ def light(milled: Recording) -> Recording:
     return some_frames(milled, slice(0, 300, 10))
 
 
-Write = Callable[[Path, Recording], Path]
-CASES: dict[str, tuple[Write, Write, dict[str, Any], dict[str, Any], str, str]] = {
-    "metres declared as mm": (
-        write_profiles,
-        lambda p, r: write_poses(p, r, unit_mm=1000.0),
+def poses_with(**columns: Any) -> Callable[[Path, Recording], Path]:
+    return lambda path, made: write_poses(path, replace(made, **{name: new(made) for name, new in columns.items()}))
+
+
+def in_unit(unit_mm: float) -> Callable[[Path, Recording], Path]:
+    return lambda path, made: write_poses(path, made, unit_mm=unit_mm)
+
+
+def short_way(made: Recording) -> Any:
+    return 500 + (made.robot_position_mm - made.robot_position_mm[0]) / 1000
+
+
+MS = (
+    lambda path, made: write_profiles(path, replace(made, time_s=made.time_s * 1000)),
+    poses_with(robot_time_s=lambda made: made.robot_time_s * 1000),
+)
+STILL = poses_with(robot_position_mm=lambda made: np.tile(made.robot_position_mm[:1], (2, 1)))
+CASES: dict[str, tuple[Any, dict[str, Any], str]] = {  # the files, what is declared of them, what is told
+    "m read as mm": (
+        in_unit(1000.0),
         {},
-        {},
-        r"robot.csv: the flange is at most 1\.9\d* mm from the robot's base: m read as mm\?",
-        "length_unit",
+        r"robot.csv: the flange is at most 1\.9\d* mm from the robot's base: m read as",
     ),
-    "inches declared as mm": (
-        write_profiles,
-        lambda p, r: write_poses(p, r, unit_mm=25.4),
-        {},
-        {},
-        r"75\.\d+ mm from .*: inch read as mm\?",
-        "length_unit",
-    ),
-    "mm declared as metres": (
-        write_profiles,
-        write_poses,
-        {},
-        {"length_unit": "m"},
-        r"1\.9\d*e\+06 mm from .*: mm read as m\?",
-        "length_unit",
-    ),
-    "profiles in mm declared as micrometres": (
-        write_profiles,
-        write_poses,
-        {"length_unit": "um"},
-        {},
-        r"scan.csv: profiles would be 0\.0\d+ mm wide: .*mm",
-        "length_unit",
-    ),
-    "radians declared as degrees": (
-        write_profiles,
-        lambda p, r: write_poses(p, r, "ur"),
-        {},
-        {"angle_unit": "deg"},
-        r"all angles are within \d\.\d+ deg of 0: radians declared as deg\?",
-        "angle_unit",
-    ),
-    "milliseconds declared as seconds": (
-        lambda p, r: write_profiles(p, replace(r, time_s=r.time_s * 1000)),
-        lambda p, r: write_poses(p, replace(r, robot_time_s=r.robot_time_s * 1000)),
-        {},
-        {},
-        r"pass 0: the flange would move at 0\.0126 mm/s: is a unit of time or a rate wrong\?",
-        "time_unit",
-    ),
-    "a flange that stands still": (
-        write_profiles,
-        lambda p, r: write_poses(p, replace(r, robot_position_mm=np.tile(r.robot_position_mm[:1], (2, 1)))),
-        {},
-        {},
-        r"pass 0: the flange does not move over 30 frames",
-        "still",
-    ),
-    "metres read as mm, far from the base": (
-        write_profiles,
-        lambda p, r: write_poses(
-            p, replace(r, robot_position_mm=500 + (r.robot_position_mm - r.robot_position_mm[0]) / 1000)
-        ),
-        {},
+    "inch read as mm": (in_unit(25.4), {}, r"75\.\d+ mm from .*: inch read as mm\?"),
+    "mm read as m": (write_poses, {"poses": {"length_unit": "m"}}, r"1\.9\d*e\+06 mm from .*: mm read as m\?"),
+    "um": (write_poses, {"profiles": {"length_unit": "um"}}, r"scan.csv: profiles would be 0\.0\d+ mm wide: .*mm"),
+    "far from the base": (
+        poses_with(robot_position_mm=short_way),
         {},
         r"pass 0: the flange moves 0\.07\d+ mm over 30 frames: metres or inches read as mm\?",
-        "length_unit",
     ),
+    "radians as deg": (
+        lambda path, made: write_poses(path, made, "ur"),
+        {"poses": {"angle_unit": "deg"}},
+        r"all angles are within \d\.\d+ deg of 0: radians declared as deg\?",
+    ),
+    "ms as s": (MS, {}, r"pass 0: the flange would move at 0\.0126 mm/s: is a unit of time or a rate wrong\?"),
+    "still": (STILL, {}, r"pass 0: the flange does not move over 30 frames"),
 }
+WHAT = {"radians as deg": "angle_unit", "ms as s": "time_unit", "still": "still"}  # else length_unit
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_suspicions(case: str, tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:
-    scan, robot, profiles, poses, message, what = CASES[case]
+    written, declared, message = CASES[case]
+    scan, robot = written if isinstance(written, tuple) else (write_profiles, written)
     sources = scan(tmp_path / "scan.csv", light), robot(tmp_path / "robot.csv", light)
+    poses = declared.get("poses", {})
     convention = "ur" if "angle_unit" in poses else "quaternion_wxyz"
-    parts = {"profiles": profiles_part(**profiles), "poses": poses_part(convention, **poses)}
+    parts = {"profiles": profiles_part(**declared.get("profiles", {})), "poses": poses_part(convention, **poses)}
     with pytest.raises(InputError, match=message) as caught:
         imported(*sources, mapping=mapped(**parts))
-    assert f'"accept": ["{what}"]' in str(caught.value)
+    assert f'"accept": ["{WHAT.get(case, "length_unit")}"]' in str(caught.value)
     assert not (tmp_path / "imported.h5").exists()
     accepted = ["length_unit", "time_unit", "direction", "still", "angle_unit"]
-    if case != "mm declared as metres":  # a kilometre is more than any recording may hold
+    if case != "mm read as m":  # a kilometre is more than any recording may hold
         assert len(imported(*sources, mapping=mapped(**parts, accept=accepted)).time_s) == 30
 
 

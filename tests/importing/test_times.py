@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.importing import makers
-from tests.importing.conftest import poses_part, profiles_part, turned, write_poses, write_profiles
+from tests.importing.conftest import ORIENTATIONS, poses_part, profiles_part, turned, write_poses, write_profiles
 from workbench.api import interpolate_poses
 from workbench.artefacts import Recording
 from workbench.errors import InputError
@@ -67,6 +67,21 @@ def frame_poses(recording: Recording) -> np.ndarray:
 @pytest.fixture(scope="module")
 def light(milled: Recording) -> Recording:
     return some_frames(milled, slice(0, 300, 10))
+
+
+@pytest.mark.parametrize("convention", ORIENTATIONS)
+def test_every_convention_gives_the_recording_back(
+    convention: str, tmp_path: Path, light: Recording, imported: Import, mapped: Mapped
+) -> None:
+    scan, robot = write_profiles(tmp_path / "scan.csv", light), write_poses(tmp_path / "robot.csv", light, convention)
+    assert light.flange_from_profiler is not None
+    hand_eye = {"flange_from_profiler": light.flange_from_profiler.tolist()}
+    made = imported(
+        scan, robot, mapping=mapped(profiles=profiles_part(), poses=poses_part(convention), hand_eye=hand_eye)
+    )
+    for name in ("x_mm", "z_mm", "time_s", "flange_from_profiler"):
+        np.testing.assert_array_equal(getattr(made, name), getattr(light, name))
+    np.testing.assert_allclose(frame_poses(made), frame_poses(light), atol=1e-9)
 
 
 def test_clock_offset_is_taken_off(tmp_path: Path, light: Recording, imported: Import, mapped: Mapped) -> None:

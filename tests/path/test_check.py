@@ -89,29 +89,20 @@ def misread(edge: Edge, lower: str, upper: str, n: int) -> Edge:
 MIRRORED, INVERTED = ("upper_position_mm", "position_mm", 1), ("position_mm", "upper_position_mm", -1)
 
 
+def tilted(axis: int, angle_deg: float) -> Callable[[Toolpath], Toolpath]:
+    return lambda path: change(path, quaternion_wxyz=lambda layer: turned(layer, axis, angle_deg))
+
+
+def fed(feed: Callable[[Layer], Any]) -> Callable[[Toolpath], Toolpath]:
+    return lambda path: change(path, feed_mm_s=feed)
+
+
 FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
-    "tilt about z, as the paper prints it": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 40)),
-        "does not move along the edge",
-    ),
-    "no tilt": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 40)), "axis out of the bevel face"),
-    "tilt about x": (lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 0, 40)), "does not move along the edge"),
-    "tilt the other way": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 80)),
-        "axis out of the bevel face",
-    ),
-    "tip and shank exchanged": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 180)),
-        "axis out of the bevel face",
-    ),
-    "out of the material": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 2, 180)),
-        "does not face the material",
-    ),
-    "a tenth of a degree": (
-        lambda p: change(p, quaternion_wxyz=lambda q: turned(q, 1, 0.1)),
-        "axis out of the bevel face",
-    ),
+    "tilt about z, as the paper prints it": (tilted(2, 40), "does not move along the edge"),
+    "tilt about x": (tilted(0, 40), "does not move along the edge"),
+    "tip and shank exchanged": (tilted(1, 180), "axis out of the bevel face"),
+    "out of the material": (tilted(2, 180), "does not face the material"),
+    "a tenth of a degree": (tilted(1, 0.1), "axis out of the bevel face"),
     "below the finished bevel": (
         lambda p: replace(p, layers=(*p.layers[:-1], lowered(p.layers[-1]))),
         "layer 5 lies below the finished bevel",
@@ -135,15 +126,9 @@ FAULTS: dict[str, tuple[Callable[[Toolpath], Toolpath], str]] = {
         lambda p: change(p, measured=lambda q: q.measured & (q.arc_length_mm != 30)),
         "nothing was measured",
     ),
-    "too fast": (lambda p: change(p, feed_mm_s=lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),
-    "too fast in the material": (
-        lambda p: change(p, feed_mm_s=lambda q: q.feed_mm_s + 0.01),
-        "cuts faster than 1 mm/s",
-    ),
-    "a jump of the feed": (
-        lambda p: change(p, feed_mm_s=lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)),
-        "changes by more",
-    ),
+    "too fast": (fed(lambda q: 3 * q.feed_mm_s), "expected 1 to 20"),
+    "too fast in the material": (fed(lambda q: q.feed_mm_s + 0.01), "cuts faster than 1 mm/s"),
+    "a jump of the feed": (fed(lambda q: np.where(q.arc_length_mm < -8, 20, q.feed_mm_s)), "changes by more"),
     "a quaternion's sign": (
         lambda p: change(p, quaternion_wxyz=lambda q: q.quaternion_wxyz * np.sign(q.arc_length_mm[:, None] - 9.5)),
         "continuous in sign",

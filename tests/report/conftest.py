@@ -100,7 +100,7 @@ def section_hits(outline, lateral):
     return hit, label, to_sensor, sideways
 
 
-def scan(frames, columns, radius_mm, rng, clamp, outline=milled_outline):
+def scan(frames, columns, radius_mm, rng, clamp, outline):
     s_frames = np.linspace(0, LENGTH_MM, frames)
     position, _, normal, across = edge_frames(s_frames, radius_mm)
     lateral = np.linspace(-1.0, 19.0, columns)
@@ -146,11 +146,10 @@ def edge_of(kind, **known):
     return kind(**{field.name: known.get(field.name) for field in dataclasses.fields(kind)})
 
 
-def make_part(
-    *, radius_mm=None, frames=400, columns=300, clamp=(90.0, 122.0), verdict="pass", part_id="B-17", seed=1, sections=9
-):
+def scanned(kind, outline, *, radius_mm, frames, columns, clamp, part_id, seed, **known):
+    """The cloud of a part and its edge of a kind, as measured without error, hidden under the clamp."""
     rng = np.random.default_rng(seed)
-    s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp)
+    s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, outline)
     cloud = Cloud(
         x,
         z,
@@ -158,7 +157,7 @@ def make_part(
         poses,
         np.arange(frames) / 50.0,
         np.zeros(frames, np.int64),
-        source="milled_edge.h5",
+        source="edge.h5",
         part=Part(part_id=part_id),
         rejected={"isolated": outliers - 3, "mixed pixel": 3},
     )
@@ -166,8 +165,10 @@ def make_part(
     seen = ~((s >= clamp[0]) & (s <= clamp[1]))
     p, t, n, m = edge_frames(s, radius_mm)
     hide = np.where(seen, 0.0, np.nan)
+    told = {"burr_stations": np.arange(0), "warnings": ()} | known
+    told |= {"upper_position_mm": p + THICKNESS_MM * m + hide[:, None], "upper_inward": -n} if kind is RawEdge else {}
     edge = edge_of(
-        MilledEdge,
+        kind,
         labels=labels,
         frame_arc_length_mm=s_seen,
         arc_length_mm=s,
@@ -176,18 +177,29 @@ def make_part(
         normal=n,
         across=m,
         seen=seen,
-        burr_stations=np.array([31, 32, 170]),
-        warnings=() if seen.all() else (f"edge hidden from {clamp[0]:.0f} to {clamp[1]:.0f} mm",),
+        **told,
     )
+    return cloud, edge, hide, rng
+
+
+def make_part(
+    *, radius_mm=None, frames=400, columns=300, clamp=(90.0, 122.0), verdict="pass", part_id="B-17", seed=1, sections=9
+):
+    hidden = (f"edge hidden from {clamp[0]:.0f} to {clamp[1]:.0f} mm",) if clamp[1] >= 0.0 else ()
+    shape = {"radius_mm": radius_mm, "frames": frames, "columns": columns, "clamp": clamp}
+    told = {"part_id": part_id, "seed": seed, "burr_stations": np.array([31, 32, 170]), "warnings": hidden}
+    cloud, edge, hide, rng = scanned(MilledEdge, milled_outline, **shape, **told)
+    s = edge.arc_length_mm
     unsure = 1.0 + 0.3 * np.sin(s / 9) ** 2
     profile = EdgeProfile(
         s,
-        p,
+        edge_frames(s, radius_mm)[0],
         root_at(s) + rng.normal(0, 0.004, len(s)) + hide,
         0.0062 * unsure + hide,
         angle_deg_at(s) + rng.normal(0, 0.03, len(s)) + hide,
         0.045 * unsure + hide,
     )
+    s_seen = edge.frame_arc_length_mm
     measured = tuple(sections_of(sections, radius_mm, s_seen, clamp, lambda i: verdict if i in (2, 5) else "pass"))
     inspection = Inspection(
         measured,
@@ -260,40 +272,10 @@ def path_by_formula(*, radius_mm=None, clamp=(90.0, 122.0), bevel_deg=BEVEL_DEG,
 
 
 def make_planned(*, radius_mm=None, frames=200, columns=200, clamp=(90.0, 122.0), part_id="B-17", seed=2):
-    rng = np.random.default_rng(seed)
-    s_seen, x, z, labels, keep, poses, outliers = scan(frames, columns, radius_mm, rng, clamp, raw_outline)
-    cloud = Cloud(
-        x,
-        z,
-        keep,
-        poses,
-        np.arange(frames) / 50.0,
-        np.zeros(frames, np.int64),
-        source="raw_edge.h5",
-        part=Part(part_id=part_id),
-        rejected={"isolated": outliers},
-    )
-    s = np.arange(0.0, LENGTH_MM + 0.5, 1.0)
-    seen = ~((s >= clamp[0]) & (s <= clamp[1]))
-    p, t, n, m = edge_frames(s, radius_mm)
-    hide = np.where(seen, 0.0, np.nan)[:, None]
-    edge = edge_of(
-        RawEdge,
-        labels=labels,
-        frame_arc_length_mm=s_seen,
-        arc_length_mm=s,
-        position_mm=p + hide,
-        tangent=t,
-        normal=n,
-        across=m,
-        seen=seen,
-        burr_stations=np.arange(0),
-        upper_position_mm=p + THICKNESS_MM * m + hide,
-        upper_inward=-n,
-        position_u_mm=np.tile([0.006, 0.004], (len(s), 1)),
-        normal_u=np.full(len(s), 0.0005),
-        warnings=(),
-    )
+    count = round(LENGTH_MM) + 1
+    known = {"position_u_mm": np.tile([0.006, 0.004], (count, 1)), "normal_u": np.full(count, 0.0005)}
+    shape = {"radius_mm": radius_mm, "frames": frames, "columns": columns, "clamp": clamp}
+    cloud, edge, *_ = scanned(RawEdge, raw_outline, **shape, part_id=part_id, seed=seed, **known)
     return Planned(cloud, edge, path_by_formula(radius_mm=radius_mm, clamp=clamp))
 
 

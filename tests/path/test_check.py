@@ -42,7 +42,7 @@ def turned(layer: Layer, axis: int, angle_deg: float) -> Float:
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
+        {"passes": [{"from_mm": 2.0, "to_mm": 61.6}]},  # the last interval is shorter
         CLAMPED,
         {"part": {"roughness_mm": 0.2, "table_gap_mm": 3}},
         {

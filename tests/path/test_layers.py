@@ -57,6 +57,7 @@ def test_layers_lie_on_planes_of_the_true_bevel(raw: Callable[..., Raw], name: s
     path = layers(scan.edge, scan.cloud)
     assert [layer.height_mm for layer in path.layers] == [4.0, 3.0, 2.0, 1.0, 0.0]  # 8 mm thick: 4.18 mm of stock
     assert [layer.index for layer in path.layers] == [1, 2, 3, 4, 5]
+    assert (path.rests_on, path.refused) == ("", ())
     for layer in path.layers:
         cut = layer.cutting
         p, t, n, m = section_at(scan, layer.arc_length_mm[cut])

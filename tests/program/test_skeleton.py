@@ -361,6 +361,11 @@ def test_a_statement_behind_a_blend_is_refused(other: tuple[str, Cell, Moves]) -
         ("fanuc", {"home": {"joints_deg": HOME, "controller_name": "PR[99]"}}, "a position register PR"),
         ("yaskawa", {"home": {"joints_deg": HOME, "controller_name": "PR[1]"}}, "a position variable, P000 to P99999"),
         ("yaskawa", {"coolant_signal": "doCoolant"}, "expected one of a signal's numbers for Yaskawa"),
+        (
+            "ur",
+            {"home": {"joints_deg": HOME, "turntable_deg": 20.0}},
+            "home.turntable_deg: expected the angle at which",
+        ),
     ],
 )
 def test_what_a_maker_has_no_words_for_is_refused(tmp_path: Path, controller: str, change: Any, finding: str) -> None:

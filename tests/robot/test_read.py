@@ -95,6 +95,7 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("tool.shapes", [{"sphere_mm": 60, "pose": TURNED}], "28 mm within $.tool.shapes[0]"),
     ("tool.shapes.0.cylinder_mm", [0.08, 0.09], "$.tool.shapes[0]: expected a body of mm"),
     ("tool.mass_kg", 0.032, "$.tool.mass_kg"),
+    ("tool.mass_kg", 0, "$.tool.mass_kg: expected greater than 0"),
     ("tool.centre_of_gravity_mm", [0.03, 0, 0.11], "$.tool.centre_of_gravity_mm"),
     ("tool.centre_of_gravity_mm", [3000, 0, 110], "$.tool.centre_of_gravity_mm: expected a place"),
     ("robot.repeatability_mm", 5e-5, "$.robot.repeatability_mm"),

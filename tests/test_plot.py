@@ -26,13 +26,6 @@ def test_points_stand_where_the_axes_say():
     assert line.get("d") == "M72 288L360 180M648 72"  # broken where a value is missing
 
 
-def test_one_scale_both_ways():
-    figure = Figure(figsize=(10, 5))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0), aspect="equal")
-    assert axes.box == (180.0, 0.0, 360.0, 360.0)
-
-
 @pytest.mark.parametrize(
     ("limits", "most", "names"),
     [
@@ -72,18 +65,6 @@ def test_any_text_and_value_leaves_a_well_formed_file(text, values):
     axes.annotate(text, (0.5, 0.5), look=Lettering(rotation=90, box=True))
     axes.set(xlabel=text)
     assert ET.fromstring(figure.svg()).tag == f"{SVG}svg"
-
-
-def test_dots_are_a_picture_darker_where_they_are_many():
-    def ink(count):
-        figure = Figure(figsize=(1, 1))
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
-        axes.points(np.full(count, 0.5), np.full(count, 0.5), ".", markersize=8.0, alpha=0.3)
-        return figure.svg()
-
-    assert ink(1) != ink(9)
-    assert ink(1) == ink(1)
 
 
 @pytest.mark.parametrize("columns", [1, 2])

@@ -15,7 +15,6 @@ import pytest
 from workbench.artefacts import FACE_NAMES
 from workbench.errors import InputError
 from workbench.export import cloud as export_cloud
-from workbench.geometry.grids import fuse
 
 
 def expected(inspected):
@@ -63,14 +62,6 @@ def test_pye57_reads_every_value(inspected, tmp_path: Path):
         np.testing.assert_allclose(found, position[mine] / 1000, atol=1e-8)  # m: 1e-5 mm
         np.testing.assert_array_equal(scan["rowIndex"], frame[mine])
         np.testing.assert_array_equal(scan["columnIndex"], column[mine])
-
-
-def test_positions_are_those_of_the_fused_cloud(inspected):
-    origin = np.zeros(3)
-    fused = fuse(inspected.cloud.x_mm, inspected.cloud.z_mm, inspected.cloud.base_from_profiler, origin)
-    las = laspy.read(io.BytesIO(export_cloud(inspected.cloud, format="las").content))
-    np.testing.assert_allclose(las.xyz, fused[inspected.cloud.keep], atol=2e-3)
-    assert not np.asarray(las["face"]).any(), "no edge, no faces"
 
 
 def test_what_cannot_be_written_is_refused(inspected):

@@ -99,13 +99,6 @@ def test_the_page_wants_a_place_and_a_name(command, tmp_path):
     )
 
 
-def test_names_out_of_files_are_text(tmp_path, command):
-    path = tmp_path / "a<b>&.laz"
-    shutil.copy(SYNTHETIC / "milled_edge.laz", path)
-    assert command("look", path, "--out", tmp_path / "p.html").status == 0
-    assert "a<b>" not in (tmp_path / "p.html").read_text()
-
-
 def wedge(seed, correlation):
     """A profile of two lines that meet in (1, 4), 0.05 mm a column, noise of 0.01 mm."""
     rng = np.random.default_rng(seed)

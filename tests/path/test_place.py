@@ -109,12 +109,6 @@ def table_turning(one: Recording) -> Recording:
     return replace(one, robot_position_mm=turns.apply(one.robot_position_mm - middle) + middle)
 
 
-def ends_only(one: Recording) -> Recording:
-    kept = [0, -1]
-    columns = ("robot_position_mm", "robot_quaternion_wxyz", "robot_time_s", "robot_pass")
-    return replace(one, **{name: getattr(one, name)[kept] for name in columns})
-
-
 def tracked(one: Recording) -> Recording:
     middle = np.nanmean(np.where(np.isfinite(one.z_mm), one.x_mm, np.nan), axis=1, keepdims=True)
     return replace(one, x_mm=(one.x_mm - middle).astype(np.float32))

@@ -28,11 +28,6 @@ def test_results_by_stage_and_by_type(demo_document: Doc, tmp_path: Path) -> Non
     assert not Pipeline(demo_document, base_dir=tmp_path).run(inputs={"fail": True}).passed
 
 
-def test_python_functions_and_pipeline_agree(demo: Any, demo_document: Doc, tmp_path: Path) -> None:
-    by_hand = demo["turn"](demo["read"](recording=tmp_path / "part.txt"), angle_deg=20)
-    assert by_hand.source == Pipeline(demo_document, base_dir=tmp_path).run()["demo.turn"].source
-
-
 def test_files_of_a_run(demo_document: Doc, tmp_path: Path) -> None:
     results = Pipeline(demo_document | {"seed": 5}, base_dir=tmp_path).run(tmp_path / "out")
     assert sorted(path.name for path in results.files) == ["inspection.json", "report.html", "run.json"]

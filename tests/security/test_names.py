@@ -167,9 +167,3 @@ def test_names_in_a_pipeline_that_are_none(stranger, change, pipeline_file, comm
     pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt", **change})
     assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "stages[0]")
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("key", [PROGRAM, MARKUP, "../x", "a.b", "__init__ "])
-def test_names_of_inputs_that_are_none(stranger, key, pipeline_file, command, tmp_path):
-    pipeline = pipeline_file({"stage": "hostile.file", "name": "x.txt"}, **{key: 1})
-    assert_refused(command("run", pipeline, "--out", tmp_path / "out"), "inputs")

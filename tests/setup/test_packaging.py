@@ -94,29 +94,11 @@ def test_every_declared_dependency_is_locked():
     assert distributions([*declared, *every, *itertools.chain(*groups.values())]) - distributions(DEV) == set()
 
 
-def test_all_is_what_the_set_up_installs():
-    assert EXTRAS["all"] == [f"{PROJECT['project']['name']}[{','.join(IN_ALL)}]"]
-    assert distributions(of_extras("cluster", "s3")) & distributions(USER) == set()
-
-
 def test_a_missing_package_is_told_with_the_extra_that_brings_it():
     brought = {name: {MODULE_OF.get(one, one) for one in distributions(of_extras(name))} for name in EXTRAS}
     assert PROJECT["project"]["name"] == DISTRIBUTION
     for extra in set(EXTRAS) - {"all"}:
         assert {module for module, name in EXTRA_OF.items() if name == extra} == brought[extra]
-
-
-def test_what_only_tests_need_is_not_installed_for_users():
-    assert not distributions(USER) & {
-        "pytest",
-        "mypy",
-        "sphinx",
-        "moto",
-        "playwright",
-        "ruff",
-        "hypothesis",
-        "jaxtyping",
-    }
 
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
@@ -125,11 +107,6 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     imported = imported_packages()
     assert imported - modules - COMPANIONS == set()
     assert {name for name in declared - BY_FSSPEC if MODULE_OF.get(name, name) not in imported} == set()
-
-
-@pytest.mark.parametrize("point", metadata.entry_points(group="workbench.stages"), ids=lambda point: point.name)
-def test_every_family_of_stages_imports(point):
-    point.load()
 
 
 def test_entry_points_are_those_of_the_project_file():

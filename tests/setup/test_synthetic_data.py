@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.simulators.swept import simulate_swept_file
-from scripts.synthetic_data import main, make_library, recipes_in
+from scripts.synthetic_data import make_library, recipes_in
 from workbench.synthetic import Recipe, read_any_recipe, read_truth, truth_path
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -57,15 +57,3 @@ def test_what_the_swept_simulator_made_is_what_it_makes(path, tmp_path):
     with h5py.File(tmp_path / "made.h5") as new, h5py.File(DATA / f"{path.stem}.h5") as old:
         for field in ("profiles/x", "profiles/z", "robot/position"):
             assert np.allclose(new[field][:], old[field][:], rtol=0, atol=5e-4, equal_nan=True), field
-
-
-def test_default_part_passes_clearly():
-    truth = read_truth(DATA / "milled_edge.truth.json")
-    assert np.abs(truth.root_mm - 1.5).max() < 0.2
-    assert np.abs(truth.bevel_deg - 40).max() < 0.3
-    assert truth.seen.mean() > 0.85
-
-
-def test_command_names_a_folder_without_recipes(tmp_path, capsys):
-    assert main([str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith("error: ")

@@ -21,8 +21,3 @@ def test_what_is_printed_counts_to_two_hundredths(tmp_path, says):
 def test_a_page_that_says_what_is_not_printed_is_found(tmp_path, says):
     with pytest.raises(PageError, match="not printed"):
         follow(PRINTING.format(says), tmp_path)
-
-
-def test_a_command_that_fails_is_found(tmp_path):
-    with pytest.raises(PageError, match="boom"):
-        follow("```sh\necho boom >&2; exit 3\n```\n", tmp_path)

@@ -15,11 +15,6 @@ from workbench.plugins.calibration import circles, hand_eye, plan, report, valid
 from workbench.synthetic import simulate_sphere
 
 
-@pytest.fixture(scope="module", autouse=True)
-def charts() -> None:
-    """Here they are looked at."""
-
-
 @pytest.fixture(scope="module")
 def parts():
     recording, _ = simulate_sphere(random_sphere_recipe("sphere_gross", 5))
@@ -65,10 +60,3 @@ def test_html_is_well_formed_and_names_nothing_outside(chapter):
         assert kind == "data:image/svg+xml;base64"
         assert ElementTree.fromstring(base64.b64decode(data)).tag.endswith("svg")
     assert "http" not in "".join(page.itertext())
-
-
-def test_text_out_of_files_is_escaped(parts):
-    found = dataclasses.replace(parts[0], directions=(("<script>", 1.0),))
-    chapter = report(found, *parts[1:3])
-    assert "<script>" not in chapter.html
-    assert "&lt;script&gt;" in chapter.html

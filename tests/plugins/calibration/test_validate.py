@@ -28,7 +28,7 @@ def calibrated(drawn, condition="sphere_nine", **changes):
 
 def test_held_out_errors_are_as_large_as_expected():
     misfits, ratios = [], []
-    for seed in range(12):
+    for seed in range(6):
         profiles, recording = calibrated(seed)
         found, _ = validate(hand_eye(profiles, recording)[1], profiles, recording)
         misfits.append(found.misfit)
@@ -54,7 +54,7 @@ def second_recording(seed):
 
 def test_a_second_recording_agrees():
     misfits = []
-    for seed in range(8):
+    for seed in range(4):
         calibration, (profiles, recording) = second_recording(seed)
         found, _ = validate(calibration, profiles, recording)
         assert "second recording" in found.how

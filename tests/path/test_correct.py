@@ -134,25 +134,29 @@ def test_a_tilted_cut_turns_the_finishing_pass_about_the_root_end(scan: Raw, pla
     assert check(feed(path, scan.cloud, scan.edge), scan.edge, scan.cloud, None, found).passed
 
 
+def giving_way(plan: Toolpath, before: float) -> PathDeflection:
+    """By 0.1 mm where the last layer's face is as wide as planned, the layers before it by so many times as much."""
+    final = plan.layers[-1]
+    width = np.where(final.cutting, final.width_mm, np.nan)
+    by = {one.index: -0.1 * (1.0 if one is final else before) * one.width_mm / width for one in plan.layers}
+    return PathDeflection({k: np.nan_to_num(np.stack([x, 0 * x, 0 * x], axis=1)) for k, x in by.items()})
+
+
+def test_the_less_a_load_falls_with_the_stock_the_more_the_tool_gives_way(scan: Raw, plan: Toolpath) -> None:
+    """Of what the layer before and the last one met, 1 mm and 0.5 mm: from no power of the stock to its first."""
+    cut, shifts = inspected(scan, FIRST_ROOT - 0.2 / SINE), []
+    for before in (1.0, math.sqrt(2.0), 2.0):
+        _, found = correct(cut, plan, giving_way(plan, before), yield_share=0, **QUIET)
+        shifts.append(found.shift_mm[found.cut].mean())
+    assert (np.diff(shifts) > 0.01).all()
+
+
 def test_a_cut_too_deep_leaves_less_load_and_the_robot_gives_way_less(scan: Raw, plan: Toolpath) -> None:
     """The cut lies 0.2 mm deeper; the tool gives way by 0.1 mm under 0.5 mm of stock, so by 0.06 mm under 0.3 mm.
 
     The layer before gave way by twice that under 1 mm: the last one met h = 0.5 + g(1) - g(h), more than 0.5 mm.
     """
-    final = plan.layers[-1]
-    width = np.where(final.cutting, final.width_mm, np.nan)
-    gave = PathDeflection(
-        {
-            layer.index: np.stack(
-                [
-                    np.nan_to_num(-0.1 * (2.0 if layer is not final else 1.0) * layer.width_mm / width),
-                    *np.zeros((2, len(width))),
-                ],
-                axis=1,
-            )
-            for layer in plan.layers
-        }
-    )
+    final, gave = plan.layers[-1], giving_way(plan, 2.0)
     cut = inspected(scan, FIRST_ROOT - 0.2 / SINE)
     _, found = correct(cut, plan, gave, **QUIET)
     assert plan.finishing is not None

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from workbench import cloud as clouds
 from workbench import edge, path, scan
 from workbench.api import inverse
-from workbench.artefacts import Cloud, PathGate, PointSet, RawEdge, Recording, Toolpath
+from workbench.artefacts import Check, Cloud, PathGate, PointSet, RawEdge, Recording, Toolpath
 from workbench.errors import InputError
 from workbench.units import Float
 
@@ -69,6 +69,26 @@ def test_a_sound_scan_is_a_shape_until_something_shows_its_place(
     assert "the touched points leave" in one_face.cause
     in_the_middle = gate_of(sound, touched_mm=touched[3:6])
     assert in_the_middle.shape_only
+
+
+def test_two_passes_turned_about_the_edge_show_the_place(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:
+    """Where they see the edge in one place; turned about another axis they would share the hand-eye's error."""
+    toolpath, raw, points = sound
+    agree = Check("pass_disagreement_mm", 0.01, 0.1, True, "", "")
+    told = tuple(one for one in toolpath.evidence if one.name != agree.name)
+    second = np.arange(len(points.time_s)) >= len(points.time_s) // 2
+    middle = np.flatnonzero(second)[second.sum() // 2]
+    for about, evidence, shown in (
+        (raw.tangent, (agree,), True),
+        (raw.normal, (agree,), False),
+        (raw.tangent, (), False),
+    ):
+        axis = about[raw.seen].mean(axis=0)
+        pose, keep = points.base_from_profiler.copy(), points.keep.copy()
+        turn = Rotation.from_rotvec(20.0 * axis / np.linalg.norm(axis), degrees=True)
+        pose[middle, :3, :3], keep[middle] = turn.as_matrix() @ pose[middle, :3, :3], False
+        cloud = replace(points, base_from_profiler=pose, keep=keep, pass_index=second.astype(np.int64))
+        assert gate_of((replace(toolpath, evidence=told + evidence), raw, cloud)).shape_only != shown
 
 
 def test_what_1_deg_costs_is_the_lever_of_the_hand_eye(sound: tuple[Toolpath, RawEdge, Cloud]) -> None:

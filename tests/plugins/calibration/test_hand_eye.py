@@ -46,10 +46,10 @@ def moved(rec: Recording, which: Any, by_mm: Any) -> Recording:
 
 
 def test_errors_are_as_large_as_predicted() -> None:
-    """25 recordings, designs off by 20 deg and 50 mm: Mahalanobis distances of six unknowns, and all is well."""
-    found = [calibrated(seed) for seed in range(25)]
-    assert 4.2 < np.mean([distance(one) for one in found]) < 8.2  # chi-square with 6 degrees of freedom: 6 +- 0.7
-    assert [one.warnings for one in found] == [()] * 25
+    """12 recordings, designs off by 20 deg and 50 mm: Mahalanobis distances of six unknowns, and all is well."""
+    found = [calibrated(seed) for seed in range(12)]
+    assert 3.5 < np.mean([distance(one) for one in found]) < 9.0  # chi-square with 6 degrees of freedom: 6 +- 1
+    assert [one.warnings for one in found] == [()] * 12
     assert np.median([one.volume_u_mm for one in found]) < 0.2
     for one in found:
         assert np.linalg.norm(one.sphere_center_mm - CENTER) < 1.0
@@ -96,7 +96,7 @@ def test_background_outliers_and_a_wrong_diameter() -> None:
 
 
 def test_gross_postures_are_rejected_and_named() -> None:
-    for seed in range(4):
+    for seed in range(2):
         rec, _ = made(seed, k=15)
         found = hand_eye(circles(rec), moved(rec, [4, 11], [[3.0, -2.0, 1.0], [-1.0, 2.5, 3.0]]))[1]
         assert [one.frame for one in found.frames_rejected] == [4, 11]

@@ -91,7 +91,7 @@ INSTRUMENTS = {
     ),
 }
 every = pytest.mark.parametrize("name", INSTRUMENTS)
-few = settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+few = settings(max_examples=2, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 seeds = st.integers(0, 10**6)
 
 
@@ -178,7 +178,7 @@ def test_rows_written_down_again_count_once(name: str, tmp_path: Path) -> None:
 def test_targets_and_registration_lie_where_they_were_put(tmp_path: Path) -> None:
     """A simulated tracker, its frame the base: three of four errors within what is stated, none beyond 4.5 times."""
     z = []
-    for seed in range(30):
+    for seed in range(15):
         found = asked(tmp_path, "tracker", tracked_rows(np.random.default_rng(seed)))
         covariance = np.array(found["registration_covariance"])
         z += list(np.array(found["tracker_from_base"])[:3, 3] / np.sqrt(np.diag(covariance)[:3]))
@@ -188,10 +188,9 @@ def test_targets_and_registration_lie_where_they_were_put(tmp_path: Path) -> Non
     assert np.abs(z).max() < 4.5
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_blunders_take_no_other_reading_of_their_posture_with_them(tmp_path: Path, seed: int) -> None:
+def test_blunders_take_no_other_reading_of_their_posture_with_them(tmp_path: Path) -> None:
     """A target that is knocked, once and by 2 mm, and a posture that is 0.8 mm off."""
-    rows = tracked_rows(np.random.default_rng(seed), 32)
+    rows = tracked_rows(np.random.default_rng(0), 32)
     for row, off in ((22, [1, 1, 0]), (60, [0, -2, 0]), (33, [0.8, 0, 0]), (34, [0.8, 0, 0]), (35, [0.8, 0, 0])):
         rows[row] = ",".join(_shifted(rows[row].split(","), 8, Rotation.identity(), np.array(off)))
     assert sorted(one["line"] for one in asked(tmp_path, "tracker", rows)["left_out"]) == [24, 35, 36, 37, 62]

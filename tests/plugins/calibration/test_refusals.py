@@ -75,20 +75,19 @@ CASES = {
 @pytest.mark.parametrize(("degenerate", "words"), CASES.items(), ids=lambda c: getattr(c, "__name__", ""))
 def test_degenerate_sets(degenerate: Any, words: str, jitter: float) -> None:
     """Jitter of 0.1 deg and 0.1 mm makes all of them full rank; they are refused all the same."""
-    for seed in range(2):
-        rng = np.random.default_rng(seed)
-        turns, centre = degenerate(rng, *postures(rng, 9))
-        shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))
-        made = cell(rng, shaken.as_matrix(), centre + jitter * rng.normal(0, 0.1, (9, 3)))
-        seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
-        with pytest.raises(InputError, match=words):
-            solve(seen, Noise(), off_design(rng))
+    rng = np.random.default_rng(0)
+    turns, centre = degenerate(rng, *postures(rng, 9))
+    shaken = Rotation.from_matrix(turns) * Rotation.from_rotvec(jitter * rng.normal(0, np.radians(0.1), (9, 3)))
+    made = cell(rng, shaken.as_matrix(), centre + jitter * rng.normal(0, 0.1, (9, 3)))
+    seen = from_arrays(*circles_of(rng, made.centre, RADIUS), made.poses)
+    with pytest.raises(InputError, match=words):
+        solve(seen, Noise(), off_design(rng))
 
 
 def test_four_postures_are_never_silently_wrong() -> None:
     """Three degrees of freedom leave rivals: either the answer is right, or it is refused."""
     refused = 0
-    for seed in range(30):
+    for seed in range(15):
         rng = np.random.default_rng(seed)
         made = cell(rng, *postures(rng, 4))
         try:
@@ -100,7 +99,7 @@ def test_four_postures_are_never_silently_wrong() -> None:
             continue
         error = answer.found.estimate.translation_mm - TRUE[:3, 3]
         assert error @ np.linalg.solve(answer.found.covariance[:3, :3], error) < 30.0
-    assert 0 < refused < 15
+    assert 0 < refused < 8
 
 
 def test_centres_that_lie_in_one_plane_have_a_mirror_image() -> None:

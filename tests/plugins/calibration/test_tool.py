@@ -284,6 +284,8 @@ def test_a_slow_drift_is_told_and_stands_in_u(tmp_path: Path) -> None:
         assert any(
             re.search(r"the markers drift by 0\.[34]\d mm across the axis", words) for words in moved["warnings"]
         )
+        more = np.trace(np.array(moved["covariance"])[:2, :2]) - np.trace(np.array(still["covariance"])[:2, :2])
+        assert np.sqrt(more) == pytest.approx(0.02 * 19 / np.sqrt(12.0), rel=0.25)  # any time is as likely
         begun = CENTRE - moved["axis_point_mm"]
         off = np.array(moved["across"]) @ begun
         assert off @ np.linalg.solve(np.array(moved["covariance"])[:2, :2], off) < 9.0

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.made import files_of
 from tests.program.conftest import passed, rejected
 from tests.program.paths import Shape, mill_path
 from workbench.artefacts import PathGate, Toolpath
 from workbench.errors import InputError
 from workbench.path import check_file, read
-from workbench.pipeline.results import result_files
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def path() -> Toolpath:
 def written(path: Toolpath, gate: PathGate | None, folder: Path) -> Path:
     """The path as a run leaves it."""
     file = folder / "toolpath.json"
-    file.write_bytes(result_files([path], [gate] if gate else [])["toolpath.json"])
+    file.write_bytes(files_of(*filter(None, (path, gate)))["toolpath.json"])
     return file
 
 
@@ -54,7 +54,7 @@ def test_a_path_out_of_a_file_keeps_its_verdict(path: Toolpath, tmp_path: Path) 
 def test_a_refusal_counts_whatever_came_after_it(path: Toolpath, tmp_path: Path) -> None:
     file = tmp_path / "toolpath.json"
     for gates in ([passed(path), rejected(path)], [rejected(path), passed(path)]):
-        file.write_bytes(result_files([path], gates)["toolpath.json"])
+        file.write_bytes(files_of(path, *gates)["toolpath.json"])
         assert not again(file).passed
 
 

@@ -28,7 +28,6 @@ LENGTH_MM, EVERY = 3000, 20
 ALONG = np.array([0.6, 0.8, 0.0])  # of the track, in the base
 ROBOTS = {  # URDF, base frame, home, and where the edge lies beside it, mm
     "abb": (DATA / "irb6700_150_320.urdf", "base_link", (0, -20, 20, 0, 30, 0), (1750, 900)),
-    "kuka": (URDFS / "kr210.urdf", "base_link", (0, -100, 110, 0, 60, 0), (1750, 900)),
     "fanuc": (URDFS / "m20ia.urdf", "base", (0, 0, 0, 0, -60, 0), (950, 100)),
 }
 

@@ -38,6 +38,7 @@ from .conftest import ROOT, K
 
 PATH = ROOT / "data" / "synthetic" / "paths" / "raw_arc.json"
 COARSE: dict[str, Any] = {"step_deg": 30.0, "sampled_points": 100, "reach_mm": 15.0}
+FEW = {**COARSE, "whole_map": False}
 
 
 def thinned(path: Toolpath, every: int) -> Toolpath:
@@ -110,15 +111,29 @@ def best_by_loops(cell: Cell, path: Toolpath, acts: MillingForce, step_deg: floa
     return best
 
 
+def sure(cell: Cell) -> Cell:
+    """The loops know of no uncertainty and no home."""
+    margins = dataclasses.replace(cell.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
+    return dataclasses.replace(cell, margins=margins, process=None)
+
+
+@pytest.fixture(scope="module")
+def by_loops(cell: Cell, path: Toolpath, acts: MillingForce) -> Float:
+    return best_by_loops(sure(cell), path, acts, 30.0)
+
+
 @pytest.mark.parametrize("where", ["cell", "cluttered", *seldom("dressed")])
 def test_choice_and_map_are_those_of_plain_loops(
-    where: str, path: Toolpath, acts: MillingForce, stiffness: JointStiffness, request: pytest.FixtureRequest
+    where: str,
+    path: Toolpath,
+    acts: MillingForce,
+    stiffness: JointStiffness,
+    by_loops: Float,
+    request: pytest.FixtureRequest,
 ) -> None:
-    here: Cell = request.getfixturevalue(where)
-    sure = dataclasses.replace(here.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
-    here = dataclasses.replace(here, margins=sure, process=None)  # the loops know of no uncertainty and no home
+    here = sure(request.getfixturevalue(where))
     made, _, document, _ = posture(here, stiffness, path, acts, **COARSE)
-    every = best_by_loops(here, path, acts, 30.0)
+    every = by_loops if where == "cell" else best_by_loops(here, path, acts, 30.0)
     each = every.min(axis=0)
     length = np.linalg.norm(made.displacement_mm, axis=1)[made.cutting]
     assert np.isclose(length.mean(), each.min(), rtol=1e-9)
@@ -147,10 +162,9 @@ def test_a_configuration_is_kept(
     wanted: list[Side], cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> None:
     """By the cell's key and by the parameter; the arm stands as its words say, and gives way more for it."""
-    few = {**COARSE, "whole_map": False}
-    free, *_ = posture(cell, stiffness, path, acts, **few)
-    made, *_ = posture(dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **few)
-    asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, **few)
+    free, *_ = posture(cell, stiffness, path, acts, **FEW)
+    made, *_ = posture(dataclasses.replace(cell, configuration=tuple(wanted)), stiffness, path, acts, **FEW)
+    asked, *_ = posture(cell, stiffness, path, acts, configuration=wanted, **FEW)
     assert (asked.joints == made.joints).all()
     sides = arm_sides(cell.chain, made.joints)
     for word in wanted:
@@ -161,11 +175,10 @@ def test_a_configuration_is_kept(
 
 
 def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
-    cell: Cell, path: Toolpath, acts: MillingForce
+    cell: Cell, path: Toolpath, acts: MillingForce, by_loops: Float
 ) -> None:
     """The chosen cell is the least awkward of those that loops over the robot's inverse and fcl find free."""
-    sure = dataclasses.replace(cell.margins, flange_mm=0.0, flange_rad=0.0, part_mm=0.0, part_rad=0.0)
-    here = dataclasses.replace(cell, margins=sure, process=None)
+    here = sure(cell)
     gate = PathGate(passed=True, reason="checked", toolpath=path, tolerance_mm=0.3)
     made, told, document, _ = posture(here, None, path, acts, gate, **COARSE)
     assert np.isnan(made.displacement_mm).all()
@@ -181,14 +194,14 @@ def test_without_stiffness_the_arm_keeps_away_from_limits_and_singular_postures(
     mean = np.mean([awkward(q) for q in made.joints[made.cutting]])
     assert np.isclose(file["mean_awkwardness"], mean, rtol=1e-4)
     assert file["mean_displacement_mm"] is None
-    ways = np.isfinite(best_by_loops(here, path, acts, 30.0)).any(axis=0)[:, 1:]
+    ways = np.isfinite(by_loops).any(axis=0)[:, 1:]
     found = np.array([[x is not None for x in row] for row in file["map"]["mean_awkwardness"]])
     assert (found == ways).all()
 
 
 def test_postures_stand_at_the_path(cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness) -> None:
     """The cutter's axis goes where the path wants it, wherever cutter and turntable stand; clear of everything."""
-    made = posture(cell, stiffness, path, acts, **COARSE)[0]
+    made = posture(cell, stiffness, path, acts, **FEW)[0]
     layer, model = path.layers[-1], CollisionModel(cell)
     for i, (q, table) in enumerate(zip(made.joints, made.turntable, strict=True)):
         moved = turntable_pose(cell, table) @ inverse(turntable_pose(cell, 0.0))
@@ -235,27 +248,17 @@ def test_without_a_turntable(cell: Cell, path: Toolpath, acts: MillingForce, sti
     assert "<img" in chapter.html
 
 
-def test_a_rejected_path_stays_rejected(
+def test_postures_release_a_path_by_its_own_decision_alone(
     cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
 ) -> None:
-    refused = PathGate(False, "too steep", toolpath=path, tolerance_mm=0.05)
-    gate = posture(cell, stiffness, path, acts, refused, **COARSE)[1]
-    assert gate is not None
-    assert not gate.passed
-    assert gate.reason.startswith("too steep; postures found")
-
-
-def test_without_a_decision_on_this_path_there_is_none(
-    cell: Cell, path: Toolpath, acts: MillingForce, stiffness: JointStiffness
-) -> None:
-    """Postures alone do not release a path, and another path's gate does not count."""
-    other = PathGate(True, "", toolpath=dataclasses.replace(path), tolerance_mm=0.05)
-    assert posture(cell, stiffness, path, acts, **COARSE)[1] is None
-    assert posture(cell, stiffness, path, acts, other, **COARSE)[1] is None
-    own = posture(cell, stiffness, path, acts, dataclasses.replace(other, toolpath=path), **COARSE)[1]
-    assert own is not None
-    assert own.passed
-    assert own.reached
+    """A refused path stays refused, and another path's gate does not count."""
+    sound = PathGate(True, "", toolpath=path, tolerance_mm=0.05)
+    refused = dataclasses.replace(sound, passed=False, reason="too steep")
+    other = dataclasses.replace(sound, toolpath=dataclasses.replace(path))
+    found = [posture(cell, stiffness, path, acts, gate, **FEW)[1] for gate in (None, other, refused, sound)]
+    assert found[:2] == [None, None]
+    assert (found[2].passed, found[2].reason.startswith("too steep; postures found")) == (False, True)
+    assert (found[3].passed, found[3].reached) == (True, True)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +272,7 @@ def test_a_path_where_no_cutter_comes_is_refused(
     layer = dataclasses.replace(path.layers[0], position_mm=path.layers[0].position_mm * by + to_mm)
     there = dataclasses.replace(path, layers=(layer,))
     with pytest.raises(InputError, match=words):
-        posture(cell, stiffness, there, force(there)[0], **COARSE)
+        posture(cell, stiffness, there, force(there)[0], **FEW)
 
 
 def test_a_clamp_between_sparse_points_is_found_by_the_search(cell: Cell, stiffness: JointStiffness) -> None:

@@ -24,7 +24,7 @@ MOST = 64  # answers of EAIK, least squares included
 REACHES, ROUGHLY, SAME = 1e-9, 1e-6, 1e-6  # m and 1; rad
 
 
-def drawn(chain: Chain, name: str, where: str, count: int = 1000) -> Float:
+def drawn(chain: Chain, name: str, where: str, count: int = 600) -> Float:
     """Random postures (count, 6): within limits, some joints on them, arm or wrist nearly or fully stretched."""
     rng = np.random.default_rng(41)
     q = rng.uniform(*np.clip(chain.limits.T, -np.pi, np.pi), (count, 6))
@@ -64,7 +64,7 @@ def test_every_branch_reaches_and_the_posture_is_among_them(arms: Any, name: str
 )
 def test_the_branches_are_those_of_eaik(arms: Any, name: str, where: str) -> None:
     chain: Chain = arms(name)
-    poses = forward_kinematics(chain, drawn(chain, name, where, 500))
+    poses = forward_kinematics(chain, drawn(chain, name, where, 200))
     ours, theirs = inverse_kinematics(chain, poses), peer(chain, poses)
     distance = apart(ours[:, :, None], theirs[:, None])
     distance[np.isnan(distance)] = np.inf

@@ -21,11 +21,11 @@ from bench.mutation.changes import changes
 from bench.mutation.mutant import ROOT, fails
 
 TESTS = {
-    "workbench/edge": ["tests/edge", "tests/inspect", "tests/metrology/test_coverage.py"],
-    "workbench/geometry": ["tests/geometry", "tests/edge", "tests/metrology/test_coverage.py"],
-    "workbench/checks": ["tests/checks", "tests/acceptance/test_refusals.py"],
-    "workbench/inspect": ["tests/inspect", "tests/acceptance/test_truth.py"],
-    "workbench/path": ["tests/path", "tests/acceptance/test_planning.py"],
+    "workbench/edge": ["tests/edge", "tests/laws", "tests/inspect"],
+    "workbench/geometry": ["tests/geometry", "tests/laws", "tests/edge"],
+    "workbench/checks": ["tests/checks", "tests/laws", "tests/acceptance/test_refusals.py"],
+    "workbench/inspect": ["tests/inspect", "tests/laws"],
+    "workbench/path": ["tests/path"],
     "workbench/program": ["tests/program", "tests/robot/test_judge.py"],
     "workbench/robot": ["tests/robot", "tests/program"],
     "workbench/plugins/calibration": ["tests/plugins/calibration"],

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from bench.harness import ROOT, made_by
 from bench.open.rivals import rival
@@ -47,12 +48,14 @@ POORER: dict[str, Change] = {
 }
 
 
+SHIFT_MM = np.array([300.0, -200.0, 50.0])
+TURN = Rotation.from_rotvec([0.0, 0.0, 1.27]).as_matrix()
+
+
 def moved(r: Recording) -> Recording:
     """The robot's base elsewhere, and turned by 73 deg."""
     poses = flange_poses(r)
-    c, s = np.cos(1.27), np.sin(1.27)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return told(r, poses[:, :3, 3] @ turn.T + [300.0, -200.0, 50.0], turn @ poses[:, :3, :3])
+    return told(r, poses[:, :3, 3] @ TURN.T + SHIFT_MM, TURN @ poses[:, :3, :3])
 
 
 def mirrored(r: Recording) -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,16 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import h5py
 import pytest
-
-from .hdf import write
-from .stranger import Part, Scan, Setting, any_setting, record
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "pipelines" / "inspect_bevel.json"
-PART = Part(root_mm=(1.4, 1.6), bevel_deg=(40.3, 39.7), curvature_per_mm=1 / 400)
-SCAN = Scan(elevation_deg=38, yaw_deg=6, pitch_deg=-4, skew_mm=1.7, turn_deg=1, z_zero_mm=-60)
+RECORDING = ROOT / "data" / "synthetic" / "milled_edge.h5"
 
 
 @dataclass
@@ -41,18 +38,8 @@ class Ended:
 
 
 @pytest.fixture(scope="session")
-def rng() -> np.random.Generator:
-    return np.random.default_rng(20)
-
-
-@pytest.fixture(scope="session")
-def setting(rng: np.random.Generator) -> Setting:
-    return any_setting(rng)
-
-
-@pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("stranger")
+    return tmp_path_factory.mktemp("acceptance")
 
 
 @pytest.fixture(scope="session")
@@ -66,10 +53,12 @@ def quick(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def easy(folder: Path, setting: Setting) -> Path:
-    """A milled arc with root and angle that drift, seen from above, obliquely."""
-    attributes = {"part_id": '../../<script>alert("7")</script>&\n/etc'}
-    return write(folder / "easy.h5", record(PART, [SCAN], setting, 1), form="gzip", attributes=attributes)
+def easy(folder: Path) -> Path:
+    """A sound recording whose part has a name that no file and no page may trust."""
+    path = Path(shutil.copy(RECORDING, folder / "easy.h5"))
+    with h5py.File(path, "r+") as file:
+        file.attrs["part_id"] = '../../<script>alert("7")</script>&\n/etc'
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -13,13 +13,10 @@ import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.spatial.transform import Rotation
 
-from bench import outside
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import spheres
 from bench.drawn.plates import random_recipe
 from bench.drawn.swept import random_swept_recipe
-from bench.metrology.users import inspect_as_a_user
-from bench.score.named import mixed_recipe
 from bench.simulators.swept import simulate_swept
 from scripts.checks_table import limits_table
 from tests.checks.conftest import good, pooled
@@ -34,10 +31,10 @@ from workbench.checks import (
 )
 from workbench.checks.judge import refuse_failed
 from workbench.checks.motion import Consistency, consistency
-from workbench.checks.sensor import quaternion_step, sensor_traces
+from workbench.checks.sensor import quaternion_step
 from workbench.checks.window import as_delivered
 from workbench.errors import InputError
-from workbench.geometry.poses import inverse, pose_from
+from workbench.geometry.poses import pose_from
 from workbench.plugins.calibration.circles import circles
 from workbench.scan import read
 from workbench.synthetic import simulate_recording
@@ -68,17 +65,13 @@ def test_a_good_recording_passes_every_check(condition: str) -> None:
     assert all(check.reason for check in checks)
 
 
+RNG = np.random.default_rng(3)
 HONEST = ["swept_there_and_back", "swept_reversal", "swept_twist", "swept_helix", "swept_saddle", "swept_ring"]
 
 
 @pytest.mark.parametrize(("condition", "seed"), [(condition, 1 + k % 2) for k, condition in enumerate(HONEST)])
 def test_edges_that_turn_and_passes_that_turn_back_are_honest(condition: str, seed: int) -> None:
     recording, _ = simulate_swept(random_swept_recipe(condition, seed))
-    assert failed(recording) == {}
-
-
-def test_a_pass_that_begins_beyond_the_end_of_the_plate_passes() -> None:
-    recording, _ = simulate_recording(mixed_recipe(7_900_502, raw_edge=False))
     assert failed(recording) == {}
 
 
@@ -99,68 +92,9 @@ def test_one_orientation_to_the_last_digit_is_told() -> None:
         assert ("same to the last digit" in found["flange_turn_deg"]) == is_told
 
 
-def repeated(r: Recording) -> Recording:
-    stuck = np.arange(len(r.time_s)) // 20 * 20
-    return spoilt(r, x_mm=r.x_mm[stuck], z_mm=r.z_mm[stuck])
-
-
-def some_frozen(r: Recording) -> Recording:
-    which = np.arange(len(r.time_s))
-    which[200:260] = 200
-    return spoilt(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
-
-
-def late(r: Recording) -> Recording:
-    which = np.maximum(np.arange(len(r.time_s)) - 6, 0)  # 1 % of the frames: repeated_share allows it
-    return spoilt(r, x_mm=r.x_mm[which], z_mm=r.z_mm[which])
-
-
-def frozen(r: Recording) -> Recording:
-    return spoilt(r, robot_position_mm=np.repeat(r.robot_position_mm[:1], len(r.robot_position_mm), axis=0))
-
-
-def hand_eye(r: Recording, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
-    assert r.flange_from_profiler is not None
-    return spoilt(r, flange_from_profiler=change(r.flange_from_profiler))
-
-
-def scaled(r: Recording, by: float) -> Recording:
-    return spoilt(r, robot_position_mm=r.robot_position_mm * by)
-
-
-def turned(r: Recording, order: list[int]) -> Recording:
-    return spoilt(r, robot_quaternion_wxyz=r.robot_quaternion_wxyz[:, order])
-
-
-def coarse(r: Recording) -> Recording:
-    return spoilt(r, z_mm=(np.round(r.z_mm * 2) / 2).astype(np.float32))
-
-
-def jumping(r: Recording) -> Recording:
-    noise = np.random.default_rng(3).normal(0.0, 0.5, r.robot_position_mm.shape)
-    return spoilt(r, robot_position_mm=r.robot_position_mm + noise)
-
-
-def in_steps(r: Recording) -> Recording:
-    return spoilt(r, x_mm=(np.round(r.x_mm * 5) / 5).astype(np.float32))
-
-
 def over_frames(r: Recording, count: int) -> np.ndarray:
     before = np.maximum(np.arange(len(r.z_mm))[:, None] - np.arange(count), 0)
     return np.mean([r.z_mm[before[:, k]] for k in range(count)], axis=0).astype("f4")
-
-
-def gauss(r: Recording) -> np.ndarray:
-    return gaussian_filter1d(r.z_mm.astype(float), 2.0, axis=1).astype("f4")
-
-
-def swapped(r: Recording) -> Recording:
-    return spoilt(r, x_mm=r.z_mm, z_mm=r.x_mm)
-
-
-def two_digits(r: Recording) -> Recording:
-    quaternion = np.round(r.robot_quaternion_wxyz, 2)
-    return spoilt(r, robot_quaternion_wxyz=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
 
 
 def coded(r: Recording, code: float) -> Recording:
@@ -172,60 +106,69 @@ def saturated(r: Recording) -> Recording:
     return spoilt(r, z_mm=np.minimum(r.z_mm, np.nanquantile(r.z_mm, 0.8)))
 
 
-FAULTS: dict[str, tuple[Callable[[Recording], Recording], str, str]] = {
-    "positions in metres": (partial(scaled, by=1e-3), "reach_mm", "metres read as mm"),
-    "positions in inches": (partial(scaled, by=1 / 25.4), "reach_mm", "inches"),
-    "profiles in metres": (lambda r: spoilt(r, x_mm=r.x_mm / 1e3, z_mm=r.z_mm / 1e3), "view_width_mm", "metres"),
-    "a frozen pose stream": (frozen, "standing_share", "frozen"),
-    "frames repeated twenty times": (repeated, "repeated_share", "repeating scanner"),
-    "a first buffer that comes again": (late, "repeated_run", "7 times in a row"),
-    "a driver that hangs": (some_frozen, "repeated_share", "frozen"),
-    "x y z w": (lambda r: turned(r, [1, 2, 3, 0]), "obliquity_deg", "x y z w"),
-    "an inverted hand-eye pose": (lambda r: hand_eye(r, inverse), "obliquity_deg", "hand-eye pose is inverted"),
-    "a transposed hand-eye": (
-        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3].T, p[:3, 3])),
-        "obliquity_deg",
-        "transposed",
-    ),
-    "hand-eye angles in another order": (
-        lambda r: hand_eye(
-            r,
-            lambda p: pose_from(
-                Rotation.from_euler("XYZ", Rotation.from_matrix(p[:3, :3]).as_euler("ZYX")).as_matrix(), p[:3, 3]
-            ),
-        ),
-        "obliquity_deg",
-        "suspicion: the hand-eye pose's angles are of order Z-Y-X about moving axes, but were read as X-Y-Z about mov",
-    ),
-    "a hand-eye in metres": (
-        lambda r: hand_eye(r, lambda p: pose_from(p[:3, :3], p[:3, 3] / 1e3)),
-        "hand_eye_mm",
-        "metres",
-    ),
-    "a mean over five columns": (lambda r: spoilt(r, z_mm=pooled(r, 5)), "mean_columns", "over 5 columns"),
-    "x and z swapped": (lambda _: swapped(good("arc", 46)), "mean_columns", "axes x and z swapped"),
-    "a Gaussian over columns": (lambda r: spoilt(r, z_mm=gauss(r)), "mean_columns", "smoothing filter"),
-    "ranges rounded to 0.5 mm": (coarse, "range_step_mm", "rounded to 0.5 mm: export them at full resolution"),
-    "Savitzky-Golay over 7 columns": (
-        lambda r: KINDS["Savitzky-Golay over 7 columns"].spoil(r, np.random.default_rng(0)),
-        "mean_columns",
-        "smoothing filter",
-    ),
-    "noise of poses": (lambda _: jumping(good("arc", 46)), "pose_noise_mm", "noisy, or rounded"),
-    "quaternions rounded to 0.01": (two_digits, "orientation_step_deg", "rounded to 0.01"),
-    "no return is 0": (partial(coded, code=0.0), "held_end_share", "the range 0 mm to the digit: the sensor's code"),
-    "no return is -9999": (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),
-    "ranges that saturate": (saturated, "held_end_share", "or ranges that saturate?"),
-    "places rounded to 0.2 mm": (in_steps, "lateral_step_mm", "rounded to 0.2 mm: export"),
+def two_digits(r: Recording) -> Recording:
+    quaternion = np.round(r.robot_quaternion_wxyz, 2)
+    return spoilt(r, robot_quaternion_wxyz=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
+
+
+def coarse(r: Recording) -> Recording:
+    return spoilt(r, z_mm=(np.round(r.z_mm * 2) / 2).astype(np.float32))
+
+
+def other_order(r: Recording) -> Recording:
+    """Angles of the hand-eye pose in another order."""
+    assert r.flange_from_profiler is not None
+    pose = r.flange_from_profiler
+    turn = Rotation.from_euler("XYZ", Rotation.from_matrix(pose[:3, :3]).as_euler("ZYX")).as_matrix()
+    return spoilt(r, flange_from_profiler=pose_from(turn, pose[:3, 3]))
+
+
+FAULTS = {  # of `bench.confidently_wrong`: the check that fails, and what it says
+    "positions in m": ("reach_mm", "metres read as mm"),
+    "positions in inches": ("reach_mm", "inches"),
+    "profiles in m": ("view_width_mm", "metres"),
+    "poses frozen": ("standing_share", "frozen"),
+    "every 20th frame 20 times": ("repeated_share", "repeating scanner"),
+    "last frames ten late": ("repeated_run", "times in a row"),
+    "scanner hangs for an eighth": ("repeated_share", "frozen"),
+    "quaternions x y z w": ("obliquity_deg", "x y z w"),
+    "hand-eye inverted": ("obliquity_deg", "hand-eye pose is inverted"),
+    "hand-eye transposed": ("obliquity_deg", "transposed"),
+    "hand-eye translation in m": ("hand_eye_mm", "metres"),
+    "mean over 5 columns": ("mean_columns", "over 5 columns"),
+    "Gauss over 3 columns": ("mean_columns", "smoothing filter"),
+    "Savitzky-Golay over 7 columns": ("mean_columns", "smoothing filter"),
+    "x rounded to 0.2 mm": ("lateral_step_mm", "rounded to 0.2 mm: export"),
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_seen_and_named(fault: str) -> None:
-    spoil, name, words = FAULTS[fault]
-    found = failed(spoil(good()))
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_seen_and_named(kind: str) -> None:
+    name, words = FAULTS[kind]
+    found = failed(KINDS[kind].spoil(good(), np.random.default_rng(0)))
     assert name in found, found
     assert words in found[name]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "name", "words"),
+    [
+        (
+            other_order,
+            "obliquity_deg",
+            "the hand-eye pose's angles are of order Z-Y-X about moving axes, but",
+        ),
+        (partial(coded, code=0.0), "held_end_share", "the range 0 mm to the digit: the sensor's code"),
+        (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),
+        (two_digits, "orientation_step_deg", "rounded to 0.01"),
+        (coarse, "range_step_mm", "rounded to 0.5 mm: export them at full resolution"),
+        (saturated, "held_end_share", "or ranges that saturate?"),
+        (lambda _: KINDS["x and z swapped"].spoil(good("arc", 46), None), "mean_columns", "axes x and z swapped"),
+        (lambda _: KINDS["poses noisy by 0.3 mm"].spoil(good("arc", 46), RNG), "pose_noise_mm", "noisy, or rounded"),
+    ],
+)
+def test_a_fault_of_some_recordings_is_named(spoil: Callable[[Recording], Recording], name: str, words: str) -> None:
+    assert words in failed(spoil(good()))[name]
 
 
 @pytest.mark.parametrize("digits", [1, 2, 3])
@@ -239,21 +182,7 @@ def test_digits_of_quaternions_are_counted(digits: int) -> None:
     assert quaternion_step(np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])) == 0.0
 
 
-@pytest.mark.parametrize("step_mm", [0.01, 0.3])
-def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(step_mm: float) -> None:
-    r = good("straight")
-    along = r.robot_position_mm[-1] - r.robot_position_mm[0]
-    way = along / np.linalg.norm(along) * step_mm * (len(r.time_s) - 1)
-    narrow = spoilt(
-        r,
-        x_mm=r.x_mm / 25.4,
-        z_mm=r.z_mm / 25.4,
-        robot_position_mm=r.robot_position_mm[0] + np.linspace(0, 1, len(r.robot_time_s))[:, None] * way,
-    )
-    assert ("view_width_mm" in failed(narrow)) == (step_mm == 0.3)
-
-
-@pytest.mark.parametrize(("condition", "sigma"), [("straight", 1.5), ("noisy", 1.5), ("wavy", 5.0)])
+@pytest.mark.parametrize(("condition", "sigma"), [("noisy", 1.5), *seldom(("straight", 1.5), ("wavy", 5.0))])
 def test_a_filter_that_leaves_long_periods_is_seen(condition: str, sigma: float) -> None:
     r = good(condition)
     z = gaussian_filter1d(r.z_mm.astype(float), sigma, axis=1).astype("f4")
@@ -297,26 +226,24 @@ def test_a_rough_surface_is_no_filter() -> None:
         assert "mean_columns" not in failed(rough)
 
 
-@pytest.mark.parametrize(
-    ("condition", "columns"), [("straight", 2), ("straight", 15), ("correlated", 9), *seldom(("raw_rough", 3))]
-)
+@pytest.mark.parametrize(("condition", "columns"), [("straight", 2), ("correlated", 9)])
 def test_means_over_columns_are_seen(columns: int, condition: str) -> None:
     checks = judge_recording(spoilt(good(condition, 43), z_mm=pooled(good(condition, 43), columns)))
     found = next(one for one in checks if one.name == "mean_columns")
     assert (found.value, found.passed) == (columns, columns <= 3)
 
 
-SPHERES = spheres.SOUND | spheres.DEGENERATE
+SPHERES = list(spheres.SOUND | spheres.DEGENERATE)
 
 
-@pytest.mark.parametrize("condition", SPHERES)
+@pytest.mark.parametrize("condition", [*SPHERES[::4], *seldom(*(one for k, one in enumerate(SPHERES) if k % 4))])
 def test_good_calibration_recordings_pass_every_check(condition: str) -> None:
     recording, _ = simulate_sphere(spheres.random_sphere_recipe(condition, 900))
     assert failed(recording) == {}
 
 
 def test_a_calibration_recording_is_judged() -> None:
-    recording, _ = simulate_sphere(spheres.random_sphere_recipe(next(iter(SPHERES)), 901))
+    recording, _ = simulate_sphere(spheres.random_sphere_recipe(SPHERES[0], 901))
     first = np.zeros(len(recording.time_s), int)
     for words, changes in (
         ("a frozen or repeating scanner", {"x_mm": recording.x_mm[first], "z_mm": recording.z_mm[first]}),
@@ -419,26 +346,6 @@ def test_the_page_tells_every_check() -> None:
     assert all(one.reason and one.meaning for one in LIMITS.values())
 
 
-def _still_in_view(shuffled: bool, wiggle_mm: float = 0.14) -> Recording:
-    """A part that wanders by a few tenths of a millimetre through the view, slowly or out of order."""
-    recording = good("straight", 41)
-    count = len(recording.time_s)
-    drift = wiggle_mm * np.sqrt(12.0) * (np.arange(count) / (count - 1) - 0.5)
-    order = np.random.default_rng(3).permutation(count) if shuffled else np.arange(count)
-    middle = np.broadcast_to(recording.z_mm[count // 2], recording.z_mm.shape)
-    noise = np.random.default_rng(4).normal(0, 0.01, middle.shape)
-    z = (middle + drift[order][:, None] + noise).astype(np.float32)
-    x = np.broadcast_to(recording.x_mm[count // 2], recording.x_mm.shape)
-    return dataclasses.replace(recording, x_mm=np.ascontiguousarray(x), z_mm=z)
-
-
-def test_frames_out_of_order_are_seen_on_a_part_that_hardly_moves_in_the_view():
-    named = {one.name: one for one in judge_recording(_still_in_view(shuffled=True, wiggle_mm=0.175))}
-    assert not named["wiggle_mm"].passed
-    assert "out of order" in named["wiggle_mm"].finding
-    assert {one.name: one for one in judge_recording(_still_in_view(shuffled=False))}["wiggle_mm"].passed
-
-
 @pytest.mark.parametrize("skipped", [2, 5])
 def test_columns_that_the_sensor_skips_are_no_lost_returns(skipped: int) -> None:
     r = good("straight")
@@ -460,16 +367,7 @@ def test_a_window_that_ends_on_a_part_that_moves_is_the_view(side: int) -> None:
     assert ends.mean() > 0.9
 
 
-def test_the_end_of_a_part_that_lies_still_is_no_window() -> None:
-    """All frames alike but for noise: every one of them ends in the same column, and that is the part's end."""
-    r = good("straight")
-    noise = np.random.default_rng(3).normal(0, 0.005, r.z_mm.shape)
-    z = np.where(np.arange(r.z_mm.shape[1]) < 0.6 * r.z_mm.shape[1], r.z_mm[:1] + noise, np.nan)
-    still = spoilt(r, x_mm=np.repeat(r.x_mm[:1], len(r.x_mm), 0), z_mm=z.astype("f4"))
-    assert as_delivered(still) is still
-
-
-@pytest.mark.parametrize("columns", [5, 9])
+@pytest.mark.parametrize("columns", [5])
 def test_a_median_over_returns_and_losses_is_told_by_the_ends_of_faces(columns: int) -> None:
     """It rounds nothing off but the last columns, which passed for a rounded edge: 0.2 mm of root face at u 0.02."""
     recording, _ = simulate_recording(random_recipe("arc", 7_900_016))
@@ -480,30 +378,6 @@ def test_a_median_over_returns_and_losses_is_told_by_the_ends_of_faces(columns: 
     found = {one.name: one for one in judge_recording(spoilt_one)}["held_end_share"]
     assert not found.passed
     assert "median filter" in found.finding
-
-
-def test_noise_of_few_poses_is_told_as_unseen() -> None:
-    recording, _ = simulate_recording(random_recipe("raw_straight", 8_910_000))
-    found = {one.name: one for one in judge_recording(recording)}["flange_turn_deg"]
-    assert "a pass has 2 poses only: noise in them would not show" in found.finding
-
-
-def test_a_sensor_that_fills_single_losses_is_told_by_steep_faces() -> None:
-    """The ends that it fills too were 4 % of all, and the root face 0.07 mm too large at u 0.013."""
-    recording, _ = simulate_recording(random_recipe("oblique", 8_800_002))
-    assert {one.name: one for one in judge_recording(recording)}["held_end_share"].value < 0.05
-    filled = KINDS["last range held over 2 columns"].spoil(recording, np.random.default_rng(0))
-    found = {one.name: one for one in judge_recording(filled)}["held_end_share"]
-    assert not found.passed
-    assert "lost returns filled" in found.finding
-
-
-def test_a_first_profile_that_goes_wrongly_with_the_next_is_no_turn_of_the_flange() -> None:
-    """It turned the section by 10.5 deg once; the flange turns with the edge, so a wrong hand-eye pose stays unseen."""
-    recording, _ = simulate_recording(random_recipe("raw_arc", 8_800_001))
-    found = {one.name: one for one in judge_recording(recording)}["flange_turn_deg"]
-    assert found.value > 10.0
-    assert "nor a hand-eye pose that is displaced" in found.finding
 
 
 def _carried(aside_mm: Float) -> Consistency:
@@ -582,12 +456,6 @@ def _told(recording: Recording) -> Check:
     return {one.name: one for one in judge_recording(recording)}["held_end_share"]
 
 
-@pytest.mark.parametrize(("seed", "is_raw"), [(955, False), (957, False), (951, True), (977, True)])
-def test_heavy_tails_and_steps_near_float32s_digits_are_no_filter(seed: int, is_raw: bool) -> None:
-    """Noise of two digits, and steps of 1e-4 mm at 150 mm, which float32 hardly tells: both seemed to fill gaps."""
-    assert _told(outside.simulate(seed, is_raw).recording).value < 0.1
-
-
 def test_frames_that_no_longer_lie_on_each_other_are_refused() -> None:
     """Shuffled, no seven of them go together: every check of the motion had nothing to judge by, and all passed."""
     recording, _ = simulate_recording(random_recipe("two_pass", 8_930_003))
@@ -598,26 +466,6 @@ def test_frames_that_no_longer_lie_on_each_other_are_refused() -> None:
     assert not named["together_share"].passed
     assert "out of order" in named["together_share"].finding
     assert {one.name: one for one in judge_recording(recording)}["together_share"].value > 0.9
-
-
-def test_an_end_that_moves_into_blind_columns_is_uncertain_by_their_width() -> None:
-    """Beyond the band no frame measures, so that it looks like the end of the view, or of the part."""
-    recording, truth = simulate_recording(random_recipe("arc", 8_930_006))
-    banded = KINDS["12 bands of 8 blind columns"].spoil(recording, np.random.default_rng([8_930_000, 6]))
-    good, found = ({one.name: one for one in judge_recording(r)}["hidden_columns"].value for r in (recording, banded))
-    assert good == 0.0
-    assert found > 6.0
-    inspection = inspect_as_a_user(banded, truth)
-    at = truth.arc_length_mm_at(np.array([one.origin_mm for one in inspection.sections]))
-    off = np.array([one.root_mm for one in inspection.sections]) - np.interp(at, truth.arc_length_mm, truth.root_mm)
-    assert off.min() < -0.3  # true at one end, and short by the motion at the other
-    assert np.all(np.abs(off) < 3.0 * np.array([one.root_u_mm for one in inspection.sections]))
-
-
-def test_what_profiles_show_between_clamps_is_no_twist() -> None:
-    """Six profiles laid on each other by their clamps, another sign in the quaternions that explained their turns."""
-    recording, _ = simulate_recording(mixed_recipe(8_925_504, raw_edge=True))
-    assert [one.name for one in judge_recording(recording) if not one.passed] == []
 
 
 @pytest.mark.parametrize("axes", ["axes y x z", *seldom("axes z y x", "axes y z x")])
@@ -631,10 +479,9 @@ def test_swapped_axes_of_a_saddle_are_refused_although_the_plate_is_twisted(axes
     assert "the robot's axes are" in failed["obliquity_varies_deg"].finding
 
 
-@pytest.mark.parametrize("condition", ["straight", "two_pass"])
-def test_rounded_ranges_that_drift_are_no_filter(condition: str) -> None:
+def test_rounded_ranges_that_drift_are_no_filter() -> None:
     """Each row is rounded to steps that begin elsewhere: second differences of 0 are many, as are those of a step."""
-    recording, _ = simulate_recording(random_recipe(condition, 8_936_001))
+    recording, _ = simulate_recording(random_recipe("straight", 8_936_001))
     drift = np.linspace(0.0, 0.1, len(recording.z_mm))[:, None]
     assert _told(spoilt(recording, z_mm=(recording.z_mm + drift).astype(np.float32))).value < 0.1
 
@@ -647,12 +494,3 @@ def test_where_neighbours_scatter_nothing_tells_the_order_of_frames() -> None:
     good, found = ({one.name: one for one in judge_recording(r)}["order_share"] for r in (recording, shuffled))
     assert "nothing tells which" not in good.finding
     assert "frames out of order; nothing tells which" in found.finding
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_steps_that_wide_noise_hides_are_no_filter(seed: int) -> None:
-    """Steps of 1e-4 mm at 150 mm in noise of 0.06 mm: equal neighbours by chance were 0.1 to 0.15 of the short gaps."""
-    rng = np.random.default_rng(seed)
-    z = 150.0 + rng.normal(0.0, 0.04, (120, 600)) + np.linspace(0.0, 20.0, 600)
-    z = np.where(rng.random(z.shape) < 0.004, np.nan, np.round(z, 4)).astype(np.float32)
-    assert sensor_traces(z, np.zeros(120, np.int64)).held_end_share < 0.1

@@ -76,15 +76,6 @@ def test_noise_of_the_faces(scanned: Scans) -> None:
         np.testing.assert_allclose(made.range_sigma_mm[:, :3], noise, rtol=0.15)
 
 
-def test_passes_from_both_sides_are_read_each_by_itself(drawn: Scans) -> None:
-    scan = drawn("two_pass", 1)
-    made = scan.tracked
-    for p in (0, 1):
-        mine = scan.cloud.pass_index == p
-        assert np.unique(made.side[mine]).size == 1
-        assert made.seen[mine].mean() > 0.8
-
-
 def test_frames_under_clamps_do_not_see_the_edge(scanned: Scans) -> None:
     scan = scanned(part={"length_mm": 60.0, "clamps": [{"from_mm": 20.0, "to_mm": 32.0, "height_mm": 15.0}]})
     at = scan.cloud.base_from_profiler[:, 0, 3] - scan.cloud.base_from_profiler[0, 0, 3]
@@ -99,13 +90,6 @@ def test_frames_under_clamps_do_not_see_the_edge(scanned: Scans) -> None:
         assert np.isnan(face.x_mean[~made.seen]).all()
         assert (face.columns[~made.seen] == -1).all()
     assert np.isnan(made.root_end[~made.seen]).all()
-
-
-def test_stray_and_missing_returns_cost_few_frames(drawn: Scans) -> None:
-    for condition in ("outliers_5", "missing_20"):
-        scan = drawn(condition, 3)
-        position = scan.cloud.base_from_profiler[scan.tracked.seen][:, :3, 3]
-        assert len(position) > 0.9 * scan.truth.seen.sum() * 0.5 / scan.recipe.robot.frame_pitch_mm
 
 
 @pytest.mark.parametrize("kind", ["raw", "flat"])
@@ -153,14 +137,6 @@ def test_empty_frames_and_few_frames(scanned: Scans) -> None:
     by_frame = ("x_mm", "z_mm", "keep", "pass_index", "time_s", "base_from_profiler")
     few = replace(cloud, **{name: getattr(cloud, name)[some] for name in by_frame})
     assert find_faces(few, 1.5, 40.0).seen.all()
-
-
-def test_direction_of_x_along_the_columns() -> None:
-    x = np.tile(np.arange(50, dtype=np.float32), (4, 1))
-    keep = np.random.default_rng(1).random(x.shape) > 0.3
-    rows: Int = np.arange(4)
-    assert rises_with_column(x, keep, rows)
-    assert not rises_with_column(-x, keep, rows)
 
 
 def test_a_view_that_ends_on_the_root_face_exchanges_no_faces() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.edge.identify import Candidate, candidates, vote
-from workbench.geometry.chains import COUNT, straight_faces
+from workbench.geometry.chains import straight_faces
 from workbench.units import DEG, Float
 
 ROOT_MM, BEVEL_DEG, THICKNESS_MM, PITCH_MM = 1.5, 40.0, 8.0, 0.05
@@ -97,31 +97,3 @@ def test_a_root_face_cut_off_by_the_field_counts_for_less() -> None:
     assert min(c.score for c in cut) > min(c.score for c in whole) + 3
     elsewhere = read(x, z, cut=(True, False))
     assert min(c.score for c in elsewhere) == min(c.score for c in whole)
-
-
-def test_short_lines_of_stray_returns_between_the_faces_are_passed_over() -> None:
-    x, z = profile(outline(), 35, 1, 1)
-    chain = straight_faces(x, z)
-    short = chain[1].copy()
-    short[COUNT] = 6
-    with_strays = np.concatenate([chain[:2], [short, short], chain[2:]])
-    plain, passed = (list(candidates(c, np.zeros(2, bool), ROOT_MM, BEVEL_DEG * DEG)) for c in (chain, with_strays))
-    assert min(c.score for c in passed) == pytest.approx(min(c.score for c in plain))
-    assert vote([passed]) == (1, 1)
-
-
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("offset_mm", [0.27, -0.27])
-def test_a_face_goes_on_beyond_second_returns(side: int, offset_mm: float) -> None:
-    """A ghost in the middle of the bevel leaves a piece beside the upper surface, which could pass for a root face."""
-    corners = outline(root_mm=1.6, bevel_deg=42.7)
-    x, z = profile(corners, 55.0, side, 1, table=False)
-    view = np.array([math.cos(55.0 * DEG), math.sin(55.0 * DEG)])
-    ends = np.sort(side * (corners[1:3] @ [view[1], -view[0]]) + 3.0)
-    share = (x - ends[0]) / (ends[1] - ends[0])
-    lower = share if side > 0 else 1.0 - share
-    z = z + offset_mm * ((lower > 0.25) & (lower < 0.5))
-    found = min(candidates(straight_faces(x, z), np.array([False, False]), 2.0, 45.0 * DEG), key=lambda one: one.score)
-    assert (found.side, found.sense) == (side, 1)
-    corner = (found.root[1] - found.bevel[1]) / (found.bevel[0] - found.root[0])
-    assert abs(corner - (side * float(corners[2] @ [view[1], -view[0]]) + 3.0)) < 0.03

@@ -11,7 +11,7 @@ import pytest
 
 from bench.odd_plates import odd_plate
 from workbench.cloud import denoise
-from workbench.edge import measure, segment
+from workbench.edge import segment
 from workbench.errors import InputError
 from workbench.scan import fuse
 from workbench.synthetic import Truth
@@ -116,56 +116,6 @@ def test_frames_that_do_not_advance_are_refused(scanned: Scans) -> None:
     still = replace(cloud, base_from_profiler=np.tile(cloud.base_from_profiler[100], (len(cloud.keep), 1, 1)))
     with pytest.raises(InputError, match=r"expected at least 3 frames that see the edge along at least 1 mm of it"):
         segment(still)
-
-
-def test_a_lower_edge_that_never_settles_is_uncertain_by_how_far_it_moves(
-    scanned: Scans, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    state, rounds = measure._state, [0]
-
-    def restless(*given: Any) -> tuple[Any, Float, Float]:
-        """A fifth of the lower edge swings by 0.4 mm from round to round."""
-        found, lower_edge, s_low = state(*given)
-        rounds[0] += 1
-        off = np.where(np.arange(len(lower_edge)) < 0.2 * len(lower_edge), 0.2, 0.0) * (-1) ** rounds[0]
-        return found, lower_edge + off[:, None] * [0.0, 0.0, 1.0], s_low
-
-    cloud = scanned().cloud
-    calm = segment(cloud).root.u
-    monkeypatch.setattr(measure, "_state", restless)
-    moved = segment(cloud).root.u
-    assert rounds[0] == 1 + measure.MOST_ROUNDS
-    fifth = calm.size // 5
-    swings = moved[: fifth - 3] if np.nanmax(moved[: fifth - 3]) > 0.3 else moved[3 - fifth :]  # t may run either way
-    assert (swings[1:-1] > 0.3).all()
-    assert np.nanmedian(moved) < 1.5 * np.nanmedian(calm)
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_too_few_frames_are_refused(scanned: Scans, count: int) -> None:
-    cloud = scanned().cloud
-    chosen = slice(0, 100 * count, 100)
-    few = replace(
-        cloud,
-        x_mm=cloud.x_mm[chosen],
-        z_mm=cloud.z_mm[chosen],
-        keep=cloud.keep[chosen],
-        base_from_profiler=cloud.base_from_profiler[chosen],
-        time_s=cloud.time_s[chosen],
-        pass_index=cloud.pass_index[chosen],
-    )
-    with pytest.raises(InputError, match="expected"):
-        segment(few)
-
-
-def test_lower_end_that_is_blurred_in_every_frame_is_refused_with_the_suspicion(scanned: Scans) -> None:
-    """As a median or Gaussian filter of the sensor leaves it: no frame tells the root face's line."""
-    from workbench.edge.measure import measure_edge
-
-    scan = scanned(part=WAVES)
-    blurred = replace(scan.tracked, end_is_burred=np.ones(len(scan.tracked.end_is_burred), bool))
-    with pytest.raises(InputError, match=r"a further face beyond a step"):
-        measure_edge(scan.cloud, blurred)
 
 
 def test_a_bevel_above_a_ledge_is_no_root_face() -> None:

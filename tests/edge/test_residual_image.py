@@ -9,16 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.drawn.plates import random_recipe
-from bench.metrology.users import inspect_as_a_user
-from bench.odd_plates import odd_plate
 from bench.outside import Part, Usual, drawn_section, simulate
 from tests.edge.test_rim import measured
 from workbench.artefacts import FORM
 from workbench.edge.residual_image import FaceImage, Linearity, forms
 from workbench.errors import WorkbenchError
-from workbench.synthetic import simulate_recording
-from workbench.units import DEG, Int
+from workbench.units import DEG
 
 WALKING = (45, 51, 58, 60)  # the first of seed 40 and on whose sensor walks
 QUIET = (40, 49)  # some whose noise is 0.005 mm or less
@@ -51,20 +47,6 @@ def test_a_sensor_without_an_error_leaves_little_in_u() -> None:
         assert np.nanmedian(form) < 0.05
 
 
-def test_a_pattern_that_a_narrow_face_takes_for_its_slope_is_told_by_wide_ones() -> None:
-    """A wave of 16 columns turns a root face of eight: eight u while wide faces were read by twenty columns at once."""
-    recording, truth = simulate_recording(random_recipe("oblique", 8704))
-    wave = 0.02 * np.sin(2.0 * np.pi * np.arange(recording.z_mm.shape[1]) / 16.0)
-    spoilt = replace(recording, z_mm=(recording.z_mm + wave).astype(np.float32))
-    inspection = inspect_as_a_user(spoilt, truth)
-    at = truth.arc_length_mm_at(np.array([one.origin_mm for one in inspection.sections]))
-    off = np.array([one.bevel_deg for one in inspection.sections])
-    off -= np.interp(at, truth.arc_length_mm, truth.bevel_deg)
-    u = np.array([one.bevel_u_deg for one in inspection.sections])
-    assert np.abs(off).min() > 0.5
-    assert np.abs(off / u).max() < 3.5
-
-
 def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
     part, found = walking(41, 0.0), []
     for number, rms in enumerate((0.001, 0.004, 0.016)):
@@ -80,20 +62,6 @@ def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path) -> None:
     file.write_text(json.dumps({"linearity_mm": -1}))
     with pytest.raises(WorkbenchError, match=r"sensor\.json: \$\.linearity_mm"):
         measured(walking(41, 0.0), sensor=file)
-
-
-def test_a_place_that_is_missing_changes_little() -> None:
-    """Places of a face that no frame shows, also beside its end."""
-    rng, place_mm = np.random.default_rng(3), np.linspace(-6.0, 6.0, 25)
-    walk = 0.003 * np.cumsum(rng.standard_normal(25)) * np.sqrt(0.5)
-    noise = 1e-7 * np.eye(25)
-
-    def turn_u(there: Int) -> float:
-        image = FaceImage(np.zeros(1), walk[None, there], noise[None, there][:, :, there], place_mm[there], 1.05)
-        return float(forms([image], np.zeros(1), Linearity())[0].turn_u[0])
-
-    for missing in range(1, 24):
-        assert turn_u(np.delete(np.arange(25), missing)) == pytest.approx(turn_u(np.arange(25)), rel=0.2)
 
 
 @pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])
@@ -117,13 +85,3 @@ def test_noise_alone_turns_no_line() -> None:
         image = FaceImage(np.zeros(1), rng.normal(0.0, 1e-3, (1, 16)), 1e-6 * np.eye(16)[None], place_mm, 1.0)
         form = forms([image], np.zeros(1), Linearity())[0]
         assert abs(form.turn[0]) < 0.1 * form.turn_u[0]
-
-
-def test_a_root_face_in_two_levels_has_the_angle_of_both() -> None:
-    """The lower part stands back by 0.07 mm: a line through both has 3.3 deg more."""
-    part = odd_plate("lower part of the root face stands back", 3015, False)
-    edge = measured(part)
-    off = (edge.bevel.value - part.section.bevel / DEG)[edge.seen]
-    assert any("a part of the root face stands aside by 0.0" in one for one in edge.warnings)
-    assert np.abs(off).max() < 0.4
-    assert np.abs(off / edge.bevel.u[edge.seen]).max() < 4.0

@@ -9,9 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bench.drawn.seeds import generator, nominal
 from bench.outside import Part, Usual, drawn_section, simulate
-from bench.recordings import frames
 from bench.score.outsider import below as outside_below
 from bench.score.parts import Drawn
 from bench.score.triangulated import below as triangulated_below
@@ -23,8 +21,6 @@ from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.scan import fuse
 from workbench.units import DEG, Float
-
-WIDE = 1.96  # u in half of a 95 % interval
 
 
 class Seen(Usual):
@@ -81,13 +77,6 @@ def test_a_view_from_below_sees_all_of_a_rounding(seed: int, radius_mm: float, i
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
 
 
-@pytest.mark.parametrize("seed", [7300002, *seldom(7300011)])
-def test_a_lower_surface_that_returns_here_and_there_is_no_rounding(seed: int) -> None:
-    """It was averaged into the depths of the end: in a quarter of the frames it put that 0.36 mm too far, at 45 u."""
-    edge, off = seen_from_below(triangulated_below(seed))
-    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
-
-
 def seen_from_below(drawn: Drawn) -> tuple[MilledEdge, Float]:
     """The edge, and the errors of its root face where it is seen."""
     names = {"upper_side", "root_nominal_mm", "bevel_nominal_deg"}.intersection(drawn.declared)
@@ -110,12 +99,6 @@ def test_a_rounding_between_root_face_and_lower_surface_is_measured(
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
     found = next(check.value for check in edge.checks if check.name == "edge_break_mm")
     assert found == pytest.approx(radius_mm, rel=0.05)
-
-
-def test_a_lower_surface_that_is_lost_along_the_way_leaves_the_rounding_in_u() -> None:
-    """Its frames' last returns, on the rounding, counted as the corner of both faces: 0.025 mm off at 10 u."""
-    edge, off = seen_from_below(triangulated_below(2504))
-    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
 
 
 def test_a_rounding_that_is_seen_is_told_with_its_radius() -> None:
@@ -155,37 +138,3 @@ def test_the_fill_at_which_a_pixel_returns_is_told_by_its_depth(threshold: float
     off = edge.root.value[edge.seen] - np.asarray(drawn.truth["root_mm"])[near]
     assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
     assert np.abs(off).max() < 0.015
-
-
-def test_a_pass_that_sees_the_lower_edge_whole_outweighs_one_that_does_not() -> None:
-    """The mean of the passes began the search for the end, and that out of the reach of the right one: 0.12 mm, 8 u."""
-    rng = generator("reread", 2611)
-    section = replace(workpiece(rng, "milled", 2611), lower_radius_mm=0.2, table_mm=None)
-    led = [way(rng, section, elevation_deg) for elevation_deg in (-15.0, 40.0)]
-    drawn = triangulated(section, sensor(rng, max(wide for _, wide in led)), [one for one, _ in led], 2611)
-    upper_side = drawn.truth["across"][len(drawn.truth["across"]) // 2].tolist()
-    told = nominal(section.root_mm.mean, section.bevel.mean / DEG) | {"upper_side": upper_side}
-    edge, off = seen_from_below(Drawn(drawn.recording, drawn.truth, told, ""))
-    assert np.abs(off / edge.root.u[edge.seen]).max() < 3.0
-    assert np.abs(off).max() < 0.004
-
-
-@pytest.mark.parametrize("radius_mm", [0.12, *seldom(0.0)])
-def test_a_pass_that_sees_a_stretch_of_the_corner_tells_of_the_rounding_all_along(radius_mm: float) -> None:
-    """Half of the edge is seen from below: on the other half a sharp edge is known better, a rounded one is found.
-
-    By the pass from above alone, the root face is up to 0.073 mm off at 3.3 u.
-    """
-    section = replace(workpiece(np.random.default_rng(4), "milled", 4), lower_radius_mm=radius_mm, table_mm=None)
-    (above, wide), (below, _) = (way(np.random.default_rng(5), section, at) for at in (45.0, -12.0))
-    simulated = triangulated(section, sensor(np.random.default_rng(6), wide), [above, below], 4)
-    drawn = Drawn(*simulated, nominal(section.root_mm.mean, section.bevel.mean / DEG), "two passes")
-    first = drawn.recording.pass_index == 0
-    half = first | (np.cumsum(~first) < 0.5 * (~first).sum())
-    scores = []
-    for on in (first, half):
-        edge, off = seen_from_below(drawn._replace(recording=frames(drawn.recording, on)))
-        u = edge.root.u[edge.seen]
-        scores.append(float(np.mean(2.0 * WIDE * u + 40.0 * np.maximum(np.abs(off) - WIDE * u, 0.0))))
-    assert np.abs(off / u).max() < 3.0
-    assert scores[1] < 0.75 * scores[0]

@@ -21,17 +21,8 @@ from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
 
 Scans = Callable[..., Any]
-PARTS = [
-    ("paper", 1),
-    ("arc", 1),
-    ("wavy", 1),
-    ("two_pass", 1),
-    ("partial_view", 1),
-    ("clamps", 1),
-    ("outliers_5", 3),
-    ("robot_error", 1),
-]
-MORE = seldom(("oblique", 1), ("reversed", 1), ("partial_view", 2), ("clamps", 2))
+PARTS = [("paper", 1), ("wavy", 1), ("two_pass", 1), ("clamps", 1)]
+MORE = seldom(("arc", 1), ("partial_view", 1), ("outliers_5", 3), ("robot_error", 1), ("oblique", 1), ("reversed", 1))
 
 
 def angle_between(a: Float, b: Float) -> Float:
@@ -89,7 +80,7 @@ def _tangents(edge: MilledEdge, at: Float) -> Float:
 
 def test_frames_lie_in_the_direction_of_the_tangent(drawn: Scans) -> None:
     """Arc length rises along t = m x n, not along the robot's motion; its frames say so, pass by pass."""
-    for condition, seed in PARTS[:6]:
+    for condition, seed in PARTS:
         scan = drawn(condition, seed)
         edge, pose = scan.edge, scan.cloud.base_from_profiler
         for p in np.unique(edge.pass_index):

@@ -11,11 +11,8 @@ from tests.seldom import seldom
 from workbench.artefacts import PASSES, Cloud, Inspection, PointSet
 from workbench.cloud import read as read_cloud
 from workbench.edge import segment_cloud, segment_raw
-from workbench.edge.segment_cloud import _noise_slope
-from workbench.edge.segment_cloud_direction import edge_direction
 from workbench.errors import InputError
 from workbench.export.cloud import organised_pcd
-from workbench.geometry.chains import FaceLines
 from workbench.geometry.scan_grid import MARGIN
 from workbench.inspect import sections
 from workbench.units import Float
@@ -67,13 +64,6 @@ def test_an_organised_pcd_keeps_its_grid(scanned, tmp_path: Path):
     assert np.abs(values(found, "bevel_deg") - values(gridded, "bevel_deg")).max() < 0.02
 
 
-def test_a_grid_that_is_no_profilers_is_sliced(drawn):
-    points = np.random.default_rng(5).permutation(points_of(drawn("paper", 7).cloud))[:100_000]
-    row, column = np.divmod(np.arange(len(points)), 500)
-    _, edge = segment_cloud(PointSet(points, "a.pcd", row=row, column=column))
-    assert any("shows no scan lines" in words for words in edge.warnings)
-
-
 def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     scan = drawn("paper", 7)
     points = np.random.default_rng(5).permutation(points_of(scan.cloud))
@@ -93,7 +83,7 @@ def test_a_shuffled_cloud_is_sliced_and_says_so(drawn):
     assert (bevel < 3 * values(found, "bevel_u_deg")).all()
 
 
-@pytest.mark.parametrize("pitch_mm", [0.66, 1.0])
+@pytest.mark.parametrize("pitch_mm", [1.0])
 def test_shuffled_lines_far_apart_are_measured_as_near_as_is_stated(scanned, pitch_mm: float):
     """As far as 13 and 20 times their points: slices are as thick, and as wide as the points of a line lie apart."""
     scan = scanned(robot={"frame_pitch_mm": pitch_mm})
@@ -126,7 +116,7 @@ def test_shuffled_passes_that_disagree_are_refused(drawn):
         segment_cloud(PointSet(rng.permutation(points_of(scan.cloud)), "a.ply"))
 
 
-@pytest.mark.parametrize("shift_mm", [0.04, 0.15])
+@pytest.mark.parametrize("shift_mm", [0.04])
 def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
     scan = scanned()
     points = points_of(scan.cloud)
@@ -149,13 +139,6 @@ def test_passes_that_agree_are_measured_if_they_are_said_to(scanned):
     error = np.abs(values(found, "root_mm") - scan.truth.root_mm_at(origins))
     assert (values(found, "root_u_mm") > 2**0.5 * 0.02).all()
     assert (error < 2 * values(found, "root_u_mm")).all()
-
-
-def test_thinned_points_show_no_lines_and_that_is_told(scanned):
-    rng = np.random.default_rng(5)
-    points = rng.permutation(points_of(scanned().cloud))[:20_000]
-    _, edge = segment_cloud(PointSet(points, "a.ply"))
-    assert any("stand on no scan lines" in words for words in edge.warnings)
 
 
 def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
@@ -186,25 +169,3 @@ def test_a_raw_edge_in_scan_order_is_that_of_its_grid(scanned):
     assert [check.name for check in edge.checks] == names
     with pytest.raises(InputError, match="order of scan lines"):
         segment_cloud(points, upper_side=up, use_order=False)
-
-
-def test_the_direction_of_an_edge_is_that_of_its_faces(drawn):
-    scan = drawn("arc", 8)
-    chord = scan.truth.position_mm[-1] - scan.truth.position_mm[0]
-    along = edge_direction(points_of(scan.cloud)[::3], "a")
-    assert abs(along @ chord) / np.linalg.norm(chord) > np.cos(np.radians(0.5))
-
-
-def test_noise_aslant_to_the_slices_turns_a_narrow_face_by_what_is_stated():
-    """A face of 1 mm, 200,000 points of one line; noise of 0.03 mm along axes all round."""
-    rng, noise_mm, stated = np.random.default_rng(1), 0.03, 0.0
-    turned = []
-    for phi in np.arange(12) * np.pi / 12:
-        off = rng.normal(0, noise_mm, 200_000)
-        x = rng.uniform(-0.5, 0.5, off.size) + off * np.sin(phi)
-        z = off * np.cos(phi)
-        sxx, sxz, szz = ((p * q).sum(keepdims=True) for p, q in ((x, x), (x, z), (z, z)))
-        face = FaceLines(np.array([off.size]), x[:1], z[:1], sxx, sxz, szz, np.zeros((1, 2), np.int64))
-        turned.append(float(sxz[0] / sxx[0]))
-        stated = stated if phi else _noise_slope(face)
-    assert np.sqrt(np.mean(np.square(turned))) == pytest.approx(stated, rel=0.05)

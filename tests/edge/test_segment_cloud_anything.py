@@ -13,7 +13,7 @@ from workbench.edge import segment_cloud
 from workbench.errors import InputError
 from workbench.units import Float
 
-COUNTS = (0, 1, 100, 101, 200, 500)
+COUNTS = (0, 100, 200, 500)
 
 
 def plain_shapes(rng: np.random.Generator, n: int) -> Iterator[tuple[str, Float]]:

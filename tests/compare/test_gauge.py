@@ -80,11 +80,6 @@ def test_one_operator_shows_no_reproducibility() -> None:
     assert found.of("GRR").sd == found.of("EV").sd == pytest.approx(math.sqrt(values.var(axis=2, ddof=1).mean()))
 
 
-def test_one_place_and_one_operator() -> None:
-    values = AIAG[:1, :1]
-    assert gauge(analyse(values, 0.05), None).of("GRR").sd == pytest.approx(values.std(ddof=1))
-
-
 def test_identical_readings() -> None:
     """A gauge that shows no spread at all: zero, no categories, no division by it."""
     found = gauge(analyse(np.repeat(np.arange(5.0), 6).reshape(5, 2, 3, 1), 0.05), 1.0)
@@ -111,9 +106,7 @@ def study(rng: np.random.Generator, shape: tuple[int, int, int, int], sd: dict[s
     return np.asarray(sum(sd.get(name, 0.0) * rng.normal(size=shapes[name]) for name in shapes))
 
 
-@pytest.mark.parametrize(
-    ("interaction", "recording", "sections"), [(0.0, 0.0, 1), (0.3, 0.0, 1), (0.0, 0.0, 5), (0.0, 0.25, 5)]
-)
+@pytest.mark.parametrize(("interaction", "recording", "sections"), [(0.3, 0.0, 1), (0.0, 0.25, 5)])
 def test_intervals_cover(interaction: float, recording: float, sections: int) -> None:
     """In 200 studies each interval holds the truth in 95 of 100; in more where sections tell more than counts."""
     sd = {"part": 1.0, "operator": 0.3, "interaction": interaction, "error": 0.2, "recording": recording}
@@ -128,12 +121,3 @@ def test_intervals_cover(interaction: float, recording: float, sections: int) ->
             inside[name] += interval[0] <= value <= interval[1]
     for name, count in inside.items():
         assert 180 <= count <= (199 if sections == 1 or name == "EV" else 200), (name, inside)
-
-
-def test_errors_that_a_recording_shares_are_no_operators() -> None:
-    """Sections treated as parts would take them for reproducibility: 0.25 / sqrt(3) here; each by itself does not."""
-    sd = {"error": 0.1, "recording": 0.25}
-    found = [analyse(study(np.random.default_rng(seed), (1, 4, 3, 9), sd), 0.05) for seed in range(400)]
-    excess = [(one.operator.mean_square - one.repeatability.mean_square) / one.trials for one in found]
-    assert np.mean(excess) == pytest.approx(0.0, abs=3 * np.std(excess) / 20)
-    assert np.mean([one.correlation for one in found]) == pytest.approx(0.25**2 / (0.25**2 + 0.1**2), abs=0.05)

@@ -125,15 +125,6 @@ def test_a_hidden_section_is_left_out_and_told(tmp_path: Path) -> None:
     assert "section 2 left out" in result["warnings"][0]
 
 
-def test_sections_at_other_places_are_told(tmp_path: Path) -> None:
-    for k in range(2):
-        document = inspection(1.5 + 0.001 * k)
-        document["sections"][0]["arc_length_mm"] = 10.0 + 5.0 * k
-        written(tmp_path, json.dumps(document), f"{k}.json")
-    (words,) = study(study=written(tmp_path, "inspection\n0.json\n1.json\n")).warnings
-    assert "2.5 mm off" in words
-
-
 REFUSED = {
     "unbalanced": (rows("P,A,1,1,1.5,0.01", "P,A,2,1,1.5,0.01", "P,B,1,1,1.5,0.01"), "operator 'B': expected 2 trials"),
     "one trial": (rows("P,A,1,1,1.5,0.01"), "two trials"),
@@ -231,20 +222,6 @@ def test_a_plain_table_that_cannot_be_used(tmp_path: Path, text: str, settings: 
     with pytest.raises(InputError) as caught:
         study(study=written(tmp_path, text), characteristics=["gap"], **settings)
     assert message in str(caught.value)
-
-
-def test_names_of_columns_are_for_a_plain_table_alone(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"compare\.study\.columns: expected characteristics too"):
-        study(study=written(tmp_path, "part,operator,trial,section,root_mm\n"), columns={"part": "operator"})
-
-
-def test_the_headline_agrees_with_the_categories(tmp_path: Path) -> None:
-    """Parts that hardly differ: a share of the tolerance that is fine does not make the gauge tell them apart."""
-    rng = np.random.default_rng(6)
-    lines = [f"{p},{o},{r},1,{1.5 + 0.01 * p + rng.normal(0, 0.01)}," for p in range(5) for o in "AB" for r in (1, 2)]
-    result, chapter = found(tmp_path, rows(*lines), root_limits_mm=[1.0, 2.0])
-    assert result["characteristics"][0]["distinct_categories"] < 5
-    assert "not acceptable: ndc" in chapter.summary
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="the real gauge study is not here")

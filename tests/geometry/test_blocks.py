@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -19,13 +18,6 @@ def test_every_frame_once_and_in_order(monkeypatch: pytest.MonkeyPatch, frames: 
     spans = blocks.over_blocks(lambda first, last: (first, last), (frames, 125), 1000)
     assert [i for first, last in spans for i in range(first, last)] == list(range(frames))
     assert all(last - first <= 8 for first, last in spans)
-
-
-def test_many_frames_make_no_more_blocks_than_keep_the_cores_busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "cores", lambda: 3)
-    spans = blocks.over_blocks(lambda first, last: (first, last), (1000_003, 10**6))
-    assert len(spans) == 3 * blocks.BLOCKS_A_CORE
-    assert spans[-1][1] == 1000_003
 
 
 def test_a_frame_wider_than_a_block_is_a_block() -> None:
@@ -45,21 +37,6 @@ def test_a_forked_process_has_threads_of_its_own(monkeypatch: pytest.MonkeyPatch
         both.reset()
         os._exit(sorted(blocks.in_order(together, 2, 1)) != [0, 1])
     assert os.waitpid(child, 0)[1] == 0
-
-
-def test_a_failure_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "cores", lambda: 2)
-    begun = []
-
-    def task(first: int, last: int) -> None:
-        begun.append(first)
-        if first == 3:
-            raise KeyError(first)
-        time.sleep(0.001)
-
-    with pytest.raises(KeyError, match="3"):
-        list(blocks.in_order(task, 20_000, 1))
-    assert len(begun) < 10_000
 
 
 def test_kernels_see_one_type_whatever_the_array_was() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from workbench.geometry.chains import (
     COUNT,
-    LAST,
     LINE_PRICE,
     MAX_BREAKS,
     MIN_POINTS,
@@ -67,23 +66,6 @@ def test_a_stray_return_cuts_no_face(seed: int) -> None:
     assert chain[:, COUNT].sum() <= x.size - 4
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_many_stray_returns_turn_no_face(seed: int) -> None:
-    """With 5 % of them a face may come in pieces, but each long piece is the face's line, fit to name it by."""
-    rng = np.random.default_rng(seed)
-    x, z = columns(rng)
-    wild = rng.random(x.size) < 0.05
-    z[wild] += rng.choice([-1, 1], wild.sum()) * rng.uniform(0.3, 8, wild.sum())
-    chain = straight_faces(x, z)
-    long = chain[chain[:, COUNT] >= 25]
-    middle = 0.5 * (long[:, X0] + long[:, X1])
-    face = np.searchsorted(ENDS_MM, middle, side="right") - 1
-    assert set(face) == {0, 1, 2, 3}
-    np.testing.assert_allclose(np.arctan(long[:, SLOPE]), np.arctan(SLOPES[face]), rtol=0, atol=0.02)
-    np.testing.assert_allclose(long[:, SLOPE] * middle + long[:, OFFSET], polyline(middle), rtol=0, atol=0.05)
-    assert long[:, COUNT].sum() > 0.8 * (~wild).sum()
-
-
 def test_a_streak_beside_a_face_is_a_line_of_its_own() -> None:
     x, z = columns(np.random.default_rng(4))
     off = (x > 11) & (x < 12)
@@ -102,14 +84,6 @@ def test_a_slightly_bent_face_comes_as_one() -> None:
     chain = straight_faces(x, z + np.random.default_rng(5).normal(0, NOISE_MM, x.size))
     assert len(chain) == 1
     assert chain[0, SLOPE] == pytest.approx(0.5, abs=0.002)
-
-
-def test_parallel_faces_off_each_other_are_two() -> None:
-    x = np.arange(400) * PITCH_MM
-    z = 100 + 0.5 * x + np.where(x > 10, 0.4, 0.0) + np.random.default_rng(6).normal(0, NOISE_MM, x.size)
-    chain = straight_faces(x, z)
-    assert len(chain) == 2
-    assert chain[0, LAST] == pytest.approx(200, abs=2)
 
 
 def test_more_points_than_candidate_breaks() -> None:
@@ -153,7 +127,7 @@ def price(spans: tuple[tuple[int, int], ...], x: Float, z: Float, sigma: float) 
     return total
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_no_partition_is_cheaper(seed: int) -> None:
     """Against all partitions there are, on profiles short enough to try them."""
     rng = np.random.default_rng(seed)
@@ -191,8 +165,3 @@ def test_correlated_noise_does_not_hide() -> None:
             z[j] = 0.6 * z[j - 1] + np.sqrt(1 - 0.6**2) * z[j]
         found.append(noise_sigma(z))
     assert np.mean(found) == pytest.approx(0.91 * 0.02, rel=0.08)
-
-
-def test_noise_has_a_floor() -> None:
-    assert 0 < noise_sigma(np.linspace(0, 1, 100)) < 0.005
-    assert 0 < noise_sigma(np.zeros(3)) < 0.005

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from workbench.geometry.course import BIN_MM, SHARPEST, Course, _as_values, _inliers, _means, fit_course, stretches
+from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Shared
 from workbench.units import Float
 
@@ -58,8 +58,9 @@ def test_without_noise_it_is_the_truth(truth: Truth) -> None:
     assert np.abs(course.value(inside) - truth(inside)).max() < sagitta + 1e-5
 
 
-@pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("truth", TRUTHS)
+@pytest.mark.parametrize(
+    ("truth", "stated"), [(constant, False), (drift, True), (long_wave, False), (short_wave, True)]
+)
 def test_errors_are_as_large_as_u_says(truth: Truth, stated: bool) -> None:
     """At one place a recording, anywhere along the edge and at its ends: independent, so chi-square holds."""
     z = []
@@ -69,31 +70,6 @@ def test_errors_are_as_large_as_u_says(truth: Truth, stated: bool) -> None:
         at = AT[seed % AT.size : seed % AT.size + 1]
         z.append(float(((course.value(at) - truth(at)) / course.u(at))[0]))
     within(float(np.square(z).sum()), len(z), 2.0)
-
-
-@pytest.mark.metrology
-def test_waves_as_high_as_the_noise_are_in_u() -> None:
-    """0.04: the noise of a bin."""
-    z = []
-    for seed in range(40):
-        rng = np.random.default_rng([seed, 9109])
-        s, phase, at = np.arange(0.0, LENGTH_MM, PITCH_MM), rng.uniform(0.0, 6.0), rng.uniform(5.0, 115.0, 1)
-        y = 0.04 * np.sin(2 * np.pi * s / 25.0 + phase) + rng.normal(0.0, SIGMA, s.size)
-        course = fit_course(s, y)
-        z.append(float(((course.value(at) - 0.04 * np.sin(2 * np.pi * at / 25.0 + phase)) / course.u(at))[0]))
-    assert float(np.square(z).sum()) < chi2.ppf(1.0 - RISK, len(z))
-
-
-@pytest.mark.metrology
-@pytest.mark.parametrize("truth", TRUTHS)
-def test_slopes_are_as_uncertain_as_they_say(truth: Truth) -> None:
-    z = []
-    for seed in range(1000, 1070):
-        course = fit_course(*seen(truth, seed))
-        at = np.array([20.0 + 0.8 * (seed % 100)])
-        true = (truth(at + 1e-3) - truth(at - 1e-3)) / 2e-3
-        z.append(float(((course.slope(at) - true) / course.slope_u(at))[0]))
-    within(float(np.square(z).sum()), len(z), 3.0)
 
 
 def test_more_values_are_known_better() -> None:
@@ -153,28 +129,12 @@ def test_units_do_not_matter() -> None:
     np.testing.assert_allclose(thousand.u(AT), 1000.0 * one.u(AT), rtol=1e-2)
 
 
-def test_the_order_of_the_values_does_not_matter() -> None:
-    s, y = seen(long_wave, 6)
-    mixed = np.random.default_rng(9103).permutation(s.size)
-    one, other = fit_course(s, y), fit_course(s[mixed], y[mixed])
-    np.testing.assert_allclose(other.value(AT), one.value(AT), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(other.u(AT), one.u(AT), rtol=1e-6)
-
-
 def passes(truth: Truth, seed: int, offsets: Float, sigma: float = SIGMA) -> Course:
     rng = np.random.default_rng([seed, 9104])
     parts = [np.arange(0.1 * k, LENGTH_MM, PITCH_MM) for k in range(offsets.size)]
     y = [truth(s) + off + rng.normal(0.0, sigma, s.size) for s, off in zip(parts, offsets, strict=True)]
     group = np.repeat(np.arange(offsets.size), [s.size for s in parts])
     return fit_course(np.concatenate(parts), np.concatenate(y), None, group)
-
-
-def test_offsets_of_passes_are_no_waves() -> None:
-    offsets = np.array([0.5, -0.3, -0.2])
-    course = passes(drift, 1, offsets)
-    inside = np.linspace(5.0, 115.0, 50)
-    assert np.abs(course.value(inside) - drift(inside)).max() < 0.05
-    assert np.std(offsets) / np.sqrt(2.0) / 2 < course.u(AT[3:4])[0] < np.std(offsets) * 2
 
 
 def test_the_mean_of_passes_is_as_uncertain_as_their_offsets_say() -> None:
@@ -185,17 +145,6 @@ def test_the_mean_of_passes_is_as_uncertain_as_their_offsets_say() -> None:
         course = passes(constant, seed, offsets)
         z2.append(float(((course.value(AT[3:4]) - constant(AT[3:4])) / course.u(AT[3:4]))[0]) ** 2)
     assert 1.0 / 3.0 < np.median(z2) / 0.549 < 3.0  # 0.741^2: median of |t| with 4 degrees of freedom
-
-
-def test_passes_over_other_stretches_keep_the_course() -> None:
-    """Two passes that meet only in a short stretch are joined there."""
-    rng = np.random.default_rng(9106)
-    s = np.concatenate([np.arange(0.0, 70.0, PITCH_MM), np.arange(50.0, 120.0, PITCH_MM)])
-    group = np.repeat([0, 1], s.size // 2)
-    y = drift(s) + rng.normal(0.0, 0.02, s.size)
-    course = fit_course(s, y, None, group)
-    inside = np.linspace(3.0, 117.0, 60)
-    assert np.abs((course.value(inside) - drift(inside)) / course.u(inside)).max() < 4.0
 
 
 def test_passes_that_only_meet_are_uncertain_by_half_of_a_step_between_them() -> None:
@@ -259,44 +208,6 @@ def test_the_evidence_prefers_the_truth() -> None:
     assert better == 20
 
 
-@pytest.mark.parametrize("truth", TRUTHS)
-def test_the_shares_are_a_posterior_and_stiffer_where_the_truth_is(truth: Truth) -> None:
-    def softness(seen_truth: Truth) -> float:
-        """Density of waves of 24 mm, as the posterior's priors have it on average."""
-        out, k = [], 2 * np.pi / 24.0
-        for seed in range(4000, 4010):
-            found = fit_course(*seen(seen_truth, seed)).stiffness
-            assert found[:, 3].sum() == pytest.approx(1.0)
-            low = found[:, 0]
-            high = np.where(low == 1, 2, SHARPEST)
-            density = 1.0 / (k ** (2 * low) / found[:, 1] + k ** (2 * high) / found[:, 2])
-            out.append(found[:, 3] @ np.log(density))
-        return float(np.median(out))
-
-    assert softness(truth) <= softness(short_wave)
-
-
-def test_a_stiffness_of_before_saves_the_search() -> None:
-    s, y = seen(long_wave, 9)
-    first = fit_course(s, y)
-    again = fit_course(s, y, stiffness=first.stiffness)
-    np.testing.assert_allclose(again.value(AT), first.value(AT), rtol=0, atol=1e-6)
-
-
-def test_bins_hold_the_weighted_means_of_each_pass() -> None:
-    s, y = seen(constant, 10)
-    variance, group = np.where(np.arange(s.size) % 2, 0.5, 1.0), (s > 61.0).astype(int)
-    values = _as_values(s, y, variance, group, BIN_MM)
-    bins = _means(values, _inliers(values))
-    assert bins.kept.all()
-    for one in range(len(bins.s)):
-        mine = (group == bins.group[one]) & (np.abs(s - bins.s[one]) < 1.2)
-        where = stretches(s, 2.0)
-        near = mine & (where == where[np.argmin(np.abs(s - bins.s[one]))])
-        assert bins.y[one, 0] == pytest.approx(np.average(y[near], weights=1.0 / variance[near]))
-        assert bins.variance[one] == pytest.approx(1.0 / (1.0 / variance[near]).sum())
-
-
 def test_stretches_do_not_turn_on_a_digit() -> None:
     """Where values stand at a regular pitch, one that moves by a digit stays in its stretch, whatever s counts from."""
     s = np.arange(0.0, 60.0, 0.5)
@@ -308,14 +219,8 @@ def test_stretches_do_not_turn_on_a_digit() -> None:
         np.testing.assert_array_equal(first, other)
 
 
-def test_values_without_noise_are_all_kept() -> None:
-    s = np.arange(0.0, 60.0, 0.3)
-    for values in (np.full(s.size, 1.7), 1.7 + 0.01 * s, 1e6 + 0.01 * s):
-        assert fit_course(s, values).kept.all()
-
-
-@pytest.mark.parametrize("pitch", [0.1, 0.33, 0.6, 1.0, 2.0])
-@pytest.mark.parametrize("length", [1.0, 3.0, 8.0, 20.0])
+@pytest.mark.parametrize("pitch", [0.33, 1.0])
+@pytest.mark.parametrize("length", [3.0, 20.0])
 @pytest.mark.parametrize("orders", [(1, 2), (2, 3)])
 def test_values_that_leave_the_course_together_are_followed_or_uncertain(
     length: float, orders: tuple[int, int], pitch: float
@@ -333,15 +238,6 @@ def test_values_that_leave_the_course_together_are_followed_or_uncertain(
     far = np.abs(s - 60.0) > 0.5 * length + 25.0
     assert (course.u(s)[far] < 0.05).all()
     assert (np.abs(course.value(s))[far] < 3.0 * course.u(s)[far]).mean() > 0.99
-
-
-def test_a_notch_counts_alike_on_edges_of_any_length() -> None:
-    def u(length: float) -> float:
-        s = np.arange(0.0, length, 0.2)
-        y = np.random.default_rng(78).normal(0.0, 0.004, s.size) + 0.8 * (np.abs(s - 60.0) < 1.5)
-        return float(fit_course(s, y, np.full(s.size, 0.004**2)).u(np.array([60.0]))[0])
-
-    assert u(3000.0) == pytest.approx(u(120.0), rel=0.15)
 
 
 def test_values_that_weigh_little_make_little_uncertain() -> None:
@@ -372,14 +268,3 @@ def test_beyond_its_ends_it_goes_straight_on_and_is_known_less() -> None:
     assert course.u(beyond)[0] > course.u(beyond)[1] > 0.99 * course.u(np.array([0.0]))[0]
     pair = fit_course(s, np.stack([y, -y], axis=1))
     np.testing.assert_allclose(pair.value(beyond)[:, 0], -pair.value(beyond)[:, 1], atol=1e-9)
-
-
-def test_single_strays_leave_no_trace() -> None:
-    s = np.arange(0.0, 120.0, 0.33)
-    rng = np.random.default_rng(78)
-    y = rng.normal(0.0, 0.004, s.size)
-    stray = rng.choice(s.size, 12, replace=False)
-    clean = fit_course(s, y, np.full(s.size, 0.004**2))
-    spoilt = fit_course(s, y + np.isin(np.arange(s.size), stray) * 0.5, np.full(s.size, 0.004**2))
-    np.testing.assert_allclose(spoilt.value(s), clean.value(s), rtol=0, atol=3.0 * clean.u(s).max())
-    assert spoilt.u(s).max() < 2.0 * clean.u(s).max()

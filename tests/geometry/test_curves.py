@@ -17,7 +17,6 @@ from workbench.geometry.curves import (
     Curve,
     along_motion,
     covered,
-    curve_through,
     doubtful_slope,
     fit_curve,
 )
@@ -83,13 +82,6 @@ def test_the_frame_is_orthonormal_and_right_handed(course: Course) -> None:
     np.testing.assert_allclose(np.linalg.det(axes), 1, atol=1e-9)
 
 
-def test_the_frame_does_not_twist_on_a_plane_curve() -> None:
-    """Its angle to the plane's normal stays: what the same tilt means along an arc."""
-    _, a, b = fitted(circle, 0.01).frame(np.linspace(0, 120, 200))
-    assert np.ptp(a[:, 2]) < 2e-3
-    assert np.ptp(b[:, 2]) < 2e-3
-
-
 def test_on_a_helix_the_frame_turns_back_by_the_torsion() -> None:
     """Against the curve's own normal (towards the axis): by -c / (r^2 + c^2) a mm, c = pitch / 2 pi."""
     curve = fitted(helix, length_mm=400)
@@ -99,26 +91,6 @@ def test_on_a_helix_the_frame_turns_back_by_the_torsion() -> None:
     turned = np.unwrap(np.arctan2((a * np.cross(curve.tangent(s), inwards)).sum(axis=1), (a * inwards).sum(axis=1)))
     c = PITCH_MM / (2 * np.pi)
     np.testing.assert_allclose(turned - turned[0], -c / (RADIUS_MM**2 + c**2) * (s - s[0]), rtol=0, atol=1e-3)
-
-
-def test_noise_averages_out() -> None:
-    curve = fitted(circle, 0.05)
-    s = np.linspace(2, 118, 100)
-    off = circle(s) - curve.position(curve.project(circle(s), s))
-    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.012
-
-
-@pytest.mark.parametrize("length_mm", [1.0, 100.0])
-def test_places_of_a_course_have_no_strays(length_mm: float) -> None:
-    """A curve that bends more at its end than elsewhere, by less than any noise: every place counts."""
-
-    def places(s: Float) -> Float:
-        bend = np.where(s < 6.0, 1e-4 * (6.0 - s) ** 2, 1e-7 * np.sin(s))
-        return line(s) + np.outer(bend, [0.0, 1.0, 0.0])
-
-    curve, s = curve_through(places, 0.0, length_mm), np.linspace(0.0, length_mm, 50)
-    off = places(s) - curve.position(curve.project(places(s), s))
-    assert np.linalg.norm(off, axis=1).max() < 1e-3
 
 
 def test_stray_points_are_left_out() -> None:
@@ -171,15 +143,6 @@ def test_small_waves_may_be_the_robots_and_large_ones_are_the_parts() -> None:
         curve = fit_curve(line(s) + wave[:, None] * (0.0, 1.0, 0.0) + noise, s)
         slope = amplitude * 2 * np.pi / 60 / np.sqrt(2)  # rms
         assert least * slope / np.sqrt(2) <= doubtful_slope(curve, 0.07) < most * slope / np.sqrt(2)
-
-
-def test_the_stiffness_of_an_earlier_curve_is_kept() -> None:
-    first = fitted(circle, 0.05).course
-    assert first is not None
-    s = np.arange(0, 120.1, 0.2)
-    again = fit_curve(circle(s), s, stiffness=first.stiffness).course
-    assert again is not None
-    assert {tuple(row) for row in again.stiffness[:, :2]} <= {tuple(row) for row in first.stiffness[:, :2]}
 
 
 @pytest.mark.parametrize("count", [3, 5, 9])

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-from workbench.geometry.distances import _enclose, axis_distances, build_stock, index_lines, line_distances
+from workbench.geometry.distances import axis_distances, build_stock, index_lines, line_distances
 from workbench.geometry.poses import pose_from, rotation_from_vector
 from workbench.geometry.stations import place
 from workbench.units import AnyArray, Float
@@ -49,14 +48,6 @@ def test_distances_equal_those_to_every_point(seed: int) -> None:
     np.testing.assert_allclose(found, true, atol=1e-6)
 
 
-def test_axis_without_length_agrees_with_a_k_d_tree() -> None:
-    x, z, poses, stands = grid(9)
-    points = place(x, z, poses, *np.nonzero(stands))
-    at, _ = axes_near(points, 500, np.random.default_rng(1))
-    found = axis_distances(build_stock(x, z, poses, stands), at, at, np.zeros(500, int), np.full(500, np.inf))
-    np.testing.assert_allclose(found, cKDTree(points).query(at)[0], atol=1e-6)
-
-
 def test_bound_holds_and_nothing_left_is_infinitely_far() -> None:
     x, z, poses, stands = grid(2)
     start, end = axes_near(place(x, z, poses, *np.nonzero(stands)), 50, np.random.default_rng(0))
@@ -83,26 +74,3 @@ def test_lines_equal_finely_sampled_ones() -> None:
     assert (found <= true + 1e-9).all()
     np.testing.assert_allclose(found, true, atol=0.01)
     assert index_lines(a[:0], b[:0]) is None
-
-
-def test_a_sphere_around_two_holds_both_and_is_the_least() -> None:
-    rng = np.random.default_rng(8)
-    for middles in rng.normal(0.0, 100.0, (200, 2, 3)):
-        one, other = (np.append(at, radius) for at, radius in zip(middles, rng.uniform(0.0, 150.0, 2), strict=True))
-        ball = one.copy()
-        _enclose(ball, other)
-        apart = float(np.linalg.norm(one[:3] - other[:3]))
-        for inside in (one, other):
-            assert np.linalg.norm(inside[:3] - ball[:3]) + inside[3] <= ball[3] + 1e-6
-        assert ball[3] == pytest.approx(max(one[3], other[3], 0.5 * (apart + one[3] + other[3])))
-
-
-@pytest.mark.parametrize("place", [(3.0, -4.0, 5.0), (-3.0, 4.0, -5.0)])
-def test_an_empty_sphere_adds_nothing_and_takes_the_first_that_it_meets(place: tuple[float, float, float]) -> None:
-    """Wherever that lies, and whatever place the empty one was left with."""
-    full, empty = np.array([*place, 2.0]), np.array([100.0, 100.0, -100.0, -1.0])
-    ball = empty.copy()
-    _enclose(ball, full)
-    assert ball.tolist() == full.tolist()
-    _enclose(ball, empty)
-    assert ball.tolist() == full.tolist()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.shapes import unchecked
 from workbench.geometry import grids, poses
 from workbench.units import Float, Float32
 
@@ -38,27 +37,10 @@ def test_fused_points_err_by_less_than_a_tenth_of_a_micrometre_5_m_from_the_base
     np.testing.assert_array_equal(np.isnan(points), np.isnan(x + z)[..., None].repeat(3, axis=2))
 
 
-def test_fuse_writes_in_place() -> None:
-    x, z, pose = scene(frames=3)
-    out = np.empty((3, 77, 3), np.float32)
-    assert grids.fuse(x, z, pose, np.zeros(3), out=out) is out
-    np.testing.assert_array_equal(out, grids.fuse(x, z, pose, np.zeros(3)))
-
-
 def test_fuse_of_a_block_of_frames_is_the_block_of_the_whole() -> None:
     x, z, pose = scene()
     whole = grids.fuse(x, z, pose, np.zeros(3))
     np.testing.assert_array_equal(grids.fuse(x[11:23], z[11:23], pose[11:23], np.zeros(3)), whole[11:23])
-
-
-@pytest.mark.parametrize("fault", ["columns", "poses", "out"])
-def test_fuse_refuses_shapes_that_do_not_match(fault: str) -> None:
-    x, z, pose = scene(frames=4)
-    out = np.empty((4, 77, 3), np.float64 if fault == "out" else np.float32)
-    with pytest.raises(ValueError, match="N, M"):
-        unchecked(grids.fuse)(
-            x, z[:, 1:] if fault == "columns" else z, pose[1:] if fault == "poses" else pose, np.zeros(3), out=out
-        )
 
 
 def test_returns_and_census_tell_finite_missing_and_infinite_apart() -> None:

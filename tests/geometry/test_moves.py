@@ -84,13 +84,6 @@ def test_arcs_turn_both_ways() -> None:
         assert merge(mirrored)[0].tolist() == [0, 199]
 
 
-def test_the_chord_of_a_polygon_uses_its_tolerance() -> None:
-    """A circle of radius R leaves a chord of length c by c^2 / 8R: at 0.01 mm and 1000 mm that is 8.9 mm."""
-    position, a = ring(1000, 30, 5000)
-    targets = merge(position, least_sweep=np.inf)[0]
-    assert np.diff(a[targets]).max() * 1000 == pytest.approx(np.sqrt(8 * 1000 * 0.01), rel=0.02)
-
-
 def test_orientation_alone_splits_a_line() -> None:
     s = np.linspace(0, 100, 401)
     angle = 0.4 * DEG * np.sin(s * 2 * np.pi / 100)
@@ -110,14 +103,6 @@ def test_feed_and_label_split_a_line() -> None:
     feed = np.repeat([1.0, 1.1, 1.2], 10)
     assert merge(position, feed=feed)[0].tolist() == [0, 19, 29]
     assert merge(position, feed=feed, feed_share=np.full(30, 0.2))[0].tolist() == [0, 29]
-
-
-def test_points_out_of_order_are_not_skipped() -> None:
-    x = np.r_[0.0:10.0, 8.0:4.0:-1.0, 6.0:20.0]
-    targets = merge(x[:, None] * [[1.0, 0, 0]])[0]
-    assert {9, 13} <= set(targets.tolist())
-    step_back = np.r_[0.0:10.0, 8.5, 9.5, 10.0:30.0]
-    assert merge(step_back[:, None] * [[1.0, 0, 0]])[0].tolist() == [0, 9, 10, 31]
 
 
 def test_a_turn_on_the_spot_is_kept() -> None:

@@ -111,13 +111,6 @@ def test_blocks_of_frames_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
     assert blocks[1:] == whole[1:]
 
 
-@pytest.mark.parametrize("columns", [1, 2, 3])
-def test_the_narrowest_profiles(columns: int) -> None:
-    z, keep = np.zeros((3, columns), np.float32), np.ones((3, columns), bool)
-    left, alone, streaks = reject_outliers(z, keep, np.zeros(3, int), TOLERANCE_MM, WINDOW, JUMP_MM)
-    assert (int(left.sum()), alone, streaks) == (0, 0, 3 * columns)  # one short run a frame
-
-
 def test_the_last_returns_of_a_face_stay_beyond_columns_that_measure_nothing() -> None:
     rng = np.random.default_rng(3)
     face = 150 + 0.3 * np.arange(40)

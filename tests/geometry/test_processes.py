@@ -10,7 +10,7 @@ from workbench.geometry.processes import Process, Shared
 from workbench.units import Float
 
 S = np.linspace(0.0, 90.0, 300)
-SEEDS = range(12)
+SEEDS = range(6)
 
 
 def drawn(seed: int, shared: Process, noise: float = 0.005) -> Float:
@@ -26,7 +26,7 @@ def course(y: Float, shared: Process | None) -> Course:
     return fit_course(S, y, orders=(2, 3), shared=Shared(process=shared, may_step=True))
 
 
-@pytest.mark.parametrize("length_mm", [1.0, 4.0, 15.0, 40.0])
+@pytest.mark.parametrize("length_mm", [1.0, 15.0])
 def test_place_and_slope_are_as_uncertain_as_they_err(length_mm: float) -> None:
     shared, at = Process(0.03, length_mm), np.linspace(2.0, 88.0, 15)
     off = []
@@ -51,7 +51,7 @@ POSSIBLE = Process(*(of.ravel() for of in np.meshgrid((0.005, 0.012, 0.03, 0.07)
 ONE_PASS = np.zeros(S.size, np.int64)
 
 
-@pytest.mark.parametrize("length_mm", [1.5, 6.0, 24.0])
+@pytest.mark.parametrize("length_mm", [1.5, 24.0])
 def test_what_is_not_declared_is_told_by_the_values(length_mm: float) -> None:
     """Whether the course follows what is told or is held against it, its u is true."""
     at, off = np.linspace(2.0, 88.0, 15), []
@@ -78,13 +78,6 @@ def test_passes_beside_each_other_tell_the_strength() -> None:
     assert 0.02 < np.sqrt((np.asarray(told.strength) ** 2).sum()) < 0.045
 
 
-def test_no_strength_changes_nothing() -> None:
-    y, at = drawn(1, Process(0.0, 5.0)), np.linspace(0.0, 90.0, 20)
-    plain, with_none = course(y, None), course(y, Process(0.0, 5.0))
-    assert with_none.value(at) == pytest.approx(plain.value(at), abs=1e-6)
-    assert with_none.u(at) == pytest.approx(plain.u(at), rel=0.05)
-
-
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_a_step_is_in_the_uncertainty(height: float) -> None:
     shared = Process(0.01, 5.0)
@@ -95,9 +88,3 @@ def test_a_step_is_in_the_uncertainty(height: float) -> None:
 def test_edges_that_bend_do_not_step(bend: Float) -> None:
     shared = Process(0.02, 4.0)
     assert course(drawn(3, shared) + bend, shared).step_u < 0.01
-
-
-def test_a_larger_step_is_more_uncertain() -> None:
-    shared = Process(0.02, 8.0)
-    found = [course(drawn(4, shared) + one * (S > 40.0), shared).step_u for one in np.linspace(0.0, 0.3, 7)]
-    assert (np.diff(found) > -0.005).all()

@@ -83,12 +83,6 @@ def test_the_grid_is_the_scanners():
     np.testing.assert_allclose(back, w.points, atol=1e-5)
 
 
-def test_rounded_coordinates_will_do():
-    lines = scan_lines(np.round(written().points, 3))
-    assert lines is not None
-    assert len(lines.normal) == 60
-
-
 @pytest.mark.parametrize("how", ["shuffled", "sorted", "thin"])
 def test_where_the_order_shows_no_lines_there_are_none(how: str):
     points = written().points

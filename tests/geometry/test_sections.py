@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.geometry.chains import FaceLines
 from workbench.geometry.curves import Curve, fit_curve
-from workbench.geometry.sections import SectionLines, crossing, in_section, on_line, section_lines
+from workbench.geometry.sections import crossing, in_section, on_line, section_lines
 from workbench.units import DEG, Float
 
 RADIUS_MM = 300.0
@@ -50,11 +48,6 @@ def plane_lines(pose: Float, points: Float, normals: Float, rng: np.random.Gener
     count = np.full(len(pose), 40)
     lines = FaceLines(count, x, slope * x + offset, sxx, slope * sxx, slope**2 * sxx, np.zeros((len(pose), 2), int))
     return lines, slope
-
-
-def direction(lines: SectionLines) -> Float:
-    """Angles (n,) as those of undirected lines, in [0, pi)."""
-    return np.mod(lines.angle, np.pi)
 
 
 @pytest.mark.parametrize("oblique_deg", [0.0, 5.0, 15.0])
@@ -163,34 +156,6 @@ def test_variances_are_those_of_noisy_points() -> None:
     assert np.var(made.angle) == pytest.approx(made.angle_variance[0], rel=0.12)
     lean = np.array([-np.sin(made.angle.mean()), np.cos(made.angle.mean())])
     assert np.var(made.place @ lean) == pytest.approx(made.offset_variance[0], rel=0.12)
-
-
-def test_a_frames_own_slope_counts_by_its_difference() -> None:
-    """Given the slope that its neighbours say, a frame shows its own direction to first order."""
-    rng = np.random.default_rng(9)
-    curve, edge = straight(), np.outer(rng.uniform(5, 40, 30), [1.0, 0, 0])
-    pose = poses(rng, edge, np.tile([1.0, 0, 0], (30, 1)), 15)
-    face, slope = plane_lines(pose, edge, np.tile([0.0, -0.8, 0.6], (30, 1)), rng)
-    side = np.where(np.arange(30) % 2 == 0, 1.0, -1.0)
-    off = rng.choice([-1, 1], 30) * 0.01 * (1 + slope**2)
-
-    def angle(own: Float, neighbours: Float) -> Float:
-        lines = replace(face, sxz=own * face.sxx)
-        return section_lines(lines, neighbours, pose, side, np.full(30, 0.01), curve, edge[:, 0] + 10).angle
-
-    exact, about, neighbours = angle(slope, slope), angle(slope, slope + off), angle(slope + off, slope + off)
-    assert np.abs(np.sin(neighbours - exact)).min() > 0.005
-    assert np.abs(np.sin(about - exact)).max() < 0.2 * np.abs(np.sin(neighbours - exact)).min()
-
-
-def test_faces_not_seen_are_nan() -> None:
-    rng = np.random.default_rng(6)
-    curve, edge = straight(), np.outer([10.0, 20.0, 30.0], [1.0, 0, 0])
-    pose = poses(rng, edge, np.tile([1.0, 0, 0], (3, 1)), 5)
-    face, slope = plane_lines(pose, edge, np.tile([0.0, -0.8, 0.6], (3, 1)), rng)
-    face.x_mean[1] = np.nan
-    made = section_lines(face, slope, pose, np.ones(3), np.full(3, 0.01), curve, np.array([20.0, 30.0, np.nan]))
-    np.testing.assert_array_equal(np.isfinite(made.s), [True, False, False])
 
 
 def test_points_in_their_own_section_plane() -> None:

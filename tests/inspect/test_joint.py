@@ -106,13 +106,6 @@ def test_a_corner_beyond_the_columns_has_none(x_mm: float, column: float | None)
     assert told == ([None] * 3 if column is None else pytest.approx([column] * 3))
 
 
-def test_columns_that_see_nothing_are_passed_over() -> None:
-    gaps = joint().x_mm.copy()
-    gaps[:, 3:5] = np.nan
-    told = [one.corners[0]["column"] for one in preparation(joint(x_mm=gaps), sections=3).sections]
-    assert told == pytest.approx([3.5] * 3)  # between columns 2 (x = 6) and 5 (x = 0)
-
-
 def test_a_corner_that_is_not_known_there_is_not_told() -> None:
     whole = joint().corners["lower"]
     for part in (
@@ -174,16 +167,6 @@ def test_each_source_is_told_in_the_section_where_its_size_is_known_worst() -> N
     assert rows["faces"]["land_u_mm"] == pytest.approx(0.01 + 0.02 * 17.5 / 20.0)
     assert rows["faces"]["bevel_u_deg"] == pytest.approx(0.3 - 0.2 * 2.5 / 20.0)
     assert rows["hand-eye"]["land_u_mm"] == pytest.approx(0.04)
-
-
-def test_sources_are_those_of_sections_that_were_measured() -> None:
-    land = joint().sizes["land_mm"]
-    part = replace(land, value=np.where(S > 14.0, np.nan, land.value))
-    nothing = replace(land, value=np.full(S.size, np.nan))
-    rows = preparation(joint(sizes={"land_mm": part, "depth_mm": nothing}), sections=4).sources
-    faces = next(row for row in rows if row["name"] == "faces")
-    assert faces["land_u_mm"] == pytest.approx(0.01 + 0.02 * 12.5 / 20.0)
-    assert "depth_u_mm" not in faces
 
 
 def test_nothing_required_is_measured_and_let_through() -> None:

@@ -113,11 +113,6 @@ def test_failures_between_the_sections_are_told(edge: Maker) -> None:
     assert sections(edge()).warnings == ()
 
 
-def test_the_edges_own_warnings_are_handed_on(edge: Maker) -> None:
-    part = replace(edge(), warnings=("seen from one side",))
-    assert sections(part).warnings == ("seen from one side",)
-
-
 def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None:
     def growing(first: float, last: float) -> Quantity:
         at = np.arange(91.0)
@@ -151,23 +146,6 @@ def test_the_profile_states_what_each_source_adds_in_degrees_where_the_edge_is_s
         parts = np.array(list(by_source.values()))
         assert np.hypot(*parts[:, seen]) == pytest.approx(u[seen])
         assert np.isnan(parts[:, ~seen]).all()
-
-
-def test_frames_drawn_with_a_section_are_those_within_10_mm(edge: Maker) -> None:
-    part = edge()
-    (one,) = sections(part, sections=1).sections
-    assert part.frame_arc_length_mm[one.frames] == pytest.approx(np.arange(35.0, 55.1, 0.2))
-
-
-def test_axes_between_stations_are_of_unit_length(edge: Maker) -> None:
-    part = edge()
-    turn = 0.4 * part.arc_length_mm
-    turning = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
-    for one in sections(replace(part, tangent=turning), sections=4).sections:  # half way between two stations
-        assert np.linalg.norm(one.tangent) == pytest.approx(1.0)
-        assert one.tangent[:2] == pytest.approx(
-            [np.cos(0.4 * one.arc_length_mm), np.sin(0.4 * one.arc_length_mm)], abs=0.02
-        )
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,13 @@ from workbench.units import Float
 
 SEED = 17  # drawn once; nothing was chosen by what it gives
 HARD = [
-    *("swept_rounded", "swept_lost_edge", "swept_burr_out", "swept_ghosts"),
-    *seldom("swept_burr_in", "swept_bowed", "swept_lost_blocks", "swept_fixed_pattern"),
+    *("swept_lost_edge", "swept_ghosts"),
+    *seldom(
+        "swept_rounded", "swept_burr_out", "swept_burr_in", "swept_bowed", "swept_lost_blocks", "swept_fixed_pattern"
+    ),
     *seldom("swept_time_offset", "swept_mixed"),
 ]
-SHAPES = ["swept_twist", "swept_ring", *seldom("swept_helix", "swept_saddle", "swept_reversal")]
+SHAPES = ["swept_ring", *seldom("swept_twist", "swept_helix", "swept_saddle", "swept_reversal")]
 RAW = (
     "raw_straight",
     "raw_arc",
@@ -93,7 +95,7 @@ ONCE_WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", [*list(ONCE_WRONG)[:2], *seldom(*list(ONCE_WRONG)[2:])])
+@pytest.mark.parametrize("name", [*list(ONCE_WRONG)[:1], *seldom(*list(ONCE_WRONG)[1:])])
 def test_what_was_wrong_once_is_in_its_uncertainty(name: str) -> None:
     condition, seed, quantity = ONCE_WRONG[name]
     result = named(condition, seed)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.metrology import measured_loop
 from bench.metrology.__main__ import STUDIES
 from bench.metrology.study import Condition, Row, cover
 
@@ -115,26 +114,6 @@ def test_refusals_and_crashes_are_told_with_the_first(name: str) -> None:
     assert "1 crashed, the first (seed 42): KeyError" in text
     assert f"{CASES[name][0]}: 1 crashed" in short
     assert judged(name, lost)[0]  # nothing was measured, and that is told
-
-
-def test_the_worst_part_decides_a_plan() -> None:
-    assert judged("planning", [*rows("planning", 12), *rows("planning", 1, axis_deg=0.16)])[0] == ["raw_rough: axis"]
-
-
-def test_what_lies_beyond_the_allowance_is_counted_apart() -> None:
-    beyond = {"condition": "repeating", "seed": 9, "beyond": "too deep", "root_blind_mm": [0.6, 0.7]}
-    found = Condition("repeating", [*rows("measured_loop", 4), beyond])
-    assert (len(found.good), len(found.having("beyond"))) == (4, 1)
-    assert measured_loop.blind_too_deep(found) == 1
-    assert measured_loop.off(found, "root_mm") == pytest.approx([0.01] * 3)
-    assert measured_loop.off(found, "root_blind_mm") == pytest.approx([0.4] * 3)
-
-
-def test_cover_of_known_values() -> None:
-    found = cover([([0.01, -0.03, None], [0.01, 0.01, 0.01]), ([0.01], 0.01)])
-    assert found.share == pytest.approx(2 / 3)
-    assert found.bias == pytest.approx(-0.01 / 3)
-    assert found.mean_u == pytest.approx(0.01)
 
 
 def test_interval_of_the_coverage_counts_parts_not_places() -> None:

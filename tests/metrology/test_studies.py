@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench.drawn.plates import RAW_CONDITIONS
-from bench.metrology.__main__ import STUDIES, command, main, parse, tasks
+from bench.metrology.__main__ import STUDIES, main, parse, tasks
 
 
 def test_everything_is_measured_unless_said_otherwise():
@@ -13,15 +13,6 @@ def test_everything_is_measured_unless_said_otherwise():
     assert options.studies == list(STUDIES)
     assert len(tasks("planning", options)) == 100 * len(RAW_CONDITIONS)
     assert {seed for _, seed in tasks("measured_loop", options)} == set(range(1_000_000, 1_000_100))
-
-
-def test_the_command_can_be_typed_again():
-    typed = "--studies planning --parts 3 --seed 5 --conditions raw_arc raw_wavy"
-    options = parse(typed.split())
-    assert command("planning", options) == "python -m bench.metrology --studies planning --parts 3 --seed 5" + (
-        " --conditions raw_arc raw_wavy"
-    )
-    assert tasks("planning", options) == [(c, s) for s in (5, 6, 7) for c in ("raw_arc", "raw_wavy")]
 
 
 @pytest.mark.parametrize("name", STUDIES)

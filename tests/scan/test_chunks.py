@@ -37,7 +37,7 @@ FORMS: dict[str, tuple[dict[str, Any], bool]] = {
 }
 
 
-@pytest.mark.parametrize("block", [5, 7, 10, FRAMES])
+@pytest.mark.parametrize("block", [7, FRAMES])
 @pytest.mark.parametrize(("storage", "here"), FORMS.values(), ids=FORMS)
 def test_every_form_as_hdf5_reads_it(
     tmp_path: Path, values: Any, storage: dict[str, Any], here: bool, block: int

@@ -112,7 +112,7 @@ def test_the_sensors_scale_of_a_calibration_is_taken_out(recording: Recording, t
     np.testing.assert_allclose(cloud.z_mm, 140 + (recording.z_mm[order] - 140) / 1.08, rtol=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording: Recording, seed: int) -> None:
     """Errors of 0.03 mm and 0.02 deg in poses 5 mm apart; an arc that leaves the chord between them by 0.02 mm."""
     rng, count = np.random.default_rng(seed), 200
@@ -149,20 +149,3 @@ def test_poses_far_apart_say_how_uncertain_the_frames_between_them_are(recording
         robot_pass=np.zeros(count, np.int64),
     )
     assert sparse_poses_u(turned)[1] < 1e-9
-
-
-def test_few_poses_far_apart_are_as_uncertain_as_little_as_they_tell(recording: Recording) -> None:
-    """Of 2,000 ways of three poses, at most one in twenty leaves u for a constant error by more than 2 u."""
-    rng, off = np.random.default_rng(0), []
-    for _ in range(2000):
-        wrong = rng.normal(0.0, 0.1, (3, 3))
-        way = wrong + 5.0 * np.arange(3)[:, None] * [1.0, 0.0, 0.0]
-        poses = dataclasses.replace(
-            recording,
-            robot_position_mm=way,
-            robot_quaternion_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)),
-            robot_time_s=np.arange(3.0),
-            robot_pass=np.zeros(3, np.int64),
-        )
-        off.append(abs(wrong[1, 1]) > 2.0 * sparse_poses_u(poses)[0])
-    assert 0.005 < np.mean(off) < 0.05

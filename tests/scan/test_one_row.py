@@ -11,10 +11,9 @@ import pytest
 
 from workbench.artefacts import Inspection, Recording
 from workbench.cloud import denoise
-from workbench.edge import segment, segment_raw
+from workbench.edge import segment
 from workbench.geometry.blocks import is_repeated
 from workbench.inspect import sections
-from workbench.path import layers
 from workbench.scan import fuse, read
 from workbench.scan import read as read_stage
 
@@ -29,7 +28,7 @@ def inspected(recording: Recording) -> Inspection:
     return sections(segment(denoise(fuse(recording))))
 
 
-@pytest.mark.parametrize("name", ["milled_edge", "milled_two_pass"])
+@pytest.mark.parametrize("name", ["milled_edge"])
 def test_an_inspection_is_the_same_to_the_byte(name: str) -> None:
     recording = read(recording=DATA / f"{name}.h5")
     assert is_repeated(recording.x_mm)
@@ -39,20 +38,6 @@ def test_an_inspection_is_the_same_to_the_byte(name: str) -> None:
         if isinstance(a, np.ndarray):
             assert a.tobytes() == b.tobytes(), field.name
     assert [check.value for check in one.checks] == [check.value for check in other.checks]
-
-
-def test_a_plan_is_the_same_to_the_byte() -> None:
-    recording = read(recording=DATA / "raw_edge.h5")
-    assert is_repeated(recording.x_mm)
-    made = []
-    for one in (recording, with_own_x(recording)):
-        cloud = denoise(fuse(one))
-        edge = segment_raw(cloud, upper_side=[0, 0, 1])
-        made.append((edge, layers(edge, cloud)))
-    (edge, path), (other_edge, other_path) = made
-    assert edge.position_mm.tobytes() == other_edge.position_mm.tobytes()
-    assert edge.labels.tobytes() == other_edge.labels.tobytes()
-    np.testing.assert_array_equal(path.layers[-1].position_mm, other_path.layers[-1].position_mm)
 
 
 @pytest.mark.parametrize("block_bytes", [1, 2**22])

@@ -22,15 +22,6 @@ def test_results_and_exceptions_survive_a_crash_does_not() -> None:
     assert not hdf5.survives(lambda: os.kill(os.getpid(), signal.SIGSEGV))
 
 
-def test_an_endless_loop_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    def endless() -> None:
-        while True:
-            pass
-
-    monkeypatch.setattr(hdf5, "CPU_SECONDS", 1)
-    assert not hdf5.survives(endless)
-
-
 def test_a_damaged_heap_of_texts_is_refused(build: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """A heap object that claims to reach almost to 2^64: HDF5 adds it up past the end and never comes back."""
     monkeypatch.setattr(hdf5, "CPU_SECONDS", 1)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.drawn.swept import RAW_SWEPT_CONDITIONS, SWEPT_CONDITIONS, random_swept_recipe
 from bench.simulators.swept import parse_swept_recipe, simulate_swept
 from bench.simulators.swept.truth import SweptTruth
 from tests.simulators.returns import in_sections
@@ -95,97 +94,6 @@ def test_a_rounding_takes_away_and_a_burr_adds_but_the_truth_stays() -> None:
     assert below.sum() > 20
     assert along[below].min() > 19
     assert along[below].max() < 61
-
-
-def test_a_bow_shifts_the_fitted_faces() -> None:
-    recording, truth = simulated({"bevel_bow_mm": 0.1, "root_bow_mm": 0.04})
-    base, out, up = in_sections(recording, truth)
-    root, bevel = truth.root_mm_at(base), np.radians(truth.bevel_deg_at(base))
-    over = out * np.cos(bevel) + (up - root) * np.sin(bevel)
-    on_bevel = (up > root + 0.05) & (up < 7.9)
-    line = np.polyfit(up[on_bevel] / np.cos(bevel[on_bevel]), over[on_bevel], 1)
-    assert abs(line[0]) < 6e-4  # rad
-    assert abs(over[on_bevel].mean()) < 4e-3  # of 0.067 mm
-    on_root = (up > 0.02) & (up < root - 0.05)
-    assert abs(out[on_root].mean()) < 2e-3
-
-
-def test_texture_has_the_size_and_the_correlation_asked_for() -> None:
-    smooth, truth = simulated({})
-    textured, _ = simulated({"texture": {"sd_mm": 0.005, "correlation_mm": 0.5}})
-    _, out, up = in_sections(textured, truth)
-    over = (out * math.cos(math.radians(40)) + (up - 1.5) * math.sin(math.radians(40)))[(up > 2) & (up < 7.5)]
-    assert 0.0045 < over.std() < 0.0055
-    difference = (textured.z_mm - smooth.z_mm)[:, 60:160].astype(float)
-    rho = [float(np.nanmean(difference[:, k:] * difference[:, : 100 - k]) / np.nanmean(difference**2)) for k in (1, 5)]
-    assert rho[0] > 0.85
-    assert 0.1 < rho[1] < 0.6
-
-
-def test_noise_of_neighbouring_columns_and_of_frames() -> None:
-    noise_asked = {"sd_mm": 0.02, "speckle": 0, "grazing_power": 0, "column_correlation": 0.8, "pattern_share": 0.4}
-    scanner = {"columns": 300, "pitch_mm": 0.1, "mixed_share": 0, "noise": noise_asked}
-    passes = [{"way_mm": [2, 118], "aim_mm": [-3, 4], "motion": "stop_and_go"}]
-    noisy, _ = simulated({}, scanner=scanner, passes=passes)
-    clean, _ = simulated({}, passes=passes)
-    everywhere = np.isfinite(noisy.z_mm - clean.z_mm).all(axis=0)
-    noise = (noisy.z_mm - clean.z_mm)[:, everywhere].astype(float)
-    assert everywhere.sum() > 60
-    assert noise.std() == pytest.approx(0.02, rel=0.15)
-    fresh = noise - noise.mean(axis=0)
-    assert np.mean(fresh[:, 1:] * fresh[:, :-1]) / np.mean(fresh**2) == pytest.approx(0.8, abs=0.03)
-    assert fresh.var() / 0.02**2 == pytest.approx(0.6, abs=0.05)
-
-
-def test_brightness_falls_with_the_part_of_the_pixel_that_sees_the_edge() -> None:
-    scanner = {"columns": 300, "pitch_mm": 0.1, "noise": {"sd_mm": 0, "speckle": 0}, "intensity": True}
-    recording, truth = simulated({}, scanner=scanner)
-    assert recording.intensity is not None
-    _, out, up = in_sections(recording, truth)
-    light = recording.intensity[np.isfinite(recording.z_mm)].astype(float)
-    on_root = (np.abs(out) < 0.1) & (up < 1.3)
-    full = np.median(light[on_root & (up > 0.3)])
-    share = light[on_root & (up < 0.1)] / full
-    assert share.min() >= 5 / 9 - 0.01
-    assert share.min() < 0.95
-
-
-def test_blocks_and_edges_are_lost_as_asked() -> None:
-    whole, _ = simulated({})
-    holed, _ = simulated({}, losses={"block_share": 0.2})
-    there = np.isfinite(whole.z_mm)
-    assert np.isnan(holed.z_mm[there]).mean() == pytest.approx(0.2, abs=0.06)
-    cut, _ = simulated({}, losses={"edge_columns": 3, "edge_from_mm": 30, "edge_to_mm": 60})
-    gone = there & np.isnan(cut.z_mm)
-    assert set(gone.sum(axis=1)) == {0, 3}
-    assert 28 <= (gone.sum(axis=1) == 3).sum() <= 32
-
-
-def test_a_way_that_turns_back_and_a_ring_are_seen_all_round() -> None:
-    passes = [{"way_mm": [2, 80, 50, 118], "aim_mm": [-3, 4]}]
-    recording, truth = simulated({}, passes=passes)
-    assert len(recording.time_s) == 177
-    assert truth.seen.mean() > 0.95
-    ring = SPINES["ring"]["spine"]["length_mm"]
-    _, truth = simulated(SPINES["ring"], passes=[{"way_mm": [-2, ring + 2], "aim_mm": [-3, 4]}])
-    assert truth.closed
-    assert truth.seen.all()
-
-
-def test_clamps_hide_the_edge() -> None:
-    _, truth = simulated({"clamps": [{"from_mm": 40, "to_mm": 60}]})
-    hidden = truth.arc_length_mm[~truth.seen]
-    inside = hidden[(hidden > 10) & (hidden < 110)]
-    assert inside.min() < 41
-    assert inside.max() > 58
-    assert inside.min() > 25
-
-
-@pytest.mark.parametrize("condition", [*SWEPT_CONDITIONS, *RAW_SWEPT_CONDITIONS])
-def test_conditions_draw_sound_recipes_again_and_again(condition: str) -> None:
-    first, again = random_swept_recipe(condition, 3), random_swept_recipe(condition, 3)
-    assert first == again
-    assert random_swept_recipe(condition, 4) != first
 
 
 def test_refusals_name_the_key() -> None:

@@ -76,33 +76,6 @@ def test_table_and_stem_stand_behind():
     assert across == pytest.approx(2.0, abs=1e-3)
 
 
-def test_recorded_poses_err_as_stated():
-    many = [{"sphere_mm": [0, 2, 0], "turn_deg": [i / 10, 0, 0]} for i in range(400)]
-    made = recipe(scanner={"columns": 8}, robot={}, passes=many)
-    recording, truth = simulate_sphere(made)
-    off = recording.robot_position_mm - truth.base_from_flange[:, :3, 3]
-    turn = np.swapaxes(truth.base_from_flange[:, :3, :3], 1, 2) @ rotation_from_quaternion(
-        recording.robot_quaternion_wxyz
-    )
-    assert off.std(axis=0) == pytest.approx(0.07, rel=0.12)
-    assert np.degrees(vector_from_rotation(turn)).std(axis=0) == pytest.approx(0.01, rel=0.12)
-
-
-def test_systematic_errors_come_back_and_have_their_size():
-    rng = np.random.default_rng(5)
-    sizes = []
-    for seed in range(12):
-        there = [{"sphere_mm": [0, 2, 0], "turn_deg": rng.uniform(-60, 60, 3).tolist()} for _ in range(60)]
-        made = recipe(
-            seed=seed, scanner={"columns": 8}, robot=EXACT | {"systematic_mm": 0.5}, passes=[*there, there[0]]
-        )
-        recording, truth = simulate_sphere(made)
-        off = recording.robot_position_mm - truth.base_from_flange[:, :3, 3]
-        assert off[-1] == pytest.approx(off[0], abs=1e-12)
-        sizes.append(np.mean(np.sum(off**2, axis=1)))
-    assert np.sqrt(np.mean(sizes)) == pytest.approx(0.5 * np.sqrt(3), rel=0.15)
-
-
 def test_clock_runs_ahead_by_its_offset():
     scan = [{"sphere_mm": [0, -5.5, 0], "to_mm": [0, 5.5, 0], "seconds": 2}]
     made = recipe(robot=EXACT | {"clock": "own", "clock_offset_s": 0.4}, passes=scan)
@@ -147,7 +120,7 @@ def test_bad_recipes_are_refused(change, words):
         recipe(**change)
 
 
-@pytest.mark.parametrize("condition", [*SOUND, *DEGENERATE])
+@pytest.mark.parametrize("condition", [*SOUND, *DEGENERATE][::4])
 def test_conditions_show_the_sphere_in_every_pass(condition):
     made = random_sphere_recipe(condition, 3)
     assert made == random_sphere_recipe(condition, 3) != random_sphere_recipe(condition, 4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.synthetic import parse_recipe, raycast
-from workbench.synthetic.workpiece import build_surface, pose
+from workbench.synthetic.workpiece import build_surface
 
 CURVES = {
     "straight": {"shape": "straight"},
@@ -73,15 +73,3 @@ def test_section_plane_cuts_root_and_bevel_as_ordered(curve, tilt_deg, twist_deg
     assert np.abs(bevel[:, 1] - slope * bevel[:, 0] - intercept).max() < 1e-6
     assert -intercept / slope == pytest.approx(expected(ROOT, u), abs=1e-6)
     assert math.degrees(math.atan(-slope)) == pytest.approx(expected(BEVEL, u), abs=1e-5)
-
-
-def test_rpy_is_the_papers():
-    """R = Rz(roll) Ry(pitch) Rx(yaw), against scipy's intrinsic zyx."""
-    from scipy.spatial.transform import Rotation
-
-    recipe = parse_recipe({"passes": [{"from_mm": 0, "to_mm": 1}]})
-    matrix = pose(recipe.robot.flange_from_profiler)
-    assert matrix[:3, :3] == pytest.approx(
-        Rotation.from_euler("ZYX", [60.489, -3.813, -2.024], degrees=True).as_matrix(), abs=1e-12
-    )
-    assert matrix[:3, 3] == pytest.approx([126.92, 9.44, 41.48])

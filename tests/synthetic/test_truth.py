@@ -46,21 +46,6 @@ def test_seen_is_what_the_scan_covered():
     assert not truth.seen_at(truth.position_mm[0] - 5 * truth.tangent[0])
 
 
-def test_clamps_and_their_shadows_are_not_seen():
-    clamp = {"from_mm": 22, "to_mm": 33}
-    _, truth = simulate_recording(recipe_of({"clamps": [clamp]}))
-    hidden = truth.arc_length_mm[~truth.seen & (truth.arc_length_mm > 11) & (truth.arc_length_mm < 49)]
-    assert hidden.min() <= 22.5
-    assert hidden.max() >= 32.5
-    assert hidden.size < 60
-    assert truth.seen[(truth.arc_length_mm > 12) & (truth.arc_length_mm < 14)].all()
-
-
-def test_a_table_in_view_does_not_count_as_the_edge():
-    _, truth = simulate_recording(recipe_of({"table_gap_mm": 10}, passes=[SCAN | {"aim_mm": [15, 0]}]))
-    assert not truth.seen.any()
-
-
 def test_a_raw_edge_has_neither_root_nor_bevel():
     _, truth = simulate_recording(recipe_of({"kind": "raw"}))
     assert np.isnan(truth.root_mm).all()

@@ -70,23 +70,6 @@ def test_nothing_shows_that_the_upper_bevel_is_milled(part, raw) -> None:
     assert path.check(planned(raw, "upper"), *raw, workpiece=part).clean
 
 
-def test_the_lower_path_leaves_what_the_upper_one_leaves() -> None:
-    clamp = {"from_mm": 16, "to_mm": 20, "reach_in_mm": 30, "reach_out_mm": 6, "height_mm": 12}
-    recipe = {**RECIPE, "part": {**RECIPE["part"], "length_mm": 60, "clamps": [clamp]}}
-    recipe["passes"] = [{**RECIPE["passes"][0], "to_mm": 59}]
-    part = Workpiece(parse_recipe(recipe))
-    points = cloud.denoise(scan.fuse(twin.scan(part)))
-    seen = edge.segment_raw(points, upper_side=[0, 0, 1]), points
-    upper, lower = planned(seen, "upper"), planned(seen, "lower")
-    cut = upper.layers[-1].cutting
-    assert 0 < cut.sum() < cut.size
-    assert not any((layer.cutting & ~cut).any() for layer in lower.layers)
-    for plan in (upper, lower):
-        assert path.check(plan, *seen, workpiece=part, rests_milled=True).clean
-        part, engagement = twin.mill(part, plan)
-        assert engagement.warnings == ()
-
-
 @pytest.mark.parametrize(
     ("changed", "told"),
     [

@@ -40,19 +40,6 @@ def test_every_layer_of_a_straight_edge():
     assert engagement.layers[0].chip_area_mm2[0] == 0.0  # in the lead-in, before the part
 
 
-def test_thin_and_thick_ends():
-    """A layer that meets stock only where the plate is thick: nothing at the thin end, a triangle at the other."""
-    recipe = raw_recipe({"thickness_mm": {"start": 7.0, "end": 9.0}})
-    height = (8.0 - ROOT) * np.sin(BEVEL)
-    _, engagement = mill(Workpiece(recipe), perfect_path(recipe, heights=(height,)))
-    layer = engagement.layers[0]
-    assert (layer.chip_area_mm2[layer.arc_length_mm < 14] == 0).all()
-    at = layer.arc_length_mm == 36
-    leg = 0.8  # thickness 8.8
-    assert layer.chip_area_mm2[at] == pytest.approx(leg**2 * np.tan(BEVEL) / 2, abs=0.01)
-    assert layer.axial_depth_mm[at] == pytest.approx(leg / np.cos(BEVEL), abs=0.03)
-
-
 def test_a_second_run_over_the_same_layer_meets_nothing():
     recipe = raw_recipe()
     _, engagement = mill(Workpiece(recipe), perfect_path(recipe, heights=(2.0, 2.0)), deflection_mm=(-0.01, 0, 0))

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from tests.seldom import seldom
-from tests.twin.conftest import CURVES, SCAN, perfect_path, raw_recipe
-from workbench.cloud import denoise
-from workbench.edge import segment
-from workbench.inspect import sections
-from workbench.scan import fuse
-from workbench.synthetic import Workpiece, milled_truth, parse_recipe, simulate_recording
+from tests.twin.conftest import CURVES, perfect_path, raw_recipe
+from workbench.synthetic import Workpiece, parse_recipe, simulate_recording
 from workbench.synthetic.simulate import scan_workpiece
 from workbench.twin import mill, scan
 
@@ -58,37 +51,3 @@ def test_each_milling_draws_new_noise_but_the_hand_eye_error_stays(recipe):
         assert np.abs(recordings[one].robot_position_mm - recordings[other].robot_position_mm).max() < 0.5
         assert not same(recordings[one], recordings[other], "z_mm")
     assert same(scan(twice), recordings[2], "z_mm")
-
-
-def test_passes_can_aim_elsewhere():
-    """From below, the bevel is out of sight: the same robot looks from above."""
-    recipe = raw_recipe(passes=[SCAN | {"elevation_deg": -50.0, "aim_mm": [-2.0, 2.0]}])
-    made, _ = mill(Workpiece(recipe), perfect_path(recipe))
-    assert not scan_workpiece(made)[1].seen.any()
-    recording = scan(made, elevation_deg=40.0, aim_mm=(-2.0, 4.0))
-    expected = scan(dataclasses.replace(made, recipe=raw_recipe()))
-    assert same(recording, expected, "z_mm")
-
-
-@pytest.mark.parametrize(
-    ("part", "errors"),
-    [
-        (CURVES["leaning"], {"offset_mm": (0.2, 0.3, -0.2), "rotation_deg": (0.3, 0.2, 0.1)}),
-        *seldom(({}, {}), (CURVES["concave"], {"wear_mm": 0.1})),
-        (CURVES["wavy"], {"robot_noise_mm": 0.1, "robot_noise_length_mm": 60.0}),
-    ],
-)
-def test_the_inspection_finds_what_was_milled(part, errors):
-    """Each section within two standard uncertainties of its own truth, but for one of nine."""
-    passes = [SCAN | {"to_mm": 89}]
-    recipe = raw_recipe(part | {"length_mm": 90}, passes=passes, scanner={"columns": 600})
-    made, _ = mill(Workpiece(recipe), perfect_path(recipe), **errors)
-    inspection = sections(segment(denoise(fuse(scan(made)))))
-    truth, found = milled_truth(made), inspection.sections
-    places = np.array([section.origin_mm for section in found])
-    root = np.array([(s.root_mm, s.root_u_mm) for s in found], float).T
-    bevel = np.array([(s.bevel_deg, s.bevel_u_deg) for s in found], float).T
-    assert np.sum(np.abs(root[0] - truth.root_mm_at(places)) > 2 * root[1]) <= 1
-    assert np.sum(np.abs(bevel[0] - truth.bevel_deg_at(places)) > 2 * bevel[1]) <= 1
-    assert np.abs(root[0] - truth.root_mm_at(places)).max() < 0.05
-    assert np.abs(bevel[0] - truth.bevel_deg_at(places)).max() < 0.1

@@ -27,14 +27,14 @@ from workbench.artefacts import Recording
 from workbench.scan import write
 
 SAME = 0.1  # of u: float32 ranges, sums in another order, outliers at their limit
-FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])
+OTHER_AXES = np.array([[1.0, 0.0, 0.0, -5.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 20.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 def counted_back(r: Recording) -> Recording:
-    """A sensor whose ranges fall away from it, and whose columns run the other way."""
+    """A sensor whose ranges fall away from it, with zeros of its own, and whose columns run the other way."""
     assert r.flange_from_profiler is not None
-    turned = columns(r, slice(None, None, -1))
-    return replace(turned, z_mm=-turned.z_mm, flange_from_profiler=r.flange_from_profiler @ FLIPPED)
+    pose, other = r.flange_from_profiler @ OTHER_AXES, columns(r, slice(None, None, -1))
+    return replace(other, x_mm=other.x_mm + 5.0, z_mm=20.0 - other.z_mm, flange_from_profiler=pose)
 
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])

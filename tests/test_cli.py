@@ -61,11 +61,13 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
         (["run"], "the following arguments are required: PIPELINE.json"),
         (["run", "P", "--otu", "D"], "did you mean '--out'?"),
         (["run", "P", "--out", "D", "--inptu", "a=1"], "unknown option '--inptu'; did you mean '--input'?"),
-        (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'"),
+        (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'; a value with blanks is quoted"),
         (["run", "P", "--out", "D", "--input", "recording"], "--input 'recording': expected NAME=VALUE"),
         (["run", "P", "--out", "D", "--input", "=3"], "expected NAME=VALUE"),
         (["run", "P", "--out", "D", "--input", "angel_deg=3"], "did you mean 'angle_deg'?"),
         (["run", "P", "--out", "D", "--input", "angle_deg=NaN"], "expected a valid number, got 'NaN'"),
+        (["run", "P", "--out", "D", "--input", "angle_deg=1,5"], "got '1,5': a decimal comma for a point?"),
+        (["run", "P", "--out", "D", "--input", "angle_deg=[1 2]"], "is it JSON, as [0, 1.5], and quoted"),
         (
             ["run", "P", "--out", "D", "--set", "demo.turn.steps=0"],
             "stages[1].steps: expected greater than or equal to 1",
@@ -87,6 +89,21 @@ def test_bad_arguments(command: Any, pipeline: Path, tmp_path: Path, arguments: 
     assert message in got.err
     assert got.out == ""
     assert sorted(os.listdir(tmp_path)) == ["p.json", "part.txt"]
+
+
+@pytest.mark.parametrize(
+    ("given", "slip"),
+    [
+        ("bevel_nominal_deg=0.698", "bevel_nominal_deg: expected greater than or equal to 20, got 0.698: in radians?"),
+        ("temperature_c=293.15", "got 293.15: in kelvin?"),
+        ("root_tolerance_mm=[-0,3, 0,3]", "expected 2 values at most, got [0, 3, 0, 3]: a decimal comma for a point?"),
+        ("sections=0", "expected greater than or equal to 1, got 0"),
+    ],
+)
+def test_the_likeliest_slip_is_asked_for(command: Any, given: str, slip: str) -> None:
+    got = command("validate", Path(__file__).parents[1] / "pipelines" / "inspect_bevel.json", "--input", given)
+    assert (got.status, got.out) == (2, "")
+    assert got.err.endswith(f"{slip}\n")
 
 
 def test_failed_run_leaves_no_earlier_result_in_its_place(command: Any, pipeline: Path, tmp_path: Path) -> None:

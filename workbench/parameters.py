@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from workbench.errors import PipelineError, nearest
+from workbench.units import DEG
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -99,8 +102,37 @@ def _expected(entry: ErrorDetails, place: Place, model: type[BaseModel] | None) 
         return text  # says itself which of its values it is
     if "tolerance" in path_of(place) and isinstance(value, int | float):
         text = f"expected the lower and the upper deviation, as [{-abs(value)}, {abs(value)}]"
+    if entry["type"] == "too_long":
+        text = f"expected {entry['ctx']['max_length']} values at most"
     shown = repr(value)
-    return f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}"
+    return f"{text}, got {shown if len(shown) <= 60 else shown[:57] + '...'}{_slip(entry, place)}"
+
+
+MISTAKEN: dict[str, tuple[str, Callable[[float], float]]] = {  # by a name's unit: what else a number may be in
+    "deg": ("radians", lambda value: value / DEG),
+    "c": ("kelvin", lambda value: value - 273.15),
+    "mm": ("metres", lambda value: value * 1000.0),
+}
+BOUNDS = {
+    "greater_than": ("gt", operator.gt),
+    "greater_than_equal": ("ge", operator.ge),
+    "less_than": ("lt", operator.lt),
+    "less_than_equal": ("le", operator.le),
+}
+
+
+def _slip(entry: ErrorDetails, place: Place) -> str:
+    """The likeliest slip behind what was refused, as a question; '' where none is known."""
+    value = entry["input"]
+    if entry["type"] == "too_long" or re.fullmatch(r"[-+]?\d+,\d+", str(value)):
+        return ": a decimal comma for a point?"
+    if str(value)[:1] in ("[", "{") and isinstance(value, str):
+        return ": is it JSON, as [0, 1.5], and quoted from the shell?"
+    unit = path_of(place).rpartition("_")[2]
+    if entry["type"] in BOUNDS and unit in MISTAKEN:
+        (bound, keeps), (mistaken, converted) = BOUNDS[entry["type"]], MISTAKEN[unit]
+        return f": in {mistaken}?" if keeps(converted(value), entry["ctx"][bound]) else ""
+    return ""
 
 
 def _object_at(model: type[BaseModel], place: Place) -> type[BaseModel]:

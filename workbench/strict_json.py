@@ -64,13 +64,27 @@ def read_any_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
         text = path.read_bytes().decode("utf-8-sig")
         return json.loads(text, **hooks)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {error.msg}") from None
+        raise InputError(
+            f"{path}: line {error.lineno}, column {error.colno}", f"expected JSON: {json_slip(error)}"
+        ) from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start}", "expected JSON in UTF-8") from None
     except RecursionError:
         raise InputError(str(path), "expected JSON nested less deeply") from None
     except (OSError, ValueError) as error:  # ValueError: an integer of thousands of digits
         raise InputError(str(path), f"expected JSON: {getattr(error, 'strerror', None) or error}") from None
+
+
+def json_slip(error: json.JSONDecodeError) -> str:
+    """What is wrong with a text, by the slips that people make; else in the words of the reader."""
+    found = error.doc[error.pos : error.pos + 1]
+    if found in ("}", "]") and error.doc[: error.pos].rstrip().endswith(","):
+        return "a comma too many"
+    if found in ("/", "#"):
+        return "JSON has no comments"
+    if found and found in "'‘’“”„«»":
+        return 'JSON has straight double quotes (") alone'
+    return error.msg
 
 
 def strict_json(document: Mapping[str, Any]) -> bytes:

@@ -57,10 +57,17 @@ def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
     assert found[2] / found[1] == pytest.approx(4.0, rel=0.05)
 
 
-def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"linearity_mm": -1}, r"\.linearity_mm: expected"),
+        ({"linearity_um": 4}, r"\.linearity_um: unknown key; did you mean 'linearity_mm'"),
+    ],
+)
+def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path, content: dict[str, float], message: str) -> None:
     file = tmp_path / "sensor.json"
-    file.write_text(json.dumps({"linearity_mm": -1}))
-    with pytest.raises(WorkbenchError, match=r"sensor\.json: \$\.linearity_mm"):
+    file.write_text(json.dumps(content))
+    with pytest.raises(WorkbenchError, match=rf"sensor\.json: \${message}"):
         measured(walking(41, 0.0), sensor=file)
 
 

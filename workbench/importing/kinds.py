@@ -67,13 +67,14 @@ def read_source(path: Path, mapping: Mapping) -> Imported:
         readings, robot = tracker.read(path, mapping), joints.read(path, mapping)
         return replace(robot, tracker=readings.tracker, notes=(*readings.notes, *robot.notes))
     if len(found) != 1:
-        names = ", ".join(reader.NAME for reader in (found or readers))
         if found:
+            names = ", ".join(reader.NAME for reader in found)
             raise InputError(str(path), f"may be {names}: name it by 'files' in the mapping (docs/importing.md)")
         if other := _other(path, head) or _otherwise_separated(head, mapping):
             raise InputError(str(path), other)
         first_line = head_text(head).split("\n", 1)[0][:60]
-        raise InputError(str(path), f"is none of: {names} (docs/importing.md); its first line: {first_line!r}")
+        draft = "of a table `workbench import --draft` begins a mapping"
+        raise InputError(str(path), f"is in no known form (docs/importing.md): {draft}; its first line: {first_line!r}")
     return found[0].read(path, mapping)
 
 

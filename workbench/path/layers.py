@@ -228,7 +228,8 @@ def _cut_layers(plan: Plan, heights_of: Callable[[Float], Float]) -> tuple[Layer
         reasons = {lift.reason for lift in plan.lifts} or {"no stock"}
         raise InputError(
             "edge",
-            f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length; or are axes mirrored?",
+            f"nothing of it can be milled: {', '.join(sorted(reasons))} along its whole length; or is upper_side "
+            "reversed, or an axis mirrored?",
         )
     heights = heights_of(plan.stock_mm[reachable])
     return tuple(make_layer(plan, k + 1, float(h)) for k, h in enumerate(heights))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import ArgumentError, PipelineError, nearest
+from workbench.strict_json import json_slip
 
 VERSION = 1
 KEYS = ("version", "title", "seed", "inputs", "stages")
@@ -70,7 +71,7 @@ def parse_json(content: bytes, name: str) -> Any:
             parse_constant=lambda text: _Refused(f"{text} is not JSON"),
         )
     except json.JSONDecodeError as error:
-        raise PipelineError(f"{name}: line {error.lineno}, column {error.colno}", error.msg) from None
+        raise PipelineError(f"{name}: line {error.lineno}, column {error.colno}", json_slip(error)) from None
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise PipelineError(f"{name}: line {line}", f"is not UTF-8 text (byte {error.start})") from None
@@ -115,7 +116,7 @@ def _walk(tree: Any) -> Iterator[tuple[str, Any, int]]:
 def check_document(tree: Any, name: str, base_dir: Path) -> PipelineDocument:
     """Check the document's own form; the stages are looked up by `workbench.pipeline.wiring`."""
     if not isinstance(tree, dict):
-        raise PipelineError(name, f"expected an object, got {kind(tree)}")
+        raise PipelineError(name, f'expected {{"version": 1, "stages": [...]}}, got {kind(tree)}')
     for key in tree:
         if key not in KEYS:
             raise PipelineError(f"{name}: {key}", f"unknown key{nearest(key, KEYS)}")

@@ -35,7 +35,8 @@ class Table:
         self.header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]
         missing = [name for name in needed if name not in self.header]
         if missing or len(set(self.header)) < len(self.header):
-            what = f"expected the column '{missing[0]}'" if missing else "a column stands twice"
+            parted = ": are cells parted by commas, decimals by points?" if len(self.header) == 1 else ""
+            what = f"expected the column '{missing[0]}'{parted}" if missing else "a column stands twice"
             raise InputError(f"{path}: header", what)
         self.lines = [line for line, _ in numbered[1:]]
         self._rows = [next(csv.reader([text])) for _, text in numbered[1:]]

@@ -24,7 +24,7 @@ from pydantic import (
 from workbench.artefacts import UNKNOWN_PART, Check, HandEye, Part, Verdict
 from workbench.errors import InputError, nearest
 from workbench.geometry.poses import RIGID, is_rigid
-from workbench.parameters import complaint
+from workbench.parameters import path_of, problems
 from workbench.strict_json import MAX_BYTES, read_json, strict_json
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -105,7 +105,7 @@ class ResultFile(Row):
         try:
             made = cls.model_validate_json(json.dumps(document), strict=True)
         except ValidationError as error:
-            raise _refusal(error, document, path) from None
+            raise _refusal(error, document, path, cls) from None
         made._document = document
         return made
 
@@ -116,7 +116,7 @@ class PartFile(ResultFile):
     part: Part = Field(default=UNKNOWN_PART, description="null: unknown; absent in files of earlier versions")
 
 
-def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) -> InputError:
+def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path, model: type[ResultFile]) -> InputError:
     """The first thing that is wrong: its place, what was expected, and the nearest known name."""
     found_wrong = error.errors(include_url=False)
     first = found_wrong[0]
@@ -131,9 +131,10 @@ def _refusal(error: ValidationError, document: Mapping[str, Any], path: Path) ->
             most = max([last, *(k for k in alike if isinstance(k, int))])
             return InputError(f"{path}: {place}", f"expected {most + 1} entries, found {len(holder)}")
         near = difflib.get_close_matches(str(last), holder, n=1)
-        return InputError(f"{path}: {place}", f"expected '{last}'" + (f", found '{near[0]}'" if near else ""))
-    found = complaint(error, document, "$")
-    return InputError(f"{path}: {found.where}", found.expected)
+        told = f", found '{near[0]}'" if near else f", as {model.NAME} has it" if place == "$" else ""
+        return InputError(f"{path}: {place}", f"expected '{last}'{told}")
+    wrong, expected = problems(error, document, model)[0]
+    return InputError(f"{path}: {path_of(wrong)}", expected)
 
 
 for artefact in (Check, Part):  # they have no place for further keys: `document` has

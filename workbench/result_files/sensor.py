@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from workbench.result_files.contract import ResultFile, Row
 
@@ -15,13 +15,15 @@ Limits = tuple[Positive, Positive]
 class Box(Row):
     """A box of the sensor's body, in the profiler's frame."""
 
+    model_config = ConfigDict(extra="forbid")
     centre_mm: tuple[float, float, float]
     size_mm: tuple[Positive, Positive, Positive]
 
 
 class SensorFile(ResultFile):
-    """`sensor.json`: what a user declares of the profiler. Of no part."""
+    """`sensor.json`: what a user declares of the profiler, in these words alone. Of no part."""
 
+    model_config = ConfigDict(extra="forbid")  # a misspelt word would count as one that is not known
     NAME: ClassVar[str] = "sensor.json"
     name: str | None = None
     columns: Annotated[int, Field(ge=2, le=100_000)] | None = None

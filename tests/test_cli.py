@@ -64,6 +64,7 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
         (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'; a value with blanks is quoted"),
         (["run", "P", "--out", "D", "--input", "recording"], "--input 'recording': expected NAME=VALUE"),
         (["run", "P", "--out", "D", "--input", "=3"], "expected NAME=VALUE"),
+        (["run", "P", "--out", "D", "--input", "angle_deg=3", "--input", "angle_deg=4"], "'angle_deg' is given twice"),
         (["run", "P", "--out", "D", "--input", "angel_deg=3"], "did you mean 'angle_deg'?"),
         (["run", "P", "--out", "D", "--input", "angle_deg=NaN"], "expected a valid number, got 'NaN'"),
         (["run", "P", "--out", "D", "--input", "angle_deg=1,5"], "got '1,5': a decimal comma for a point?"),

@@ -238,6 +238,8 @@ def assignments(texts: list[str], option: str) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         if not name or not equals:
             raise ArgumentError(f"{option} '{text}'", "expected NAME=VALUE")
+        if name in values:
+            raise ArgumentError(f"{option} '{text}'", f"'{name}' is given twice")
         try:
             values[name] = parse_json(value.encode(), option)
         except (PipelineError, UnicodeEncodeError):

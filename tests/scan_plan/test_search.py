@@ -45,6 +45,14 @@ def test_no_set_is_better(seed: int) -> None:
         assert reach.excess <= 1.1 * best.excess
 
 
+def test_of_passes_that_take_as_long_the_one_that_tells_more_is_taken() -> None:
+    views = [View(elevation * DEG, 150.0, 0.4) for elevation in (50.0, 10.0, -30.0)]
+    several = [Candidate(view, False, np.ones(6, bool), 30.0) for view in views]
+    known, easy = Knowledge(edge_condition="unknown"), Wanted(1.0, 0.12)
+    search = Search(JOINT, SENSOR, known, LENGTH_MM, easy, several)
+    assert search.best(2)[0] == (2,)
+
+
 @pytest.mark.parametrize("bevel_deg", [20.0, 40.0, 48.0, 60.0])
 def test_the_joint_gives_the_elevations(bevel_deg: float) -> None:
     """Both faces are seen from all of them, and from one the lower surface too, where there is such a view.

@@ -44,10 +44,20 @@ from workbench.scan_plan.information import (
     Knowledge,
     Profiler,
     View,
+    edges_of,
     hidden_why,
 )
 from workbench.scan_plan.reach import Examiner, scan_cell
-from workbench.scan_plan.rehearsal import LONGEST_MM, RESERVE, Rehearsed, pooled, rehearsed, straight
+from workbench.scan_plan.rehearsal import (
+    LONGEST_MM,
+    RESERVE,
+    WAVE_MM,
+    Rehearsed,
+    Supposed,
+    pooled,
+    rehearsed,
+    straight,
+)
 from workbench.scan_plan.search import COVERAGE, Candidate, Learned, Reach, Search, Wanted
 from workbench.scan_plan.way import EdgeLine, drift_mm, eyes_mm, view_poses
 from workbench.stage import InputFile, stage
@@ -59,7 +69,7 @@ PITCHES = (1.0, 0.63, 0.4)  # between frames, of the distance at the greatest sp
 TABLES_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
 STATION_MM = 10.0  # along the edge, at which reach, rays and U are looked at
 OVERRUN_MM = 4.0  # of a pass beyond the edge's ends
-REHEARSALS, SUREST = 3, 1e-3  # of other passes each time; the last ones are those that fall least short of so much
+REHEARSALS, SUREST = 2, 1e-3  # of other passes each time; the last ones are those that fall least short of so much
 PASS_S = 15.0  # from home to a pass, and back
 SIDE_KEYS = ("columns", "measuring_range_mm", "width_mm", "noise_mm")
 NO_CELL = "reach, collisions and what stands in the way of laser and camera: no cell is named"
@@ -362,20 +372,19 @@ def planned(task: Task, place: Cell | None, unchecked: tuple[str, ...] = ()) -> 
         if any(offer <= one for one in (frozenset(), *offered)):
             continue  # nothing new
         offered[offer] = _rehearse(task, looked, learned, tried), looked
-        promised = any(made.reached.all() for made, *_ in tried.values())
+        promised = any(one.made.reached.all() for one in tried.values())
         if promised or not (looked.refused or looked.by_base):  # else another angle may serve
             break
     if not offered:
         raise InputError(task.edge.source, f"no pass along this edge is possible: {_summary(refused)}")
     if not promised:
         _rehearse(task, min(offered.values(), key=lambda one: one[0])[1], learned, tried, last=True)
-    (_, chosen), (made, search, looked) = min(tried.items(), key=lambda one: _shortfall(one[1][0]))
-    made = _drawn_again(task, made) if made.reached.any() else made
-    made = dataclasses.replace(made, scan_cell=place, unchecked=unchecked)
+    best = min(tried.values(), key=lambda one: _shortfall(one.made))
+    made = dataclasses.replace(_predicted(task, best.made), scan_cell=place, unchecked=unchecked)
     if made.reached.all():
         return made
-    would_help = () if made.refused else tuple(_help(task, search, chosen))
-    return dataclasses.replace(made, binds=tuple(_binds(task, looked, made)), would_help=would_help)
+    would_help = () if made.refused else tuple(_help(task, best.search, best.chosen))
+    return dataclasses.replace(made, binds=tuple(_binds(task, best.looked, made)), would_help=would_help)
 
 
 def _rehearse(task: Task, looked: _Looked, learned: list[Learned], tried: Tried, *, last: bool = False) -> Reach:
@@ -384,10 +393,11 @@ def _rehearse(task: Task, looked: _Looked, learned: list[Learned], tried: Tried,
     for left in reversed(range(REHEARSALS)):
         aim = task.wanted if left or not last else Wanted(*(SUREST * one for one in task.wanted))
         chosen, reach = dataclasses.replace(search, wanted=aim).best(task.passes)
-        if (looked.table, chosen) in tried or (reach.short and not last):
+        these = frozenset((one.view, one.sees.tobytes()) for one in (looked.candidates[k] for k in chosen))
+        if these in tried or (reach.short and not last):
             break
         made = _made(task, looked, chosen)
-        tried[looked.table, chosen] = made, search, looked
+        tried[these] = Trial(made, chosen, search, looked)
         if made.reached[search.visible].all():
             break
         _learn(made, search, chosen)
@@ -432,7 +442,16 @@ class _Looked(NamedTuple):
         return any(name in self.on_base for _, names in self.shadows for name in names)
 
 
-Tried = dict[tuple[float, tuple[int, ...]], tuple[ScanPlan, Search, _Looked]]  # by turntable angle and candidates
+class Trial(NamedTuple):
+    """Passes that were rehearsed."""
+
+    made: ScanPlan
+    chosen: tuple[int, ...]
+    search: Search
+    looked: _Looked
+
+
+Tried = dict[frozenset[tuple[View, bytes]], Trial]  # by views, and the stations that each sees
 
 
 def _looked(task: Task, examiner: Examiner | None, table: float) -> _Looked:
@@ -477,17 +496,17 @@ def _section_points(at: EdgeLine, joint: Joint) -> Shaped[Float, "s 3 3"]:
 
 
 def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
-    """The plan of chosen candidates, with what its rehearsal says."""
+    """The plan of chosen candidates, with what is promised: what they tell of the edge that hides most."""
     passes = tuple(_pass(task, looked, k) for k in sorted(chosen, key=lambda k: looked.candidates[k].seconds))
-    told = _rehearsal(task, passes)
+    told = _rehearsal(task, passes, Supposed(edges_of(task.known.edge_condition)[-1], WAVE_MM, 0))
     return ScanPlan(
         *task[:4],
         passes,
         task.stations,
         told.root,
         told.bevel,
-        COVERAGE * told.promised_root_u_mm,
-        COVERAGE * told.promised_bevel_u_deg,
+        RESERVE * COVERAGE * told.root.u,
+        RESERVE * COVERAGE * told.bevel.u,
         task.wanted,
         (),
         (),
@@ -496,7 +515,7 @@ def _made(task: Task, looked: _Looked, chosen: tuple[int, ...]) -> ScanPlan:
     )
 
 
-def _rehearsal(task: Task, passes: tuple[ScanPass, ...], *, again: bool = False) -> Rehearsed:
+def _rehearsal(task: Task, passes: tuple[ScanPass, ...], supposed: Supposed) -> Rehearsed:
     """Of the passes along the nominal joint, which is straight and a share of the edge long."""
     share = min(1.0, LONGEST_MM / task.edge.length_mm)
     stations = share * task.stations
@@ -507,15 +526,17 @@ def _rehearsal(task: Task, passes: tuple[ScanPass, ...], *, again: bool = False)
         poses = view_poses(at, task.joint, task.profiler, one.view, False, line.length_mm)
         led.append(dataclasses.replace(one, base_from_view=poses))
     sees = np.stack([one.sees for one in passes])
-    return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, again=again)
+    return rehearsed(*task[:3], _followed(task.profiler, led, True, ""), sees, stations, supposed)
 
 
-def _drawn_again(task: Task, made: ScanPlan) -> ScanPlan:
-    """The plan as two draws of noise predict it: one alone may be odd everywhere."""
-    other = _rehearsal(task, made.passes, again=True)
-    if other.refused is not None:
-        return dataclasses.replace(made, refused=other.refused)
-    return dataclasses.replace(made, root=pooled(made.root, other.root), bevel=pooled(made.bevel, other.bevel))
+def _predicted(task: Task, made: ScanPlan) -> ScanPlan:
+    """The plan with what is predicted of a usual edge, by two draws of noise: one alone may be odd everywhere."""
+    usual = edges_of(task.known.edge_condition)[0]
+    one, other = (_rehearsal(task, made.passes, Supposed(usual, 0.0, draw)) for draw in range(2))
+    refused = made.refused or one.refused or other.refused
+    return dataclasses.replace(
+        made, root=pooled(one.root, other.root), bevel=pooled(one.bevel, other.bevel), refused=refused
+    )
 
 
 def _pass(task: Task, looked: _Looked, k: int) -> ScanPass:

@@ -1,9 +1,10 @@
 """A planned scan rehearsed: the engine itself on a simulated scan of the nominal joint, before anything moves.
 
-The joint is straight; its root face is as rough as declared, and its lower edge has in turn the radii that stand for
-what is held possible of it (`information.edges_of`). Each pass is led along it as planned and sees it where the plan
-says so. What the engine then says of it is what it will say of the part: its own windows, priors and ways to put passes
-together. Predicted is the median over stations with the first radius; promised is that with the second, and `RESERVE`.
+The joint is straight, its root face as rough as declared. Each pass is led along it as planned and sees it where the
+plan says so. What the engine then says of it is what it will say of the part: its own windows, priors and ways to put
+passes together. Predicted is the median over stations with the first of the radii that stand for what is held possible
+of the lower edge (`information.edges_of`); promised is that with the last one and a wave of the root face, and
+`RESERVE`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from workbench import cloud, edge, scan, twin
 from workbench.artefacts import DIRECTIONS, END, MilledEdge, PlannedScan, Quantity, Recording
 from workbench.errors import WorkbenchError
-from workbench.scan_plan.information import Joint, Knowledge, Profiler, decay_columns, edges_of
+from workbench.scan_plan.information import Joint, Knowledge, Profiler, decay_columns
 from workbench.scan_plan.way import EdgeLine
 from workbench.synthetic import Recipe
 from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Robot, Scanner
@@ -25,7 +26,9 @@ from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float, Shaped
 
 RESERVE = 1.15  # over what is rehearsed, that nine of ten scans stay within: noise alone
+WAVE_MM = 0.05  # as a robot leaves a root face, that is promised for: the engine averages less along such an edge
 LONGEST_MM = 100.0  # of a nominal edge: a longer one is rehearsed on so much, its shadows drawn together
+FOOTPRINT = np.linspace(-0.4, 0.4, 5)  # rays of a pixel, in columns from its middle
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
@@ -39,13 +42,19 @@ def straight(length_mm: float) -> EdgeLine:
     return EdgeLine.through(ends, np.array([0.0, 0.0, 1.0]), "nominal")
 
 
+class Supposed(NamedTuple):
+    """What is supposed of the part that is rehearsed."""
+
+    radius_mm: float  # of the lower edge
+    wave_mm: float  # amplitude of the root face along the edge
+    draw: int  # of the noise
+
+
 class Rehearsed(NamedTuple):
-    """What the engine tells of the rehearsed scans, at s stations; NaN: no pass sees it."""
+    """What the engine tells of a rehearsed scan, at s stations; NaN: no pass sees it."""
 
     root: Quantity
     bevel: Quantity
-    promised_root_u_mm: Shaped[Float, " s"]
-    promised_bevel_u_deg: Shaped[Float, " s"]
     refused: str | None = None  # why the engine refuses such recordings
 
 
@@ -56,20 +65,21 @@ def rehearsed(
     way: PlannedScan,
     sees: Shaped[Bool, "p s"],
     stations: Shaped[Float, " s"],
-    *,
-    again: bool = False,
+    supposed: Supposed,
 ) -> Rehearsed:
     """Root face and bevel angle at the stations as the engine tells them.
 
-    way: the passes along `straight`; sees: which of them sees which station; again: other noise, first radius only.
+    way: the passes along `straight`; sees: which of them sees which station.
     """
     length = float(stations[-1])
     recipe = Recipe(
-        seed=int(again),
+        seed=supposed.draw,
         part=Part(
             length_mm=length,
             thickness_mm=Course(start=joint.thickness_mm, end=joint.thickness_mm),
-            root_mm=Course(start=joint.root_mm, end=joint.root_mm),
+            root_mm=Course(
+                start=joint.root_mm, end=joint.root_mm, amplitude=supposed.wave_mm, wavelength_mm=LONGEST_MM
+            ),
             bevel_deg=Course(start=joint.bevel / DEG, end=joint.bevel / DEG),
             roughness_mm=known.roughness_mm,
             base_from_part=Placement(position_mm=PLACE_MM),
@@ -82,27 +92,23 @@ def rehearsed(
         passes=(Pass(from_mm=0.0, to_mm=length),),
     )
     turn = np.diag([0.0, 0.0, 0.0, *3 * [known.hand_eye_turn**2]])
-    recording = twin.scan(Workpiece(recipe), way)
-    found = []
-    for radius_mm in edges_of(known.edge_condition)[: 1 if again else None]:
-        try:
-            points = cloud.denoise(scan.fuse(_as_seen(recording, way, sees, stations, radius_mm)))
-            made = edge.segment(
-                dataclasses.replace(points, hand_eye_covariance=turn),
-                root_nominal_mm=joint.root_mm,
-                bevel_nominal_deg=joint.bevel / DEG,
-                robot_noise_mm=known.robot_noise_mm,
-                sensor=profiler.file,
-            )
-        except WorkbenchError as refused:
-            unknown = np.full(stations.size, np.nan)
-            root, bevel = (Quantity.of(name, unknown, {of: unknown}) for name, of in UNKNOWN)
-            return Rehearsed(root, bevel, unknown, unknown, f"with a radius of {radius_mm:.2g} mm: {refused}")
-        found.append([_along(made, one, stations) for one in (made.root, made.bevel)])
+    recording = _as_seen(twin.scan(Workpiece(recipe), way), way, sees, stations, supposed.radius_mm)
+    try:
+        points = cloud.denoise(scan.fuse(recording))
+        made = edge.segment(
+            dataclasses.replace(points, hand_eye_covariance=turn),
+            root_nominal_mm=joint.root_mm,
+            bevel_nominal_deg=joint.bevel / DEG,
+            robot_noise_mm=known.robot_noise_mm,
+            sensor=profiler.file,
+        )
+    except WorkbenchError as refused:
+        unknown = np.full(stations.size, np.nan)
+        root, bevel = (Quantity.of(name, unknown, {of: unknown}) for name, of in UNKNOWN)
+        return Rehearsed(root, bevel, f"with a radius of {supposed.radius_mm:.2g} mm: {refused}")
     patterns = [(sees == one[:, None]).all(axis=0) for one in np.unique(sees[:, sees.any(axis=0)], axis=1).T]
-    told = [[_typical(one, patterns) for one in each] for each in found]
-    (root, bevel), (most_root, most_bevel) = told[0], told[-1]
-    return Rehearsed(root, bevel, RESERVE * most_root.u, RESERVE * most_bevel.u)
+    root, bevel = (_typical(_along(made, one, stations), patterns) for one in (made.root, made.bevel))
+    return Rehearsed(root, bevel)
 
 
 def _typical(found: Quantity, patterns: list[Bool]) -> Quantity:
@@ -137,21 +143,40 @@ def _as_seen(recording: Recording, way: PlannedScan, sees: Bool, stations: Float
         at = np.clip(place[:, 0] + way.standoff_mm * turn[0, 2], stations[0], stations[-1])
         z[rows[np.interp(at, stations, sees[number].astype(float)) < 1.0 - 1e-9]] = np.nan
         if radius_mm > 0.0:
-            z[rows] += _farther_mm(place[:, None] + recording.x_mm[rows, :, None] * turn[:, 0], turn[:, 2], radius_mm)
+            of_columns = place[:, None] + recording.x_mm[rows, :, None] * turn[:, 0]
+            z[rows] += _farther_mm(of_columns, way.pitch_mm * turn[:, 0], turn[:, 2], radius_mm)
     return dataclasses.replace(recording, x_mm=np.where(np.isnan(z), np.nan, recording.x_mm), z_mm=z.astype(np.float32))
 
 
-def _farther_mm(origin: Shaped[Float, "f c 3"], ray: Shaped[Float, " 3"], radius_mm: float) -> Shaped[Float, "f c"]:
-    """How much farther rays go to an edge with a radius than to a sharp one; NaN: past it, or at too flat an angle."""
-    n, m, by_n, by_m = -origin[..., 1], origin[..., 2], -ray[1], ray[2]
-    sharp = -n / by_n if by_m <= 0.0 else np.fmax(-n / by_n, -m / by_m)
-    n, m = n + sharp * by_n + radius_mm, m + sharp * by_m - radius_mm  # of what they meet, from the rounding's middle
+def _farther_mm(
+    origin: Shaped[Float, "f c 3"], pixel: Shaped[Float, " 3"], ray: Shaped[Float, " 3"], radius_mm: float
+) -> Shaped[Float, "f c"]:
+    """How much farther pixels see an edge with a radius than their middle ray a sharp one.
+
+    NaN: most of a pixel's rays go past it, or meet it at too flat an angle.
+    """
+    sharp, n, m = _met(origin, ray)
+    reach = radius_mm + float(np.linalg.norm(pixel))
+    near = (n > -reach) & (m < reach)
+    first, n, m = _met(origin[near][:, None] + FOOTPRINT[:, None] * pixel, ray)
+    by_n, by_m, n, m = -ray[1], ray[2], n + radius_mm, m - radius_mm  # from the rounding's middle
     at_edge = (n > 0.0) & (m < 0.0) & (m > -radius_mm - 1e-9)
     square, half = by_n**2 + by_m**2, n * by_n + m * by_m
     left = half**2 - square * (n**2 + m**2 - radius_mm**2)
     far = (-half - np.sqrt(np.where(left > 0.0, left, np.nan))) / square
     cosine = -((n + far * by_n) * by_n + (m + far * by_m) * by_m) / radius_mm
-    return np.where(at_edge, np.where(cosine > math.cos(MOST_SEEN_DEG * DEG), far, np.nan), 0.0)
+    first += np.where(at_edge, np.where(cosine > math.cos(MOST_SEEN_DEG * DEG), far, np.nan), 0.0)
+    count = np.isfinite(first).sum(axis=1)
+    out = np.zeros(near.shape)
+    out[near] = np.nansum(first, axis=1) / np.where(2 * count > FOOTPRINT.size, count, np.nan) - sharp[near]
+    return out
+
+
+def _met(origin: Shaped[Float, "... 3"], ray: Shaped[Float, " 3"]) -> tuple[Float, Float, Float]:
+    """Range to the root face, or to the lower surface where that is met first; and along n and m from the edge."""
+    by_n = origin[..., 1] / -ray[1]
+    first = by_n if ray[2] <= 0.0 else np.fmax(by_n, -origin[..., 2] / ray[2])
+    return first, -first * ray[1] - origin[..., 1], first * ray[2] + origin[..., 2]
 
 
 def _along(found: MilledEdge, quantity: Quantity, stations: Float) -> Quantity:

@@ -1,12 +1,13 @@
 """Which passes: the least time in which every station reaches the wanted uncertainty.
 
-Branch and bound over sets of candidates in order of time: exact for as many passes as are asked for. Where no set
+All sets of candidates in order of time that may be better: exact for as many passes as are asked for. Where no set
 reaches what is wanted, the one that leaves the fewest stations unseen, of these the fewest short, and comes nearest.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -67,7 +68,7 @@ class Reach(NamedTuple):
     short: int  # that miss what is wanted, those included
     excess: float  # largest of what they promise over what is wanted, where that is more
     seconds: float
-    over: float  # largest of all
+    left: float  # product of promised over wanted U of both sizes, at most: of two sets as good the one that tells more
 
 
 @dataclass
@@ -87,15 +88,15 @@ class Search:
         views = tuple(self.candidates[k].view for k in passes)
         return _told(self.joint, self.profiler, self.known, views, self.length_mm)
 
-    def over(self, passes: tuple[int, ...]) -> float:
-        """The larger of promised over wanted U where all of these passes see the edge."""
+    def over(self, passes: tuple[int, ...]) -> tuple[float, float]:
+        """Promised over wanted U of root face and bevel angle where all of these passes see the edge."""
         told = self.predicted(passes)
         root, bevel = told.most_root_mm / self.wanted.root_mm, told.bevel_deg / self.wanted.bevel_deg
         views = tuple(self.candidates[k].view for k in passes)
         (other, _), nearest = min(((one.away(views), one) for one in self.learned), default=((True, 0.0), None))
         if nearest is not None and not other:
             root, bevel = nearest.root * root, nearest.bevel * bevel
-        return RESERVE * COVERAGE * max(root, bevel)
+        return RESERVE * COVERAGE * root, RESERVE * COVERAGE * bevel
 
     def patterns(self, passes: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Int]:
         """Which of these passes see the edge together somewhere, and of each station the number of its pattern."""
@@ -106,12 +107,13 @@ class Search:
     def reach(self, passes: tuple[int, ...]) -> Reach:
         """How these passes do."""
         groups, which = self.patterns(passes)
-        over = np.array([self.over(group) if group else math.inf for group in groups])[which]
+        each = np.array([self.over(group) if group else (math.inf, math.inf) for group in groups])[which]
+        over, left = each.max(axis=1), each.prod(axis=1)
         short = over > 1.0
         seen = np.isfinite(over)
         excess = float(over[short & seen].max(initial=0.0))
         seconds = sum(self.candidates[k].seconds for k in passes)
-        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, float(over[seen].max(initial=0.0)))
+        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, float(left[seen].max(initial=0.0)))
 
     @property
     def visible(self) -> Bool:
@@ -124,27 +126,20 @@ class Search:
         hidden, looked = int((~self.visible).sum()), 0
         best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
 
-        def grow(passes: tuple[int, ...], first: int, seconds: float, size: int) -> None:
-            nonlocal best, looked
-            for place in range(first, len(order)):
-                k = order[place]
-                total = seconds + self.candidates[k].seconds
-                done = best[1].short == hidden
-                if (done and total > best[1].seconds) or looked > MOST_SETS:
-                    return  # those behind take longer still
-                grown = (*passes, k)
-                if len(grown) < size:
-                    grow(grown, place + 1, total, size)
-                    continue
-                if (~np.any([self.candidates[one].sees for one in grown], axis=0)).sum() > best[1].unseen:
-                    continue
-                looked += 1
-                found = self.reach(tuple(sorted(grown)))
-                if found < best[1]:
-                    best = (tuple(sorted(grown)), found)
-
-        for size in range(1, most_passes + 1):  # few passes first: their time bounds the others
-            grow((), 0, 0.0, size)
+        sizes = range(1, most_passes + 1)  # few passes first: their time bounds the others
+        for passes in itertools.chain.from_iterable(itertools.combinations(order, size) for size in sizes):
+            several = [self.candidates[k] for k in passes]
+            done = best[1].short == hidden
+            if done and sum(one.seconds for one in several) > best[1].seconds:
+                continue
+            if (~np.any([one.sees for one in several], axis=0)).sum() > best[1].unseen:
+                continue
+            looked += 1
+            if looked > MOST_SETS:
+                break
+            found = self.reach(tuple(sorted(passes)))
+            if found < best[1]:
+                best = (tuple(sorted(passes)), found)
         return best
 
 

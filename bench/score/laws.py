@@ -29,6 +29,7 @@ from workbench.units import Float
 ENGINE = "WORKBENCH_SCORED_ENGINE"  # environment: another engine for the same laws
 GROWS = 1.1  # by which u may grow with more information
 ROUNDING = {"root_mm": 1e-4, "bevel_deg": 1e-3}  # float32 ranges, and orders of sums
+ROUNDING_OF_U = 0.01  # of u
 SHIPPED = ("milled_edge", "milled_arc", "milled_two_pass")
 DRAWN = {"sharp": (1, 2, 3), "worn": (1, 2, 4)}
 Change = Callable[[Recording], Recording]
@@ -159,7 +160,7 @@ def table() -> str:
             both = {name: change_of(name, change, quantity) for name in names()}
             worst = max(both, key=both.__getitem__)
             value, u = both[worst][0], max(one[1] for one in both.values())
-            held = f"{sum(v <= limit for v, _ in both.values())} of {len(both)}"
+            held = f"{sum(v <= limit and du <= ROUNDING_OF_U for v, du in both.values())} of {len(both)}"
             rows.append([change, f"`{quantity}`", held, f"{value:.5f}, u {100 * u:.1f} %", worst])
     return "\n".join(markdown(["against", "value", "held", "worst", "of"], rows))
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from workbench.geometry.chains import FaceLines
+from workbench.geometry.course import stretches
 from workbench.geometry.medians import medians
 from workbench.units import Float, Int
 
@@ -53,8 +54,8 @@ def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
     on = np.isfinite(s) & np.isfinite(slope)
     if not on.any():
         return out
-    block = np.floor(s[on] / SLOPE_MM).astype(np.int64)
-    key = pass_index[on] * (int(np.ptp(block)) + 10) + block - block.min()
+    block = stretches(s[on], SLOPE_MM)
+    key = pass_index[on] * (int(block.max()) + 10) + block
     order = np.argsort(key, kind="stable")
     edges = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
     middle = medians(slope[on][order], edges)  # the median withstands a stray frame

@@ -172,11 +172,12 @@ def _partition(x: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
     step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
     breaks = (x.size + step - 1) // step
+    breaks += x.size % 2 * (1 - breaks % 2)  # the same from either end: odd where the points are
     at = np.empty(breaks + 1)
     s1, s2, s3 = np.empty(breaks + 1), np.empty(breaks + 1), np.empty(breaks + 1)
     s4, s5 = np.empty(breaks + 1), np.empty(breaks + 1)
     for b in range(breaks + 1):
-        i = min(b * step, x.size)
+        i = b * x.size // breaks if 2 * b <= breaks else x.size - (breaks - b) * x.size // breaks
         at[b] = i
         s1[b], s2[b], s3[b], s4[b], s5[b] = sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3], sums[i, 4]
     cost, trial = np.zeros(breaks + 1), np.empty(breaks + 1)
@@ -205,7 +206,7 @@ def _partition(x: Float, sums: Float, sigma: float) -> Int:
     b = breaks
     while b > 0:
         if not skipped[b]:
-            spans[count, 0], spans[count, 1] = came_from[b] * step, min(b * step, x.size)
+            spans[count, 0], spans[count, 1] = at[came_from[b]], at[b]
             count += 1
         b = came_from[b]
     return spans[:count][::-1]

@@ -169,8 +169,9 @@ def _patches(left: Float, column_mm: float, lean: float, asked: FaceImage) -> Fa
         return None
     size = places * asked.wide
     last = left.shape[1] - size
-    begins = np.linspace(0, last, min(PLACES, left.shape[1] // size)).astype(np.int64)
-    begins = np.union1d(begins[2 * begins <= last], last - begins[2 * begins <= last])  # the same from either end
+    low = np.linspace(0, last, min(PLACES, left.shape[1] // size)).astype(np.int64)
+    low = low[2 * low <= last]
+    begins = np.union1d(low, last - low)  # the same from either end
     place = (np.arange(places) - 0.5 * (places - 1)) * column_mm * asked.wide
     values = (left[:, begin : begin + size].reshape(-1, places, asked.wide) for begin in begins)
     found = [_pooled(_mean(value), np.arange(len(value), dtype=float), place, lean, 1) for value in values]

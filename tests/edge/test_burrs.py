@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from bench.score.measure import one
 
 Scans = Callable[..., Any]
 BURR = {"edge": "lower", "from_mm": 20.0, "to_mm": 30.0, "height_mm": 0.4, "width_mm": 0.5}
@@ -41,3 +44,9 @@ def test_a_burr_does_not_move_the_edge(scanned: Scans) -> None:
         assert np.abs(with_burr - without).max() < (0.3 if k == 0 else 0.05)
     size = [np.nanmedian(e.root.value) for e in (plain, burred)]
     assert size[0] == pytest.approx(size[1], abs=0.03)
+
+
+def test_burrs_that_stand_out_of_a_third_of_an_edge_turn_no_bevel_angle(tmp_path: Path) -> None:
+    bevel = one(("worn", "swept", 8950005, tmp_path, "product")).found["bevel_deg"]
+    assert (np.abs(bevel.error) < 2.0 * bevel.u).all()
+    assert np.abs(bevel.error).max() < 0.4

@@ -103,10 +103,8 @@ def direction_u(measured: Measured, s: Float) -> tuple[Float, Float, Float]:
     faces = measured.faces
     bevel_u, apart = faces.bevel_course.u(s), faces.opening_course.value(s)
     alone = faces.root_course.value(s) - faces.bevel_course.value(s)
-    mean = (1.0 - faces.follows) * alone + faces.follows * apart
-    angle = (1.0 - faces.follows) * (faces.root_course.u(s) ** 2 + bevel_u**2 + (alone - mean) ** 2)
-    angle += faces.follows * (faces.opening_course.u(s) ** 2 + bevel_u**2 + (apart - mean) ** 2)
     tilt = (1.0 - faces.follows) * faces.root_course.u(s) ** 2 + faces.follows * faces.opening_course.u(s) ** 2
+    angle = tilt + bevel_u**2 + faces.follows * (1.0 - faces.follows) * (alone - apart) ** 2
     if faces.even is not None:
         around = np.mean([_turned(measured, s + off) for off in np.linspace(-0.5, 0.5, 21) * LOCAL_MM], axis=0)
         angle = faces.even.u(s) ** 2 + bevel_u**2 + np.var(around)  # a section's own stretch turns by that

@@ -13,6 +13,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d, median_filter
 from scipy.spatial.transform import Rotation
 
+from bench import outside
 from bench.confidently_wrong.kinds import KINDS
 from bench.drawn import spheres
 from bench.drawn.plates import random_recipe
@@ -180,6 +181,25 @@ def test_digits_of_quaternions_are_counted(digits: int) -> None:
     assert quaternion_step(few[:1]) == 10.0**-digits
     assert quaternion_step(quaternion) == 0.0
     assert quaternion_step(np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("narrower", "step_mm", "is_told"), [(25.4, 0.01, False), (25.4, 0.3, True), (4.0, 1.0, False)]
+)
+def test_a_narrow_view_is_one_in_inches_only_if_it_was_scanned_coarsely(
+    narrower: float, step_mm: float, is_told: bool
+) -> None:
+    """A part that fills 3 mm of a view of 7.5 mm is none."""
+    r = good("straight")
+    along = r.robot_position_mm[-1] - r.robot_position_mm[0]
+    way = along / np.linalg.norm(along) * step_mm * (len(r.time_s) - 1)
+    narrow = spoilt(
+        r,
+        x_mm=r.x_mm / narrower,
+        z_mm=np.where(np.abs(r.x_mm) < 6.0, r.z_mm / narrower, np.nan),
+        robot_position_mm=r.robot_position_mm[0] + np.linspace(0, 1, len(r.robot_time_s))[:, None] * way,
+    )
+    assert ("view_width_mm" in failed(narrow)) == is_told
 
 
 @pytest.mark.parametrize(("condition", "sigma"), [("noisy", 1.5), *seldom(("straight", 1.5), ("wavy", 5.0))])
@@ -454,6 +474,10 @@ def _rounded_z(recording: Recording, step_mm: float) -> Recording:
 
 def _told(recording: Recording) -> Check:
     return {one.name: one for one in judge_recording(recording)}["held_end_share"]
+
+
+def test_noise_of_two_digits_on_faces_that_a_fan_of_rays_bends_is_no_filter() -> None:
+    assert _told(outside.simulate(8_950_000, True).recording).value < 0.1
 
 
 def test_frames_that_no_longer_lie_on_each_other_are_refused() -> None:

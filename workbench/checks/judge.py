@@ -295,16 +295,22 @@ def _checks(
 
 
 def _profile_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
-    width, far = extent(recording.x_mm, recording.z_mm)
+    shown, far = extent(recording.x_mm, recording.z_mm)
+    width = max(shown, (recording.z_mm.shape[1] - 1) * _pitch_mm(recording))
     told = f"the profiles are {width:.4g} mm wide{_unit(width, (10.0, 500.0))}"
     narrowest = NARROWEST_MM if _columns_a_frame(recording) < COARSE else least("view_width_mm")
     yield check("view_width_mm", width, told, given=given, default=(narrowest, most("view_width_mm")))
     yield check("range_mm", far, f"a return is {far:.4g} mm away{_unit(far, (20.0, 2000.0))}", given=given)
 
 
+def _pitch_mm(recording: Recording) -> float:
+    """How far columns lie apart that return side by side: any x may be written for lost returns."""
+    return column_pitch_mm(np.where(np.isfinite(some(recording.z_mm)), some(recording.x_mm), np.nan))
+
+
 def _columns_a_frame(recording: Recording) -> float:
     """How many columns' widths the flange moves from frame to frame: of profiles in inches 25 times as many."""
-    position, pitch = recording.robot_position_mm, column_pitch_mm(recording.x_mm)
+    position, pitch = recording.robot_position_mm, _pitch_mm(recording)
     way = sum(
         float(np.linalg.norm(np.diff(position[recording.robot_pass == number], axis=0), axis=1).sum())
         for number in np.unique(recording.pass_index)
@@ -389,12 +395,10 @@ def _longest_run(on: Bool) -> int:
 
 def _sensor_checks(recording: Recording, given: Mapping[str, Bound]) -> Iterator[Check]:
     traces = sensor_traces(recording.z_mm, recording.pass_index)
-    z, x = some(recording.z_mm), some(recording.x_mm)
-    step = step_mm(z)
+    step = step_mm(some(recording.z_mm))
     told = f"ranges are rounded to {step:.3g} mm: export them at full resolution"
     yield check("range_step_mm", step, told, given=given)
-    step = uneven_step_mm(recording.x_mm, recording.z_mm)
-    pitch = column_pitch_mm(np.where(np.isfinite(z), x, np.nan))  # any x may be written for lost returns
+    step, pitch = uneven_step_mm(recording.x_mm, recording.z_mm), _pitch_mm(recording)
     told = f"lateral places are rounded to {step:.3g} mm: export them at full resolution"
     yield check("lateral_step_mm", step, told, given=given, default=max(most("lateral_step_mm"), STEP_SHARE * pitch))
     told = (

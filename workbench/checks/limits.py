@@ -23,7 +23,7 @@ class Limit:
 LIMITS: dict[str, Limit] = {
     "view_width_mm": Limit(
         (6.0, 3000.0),
-        "width of all that the profiles show; 0.5 mm is enough where frames are under 25 columns apart",
+        "width of the profiles, lost columns among them; 0.5 mm is enough where frames are under 25 columns apart",
         "profilers for edges see 7 mm to 3 m; frames are rarely closer than columns, so in inches they seem far apart",
     ),
     "range_mm": Limit(10_000.0, "greatest distance of a return along z", "no triangulating profiler sees further"),

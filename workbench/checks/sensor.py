@@ -27,7 +27,7 @@ LEAST_PAIRS = 500
 UNEVEN_SHARE = 0.02
 BENT = 4.0  # median bends: an outlier that was averaged enters and leaves the mean by a smaller one
 STRAIGHT, LEAST_NOISE_MM = 1.4, 1e-6  # median misfits: a bent, broken or rough piece has more; held values have less
-BEND_OF_NOISE = 0.6745 * math.sqrt(6.0)  # median of 1, -2, 1, of noise of 1
+THIRD_OF_NOISE = 0.6745 * math.sqrt(20.0)  # median of 1, -3, 3, -1, of noise of 1: rays in a fan bend a steep face
 EVEN = 0.05  # by how much steps that are alike differ
 TOP, HALF, BELOW = (np.linspace(*ends, 9) for ends in ((0.42, 0.5), (0.2, 0.3), (0.1, 0.3)))  # per sample: `fading`
 FILTERED = 0.05  # as little of the noise is left at two columns where a filter has smoothed by 0.7 columns and more
@@ -118,7 +118,7 @@ def _filled_share(z: Float, digit_mm: float) -> float:
     a parabola through them. What is more than either, by SURE_SD standard deviations, MOST_MORE and as much as noise
     of heavy tails is denser at its middle, is a filter's. Noise below the digit makes such values by itself.
     """
-    found, spread = 0.0, _bends(z[:, ::APART]) / BEND_OF_NOISE
+    found, spread = 0.0, _bends(np.diff(z[:, ::APART], axis=1)) / THIRD_OF_NOISE
     if not digit_mm <= spread < math.inf:
         return 0.0
     for way in (z, z[:, ::-1]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.artefacts import FORM, Cloud, Inspection, MilledEdge, Quantity
+from workbench.artefacts import Cloud, Inspection, MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
@@ -70,15 +69,6 @@ def test_a_part_that_passes_on_a_condition_is_to_be_seen_from_below() -> None:
     _, both = scanned(42.0, proposal["elevation_deg"])
     settled = sections(both, root_tolerance_mm=(-0.15, 0.15), root_nominal_mm=1.55)
     assert settled.verdict == "pass", settled.reason
-
-
-def test_what_the_recording_shows_of_the_faces_form_is_in_what_is_promised() -> None:
-    cloud, edge = scanned(42.0)
-    found, proposal = told(42.0, root_nominal_mm=1.5, root_tolerance_mm=CLOSE)
-    terms = edge.bevel.u_by_source
-    bent = replace(edge, bevel=Quantity.of("bevel_deg", edge.bevel.value, {**terms, FORM: 0.1 + 0.0 * terms[FORM]}))
-    of_bent = json.loads(next_(cloud, bent, found)[0].content)  # type: ignore[union-attr]
-    assert of_bent["predicted_bevel_U_deg"] > 1.5 * proposal["predicted_bevel_U_deg"]
 
 
 def test_the_file_is_an_edge_for_the_plan_of_a_scan(tmp_path: Path) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from workbench import pieces
-from workbench.artefacts import BEVEL_FACE, FORM, Chapter, Cloud, Document, Inspection, MilledEdge
+from workbench.artefacts import BEVEL_FACE, Chapter, Cloud, Document, Inspection, MilledEdge
 from workbench.edge.broken_end import EdgeCondition
 from workbench.edge.parameters import USUAL_NOISE_MM, RobotNoiseOrUsual, usual_noise_mm
 from workbench.stage import InputFile, stage
@@ -149,9 +148,8 @@ def open_sections(inspection: Inspection) -> tuple[Open, ...]:
 
 
 def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowledge) -> list[Proposal]:
-    """Every elevation from which both faces are seen, with U that all passes together are promised to have."""
+    """Every elevation from which both faces are seen, with U of all passes together."""
     from workbench.scan_plan.information import Joint, View, combined, information
-    from workbench.scan_plan.rehearsal import RESERVE
 
     root, bevel = float(np.nanmedian(edge.root.value)), float(np.nanmedian(edge.bevel.value)) * DEG
     face = edge.faces[BEVEL_FACE]
@@ -164,20 +162,15 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
     def told(elevation: float) -> PassInformation | None:
         return information(joint, profiler, known, View(elevation, profiler.middle_mm, pitch), length)
 
-    def there() -> list[PassInformation]:
-        return [one for elevation in _elevations(cloud, edge) if (one := told(elevation)) is not None]
-
-    shown = float(np.nanmedian(np.broadcast_to(edge.bevel.u_by_source[FORM], edge.seen.shape)[edge.seen]))
-    for _ in range(2 if there() else 0):  # the sensor's linearity is what the faces' form shows of it
-        more, linearity = max(1.0, shown / combined(joint, known, there(), length).form_deg), profiler.linearity
-        profiler = replace(profiler, linearity=linearity._replace(rms_mm=more * linearity.rms_mm))
+    there = [one for elevation in _elevations(cloud, edge) if (one := told(elevation)) is not None]
     found = []
     for elevation in ELEVATIONS_DEG:
         further = told(elevation * DEG)
         if further is not None:
-            both = combined(joint, known, (*there(), further), length)
-            k = RESERVE * COVERAGE
-            found.append(Proposal(elevation, k * both.most_root_mm, k * both.bevel_deg, further.step_mm == 0.0))
+            both = combined(joint, known, (*there, further), length)
+            found.append(
+                Proposal(elevation, COVERAGE * both.root_mm, COVERAGE * both.bevel_deg, further.step_mm == 0.0)
+            )
     return found
 
 

@@ -143,7 +143,6 @@ class Predicted(NamedTuple):
     root_mm: float
     bevel_deg: float
     most_root_mm: float  # by the edge of the prior that hides most
-    form_deg: float  # of the bevel angle, by the form of the faces
 
 
 def incidences(joint: Joint, view: View) -> tuple[float, float, float]:
@@ -384,9 +383,8 @@ def combined(joint: Joint, known: Knowledge, passes: Sequence[PassInformation], 
     corner = (root_form[2] / math.tan(beta), root_form[1] * steep, bevel_form[1] / math.sin(beta))
     leverage = math.sqrt(max(run_r**2 + run_b**2 - 2.0 * run_r * run_b * math.cos(beta), 0.0))
     seen = math.hypot(end, turned, tangent * run_r * joint.root_mm, lower_mm, *corner)
-    form = math.hypot(root_form[0], bevel_form[0])
-    bevel = math.hypot(root_u, bevel_u, tangent * leverage, form)
-    return Predicted(math.hypot(seen, rounding), bevel / DEG, math.hypot(seen, rounding_most), form / DEG)
+    bevel = math.hypot(root_u, bevel_u, tangent * leverage, root_form[0], bevel_form[0])
+    return Predicted(math.hypot(seen, rounding), bevel / DEG, math.hypot(seen, rounding_most))
 
 
 def _parallel(u: Sequence[float]) -> float:

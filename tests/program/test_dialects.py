@@ -256,8 +256,10 @@ def test_another_makers_robot_gets_no_program(made, cells, controller: str) -> N
     assert [one.kind for one in judgement.violations] == ["frame"]
 
 
-def test_a_cell_that_names_no_controller_is_refused(made, cells) -> None:
+def test_a_program_asked_for_without_a_cell_is_missed_and_a_cell_without_a_controller_refused(made, cells) -> None:
     one = made["irb6700"]
+    (gate,) = write(replace(one, postures=None), replace(passed(one.toolpath), reached=False), controller="kuka")
+    assert (gate.passed, gate.clean) == (True, False)
     with pytest.raises(InputError, match=r"\$\.controller: expected the make of the robot's controller"):
         write(one, passed(one.toolpath), cells["irb6700"])
 

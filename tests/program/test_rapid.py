@@ -81,7 +81,7 @@ BAD_NAMES = [
 
 
 @pytest.mark.parametrize("name", BAD_NAMES)
-@pytest.mark.parametrize("key", ["name", "tool_name"])
+@pytest.mark.parametrize("key", ["name", "procedure", "tool_name", "work_object_name"])
 def test_a_name_that_rapid_does_not_allow_is_refused(moves: Moves, irb6700: Cell, key: str, name: str) -> None:
     with pytest.raises(PipelineError, match=rf"program\.write\.{key}: expected a "):
         write(moves, passed(moves.toolpath), irb6700, **{key: name})

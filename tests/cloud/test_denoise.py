@@ -82,6 +82,15 @@ def test_short_streaks_go() -> None:
     assert (~made.keep).sum() < 30 + 1e-3 * z.size
 
 
+def test_what_was_rejected_before_stays_so() -> None:
+    z = clean(np.random.default_rng(4))
+    keep = np.ones(z.shape, bool)
+    keep[100] = keep[:, 250] = False
+    made = denoise(cloud(z, keep))
+    assert not made.keep[~keep].any()
+    assert made.rejected["earlier"] == 3
+
+
 def test_a_smaller_tolerance_rejects_more_and_positions_stay() -> None:
     given = cloud(clean(np.random.default_rng(5)))
     counts = [int((~denoise(given, tolerance_mm=value).keep).sum()) for value in (0.02, 0.05, 0.5)]

@@ -301,6 +301,9 @@ BAD: dict[str, tuple[Edit, str]] = {
     "time in nanoseconds since 1970": (change("/robot/time", 1, 1.7e18), "/robot/time[1]"),
     "zero quaternion": (change("/robot/quaternion_wxyz", 2, 0), "/robot/quaternion_wxyz[2]"),
     "quaternion off unit length": (change("/robot/quaternion_wxyz", (0, 0), 1.0011), "/robot/quaternion_wxyz[0]"),
+    "NaN position": (change("/robot/position", (2, 1), np.nan), "/robot/position[2, 1]"),
+    "NaN quaternion": (change("/robot/quaternion_wxyz", (2, 1), np.nan), "/robot/quaternion_wxyz[2, 1]"),
+    "pose time that stands": (change("/robot/time", 3, 0.0), "/robot/time[3]"),
     "time that stands": (
         change("/profiles/time", 4, 0.02),
         "/profiles/time[4]: expected times that rise within pass -5",

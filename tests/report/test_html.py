@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from workbench import pieces
 from workbench.artefacts import Chapter, Part
 from workbench.errors import InputError
 from workbench.report import html
@@ -91,3 +92,18 @@ def test_the_pipeline_is_shown_whole(elements, provenance):
     shown = text[text.index('{\n  "version"') :]
     assert json.JSONDecoder().raw_decode(shown)[0] == pipeline
     assert '    {"stage": "é"}' in shown.splitlines()
+
+
+def test_every_piece_of_a_chapter_escapes_its_text() -> None:
+    text = '<script>alert("x")</script>'
+    for made in (
+        pieces.figure_html(b"<svg/>", text, text, [("red", text)]),
+        pieces.table_html([text], [[text]], text),
+        pieces.facts_html([(text, text)]),
+        pieces.list_html([text]),
+        pieces.heading(text),
+        pieces.note(text),
+        pieces.paragraph(text),
+    ):
+        assert "&lt;script&gt;" in made
+        assert "<script" not in made

@@ -92,25 +92,29 @@ def test_all_problems_at_once_each_with_its_line(tmp_path: Path) -> None:
     assert "\n" not in text
 
 
+TURN = Rotation.from_rotvec([0.3, -1.2, 2.0])
 CONTROLLERS = {  # (numbers as a teach pendant shows them, the rotation by scipy)
-    "abb_xyz": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
-    "fanuc_wpr": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
-    "yaskawa_rxyz": ([30.0, -20.0, 75.0], ("xyz", [30.0, -20.0, 75.0])),
-    "kuka_abc": ([75.0, -20.0, 30.0], ("ZYX", [75.0, -20.0, 30.0])),
-    "staubli_rxyz": ([30.0, -20.0, 75.0], ("XYZ", [30.0, -20.0, 75.0])),
+    "abb_xyz": ([30.0, -20.0, 75.0], Rotation.from_euler("xyz", [30.0, -20.0, 75.0], degrees=True)),
+    "fanuc_wpr": ([30.0, -20.0, 75.0], Rotation.from_euler("xyz", [30.0, -20.0, 75.0], degrees=True)),
+    "yaskawa_rxyz": ([30.0, -20.0, 75.0], Rotation.from_euler("xyz", [30.0, -20.0, 75.0], degrees=True)),
+    "kuka_abc": ([75.0, -20.0, 30.0], Rotation.from_euler("ZYX", [75.0, -20.0, 30.0], degrees=True)),
+    "staubli_rxyz": ([30.0, -20.0, 75.0], Rotation.from_euler("XYZ", [30.0, -20.0, 75.0], degrees=True)),
+    "ur": ([0.3, -1.2, 2.0], TURN),
+    "abb": (np.roll(TURN.as_quat(), 1).tolist(), TURN),
 }
 
 
 @pytest.mark.parametrize("convention", CONTROLLERS)
 def test_hand_eye_as_a_teach_pendant_shows_it(convention: str, tmp_path: Path) -> None:
-    numbers, (axes, angles) = CONTROLLERS[convention]
+    numbers, turn = CONTROLLERS[convention]
     path = tmp_path / "map.json"
-    eye = {"position": [10, 20, 30], "orientation": numbers, "convention": convention}
-    path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
-    hand_eye = read_mapping(path).hand_eye
-    assert hand_eye is not None
-    np.testing.assert_allclose(hand_eye.pose()[:3, :3], Rotation.from_euler(axes, angles, degrees=True).as_matrix())
-    assert hand_eye.pose()[:3, 3].tolist() == [10, 20, 30]
+    for position, unit in (([10, 20, 30], "mm"), ([0.01, 0.02, 0.03], "m")):
+        eye = {"position": position, "length_unit": unit, "orientation": numbers, "convention": convention}
+        path.write_text(json.dumps({**MAPPING, "hand_eye": eye}))
+        hand_eye = read_mapping(path).hand_eye
+        assert hand_eye is not None
+        np.testing.assert_allclose(hand_eye.pose()[:3, :3], turn.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(hand_eye.pose()[:3, 3], [10, 20, 30])
 
 
 @pytest.mark.parametrize(

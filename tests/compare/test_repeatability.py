@@ -125,6 +125,23 @@ def test_a_hidden_section_is_left_out_and_told(tmp_path: Path) -> None:
     assert "section 2 left out" in result["warnings"][0]
 
 
+def test_sections_at_other_places_are_told(tmp_path: Path) -> None:
+    for k in range(2):
+        document = inspection(1.5 + 0.001 * k)
+        document["sections"][0]["arc_length_mm"] = 10.0 + 5.0 * k
+        written(tmp_path, json.dumps(document), f"{k}.json")
+    (words,) = study(study=written(tmp_path, "inspection\n0.json\n1.json\n")).warnings
+    assert "2.5 mm off" in words
+
+
+def test_a_gauge_that_hardly_tells_the_parts_apart_is_not_acceptable(tmp_path: Path) -> None:
+    """Whatever its share of the tolerance."""
+    rng = np.random.default_rng(6)
+    lines = [f"{p},{o},{r},1,{1.5 + 0.01 * p + rng.normal(0, 0.01)}," for p in range(5) for o in "AB" for r in (1, 2)]
+    _, chapter = found(tmp_path, rows(*lines), root_limits_mm=[1.0, 2.0])
+    assert "not acceptable: ndc" in chapter.summary
+
+
 REFUSED = {
     "unbalanced": (rows("P,A,1,1,1.5,0.01", "P,A,2,1,1.5,0.01", "P,B,1,1,1.5,0.01"), "operator 'B': expected 2 trials"),
     "one trial": (rows("P,A,1,1,1.5,0.01"), "two trials"),
@@ -216,11 +233,12 @@ def test_any_characteristic_of_any_table(tmp_path: Path) -> None:
         ("Who,Run,SN,gap\n1,1,1,1\n", {}, "name them with `columns`"),
         ("Who,Run,SN,gap\n1,1,1,1\n1,1,1,2\n", {"columns": OTHERS}, "stands twice"),
         ("Who,Run,SN,gap\n1,1,1,1\n1,2,1,2\n", {"columns": OTHERS, "limits": {"gab": [0, 1]}}, "'gab' is not one"),
+        (SMALL, {"columns": {"part": "operator"}, "characteristics": []}, "expected characteristics too"),
     ],
 )
 def test_a_plain_table_that_cannot_be_used(tmp_path: Path, text: str, settings: Any, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        study(study=written(tmp_path, text), characteristics=["gap"], **settings)
+        study(study=written(tmp_path, text), **{"characteristics": ["gap"], **settings})
     assert message in str(caught.value)
 
 

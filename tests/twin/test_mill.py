@@ -142,6 +142,30 @@ def test_a_travel_through_the_part_is_reported(recipe):
     assert any(w.startswith("travel to layer 1: the cutter meets material") for w in warnings)
 
 
+def test_a_worn_cutter_leaves_what_it_has_lost(recipe):
+    truth, _ = milled(recipe, worn_mm=0.1)
+    assert (truth.root_mm[INSIDE] - 1.5) * np.sin(40 * DEG) == pytest.approx(0.1, abs=0.003)
+
+
+def test_each_layer_has_its_own_robot_error(recipe):
+    """The same face cut again: the deeper of independent errors stays."""
+    one, four = (
+        milled(recipe, perfect_path(recipe, heights=(0.0,) * count), robot_noise_mm=0.1, seed=4)[0].root_mm
+        for count in (1, 4)
+    )
+    assert (one - four)[INSIDE].max() > 0.02
+
+
+def test_a_lift_that_is_too_low_over_an_uncut_stretch_is_reported(recipe):
+    """The cutter goes on there at the depth of the layer."""
+    path = perfect_path(recipe, depth_of_cut_mm=1.0)
+    layer = path.layers[2]
+    hidden = (layer.arc_length_mm > 10) & (layer.arc_length_mm < 30)
+    uncut = dataclasses.replace(layer, cutting=layer.cutting & ~hidden, measured=~hidden)
+    warnings = milled(recipe, dataclasses.replace(path, layers=(uncut,)))[1].warnings
+    assert any("layer 3: the cutter meets material where the path does not cut" in w for w in warnings)
+
+
 def test_a_path_beside_the_part_is_reported(recipe):
     truth, engagement = milled(recipe, offset_mm=(0.0, 0.0, 90.0))
     assert engagement.warnings == tuple(f"layer {k}: the cutter meets nothing" for k in range(1, 6))

@@ -105,9 +105,13 @@ def test_files_come_as_what_they_are(server, name, kind):
     assert headers["Referrer-Policy"] == "no-referrer"
     assert headers["Cache-Control"] == "no-store"
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    head = ask(server, f"/{server.token}/{name}", method="HEAD")
+    assert (head[0], head[1]["Content-Length"], head[2]) == (200, str(len(body)), b"")
 
 
-def test_without_the_token_nothing_is_told(server):
+def test_without_the_token_nothing_is_told(server, results):
+    with result_server(results) as other:
+        assert other.token != server.token
     wrong = server.token[:-1] + ("A" if server.token[-1] != "A" else "B")
     others = [f"/{each}/report.html" for each in (wrong, server.token[:-1], f"{server.token}x", "")]
     for path in ("/", "/report.html", f"/{wrong}/nothing", "*", "/%20/../report.html", *others):

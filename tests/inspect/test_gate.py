@@ -32,6 +32,7 @@ def test_who_accepts_the_undecided_is_told_so() -> None:
     assert made.warnings == ("the pipeline lets a part through that is undecided",)
     assert made.warnings[0] in made.reason
     assert not gate(inspection("fail"), reject=["fail"]).passed
+    assert gate(inspection("fail"), reject=[]).passed
     assert gate(inspection("pass"), reject=["fail"]).warnings == ()
 
 

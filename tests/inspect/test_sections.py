@@ -111,6 +111,14 @@ def test_failures_between_the_sections_are_told(edge: Maker) -> None:
     assert made.verdict == "pass"
     assert any("between sections" in warning for warning in made.warnings)
     assert sections(edge()).warnings == ()
+    assert sections(replace(edge(), warnings=("seen from one side",))).warnings == ("seen from one side",)
+
+
+def test_axes_between_stations_are_of_unit_length(edge: Maker) -> None:
+    part = edge()
+    turn = 0.4 * part.arc_length_mm
+    turning = replace(part, tangent=np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn]))
+    assert [np.linalg.norm(one.tangent) for one in sections(turning, sections=4).sections] == pytest.approx([1.0] * 4)
 
 
 def test_a_section_states_the_values_and_the_u_at_its_place(edge: Maker) -> None:

@@ -150,3 +150,9 @@ def test_tables_are_data_frames_where_pandas_is_there(made, there, monkeypatch):
         rows = table.rows if there else table
         assert len(rows) == count
         assert all(row.keys() == rows[0].keys() for row in rows)
+
+
+@pytest.mark.parametrize("wrong", [("a.txt", "text"), (1, b"")])
+def test_a_document_of_the_wrong_types_is_one_clear_line(wrong):
+    with pytest.raises(PipelineError, match="expected name as str and content as bytes, got"):
+        artefacts.Document(*wrong)

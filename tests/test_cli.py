@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 
 Doc = dict[str, Any]
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture

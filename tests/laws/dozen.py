@@ -81,7 +81,6 @@ def groove(kind: str) -> Drawn:
     return analytic.groove_part(*simulate_prism(parse_as(PrismRecipe, recipe)))
 
 
-CONCAVE = {"shape": "arc", "radius_mm": 250.0, "sense": "concave"}
 DOZEN: dict[str, Callable[[], Drawn]] = {
     "straight": plate,
     "arc": lambda: plate(curve={"shape": "arc", "radius_mm": 300.0}),

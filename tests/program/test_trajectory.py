@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,6 @@ from .conftest import passed
 from .paths import Shape
 from .postured import cell_of, postured
 
-ROOT = Path(__file__).resolve().parents[2]
 ROBOT = "gp25"  # its postures lie 5 mm apart on travels too, as the optimiser's
 ACCELERATIONS = np.radians([90.0, 90, 90, 180, 180, 240])
 BEND = Shape(bend=1 / 300, length_mm=40)

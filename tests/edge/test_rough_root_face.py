@@ -12,7 +12,7 @@ from workbench import cloud, edge, inspect, scan
 from workbench.synthetic import parse_recipe, simulate_recording
 
 
-def inspected(seed: int, roughness_mm: float) -> tuple[Any, Any, Any]:
+def inspected(seed: int, roughness_mm: float, *burrs: dict[str, Any]) -> tuple[Any, Any, Any]:
     """Edge, inspection and truth of 120 mm of an edge whose root face is rough."""
     recording, truth = simulate_recording(
         parse_recipe(
@@ -20,7 +20,7 @@ def inspected(seed: int, roughness_mm: float) -> tuple[Any, Any, Any]:
                 "format": "bevel-recipe",
                 "version": 1,
                 "seed": seed,
-                "part": {"kind": "milled", "length_mm": 120, "roughness_mm": roughness_mm},
+                "part": {"kind": "milled", "length_mm": 120, "roughness_mm": roughness_mm, "burrs": burrs},
                 "robot": {"frame_pitch_mm": 0.3},
                 "passes": [{"from_mm": 1, "to_mm": 119, "elevation_deg": 40, "lead_deg": 3}],
             }
@@ -42,6 +42,17 @@ def test_a_rough_face_is_known_as_well_as_it_turns(seed: int, roughness_mm: floa
     assert np.median(u) < 12.0 * roughness_mm  # deg: no more than its waves can turn a face of 1.5 mm
     root = np.array([section.root_mm for section in inspection.sections]) - truth.root_mm_at(at)
     assert np.abs(root / np.array([section.root_u_mm for section in inspection.sections])).max() < 3.0
+
+
+def test_burrs_do_not_hide_that_a_face_is_rough() -> None:
+    burrs = [
+        {"edge": "lower", "from_mm": at, "to_mm": at + 22.0, "height_mm": 0.15, "width_mm": 0.2}
+        for at in (5.0, 45.0, 85.0)
+    ]
+    found, inspection, truth = inspected(102, 0.2, *burrs)
+    assert any("the root face is rough" in words for words in found.warnings)
+    for section in inspection.sections:
+        assert abs(section.bevel_deg - truth.bevel_deg_at(section.origin_mm)) < 3.0 * section.bevel_u_deg
 
 
 def test_a_smooth_face_is_not_rough() -> None:

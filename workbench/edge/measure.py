@@ -17,7 +17,7 @@ from workbench.edge.broken_end import BrokenEnd, weights, whole_end
 from workbench.edge.directions import TOGETHER_MM, between, near_slope, width_mm, wrapped
 from workbench.edge.faces import TrackedFaces
 from workbench.edge.frame_ends import FaceCorner, RootEnds, root_ends
-from workbench.edge.steps import STRAY, Readings, own_directions, readings
+from workbench.edge.steps import Readings, own_directions, readings
 from workbench.errors import InputError
 from workbench.geometry.course import BIN_MM, LEAST_BINS, Course, fit_course
 from workbench.geometry.curves import Curve, along_motion, fit_curve
@@ -230,8 +230,7 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of:
     bevel_angle = root_angle - wrapped(root_angle - bevel.angle)
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
-    root_angle = root_angle[of]
-    variance = np.where(tracked.end_is_burred[of], variance / STRAY, variance)  # a burr's low foot turns its line
+    root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
     variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
     root_course, even = fit_course(s_root, root_angle, variance, group), None
     if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):

@@ -51,6 +51,7 @@ def test_of_passes_that_take_as_long_the_one_that_tells_more_is_taken() -> None:
     known, easy = Knowledge(edge_condition="unknown"), Wanted(1.0, 0.12)
     search = Search(JOINT, SENSOR, known, LENGTH_MM, easy, several)
     assert search.best(2)[0] == (2,)
+    assert search.best(5)[0] == (2,)
 
 
 @pytest.mark.parametrize("bevel_deg", [20.0, 40.0, 48.0, 60.0])

@@ -126,7 +126,9 @@ class Search:
         hidden, looked = int((~self.visible).sum()), 0
         best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
 
-        sizes = range(1, most_passes + 1)  # few passes first: their time bounds the others
+        least = np.cumsum([self.candidates[k].seconds for k in order])  # time of so many passes
+        # Few passes first: their time bounds the others.
+        sizes = (k for k in range(1, most_passes + 1) if best[1].short != hidden or least[:k][-1] <= best[1].seconds)
         for passes in itertools.chain.from_iterable(itertools.combinations(order, size) for size in sizes):
             several = [self.candidates[k] for k in passes]
             done = best[1].short == hidden

@@ -60,7 +60,7 @@ def test_values_are_json_or_text(command: Any, pipeline: Path, tmp_path: Path) -
         (["run"], "the following arguments are required: PIPELINE.json"),
         (["run", "P", "--otu", "D"], "did you mean '--out'?"),
         (["run", "P", "--out", "D", "--inptu", "a=1"], "unknown option '--inptu'; did you mean '--input'?"),
-        (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'; a value with blanks is quoted"),
+        (["run", "P", "Q", "--out", "D"], "one argument too many: 'Q'; a name or a value with blanks is quoted"),
         (["run", "P", "--out", "D", "--input", "recording"], "--input 'recording': expected NAME=VALUE"),
         (["run", "P", "--out", "D", "--input", "=3"], "expected NAME=VALUE"),
         (["run", "P", "--out", "D", "--input", "angle_deg=3", "--input", "angle_deg=4"], "'angle_deg' is given twice"),

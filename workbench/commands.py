@@ -222,7 +222,7 @@ def parse(argv: list[str], commands: Iterable[str]) -> argparse.Namespace:
         what = (
             f"unknown option '{rest[0]}'{nearest(rest[0], known)}"
             if rest[0][:1] == "-"
-            else f"one argument too many: '{rest[0]}'; a value with blanks is quoted, as --input 'NAME=[1, 2]'"
+            else f"one argument too many: '{rest[0]}'; a name or a value with blanks is quoted, as 'part 7.h5'"
         )
         parser.error(what)
     return options

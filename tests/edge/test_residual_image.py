@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.outside import Part, Usual, drawn_section, simulate
-from tests.edge.test_rim import measured
+from tests.edge.test_broken_end import measured
 from workbench.artefacts import FORM
 from workbench.edge.residual_image import FaceImage, Linearity, forms
 from workbench.errors import WorkbenchError

@@ -126,19 +126,15 @@ class Search:
         hidden, looked = int((~self.visible).sum()), 0
         best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
 
-        least = np.cumsum([self.candidates[k].seconds for k in order])  # time of so many passes
-        # Few passes first: their time bounds the others.
-        sizes = (k for k in range(1, most_passes + 1) if best[1].short != hidden or least[:k][-1] <= best[1].seconds)
+        sizes = range(1, most_passes + 1)  # few passes first: their time bounds the others
         for passes in itertools.chain.from_iterable(itertools.combinations(order, size) for size in sizes):
             several = [self.candidates[k] for k in passes]
-            done = best[1].short == hidden
-            if done and sum(one.seconds for one in several) > best[1].seconds:
-                continue
-            if (~np.any([one.sees for one in several], axis=0)).sum() > best[1].unseen:
+            slow = best[1].short == hidden and sum(one.seconds for one in several) > best[1].seconds
+            if looked == MOST_SETS or (slow and passes == tuple(order[: len(passes)])):  # the quickest of so many
+                break
+            if slow or (~np.any([one.sees for one in several], axis=0)).sum() > best[1].unseen:
                 continue
             looked += 1
-            if looked > MOST_SETS:
-                break
             found = self.reach(tuple(sorted(passes)))
             if found < best[1]:
                 best = (tuple(sorted(passes)), found)

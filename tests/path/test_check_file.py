@@ -46,6 +46,9 @@ def test_a_path_out_of_a_file_keeps_its_verdict(path: Toolpath, tmp_path: Path) 
     assert "its file says: layer 1 cuts below the finished bevel" in gate.reason
     gate = again(written(path, replace(passed(path), loosened=("2 mm",), unchecked=("the plate",)), tmp_path))
     assert (gate.passed, gate.clean, gate.loosened, gate.unchecked) == (True, False, ("2 mm",), ("the plate",))
+    for said, placed in (("2 mm", True), ("SHAPE ONLY: nothing shows it", False)):
+        file = written(path, replace(passed(path), loosened=(said,)), tmp_path)
+        assert json.loads(file.read_text())["check"]["placed"] is placed
     gate = again(written(path, None, tmp_path))
     assert gate.passed
     assert "held against its own final layer" in gate.unchecked[0]

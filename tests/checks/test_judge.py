@@ -91,6 +91,7 @@ def test_one_orientation_to_the_last_digit_is_told() -> None:
     for one, is_told in ((recording, False), (held, True), (spoilt(recording, robot_quaternion_wxyz=rounded), True)):
         found = {check.name: check.finding for check in judge_recording(one)}
         assert ("same to the last digit" in found["flange_turn_deg"]) == is_told
+        assert "a pass has 2 poses only: noise in them would not show" in found["flange_turn_deg"]
 
 
 def over_frames(r: Recording, count: int) -> np.ndarray:

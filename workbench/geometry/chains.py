@@ -170,9 +170,7 @@ def _line(sums: Float, i: int, j: int) -> tuple[float, float, float]:
 @kernel(error_model="numpy")
 def _partition(x: Float, sums: Float, sigma: float) -> Int:
     """Rows (first, last + 1) of the lines of the cheapest partition."""
-    step = max(1, (x.size + MAX_BREAKS - 1) // MAX_BREAKS)
-    breaks = (x.size + step - 1) // step
-    breaks += x.size % 2 * (1 - breaks % 2)  # the same from either end: odd where the points are
+    breaks = min(x.size, MAX_BREAKS - x.size % 2)  # odd where the points are: the same from either end
     at = np.empty(breaks + 1)
     s1, s2, s3 = np.empty(breaks + 1), np.empty(breaks + 1), np.empty(breaks + 1)
     s4, s5 = np.empty(breaks + 1), np.empty(breaks + 1)

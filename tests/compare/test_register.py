@@ -47,6 +47,14 @@ def test_a_corner_fixes_all_six() -> None:
     np.testing.assert_allclose(content["reference_from_scan"], found.reference_from_scan)
 
 
+def test_an_initial_pose_reaches_far() -> None:
+    """40 deg and 100 mm away, with a start that is roughly right."""
+    true = motion([100.0, 20.0, -30.0], [0.1, 0.2, 0.7])
+    start = motion([100.3, 19.8, -30.2], [0.1, 0.205, 0.705])
+    found, _ = register(laid_off(scanned(1, "corner"), true), scanned(2, "corner"), initial=start.tolist())
+    assert np.abs(error(found.reference_from_scan, true, found.pivot_mm)[:3]).max() < 3e-3
+
+
 def test_features_find_the_start() -> None:
     """150 deg and half a metre away, with nothing known."""
     true = motion([400.0, 200.0, -300.0], [0.5, -1.2, 2.2])

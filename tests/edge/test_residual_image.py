@@ -14,6 +14,7 @@ from tests.edge.test_broken_end import measured
 from workbench.artefacts import FORM
 from workbench.edge.residual_image import FaceImage, Linearity, forms
 from workbench.errors import WorkbenchError
+from workbench.result_files import SensorFile
 from workbench.units import DEG
 
 WALKING = (45, 51, 58, 60)  # the first of seed 40 and on whose sensor walks
@@ -61,7 +62,8 @@ def test_u_follows_the_linearity_that_is_declared(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ({"linearity_mm": -1}, r"\.linearity_mm: expected"),
-        ({"linearity_um": 4}, r"\.linearity_um: unknown key; did you mean 'linearity_mm'"),
+        ({"linearity_um": 4}, r": unknown key 'linearity_um'; did you mean 'linearity_mm'"),
+        ({"flange_from_profiler": 4}, ": says nothing of a sensor"),
     ],
 )
 def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path, content: dict[str, float], message: str) -> None:
@@ -69,6 +71,12 @@ def test_a_sensor_file_with_another_unit_is_refused(tmp_path: Path, content: dic
     file.write_text(json.dumps(content))
     with pytest.raises(WorkbenchError, match=rf"sensor\.json: \${message}"):
         measured(walking(41, 0.0), sensor=file)
+
+
+def test_a_sensor_file_may_say_more(tmp_path: Path) -> None:
+    file = tmp_path / "sensor.json"
+    file.write_text(json.dumps({"columns": 640, "maker": "A", "noise_mm": 0.01, "noise_x_mm": 0.02, "version": 1}))
+    assert SensorFile.read(file).noise_mm == 0.01
 
 
 @pytest.mark.parametrize(("begin", "end", "end_mm"), [(9, 16, 0.03), (5, 9, 0.0), (0, 4, 0.03)])

@@ -55,7 +55,7 @@ def near_slope(face: FaceLines, s: Float, pass_index: Int) -> Float:
     if not on.any():
         return out
     block = stretches(s[on], SLOPE_MM)
-    key = pass_index[on] * (int(block.max()) + 10) + block
+    key = pass_index[on] * (int(block.max()) + 1) + block
     order = np.argsort(key, kind="stable")
     edges = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
     middle = medians(slope[on][order], edges)  # the median withstands a stray frame

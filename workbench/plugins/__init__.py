@@ -1,1 +1,1 @@
-"""Plug-ins that come with the project: they enter by `pyproject.toml` as a stranger's, import `workbench.api` only."""
+"""Plug-ins that come with the project: registered in `pyproject.toml` as anyone's are, by `workbench.api` alone."""

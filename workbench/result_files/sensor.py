@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+import difflib
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import ConfigDict, Field
+from pydantic import Field, model_validator
 
 from workbench.result_files.contract import ResultFile, Row
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Limits = tuple[Positive, Positive]
+MISSPELT = 0.76  # of a word's letters: linearity_um for linearity_mm, noise for noise_mm
 
 
 class Box(Row):
     """A box of the sensor's body, in the profiler's frame."""
 
-    model_config = ConfigDict(extra="forbid")
     centre_mm: tuple[float, float, float]
     size_mm: tuple[Positive, Positive, Positive]
 
 
 class SensorFile(ResultFile):
-    """`sensor.json`: what a user declares of the profiler, in these words alone. Of no part."""
+    """`sensor.json`: what a user declares of the profiler. Of no part."""
 
-    model_config = ConfigDict(extra="forbid")  # a misspelt word would count as one that is not known
     NAME: ClassVar[str] = "sensor.json"
     name: str | None = None
     columns: Annotated[int, Field(ge=2, le=100_000)] | None = None
@@ -42,3 +42,14 @@ class SensorFile(ResultFile):
     line_thickness_mm: Positive | None = None
     filters: tuple[str, ...] | None = None
     body: tuple[Box, ...] | None = None
+
+    @model_validator(mode="after")
+    def _spelt(self) -> Self:
+        """A word misspelt would count as one that is not known; further words are kept."""
+        absent = self.__class__.model_fields.keys() - self.model_fields_set
+        for word in self.model_extra or ():
+            if near := difflib.get_close_matches(word, absent, n=1, cutoff=MISSPELT):
+                raise ValueError(f"unknown key '{word}'; did you mean '{near[0]}'?")
+        if self.model_extra and len(self.model_extra) == len(self.model_fields_set):
+            raise ValueError(f"says nothing of a sensor, such as its 'columns', but '{next(iter(self.model_extra))}'")
+        return self

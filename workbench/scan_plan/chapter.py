@@ -12,6 +12,7 @@ from workbench import pieces, plot
 from workbench.artefacts import Chapter, Gate
 from workbench.scan_plan.information import MOST_INCIDENCE, Joint, View
 from workbench.scan_plan.plan import ScanPlan
+from workbench.scan_plan.rehearsal import WAVE_MM
 from workbench.scan_plan.search import COVERAGE
 from workbench.scan_plan.way import aim_mm
 from workbench.units import DEG
@@ -56,7 +57,8 @@ def plan_chapter(made: ScanPlan, gate: Gate) -> Chapter:
     text += pieces.figure_html(
         _along_picture(made),
         "Predicted U along the edge",
-        "U = 2 u along the edge. Promised: nine of ten places stay within it, with a rounding that few edges exceed.",
+        "U = 2 u along the edge. Promised: nine of ten places stay within it, with a rounding that few edges exceed "
+        f"and a root face in waves of {WAVE_MM:g} mm.",
         ((pieces.BLUE, "predicted"), (pieces.SKY, "up to what is promised"), (pieces.PURPLE, "wanted")),
     )
     worst = int(np.nanargmax(made.root.u)) if np.isfinite(made.root.u).any() else 0

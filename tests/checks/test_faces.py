@@ -207,6 +207,9 @@ def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
     assert _shape(place, bent, 1.2).turn == pytest.approx(6.0 * DEG, rel=0.2)
 
 
+MEASURED = {"lower edge rounded by 0.15 to 1.2 mm", "a rail in front", DEBURRED}  # others may be refused
+
+
 @pytest.mark.parametrize(
     ("shape", "seed", "is_raw"),
     [
@@ -227,4 +230,6 @@ def test_noise_that_neighbouring_columns_share_makes_no_corner() -> None:
     ],
 )
 def test_an_odd_plate_is_refused_or_right(shape: str, seed: int, is_raw: bool) -> None:
-    assert judged(shape, range(seed, seed + 1), is_raw)[2] == []
+    refused, _, wrong = judged(shape, range(seed, seed + 1), is_raw)
+    assert wrong == []
+    assert not refused or shape not in MEASURED

@@ -67,6 +67,9 @@ def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
     assert np.nanmax(np.abs(gap.value - GAP) / gap.u) < 3.0
 
 
+REFUSED = {"two bevel angles a side", "upper edges ground"}  # may be, as their views hide a face
+
+
 @pytest.mark.parametrize(
     ("shape", "seed"),
     [
@@ -94,7 +97,8 @@ def test_a_lower_bevel_is_no_root_face(name: str, seed: int) -> None:
     ],
 )
 def test_what_the_shop_floor_makes_of_a_groove_is_refused_or_right(shape: str, seed: int) -> None:
-    assert not judged(("shop_floor", shape, seed)).far
+    found = judged(("shop_floor", shape, seed))
+    assert found.word == "right" or (found.word == "refused" and shape in REFUSED)
 
 
 def test_below_a_root_run_the_gap_is_not_told_and_the_bevels_are() -> None:

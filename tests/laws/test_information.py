@@ -86,9 +86,9 @@ def aligned(*found: Any) -> list[tuple[Any, Any]]:
 
 FAILS = {  # as measured: how u grows or changes
     ("straight", "every second frame"): "root_mm 1.20",
-    ("straight", "0.02 mm more noise"): "root_mm 1.23, bevel_deg 1.43",
-    ("arc", "0.02 mm more noise"): "root_mm 1.11",
-    ("two passes", "the last pass alone"): "root_mm 1.30",
+    ("straight", "0.02 mm more noise"): "root_mm 1.23, bevel_deg 1.13",
+    ("arc", "0.02 mm more noise"): "root_mm 1.12",
+    ("two passes", "the last pass alone"): "root_mm 1.29",
     ("raw, camera", "every second frame"): "along_n_mm 1.21",
     ("raw, camera", "every second column"): "along_n_mm 1.20",
     ("raw, camera", "0.02 mm more noise"): "along_n_mm 1.23",
@@ -136,7 +136,7 @@ def test_values_are_true_within_their_uncertainty(name: str) -> None:
 
 SCORES = {  # mean interval score of the dozen, as measured; a better engine lowers it here
     "root_mm": 0.1204,
-    "bevel_deg": 0.3577,
+    "bevel_deg": 0.3313,
     "along_n_mm": 0.1837,
     "along_m_mm": 0.2364,
     "axis_deg": 0.2684,

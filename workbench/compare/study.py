@@ -158,7 +158,7 @@ def study(
 ) -> Study:
     """Gather the measurements of a gauge study: parts x operators x trials, by section.
 
-    Measurements by `reference_operator` are not part of the study; it is compared with their mean.
+    The study is compared with the mean of the measurements by `reference_operator`.
 
     Args:
         study: CSV that lists inspections (`part,operator,inspection`) or values

@@ -40,7 +40,7 @@ EndU: TypeAlias = Annotated[
     Field(
         ge=0,
         le=5,
-        description="declared u of the lower edge, across it, by what no frame shows (a burr in the face's plane, "
+        description="declared u of the lower edge, across it, for what no frame shows (a burr in the face's plane, "
         "returns lost along the whole edge).",
     ),
 ]

@@ -97,12 +97,12 @@ def segment(
 ) -> MilledEdge:
     """Find root face, bevel face and the lower edge of a milled edge (the paper's section 4.2, Fig. 8).
 
-    Lengths and angles hold in the section plane, normal to the lower edge, a smooth curve (docs/method.md).
+    Lengths and angles hold in the section plane, normal to the lower edge (docs/method.md).
 
     Args:
         cloud: the organised cloud of one edge, in one or more passes.
-        upper_side: direction in the base from the plate's lower to its upper surface; needed where root face and bevel
-            face are about as wide and neither surface is in view. null: from what is seen.
+        upper_side: direction in the base from the plate's lower to its upper surface; null: from what is seen. Needed
+            where root face and bevel face are about as wide and neither surface is in view.
         edge_condition: prior for the lower edge, where it is out of view: `sharp` (radius to 0.02 mm), `deburred` or
             `unknown`.
         thickness_mm: of the plate, measured beside the edge to 0.02 mm. With the upper surface in view it shows whether
@@ -113,8 +113,8 @@ def segment(
         temperature_c: of the part (steel) during the scan; counts with the thermometer's certificate.
 
     Raises:
-        InputError: no root face next to a bevel face in view, or no bevel: not straight, hollow beside the root face,
-            or only here and there along the scan.
+        InputError: no root face next to a bevel face in view, or no bevel: not straight, not convex, or only here and
+            there along the scan.
 
     Example:
         >>> from workbench import cloud, edge, scan

@@ -70,17 +70,14 @@ def check(
 ) -> PathGate:
     """Check a path against the edge and the cloud. A program is written only for a path that passes.
 
-    Layers: the last one on the finished bevel, none below it, each no deeper than the depth of cut; key points every 1
-    mm; no cut where nothing was measured. Frames without a jump, the cutter's axis in the bevel face, shank on the
-    upper side. The cutter meets no clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds within
-    v_slow, v_fast and the acceleration.
+    Layers end on the finished bevel, each no deeper than the depth of cut; key points are 1 mm apart; nothing is cut
+    where nothing was measured. Frames have no jump, the cutter's axis lies in the bevel face, its shank on the upper
+    side. The cutter meets no clamp and enters what remains by at most `penetration_mm` + 3 u. Feeds stay within v_slow,
+    v_fast and the acceleration. With a predicted deflection or a correction (`path.correct`) the loaded tool, too, must
+    come where planned.
 
-    With a predicted deflection or a correction (`path.correct`) the tool must come where planned; the path as commanded
-    is held against clamps and part too.
-
-    Without evidence of where the part stands the path is a shape only, with exit status 1: docs/planning.md. A
-    `penetration_mm` above 0.05, or a path that rests on one not yet milled, loosens the check: programs say so, exit
-    status 1.
+    Without evidence of where the part stands the path is a shape only (docs/planning.md). A `penetration_mm` above
+    0.05, or a path that rests on one not yet milled, loosens the check. Either way the exit status is 1.
 
     Args:
         toolpath: the path.

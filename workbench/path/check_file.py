@@ -36,10 +36,10 @@ def check_file(
 ) -> PathGate:
     """Check a path out of a file, where no scan is at hand.
 
-    A path refused or changed according to its file stays refused. Checked are finite poses, layers that step down to
-    the final one, and that the cutter is nowhere deeper than `penetration_mm` in the final face. Without a check in the
-    file the programs say that the workpiece was not looked at; without evidence of where the part stands (`path.check`)
-    the path is a shape only.
+    A path refused or changed according to its file stays refused. Poses must be finite, layers step down to the final
+    one, and the cutter be nowhere deeper than `penetration_mm` in the final face. Without a check in the file the
+    programs say that the workpiece was not looked at; without evidence of where the part stands (`path.check`) the path
+    is a shape only.
 
     Args:
         toolpath: the path.

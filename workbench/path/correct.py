@@ -95,8 +95,8 @@ def correct(
 ) -> tuple[Toolpath, PathCorrection]:
     """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
 
-    What is compared, corrected and refused: docs/planning.md, "Measure, cut, measure, correct". By a refusal in the
-    result `path.check` refuses the path.
+    What is compared, corrected and refused: docs/planning.md, "Measure, cut, measure, correct". `path.check` rejects
+    a refused path.
 
     Args:
         inspection: of the edge after the first cut.

@@ -45,13 +45,10 @@ def simplify(
     r"""Replace runs of key points by straight moves and circular arcs.
 
     From each target the longest straight or circular move is taken whose skipped points all lie within both tolerances,
-    in order, turned as the controller turns (slerp in the frame of the work object: `CirPathMode\ObjectFrame` of ABB,
-    `$CIRC_TYPE = #BASE` of KUKA). A move's feed is the slowest of its points; layer, cutting and measured do not change
-    within it; arcs turn at most 170 deg. With postures the targets are those of the turned tool, in the base, with the
-    turntable's angles.
-
-    With both tolerances 0, and while the turntable turns, every point is the target of a straight move. A track goes
-    evenly with the tool between targets: these stand where its way bends.
+    in order, with the controller's rotation (slerp in the frame of the work object: `CirPathMode\ObjectFrame` of ABB,
+    `$CIRC_TYPE = #BASE` of KUKA). A move's feed is the slowest of its points; arcs turn at most 170 deg. With postures
+    the targets are those of the turned tool, in the base, with the turntable's angles; while the turntable turns,
+    every point is the target of a straight move.
 
     Args:
         toolpath: the path; its frame stays.
@@ -61,7 +58,7 @@ def simplify(
         feed_tolerance: share by which a key point's feed may exceed its move's, where it cuts.
         air_feed_tolerance: the same share in travel moves.
         arcs: circular moves too; false: straight ones only.
-        least_sweep_deg: of a circular move (ABB asks for a quarter of it to be 1 deg); less stays straight.
+        least_sweep_deg: of a circular move (ABB requires 1 deg in a quarter of it); less stays straight.
 
     Raises:
         InputError: a path of fewer than two different poses; postures of another path.

@@ -212,7 +212,7 @@ def sensitivity(
         inspection_deg: u of an inspected bevel angle; null: likewise.
 
     Raises:
-        InputError: a file that is none of its kind; an inspection in which nothing was measured.
+        InputError: a file of another kind; an inspection in which nothing was measured.
 
     Example:
         >>> from workbench import edge, path, report, scan

@@ -30,8 +30,8 @@ def fuse(
     """Place every profile in the robot base: the paper's equation (9), with one interpolated pose a frame.
 
     base_from_profiler = base_from_flange(t) @ flange_from_profiler: position linear within each pass, orientation by
-    slerp. The cloud keeps the scanner's grid. The recording is checked first (docs/checks.md): contradictions are
-    refused, with the suspicion named. Copied frames and passes, and columns without a measurement, are left out.
+    slerp. The cloud keeps the scanner's grid, without copied frames, copied passes and columns that measured nothing.
+    A recording that contradicts itself is refused, with the suspicion named (docs/checks.md).
 
     Args:
         recording: profiles and flange poses on one clock.

@@ -67,9 +67,9 @@ def next_(
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an undecided inspection.
 
-    Of elevations 10 deg apart the one that decides most sections together with the passes that are there, by the u that
+    Of elevations 10 deg apart the one that, added to the passes that are there, decides most sections by the u that
     `scan.plan` predicts. `next_scan.json` is an `edge` for `plan_scan.json`, which checks it against robot and
-    fixtures. If none decides a section, no file is written.
+    fixtures; it is written only if some section would be decided.
 
     Args:
         cloud: the recording that was inspected.

@@ -168,9 +168,8 @@ def plan(
 ) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
     """Plan from where, in how many passes, to scan so that U is as wanted.
 
-    u is predicted for candidates of elevation, lead, frame pitch and turntable angle that robot, plate, fixtures and
-    light paths allow (docs/scan_planning.md). The set of passes of least time that reaches the wanted U is chosen;
-    otherwise exit status 1, with what limits it and what would help.
+    Of the passes that robot, plate, fixtures and light paths allow, the set of least time that reaches the wanted U is
+    chosen (docs/scan_planning.md); otherwise exit status 1, with what limits it and what would help.
 
     Args:
         cell: the robot cell; without one reach and shadows are not looked at, and the plan says so.
@@ -190,9 +189,9 @@ def plan(
         wanted_root_mm: U (k = 2) of the root face; null: a tenth of the tolerance's width.
         wanted_bevel_deg: of the bevel angle, likewise.
         passes: greatest number of passes.
-        edge_condition: what is held possible of the lower edge.
+        edge_condition: prior for the lower edge.
         roughness_mm: of the sawn or cut root face, three standard deviations; null: as a coarse recording shows it,
-            else smooth, which the plan says.
+            else smooth.
         frame_rate_hz: of the profiler.
         most_speed_mm_s: of the robot along a pass.
         tool_stays: the milling tool stays on the flange; false: it is put down.

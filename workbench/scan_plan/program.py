@@ -49,9 +49,8 @@ def program(
 ) -> tuple[Document | Chapter | Gate, ...]:
     """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
 
-    Home, profiler on (`trigger_signal`), the pass, off, home. Read back and driven through the cell as a milling
-    program (docs/programs.md), with the scanner as tool and the plate as a body; what fails leaves no program. The head
-    says how to log the poses.
+    Home, profiler on (`trigger_signal`), the pass, off, home. Judged as a milling program (docs/programs.md), with the
+    scanner as tool and the plate as a body. The head says how to log the poses.
 
     Args:
         plan: the planned scan.

@@ -20,7 +20,7 @@ def part(
 ) -> Workpiece:
     """Put the raw part of a recipe on the table of the simulated cell (docs/simulation.md).
 
-    The recipe also says which scanner looks at it, how the robot carries it, and what goes wrong.
+    The recipe also has the scanner, the robot's motion and the disturbances.
 
     Args:
         recipe: a recipe as for `workbench simulate`, its part of the kind `raw`.

@@ -56,8 +56,7 @@ def hand_eye_faces(
     """Find the profiler's pose on the flange from a fixed part with flat faces, where there is no sphere.
 
     Points of the profiles lie on planes, or straight lines, of the base: pose, faces, scales of the profiler and, where
-    the profiles have their own clock, its offset are one fit, from many starts (docs/calibration.md). `handeye.json` is
-    as that of a sphere.
+    the profiles have their own clock, its offset are one fit, from many starts (docs/calibration.md).
 
     Args:
         recording: profiles of the part from postures that turn about two axes and more; /hand_eye, if there, is the

@@ -120,8 +120,8 @@ def robot(
 ) -> tuple[HandEye, Document, Document, Chapter]:
     """Estimate joint offsets and lengths of the robot with the hand-eye pose, from a sphere in 30 postures or more.
 
-    As `calibrate.hand_eye`, with the flange's pose from joint angles and the arm's errors (product of exponentials).
-    `robot.json` and `handeye.json` belong to the corrected robot (docs/howto/calibrate_robot.md).
+    As `calibrate.hand_eye`, with the flange's pose from joint angles and the arm's errors (product of exponentials):
+    docs/howto/calibrate_robot.md.
 
     Args:
         profiles: circles from `calibrate.circles`.

@@ -96,8 +96,8 @@ def tcp(
 ) -> tuple[Document, Chapter]:
     """Determine the tool's points on the flange from touches, and its axis from two of them.
 
-    Touch i says R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point p and the reference c:
-    unknown, typed, or scanned. Weighted least squares; touches less than 1 deg apart weigh as one; one off by 5
+    Weighted least squares: touch i means R_i p + t_i = c, or |R_i p + t_i - c| = d (`stand_off_mm`), for the tool point
+    p and the reference c (unknown, typed, or scanned). Touches less than 1 deg apart weigh as one; one off by 5
     standard deviations is left out, with the cause. The first tool point is the tip; the axis runs to it from the last
     one (docs/howto/calibrate_tool.md).
 

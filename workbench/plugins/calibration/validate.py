@@ -100,7 +100,7 @@ def validate(
 ) -> tuple[Validation, Document]:
     """Measure the calibration's error on held-out postures: predicted against measured sphere centres.
 
-    Postures are left out part by part and predicted from a fit of the others; of a second recording only the sphere's
+    Postures are left out part by part and predicted from a fit of the others; in a second recording only the sphere's
     place is fitted.
 
     Args:

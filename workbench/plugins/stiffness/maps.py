@@ -32,9 +32,8 @@ def maps(
 ) -> tuple[StiffnessMaps, Chapter]:
     """Map 1/omega (18), f_p (19) and f_r (20) over two axes: is K_c negligible for this robot?
 
-    f_p: distance of the cutter's resting places with K_c and without, over the larger displacement; f_r: the largest
-    component of the difference in its rotation; both worst over directions. (The paper compares lengths: its f_p is
-    smaller.)
+    f_p: distance of the cutter's resting places with K_c and without, over the larger displacement (the paper compares
+    lengths: its f_p is smaller); f_r: the largest component of the difference in rotation; both worst over directions.
 
     Args:
         cell: the robot and its tool.

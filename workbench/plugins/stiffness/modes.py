@@ -65,8 +65,8 @@ def modes(
 ) -> tuple[RobotModes, Document, Chapter]:
     """Mass, stiffness and damping of the robot at the tool, declared or fitted to tap tests.
 
-    Rigid links on springs and dampers. Without tap tests masses come from the URDF (or are given) and damping is
-    declared; with them these are priors of the fit. Writes `modes.json`.
+    Rigid links on springs and dampers, with masses from the URDF (or given) and declared damping; with tap tests these
+    are priors of the fit. Writes `modes.json`.
 
     Args:
         cell: the robot, with its tool's mass and centre of gravity.

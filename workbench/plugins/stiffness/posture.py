@@ -106,10 +106,9 @@ def posture(
 ) -> tuple[Postures, PathGate | None, Document, Chapter] | tuple[PathGate] | None:
     """Choose cutter rotation and turntable angle of least deflection: eq. (25), Fig. 17.
 
-    The pair of angles with the least mean displacement J K^-1 J^T f, the proven optimum of the grid; without known
-    stiffness the least awkwardness (nearness to singular postures and limits). A tilt of the turntable and a track are
-    chosen too. All keep the cell's margins and, where the robot's modes are known, one from chatter
-    (docs/stiffness.md). Writes `posture.json`.
+    The proven optimum of the grid: the least mean displacement J K^-1 J^T f, or without known stiffness the least
+    awkwardness (nearness to singular postures and limits), with the tilt of the turntable and the track, within the
+    cell's margins and, with known modes, a margin from chatter (docs/stiffness.md). Writes `posture.json`.
 
     Args:
         cell: robot, tool, turntable, what stands around; without one there are no postures.
@@ -136,7 +135,7 @@ def posture(
         stations: number of places at which that is judged.
 
     Raises:
-        InputError: out of reach or colliding at every angle; a robot that the fast kernels do not hold for; another
+        InputError: out of reach or colliding at every angle; too fine a grid for a robot without fast kernels; another
             path's force.
 
     Example:

@@ -20,7 +20,7 @@ from workbench.scan_plan.rehearsal import RESERVE
 from workbench.units import Bool, Int, Shaped
 
 COVERAGE = 2.0  # k of the expanded uncertainties
-MOST_SETS = 1_500  # that are looked at where nothing reaches what is wanted
+MOST_SETS = 500  # of ways to look that are tried where nothing reaches what is wanted
 
 
 class Wanted(NamedTuple):
@@ -112,8 +112,9 @@ class Search:
         short = over > 1.0
         seen = np.isfinite(over)
         excess = float(over[short & seen].max(initial=0.0))
-        seconds = sum(self.candidates[k].seconds for k in passes)
-        return Reach(int((~seen).sum()), int(short.sum()), excess, seconds, float(left[seen].max(initial=0.0)))
+        return Reach(
+            int((~seen).sum()), int(short.sum()), excess, self._seconds(passes), float(left[seen].max(initial=0.0))
+        )
 
     @property
     def visible(self) -> Bool:
@@ -121,24 +122,54 @@ class Search:
         return np.asarray(np.any([one.sees for one in self.candidates], axis=0))
 
     def best(self, most_passes: int) -> tuple[tuple[int, ...], Reach]:
-        """The best set of at most so many passes."""
-        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds)
+        """The best set of at most so many passes.
+
+        A pass with more frames tells more: where a set with its finest pitches misses what is wanted, so do others.
+        """
         hidden, looked = int((~self.visible).sum()), 0
         best: tuple[tuple[int, ...], Reach] = ((), Reach(self.visible.size + 1, 0, math.inf, math.inf, math.inf))
-
-        sizes = range(1, most_passes + 1)  # few passes first: their time bounds the others
-        for passes in itertools.chain.from_iterable(itertools.combinations(order, size) for size in sizes):
-            several = [self.candidates[k] for k in passes]
-            slow = best[1].short == hidden and sum(one.seconds for one in several) > best[1].seconds
-            if looked == MOST_SETS or (slow and passes == tuple(order[: len(passes)])):  # the quickest of so many
+        ways = self._ways()
+        quickest = min((self.candidates[way[0]].seconds for way in ways), default=math.inf)
+        for size in range(1, most_passes + 1):  # few passes first: their time bounds the others
+            if best[1].short == hidden and size * quickest > best[1].seconds:
                 break
-            if slow or (~np.any([one.sees for one in several], axis=0)).sum() > best[1].unseen:
-                continue
-            looked += 1
-            found = self.reach(tuple(sorted(passes)))
-            if found < best[1]:
-                best = (tuple(sorted(passes)), found)
+            for several in itertools.combinations_with_replacement(ways, size):
+                unseen = int((~np.any([self.candidates[way[0]].sees for way in several], axis=0)).sum())
+                if looked == MOST_SETS or unseen > best[1].unseen:
+                    continue
+                choices = self._choices(several)
+                reached = best[1].short == hidden
+                if not choices or (reached and self._seconds(choices[0]) > best[1].seconds):
+                    continue
+                looked += 1
+                finest = self.reach(choices[-1])
+                best = min(best, (choices[-1], finest), key=_of_reach)
+                for passes in choices[:-1] if finest.short == hidden else ():
+                    if self._seconds(passes) > best[1].seconds:
+                        break
+                    best = min(best, (passes, self.reach(passes)), key=_of_reach)
         return best
+
+    def _ways(self) -> list[list[int]]:
+        """Candidates that differ in frame pitch alone, the quickest first."""
+        found: dict[tuple[View, bool, bytes], list[int]] = {}
+        for k in sorted(range(len(self.candidates)), key=lambda k: self.candidates[k].seconds):
+            one = self.candidates[k]
+            found.setdefault((one.view._replace(frame_pitch_mm=0.0), one.turned, one.sees.tobytes()), []).append(k)
+        return list(found.values())
+
+    def _choices(self, ways: Sequence[list[int]]) -> list[tuple[int, ...]]:
+        """Sets of one candidate of each way, no candidate twice, the quickest first."""
+        parts = [itertools.combinations(way, len(list(same))) for way, same in itertools.groupby(ways)]
+        sets = [tuple(sorted(itertools.chain.from_iterable(one))) for one in itertools.product(*parts)]
+        return sorted(sets, key=self._seconds)
+
+    def _seconds(self, passes: Sequence[int]) -> float:
+        return sum(self.candidates[k].seconds for k in passes)
+
+
+def _of_reach(found: tuple[tuple[int, ...], Reach]) -> Reach:
+    return found[1]
 
 
 @functools.lru_cache(maxsize=8192)

@@ -55,9 +55,8 @@ def examine(seed: int) -> dict[str, Any]:
         way = courses(made)
         found = {SIMULATORS[0]: _achieved(drawn, made, sensor, *analytic(drawn, made, way))}
         if drawn.clamp_mm is None and not any(one.view.lead for one in made.passes):
-            found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(
-                drawn, made, sensor, *triangulated(drawn, made, seed)
-            )
+            scanned = triangulated(drawn, made.joint, made.profiler, [one.view for one in made.passes], seed)
+            found[SIMULATORS[1 + (drawn.radius_mm > 0.0)]] = _achieved(drawn, made, sensor, *scanned)
     return {**row, "simulators": found}
 
 

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from workbench.artefacts import Cloud, Inspection, MilledEdge
+from workbench.artefacts.edges import conformity
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.inspect import sections
 from workbench.scan import fuse
 from workbench.scan_next import next_
+from workbench.scan_next.proposal import Size
 from workbench.synthetic import parse_recipe, simulate_recording
 
 RECIPE = Path("data/synthetic/milled_edge.json")
@@ -49,12 +51,33 @@ def test_the_proposed_pass_decides_what_it_was_said_to() -> None:
     nominal = {"root_nominal_mm": 1.5, "root_tolerance_mm": CLOSE}
     before, proposal = told(42.0, **nominal)
     assert before.verdict == "undecided"
-    assert proposal["decided_by_it"]
+    assert max(proposal["probability"]) > 0.5
     after = sections(scanned(42.0, proposal["elevation_deg"])[1], **nominal)
     verdicts = {one.index: one.verdict for one in after.sections}
     assert {verdicts[k] for k in proposal["decided_by_it"]} <= {"pass", "fail"}
+    decided = sum(verdicts[k] != "undecided" for k in proposal["undecided_sections"])
+    assert decided == pytest.approx(sum(proposal["probability"]), abs=2.0)
     u = [2.0 * one.root_u_mm for one in after.sections if one.root_u_mm is not None]
     assert np.median(u) == pytest.approx(proposal["predicted_root_U_mm"], rel=0.5)
+
+
+@pytest.mark.parametrize("u", [0.2, 0.6, 1.4])
+@pytest.mark.parametrize("value", [-0.5, 1.0, 3.0])
+def test_the_chance_of_a_verdict_is_that_of_sizes_that_may_come_out(value: float, u: float) -> None:
+    """Drawn: the true size, given what is known of it, then what is known with the further pass."""
+    before = Size(value, 1.5, 0.0, 4.0)
+    learned = np.sqrt(before.u**2 - u**2)
+    after = value + np.random.default_rng(3).normal(0.0, learned, 100_000)
+    verdicts = [conformity(one, u, 0.0, (0.0, 4.0), 1.645) for one in after.tolist()]
+    for chance, verdict in zip(before.decided(u, 1.645), ("pass", "fail"), strict=True):
+        assert chance == pytest.approx(verdicts.count(verdict) / after.size, abs=0.006)
+
+
+def test_a_further_pass_takes_no_verdict_away() -> None:
+    """Neither does a prediction that exceeds what is known, nor its reserve: passes tell no less than one of them."""
+    for value, now in ((2.0, (1.0, 0.0)), (-2.0, (0.0, 1.0)), (0.3, (0.0, 0.0))):
+        for predicted in (1.0, 1.5):
+            assert Size(value, 1.0, 0.0, 4.0).decided(predicted, 1.645, 1.15) == pytest.approx(now)
 
 
 def test_a_part_that_passes_on_a_condition_is_to_be_seen_from_below() -> None:

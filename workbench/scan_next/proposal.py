@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 ELEVATIONS_DEG = tuple(range(-65, 85, 10))  # -25: both faces of a 40 deg bevel, and the lower surface, below 70 deg
 COVERAGE = 2.0
+SURE, LIKELY = 0.95, 0.5  # probability of a verdict that is promised, and that is worth a pass
 POINT_MM = 5.0  # between points of the edge in the file
 SHOWN_FROM_BELOW = {"lost_columns", "shadow"}  # conditions that a view of the lower surface settles
 STANDOFF_MM = 100.0  # of a profiler whose sensor file is not given: its field of view is what counts
@@ -29,21 +30,68 @@ NAME = "next_scan.json"
 NO_PASS = "no pass from -65° to 75° of elevation sees both faces with this profiler"
 
 
+class Size(NamedTuple):
+    """A size in one section, and its limits."""
+
+    value: float
+    u: float  # inf: it was not measured, and may lie anywhere between the limits
+    low: float
+    high: float
+
+    def decided(self, u: float, guard_factor: float, reserve: float = 1.0) -> tuple[float, float]:
+        """Probabilities that it passes and that it fails where u is predicted of all passes: more of them tell no less.
+
+        What is measured then differs from what is known now by what is learned: its square is u^2 now less u^2 then.
+        """
+        u, guard = min(u, self.u), guard_factor * min(reserve * u, self.u)
+        low, high = self.low + guard, self.high - guard
+        if math.isinf(self.u):
+            return max(high - low, 0.0) / (self.high - self.low), 0.0
+        learned = math.sqrt(max(self.u**2 - u**2, 1e-24))
+
+        def below(limit: float) -> float:
+            return 0.5 * math.erfc((self.value - limit) / (math.sqrt(2.0) * learned))
+
+        passes = max(below(high) - below(low), 0.0)
+        return passes, below(self.low - guard) + 1.0 - below(self.high + guard)
+
+    def needed(self, guard_factor: float) -> float:
+        """U (k = 2) that decides, if the value stays; of what was not measured: a tenth of the tolerance's width."""
+        if math.isinf(self.u):
+            return 0.1 * (self.high - self.low)
+        margin = min(abs(self.value - self.low), abs(self.high - self.value))
+        return max(COVERAGE * margin / max(guard_factor, 1e-9), 1e-9)
+
+
 class Open(NamedTuple):
-    """A section that is undecided: U (k = 2) below which it would be decided; inf: decided already."""
+    """A section that is undecided."""
 
     section: int
     arc_length_mm: float
-    root_mm: float
-    bevel_deg: float
+    sizes: dict[str, Size]  # by the name of the characteristic
+    guard_factor: float
 
+    @property
+    def needed(self) -> dict[str, float]:
+        """U (k = 2) that would decide its sizes that are undecided."""
+        each = {name: (one, *one.decided(one.u, self.guard_factor)) for name, one in self.sizes.items()}
+        return {name: one.needed(self.guard_factor) for name, (one, *known) in each.items() if max(known) < 0.5}
+
+    @property
     def most(self) -> float:
         """The smaller of both, a tenth of a millimetre for a degree: sections with more of it are decided first."""
-        return min(self.root_mm, 0.1 * self.bevel_deg)
+        return min((u * (0.1 if name == "bevel_deg" else 1.0) for name, u in self.needed.items()), default=math.inf)
 
-    def over(self, root: float, bevel: float) -> float:
-        """U of both sizes over what decides."""
-        return max(root / self.root_mm, bevel / self.bevel_deg)
+    def decided(self, proposal: Proposal) -> float:
+        """Probability that a further pass decides it, all sizes pass or one fails: over both edges of the prior."""
+        return 0.5 * sum(self._decided(proposal._replace(root_mm=u)) for u in (proposal.root_mm, proposal.most_root_mm))
+
+    def _decided(self, proposal: Proposal) -> float:
+        each = [
+            one.decided(getattr(proposal, name) / COVERAGE, self.guard_factor, proposal.reserve)
+            for name, one in self.sizes.items()
+        ]
+        return math.prod(passes for passes, _ in each) + 1.0 - math.prod(1.0 - fails for _, fails in each)
 
 
 class Proposal(NamedTuple):
@@ -52,7 +100,9 @@ class Proposal(NamedTuple):
     elevation_deg: float
     root_mm: float
     bevel_deg: float
+    most_root_mm: float  # by the edge of the prior that hides most
     shows_below: bool  # the lower surface is in view
+    reserve: float  # over these, that nine of ten scans stay within
 
 
 @stage("scan.next")
@@ -67,9 +117,10 @@ def next_(
 ) -> tuple[Document | Chapter, ...]:
     """Name the pass that would decide an undecided inspection.
 
-    Of elevations 10 deg apart the one that, added to the passes that are there, decides most sections by the u that
-    `scan.plan` predicts. `next_scan.json` is an `edge` for `plan_scan.json`, which checks it against robot and
-    fixtures; it is written only if some section would be decided.
+    Of elevations 10 deg apart the one that, added to the passes that are there, will probably decide most sections, by
+    the u that `scan.plan` predicts and the sizes that may then come out. `next_scan.json` is an `edge` for
+    `plan_scan.json`, which checks it against robot and fixtures; it is written only if some section is decided more
+    likely than not, and promises those with a probability of 95 %.
 
     Args:
         cloud: the recording that was inspected.
@@ -107,49 +158,33 @@ def next_(
     if not found:
         return (_chapter(NO_PASS),)
 
-    best = _best(found, left)
-    decided = [one for one in left if one.over(best.root_mm, best.bevel_deg) <= 1.0]
-    if left and not decided:
+    best = max(found, key=lambda one: (sum(section.decided(one) for section in left), -one.root_mm))
+    chance = {one.section: one.decided(best) for one in left}
+    if left and max(chance.values()) < LIKELY:
         return (_chapter(_none_decides(best, left)),)
     stretch = _stretch(left, inspection)
-    sentence = _sentence(best, left, decided, stretch)
-    return Document(NAME, _written(edge, best, stretch, left, decided, sentence)), _chapter(sentence)
-
-
-def _best(found: Sequence[Proposal], left: Sequence[Open]) -> Proposal:
-    """The one that decides most sections; of these the one that comes nearest in the others."""
-
-    def rank(one: Proposal) -> tuple[int, float]:
-        ratios = [section.over(one.root_mm, one.bevel_deg) for section in left]
-        return -sum(ratio <= 1.0 for ratio in ratios), max(ratios, default=one.root_mm)
-
-    return min(found, key=rank)
+    sentence = _sentence(best, left, chance, stretch)
+    return Document(NAME, _written(edge, best, stretch, left, chance, sentence)), _chapter(sentence)
 
 
 def open_sections(inspection: Inspection) -> tuple[Open, ...]:
-    """The undecided sections, and what would decide them: a hidden one a tenth of the tolerances' width."""
-    found = []
-    for section in inspection.sections:
-        if section.verdict != "undecided":
-            continue
-        wanted = {"root_mm": math.inf, "bevel_deg": math.inf}
-        for one in inspection.characteristics:
-            if one.limits is None:
-                continue
-            (low, high), pair = one.limits, one.pairs[section.index - 1]
-            if pair is None:
-                wanted[one.name] = 0.1 * (high - low)
-            elif one.verdicts[section.index - 1] == "undecided":
-                value = pair[0]
-                margin = min(abs(value - low), abs(high - value))
-                wanted[one.name] = COVERAGE * margin / max(inspection.guard_factor, 1e-9)
-        found.append(Open(section.index, section.arc_length_mm, max(wanted["root_mm"], 1e-9), wanted["bevel_deg"]))
-    return tuple(found)
+    """The undecided sections, with all that is required of them."""
+    asked = [one for one in inspection.characteristics if one.limits is not None]
+    return tuple(
+        Open(
+            section.index,
+            section.arc_length_mm,
+            {one.name: Size(*(one.pairs[section.index - 1] or (math.nan, math.inf)), *one.limits) for one in asked},
+            inspection.guard_factor,
+        )
+        for section in inspection.sections
+        if section.verdict == "undecided"
+    )
 
 
 def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowledge) -> list[Proposal]:
-    """Every elevation from which both faces are seen, with U of all passes together."""
-    from workbench.scan_plan.information import Joint, View, combined, information
+    """Every elevation from which both faces are seen, with U of all passes together: no more than it is now."""
+    from workbench.scan_plan.information import RESERVE, Joint, View, combined, information
 
     root, bevel = float(np.nanmedian(edge.root.value)), float(np.nanmedian(edge.bevel.value)) * DEG
     face = edge.faces[BEVEL_FACE]
@@ -163,14 +198,15 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
         return information(joint, profiler, known, View(elevation, profiler.middle_mm, pitch), length)
 
     there = [one for elevation in _elevations(cloud, edge) if (one := told(elevation)) is not None]
+    now = np.nanmedian([edge.root.u, edge.bevel.u, edge.root.u], axis=1)
     found = []
     for elevation in ELEVATIONS_DEG:
         further = told(elevation * DEG)
         if further is not None:
             both = combined(joint, known, (*there, further), length)
-            found.append(
-                Proposal(elevation, COVERAGE * both.root_mm, COVERAGE * both.bevel_deg, further.step_mm == 0.0)
-            )
+            each = (both.root_mm, both.bevel_deg, both.most_root_mm)
+            u = (COVERAGE * min(one, float(most)) for one, most in zip(each, now, strict=True))
+            found.append(Proposal(elevation, *u, further.step_mm == 0.0, RESERVE))
     return found
 
 
@@ -196,7 +232,7 @@ def _as_recorded(cloud: Cloud) -> Profiler:
     return Profiler(cloud.x_mm.shape[1], (near, far), (width, width), max(noise_mm(z), 1e-4))
 
 
-def _sentence(best: Proposal, left: Sequence[Open], decided: Sequence[Open], stretch: tuple[float, float]) -> str:
+def _sentence(best: Proposal, left: Sequence[Open], chance: dict[int, float], stretch: tuple[float, float]) -> str:
     """What to do next, in words."""
     pass_ = (
         f"A further pass at {best.elevation_deg:g}° above the root face's normal, from {stretch[0]:.0f} to "
@@ -205,11 +241,15 @@ def _sentence(best: Proposal, left: Sequence[Open], decided: Sequence[Open], str
     )
     if not left:
         return f"{pass_}, and the lower surface is in view." if best.shows_below else f"{pass_}; conditions remain."
-    told = f"{pass_}, which decides {len(decided)} of {len(left)} undecided sections"
-    rest = [one for one in left if one not in decided]
+    sure = sum(one >= SURE for one in chance.values())
+    told = (
+        f"{pass_}. It will decide {sure} of {len(left)} undecided sections, and as sizes will move by what it tells, "
+        f"probably {max(sum(chance.values()), sure):.0f}"
+    )
+    rest = [one for one in left if chance[one.section] < LIKELY]
     if not rest:
         return f"{told}."
-    return f"{told}; {_needed(min(rest, key=Open.most))}."
+    return f"{told}; {_needed(min(rest, key=lambda one: one.most))}."
 
 
 def _none_decides(best: Proposal, left: Sequence[Open]) -> str:
@@ -217,13 +257,13 @@ def _none_decides(best: Proposal, left: Sequence[Open]) -> str:
     return (
         f"No further pass decides any of the {len(left)} undecided sections: the best, at {best.elevation_deg:g}° "
         f"above the root face's normal, is predicted to leave U = {_mm(best.root_mm)} and {_deg(best.bevel_deg)}; "
-        f"{_needed(max(left, key=Open.most))}: what would decide it is a sensor or robot that errs less, or a size "
-        "farther from the limit."
+        f"{_needed(max(left, key=lambda one: one.most))}: what would decide it is a sensor or robot that errs less, or "
+        "a size farther from the limit."
     )
 
 
 def _needed(one: Open) -> str:
-    need = " and ".join(told(u) for told, u in ((_mm, one.root_mm), (_deg, one.bevel_deg)) if math.isfinite(u))
+    need = " and ".join((_deg if name == "bevel_deg" else _mm)(u) for name, u in one.needed.items())
     return f"section {one.section} lies so near a limit that U = {need} would be needed"
 
 
@@ -249,7 +289,7 @@ def _written(
     best: Proposal,
     stretch: tuple[float, float],
     left: Sequence[Open],
-    decided: Sequence[Open],
+    chance: dict[int, float],
     sentence: str,
 ) -> bytes:
     """`next_scan.json`: an edge-line with what is proposed along it."""
@@ -259,9 +299,8 @@ def _written(
     places = np.linspace(first, last, max(2, round((last - first) / POINT_MM) + 1))
     points: Float = np.stack([np.interp(places, at, edge.position_mm[seen, k]) for k in range(3)], axis=1)
 
-    def least(values: Sequence[float]) -> float | None:
-        known = [one for one in values if math.isfinite(one)]
-        return min(known) if known else None
+    def least(name: str) -> float | None:
+        return min((one.needed[name] for one in left if name in one.needed), default=None)
 
     document = {
         "format": "edge-line",
@@ -274,10 +313,11 @@ def _written(
         "to_mm": round(last, 3),
         "predicted_root_U_mm": best.root_mm,
         "predicted_bevel_U_deg": best.bevel_deg,
-        "wanted_root_U_mm": least([one.root_mm for one in left]),
-        "wanted_bevel_U_deg": least([one.bevel_deg for one in left]),
+        "wanted_root_U_mm": least("root_mm"),
+        "wanted_bevel_U_deg": least("bevel_deg"),
         "undecided_sections": [one.section for one in left],
-        "decided_by_it": [one.section for one in decided],
+        "decided_by_it": [number for number, one in chance.items() if one >= SURE],
+        "probability": [round(one, 3) for one in chance.values()],
     }
     return json.dumps(document, indent=1, allow_nan=False).encode() + b"\n"
 

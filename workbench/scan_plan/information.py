@@ -47,6 +47,7 @@ from workbench.units import DEG, Float, Shaped
 CORNER_MM, DIRECTION_MM = 6.0, 30.0
 MOST_INCIDENCE = 70.0 * DEG  # of a ray on a face that is to be measured
 LEAST_COLUMNS = 12  # on a face that is to be measured
+RESERVE = 1.15  # over what is predicted, that nine of ten scans stay within: noise alone
 DRAWS = 2  # of noise, over which what the residual image will say is averaged
 
 UNDECLARED = Linearity()

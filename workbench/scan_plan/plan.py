@@ -40,6 +40,7 @@ from workbench.scan import read_hand_eye
 from workbench.scan_plan.edges import modelled, read_edge
 from workbench.scan_plan.information import (
     MOST_INCIDENCE,
+    RESERVE,
     Joint,
     Knowledge,
     Profiler,
@@ -50,7 +51,6 @@ from workbench.scan_plan.information import (
 from workbench.scan_plan.reach import Examiner, scan_cell
 from workbench.scan_plan.rehearsal import (
     LONGEST_MM,
-    RESERVE,
     WAVE_MM,
     Rehearsed,
     Supposed,

@@ -4,7 +4,7 @@ The joint is straight, its root face as rough as declared. Each pass is led alon
 plan says so. What the engine then says of it is what it will say of the part: its own windows, priors and ways to put
 passes together. Predicted is the median over stations with the first of the radii that stand for what is held possible
 of the lower edge (`information.edges_of`); promised is that with the last one and a wave of the root face, and
-`RESERVE`.
+`information.RESERVE`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from workbench.synthetic.recipe import Course, Noise, Part, Pass, Placement, Rob
 from workbench.synthetic.workpiece import Workpiece
 from workbench.units import DEG, Bool, Float, Shaped
 
-RESERVE = 1.15  # over what is rehearsed, that nine of ten scans stay within: noise alone
 WAVE_MM = 0.05  # as a robot leaves a root face, that is promised for: the engine averages less along such an edge
 LONGEST_MM = 100.0  # of a nominal edge: a longer one is rehearsed on so much, its shadows drawn together
 FOOTPRINT = np.linspace(-0.4, 0.4, 5)  # rays of a pixel, in columns from its middle

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workbench.scan_plan.information import Joint, Knowledge, Predicted, Profiler, View, combined, information
-from workbench.scan_plan.rehearsal import RESERVE
+from workbench.scan_plan.information import RESERVE, Joint, Knowledge, Predicted, Profiler, View, combined, information
 from workbench.units import Bool, Int, Shaped
 
 COVERAGE = 2.0  # k of the expanded uncertainties

@@ -60,9 +60,8 @@ def deviation(
         reference: from `compare.surface`, `compare.mesh` or `compare.plan`.
         registration: moves the scan; without it, both are taken as they lie in the base.
         edge: gives arc lengths; without it the plan's path does, or the scan's longest direction.
-        position_u_mm: standard uncertainty of the scan's place along a normal by robot and fixture (default: two scans
-            of 0.07 mm an axis). Counts without a registration, for a single face, and where passes have no face in
-            common.
+        position_u_mm: standard uncertainty of the scan's place along a normal by robot and fixture. Counts without a
+            registration, for a single face, and where passes have no face in common.
         spacing_mm: between the places that are compared.
         normal_mm: D, diameter of what a normal is taken from.
         projection_mm: d, diameter of the cylinder that is averaged.

@@ -10,12 +10,7 @@ USUAL_NOISE_MM = 0.07  # of an arm of this size, each axis: the paper, Table 1; 
 
 RobotNoise: TypeAlias = Annotated[
     float,
-    Field(
-        ge=0,
-        le=5,
-        description="standard deviation of a recorded flange position, each axis: it moves the edge and turns its "
-        "direction, and a pass with only the poses of its two ends does not show it.",
-    ),
+    Field(ge=0, le=5, description="standard deviation of a recorded flange position, each axis."),
 ]
 RobotNoiseOrUsual: TypeAlias = Annotated[
     float | None,
@@ -31,8 +26,8 @@ RobotNoiseLength: TypeAlias = Annotated[
     Field(
         ge=0.1,
         le=1000,
-        description="length along the way over which these errors hang together: their correlation at a distance d is "
-        "exp(-d^2 / 2 length^2); null: estimated from the frames.",
+        description="correlation length of these errors along the way: exp(-d^2 / 2 length^2) at a distance d; "
+        "null: estimated from the frames.",
     ),
 ]
 EndU: TypeAlias = Annotated[
@@ -45,10 +40,10 @@ EndU: TypeAlias = Annotated[
     ),
 ]
 RootNominal: TypeAlias = Annotated[
-    float, Field(gt=0, le=50, description="expected root face; only tells the faces apart.")
+    float, Field(gt=0, le=50, description="expected root face; only distinguishes the faces.")
 ]
 BevelNominal: TypeAlias = Annotated[
-    float, Field(ge=20, le=70, description="expected bevel angle; only tells the faces apart.")
+    float, Field(ge=20, le=70, description="expected bevel angle; only distinguishes the faces.")
 ]
 Limits: TypeAlias = Annotated[
     dict[str, float | tuple[float, float]],

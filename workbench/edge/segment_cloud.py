@@ -91,7 +91,7 @@ def segment_cloud(
     thickness_mm: Annotated[float, Field(gt=0, le=500)] | None = None,
     use_order: bool = True,
 ) -> tuple[Cloud, MilledEdge | RawEdge]:
-    """Find root face, bevel face and the lower edge of a milled edge, or a raw edge, in a cloud without a grid.
+    """Find a milled or a raw edge in a cloud without a grid.
 
     The cloud becomes an organised one, by scan lines or slices; the edge is that of `edge.segment` (`edge.segment_raw`
     with `upper_side`). Several passes without order are refused unless declared to agree (docs/clouds.md).
@@ -102,7 +102,7 @@ def segment_cloud(
         sensor: as in `edge.segment`.
         upper_side: of a raw edge, in scan order: direction from the plate's lower to its upper surface. null: a milled
             edge.
-        thickness_mm: of a milled edge's plate, as in `edge.segment`: shows whether a cloud was cropped along the edge.
+        thickness_mm: as in `edge.segment`; shows whether a cloud was cropped along the edge.
         use_order: look for scan lines in the order of the points; false: slice the cloud.
 
     Raises:

@@ -84,7 +84,7 @@ def segment_preparation(
     Args:
         cloud: the organised cloud of one edge, in one or more passes that show its upper surface too.
         preparation: what the edge is prepared as, or `auto`; another one than the profiles show is refused.
-        root_nominal_mm: expected root face; tells it from the upper surface.
+        root_nominal_mm: expected root face; distinguishes it from the upper surface.
         edge_condition: as in `edge.segment`.
         sensor: as in `edge.segment`.
         upper_side: direction to the plate's upper side, in the base; null: by the expected root face.

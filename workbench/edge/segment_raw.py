@@ -99,7 +99,7 @@ def segment_raw(
         sensor: as in `edge.segment`.
         robot_noise_mm: as in `edge.segment`; null: estimated, with its length.
         robot_drift_u_mm: declared standard uncertainty of the edge's place in the base by slow errors of the robot
-            (drift, path accuracy), which look like the edge's own course.
+            (drift, path accuracy).
 
     Raises:
         InputError: `upper_side` is zero or along the edge; no raw edge, only a part of it, or a groove in view.

@@ -68,7 +68,7 @@ def check(
     rests_milled: bool = False,
     touched_mm: Points | None = None,
 ) -> PathGate:
-    """Check a path against the edge and the cloud. A program is written only for a path that passes.
+    """Check a path against edge and cloud; only a path that passes becomes a program.
 
     Layers end on the finished bevel, each no deeper than the depth of cut; key points are 1 mm apart; nothing is cut
     where nothing was measured. Frames have no jump, the cutter's axis lies in the bevel face, its shank on the upper

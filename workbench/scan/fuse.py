@@ -37,8 +37,8 @@ def fuse(
         recording: profiles and flange poses on one clock.
         hand_eye: a `handeye.json` to use instead of the recording's own calibration.
         scan_plan: the `scan-plan.json` that was to be followed; departures are among the checks.
-        limits: limits of checks by name, where the default ones do not fit (docs/checks.md). A check that passes only
-            by a wider limit is named in the results, and a path then ends with status 1.
+        limits: limits of checks by name (docs/checks.md). A check that passes only by a wider limit is named in the
+            results, and a path then ends with status 1.
 
     Raises:
         InputError: no calibration, or an improper one; a recording on the profiler's own clock, or one that fails a

@@ -60,7 +60,7 @@ def mill(
     worn_mm: Annotated[float, Field(ge=0, le=10)] = 0.0,
     seed: Seed = 0,
 ) -> tuple[Workpiece, Engagement]:
-    """Mill a workpiece along a path and tell what the cutter met.
+    """Mill a workpiece along a path and report what the cutter meets.
 
     The cutter, a cylinder at x = -radius of each point's frame (or a ball end), moves straight from point to point
     (dexels: T. Van Hook, SIGGRAPH 1986; docs/simulation.md).

@@ -179,8 +179,7 @@ def circles(
     Args:
         recording: a calibration recording (with /sphere).
         profile_noise_mm: least standard deviation of a point along z; more where the arcs show more.
-        limits: limits of the checks of units, sensor and copies by name, where the default ones do not fit
-            (docs/checks.md). `held_end_share` is not judged unless it is named here.
+        limits: limits of checks by name (docs/checks.md). `held_end_share` is judged only if it is named here.
 
     Raises:
         InputError: no sphere in the recording's header, no arc of it in any frame, or a recording that fails a check.

@@ -53,7 +53,7 @@ def hand_eye_faces(
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     limits: dict[str, float | tuple[float, float]] = {},  # noqa: B006  (never changed)
 ) -> tuple[HandEye, Document, Chapter]:
-    """Find the profiler's pose on the flange from a fixed part with flat faces, where there is no sphere.
+    """Find the profiler's pose on the flange from flat faces of a fixed part.
 
     Points of the profiles lie on planes, or straight lines, of the base: pose, faces, scales of the profiler and, where
     the profiles have their own clock, its offset are one fit, from many starts (docs/calibration.md).
@@ -73,7 +73,7 @@ def hand_eye_faces(
         root_tolerance_mm: of a bevel planned by the pose; the verdict says whether it serves.
         bevel_tolerance_deg: likewise.
         bevel_deg: angle of that bevel.
-        limits: limits of the checks by name, where the default ones do not fit (docs/checks.md).
+        limits: limits of checks by name (docs/checks.md).
 
     Raises:
         InputError: too few postures, an undetermined direction (named), two answers that fit equally, none that fits.

@@ -118,7 +118,7 @@ def robot(
     bevel_tolerance_deg: Annotated[float, Field(gt=0, le=30)] = 1.0,
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
 ) -> tuple[HandEye, Document, Document, Chapter]:
-    """Estimate joint offsets and lengths of the robot with the hand-eye pose, from a sphere in 30 postures or more.
+    """Estimate the robot's joint offsets and lengths with the hand-eye pose, from a sphere.
 
     As `calibrate.hand_eye`, with the flange's pose from joint angles and the arm's errors (product of exponentials):
     docs/howto/calibrate_robot.md.

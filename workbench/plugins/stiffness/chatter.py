@@ -65,7 +65,7 @@ def chatter(
         root_tolerance_mm: of the root face, either way; the cutter may deflect by half of it.
 
     Raises:
-        InputError: postures or force are of another path; a force without coefficients; a mass matrix that is none.
+        InputError: postures or force are of another path; a force without coefficients; an invalid mass matrix.
 
     Example:
         >>> from workbench import path, robot

@@ -50,7 +50,7 @@ def read(
         joint_stiffness_nm_per_rad: of the six joints, exact; null: the cell's.
 
     Raises:
-        InputError: a stiffness of zero or less, a covariance that is none.
+        InputError: a stiffness of zero or less, an invalid covariance.
 
     Example:
         >>> from workbench import robot

@@ -64,8 +64,8 @@ def sections(
     """Measure root face and bevel angle in equidistant sections (the paper's section 6.3, Figs. 20 and 21) and judge.
 
     Section i lies at (i - 1/2)/n of the measured stretch, in the plane normal to the lower edge. Verdicts by ISO
-    14253-1: pass inside the limits by at least guard_factor * u, fail outside by at least that, else undecided; so is a
-    hidden section, or one whose pass rests on what this recording does not show, until that is accepted by name.
+    14253-1, the guard band being guard_factor * u (docs/conventions.md); a hidden section is undecided, and so is a
+    pass that rests on what this recording does not show, until that is accepted by name.
 
     Args:
         edge: the measured edge.

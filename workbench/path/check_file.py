@@ -34,7 +34,7 @@ def check_file(
     *,
     penetration_mm: Annotated[float, Field(gt=0, le=2)] = PENETRATION_MM,
 ) -> PathGate:
-    """Check a path out of a file, where no scan is at hand.
+    """Check a path from a file, without a scan.
 
     A path refused or changed according to its file stays refused. Poses must be finite, layers step down to the final
     one, and the cutter be nowhere deeper than `penetration_mm` in the final face. Without a check in the file the

@@ -93,7 +93,7 @@ def correct(
     most_moved_mm: Annotated[float, Field(gt=0, le=10)] = 0.3,
     earlier: InputFile | None = None,
 ) -> tuple[Toolpath, PathCorrection]:
-    """Compare a first cut with its plan along the edge, and correct the finishing pass by it.
+    """Compare a first cut with its plan, and correct the finishing pass.
 
     What is compared, corrected and refused: docs/planning.md, "Measure, cut, measure, correct". `path.check` rejects
     a refused path.

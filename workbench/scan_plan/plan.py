@@ -166,7 +166,7 @@ def plan(
     tool_stays: bool = True,
     z_away: bool = True,
 ) -> tuple[ScanPlan | PlannedScan | Document | Chapter | Gate, ...]:
-    """Plan from where, in how many passes, to scan so that U is as wanted.
+    """Plan the passes of a scan that reach the wanted U.
 
     Of the passes that robot, plate, fixtures and light paths allow, the set of least time that reaches the wanted U is
     chosen (docs/scan_planning.md); otherwise exit status 1, with what limits it and what would help.

@@ -47,7 +47,7 @@ def program(
     scanner_mass_kg: Annotated[float, Field(gt=0, le=100)] | None = None,
     scanner_centre_mm: Triple = (0.0, 0.0, 50.0),
 ) -> tuple[Document | Chapter | Gate, ...]:
-    """Write the passes of a planned scan as programs for the robot's controller, one a pass (docs/scan_planning.md).
+    """Write a program for each pass of a planned scan (docs/scan_planning.md).
 
     Home, profiler on (`trigger_signal`), the pass, off, home. Judged as a milling program (docs/programs.md), with the
     scanner as tool and the plate as a body. The head says how to log the poses.

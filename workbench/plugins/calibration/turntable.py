@@ -148,7 +148,7 @@ def turntable(
     bevel_deg: Annotated[float, Field(ge=10, le=75)] = 40.0,
     part: PartNames = NO_NAMES,
 ) -> tuple[Document, Chapter]:
-    """Determine a turntable's axis in the base from markers measured at two or more of its angles.
+    """Determine a turntable's axis in the base from markers measured at two or more angles.
 
     Marker q at angle a lies at c + R(d, a) (q - c): least squares over direction d, axis point c and markers. Angles
     less than 0.1 deg apart weigh as one; a point off by 5 standard deviations is left out, with the cause. A drift D

@@ -19,6 +19,15 @@ def test_pipelines_shown_are_valid(text: str) -> None:
     assert Pipeline(json.loads(text), base_dir=DOCS).plan().steps
 
 
+@pytest.mark.parametrize("path", sorted((DOCS / "examples").glob("*.json")), ids=lambda path: path.stem)
+def test_example_pipelines_are_valid(path: Path, tmp_path: Path) -> None:
+    document = json.loads(path.read_text(encoding="utf-8"))
+    mesh = tmp_path / "nominal.stl"
+    mesh.write_text("")
+    document["inputs"] |= {"mesh": str(mesh)} if "mesh" in document["inputs"] else {}
+    assert Pipeline(document, base_dir=path.parent).plan().steps
+
+
 def test_every_pipeline_that_comes_along_is_told() -> None:
     listed = MANUAL.partition("## Pipelines that come along")[2].partition("\n## ")[0]
     told = {name for line in listed.splitlines() for name in re.findall(r"`(\w+\.json)`", line.partition(": ")[0])}

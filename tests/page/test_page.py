@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from tests.page.conftest import Client, opened
+from tests.pipeline.test_follow import writing
 from workbench.errors import InputError
 from workbench.page.app import Page
 from workbench.page.forms import fields_of
@@ -78,11 +79,17 @@ def test_a_look_and_a_run_that_cannot_be(client: Client, folder: Path) -> None:
     assert look["reason"].split(":")[0].endswith("half.h5") or "half.h5" in client.ask("GET", f"/runs/{look['id']}")[1]
 
 
-def test_a_run_is_cancelled(client: Client) -> None:
-    many = [client.json("POST", "/api/runs", {"look": "part-7.h5"})["id"] for _ in range(3)]
-    for number in reversed(many):
-        client.json("POST", f"/api/runs/{number}/cancel", {})
-    assert {client.done(number)["state"] for number in many} == {"cancelled"}
+def test_runs_that_wait_or_are_at_work_are_cancelled(client: Client, folder: Path) -> None:
+    """The first waits for the end of its recording."""
+    with writing(folder / "endless.h5", last=24, alive=True):
+        inputs = {"recording": "endless.h5"}
+        first = client.json("POST", "/api/runs", {"pipeline": "inspect_bevel", "inputs": inputs})["id"]
+        many = [first, *(client.json("POST", "/api/runs", {"look": "part-7.h5"})["id"] for _ in range(2))]
+        while client.json("GET", f"/api/runs/{first}")["state"] != "running":
+            time.sleep(0.02)
+        for number in reversed(many):
+            client.json("POST", f"/api/runs/{number}/cancel", {})
+        assert {client.done(number)["state"] for number in many} == {"cancelled"}
 
 
 @pytest.mark.parametrize(

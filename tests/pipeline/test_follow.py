@@ -27,7 +27,7 @@ PIPELINE = ROOT / "pipelines/inspect_bevel.json"
 WRITER = """
 import os, sys, time, h5py
 source, target, swmr = sys.argv[1:4]
-last, pause_s = int(sys.argv[4]), float(sys.argv[5])
+last, pause_s, alive = int(sys.argv[4]), float(sys.argv[5]), sys.argv[6]
 with h5py.File(source) as old, h5py.File(target, "w", libver="latest") as new:
     new.attrs.update(old.attrs)
     old.copy("hand_eye", new)
@@ -54,13 +54,19 @@ with h5py.File(source) as old, h5py.File(target, "w", libver="latest") as new:
         print(first, flush=True)
         while first + 12 >= last and not os.path.exists(target + ".go"):
             time.sleep(0.02)
+            if alive:
+                os.utime(target)
         time.sleep(pause_s)
 """
 
 
 @contextmanager
-def writing(target: Path, swmr: bool = True, last: int = 10**6, pause_s: float = 0.05) -> Iterator[Any]:
-    command = [sys.executable, "-c", WRITER, SOURCE, target, "swmr" if swmr else "", last, pause_s]
+def writing(
+    target: Path, swmr: bool = True, last: int = 10**6, pause_s: float = 0.05, alive: bool = False
+) -> Iterator[Any]:
+    """A process that writes a recording; at frame `last` it waits for a file, `alive` without a stall however long."""
+    given = [SOURCE, target, "swmr" if swmr else "", last, pause_s, "alive" if alive else ""]
+    command = [sys.executable, "-c", WRITER, *given]
     with subprocess.Popen([str(each) for each in command], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()  # a frame is there

@@ -106,7 +106,6 @@ def calls() -> Iterator[dict[str, list[Call]]]:
     """Of every stage, in their order; it runs once for the same artefacts and parameters: pipelines begin alike."""
     made: dict[str, list[Call]] = {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))  # drawn alike, by a hundredth of the rays
         for name, stage in every_stage()[0].items():
             patch.setitem(vars(stage), "function", once(stage, made.setdefault(name, [])))
         yield made

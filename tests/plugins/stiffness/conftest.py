@@ -2,7 +2,7 @@
 
 import functools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -72,11 +72,3 @@ def identified(cell: Cell, tmp_path: Path) -> Callable[..., tuple[JointStiffness
         return found, json.loads(document.content)
 
     return identify
-
-
-@pytest.fixture(scope="module", autouse=True)
-def small_robots() -> Iterator[None]:
-    """Robots are drawn small, half of what a stage takes: nobody here looks at them, tests/docs does."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workbench.robot.report_picture.SIZE_PX", (69, 63))
-        yield

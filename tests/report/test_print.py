@@ -133,12 +133,20 @@ def pages(part, planned, by_formula, provenance, tmp_path_factory) -> dict[str, 
     return {name: folder / f"{name}.html" for name in files}
 
 
-@pytest.fixture(params=["loop", "fleet", "groove"])
-def page(request, pages, browser):
-    opened = browser.new_page(viewport={"width": 1100, "height": 800})
-    opened.goto(pages[request.param].as_uri())
-    yield opened
-    opened.close()
+@pytest.fixture(scope="module", params=["loop", "fleet", "groove"])
+def opened(request, pages, browser):
+    made = browser.new_page()
+    made.goto(pages[request.param].as_uri())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(opened):
+    """As it is first seen."""
+    opened.emulate_media(media="screen")
+    opened.set_viewport_size({"width": 1100, "height": 800})
+    return opened
 
 
 def test_the_first_printed_page_holds_one_a4_side(page):

@@ -169,12 +169,12 @@ def next_(
 
 def open_sections(inspection: Inspection) -> tuple[Open, ...]:
     """The undecided sections, with all that is required of them."""
-    asked = [one for one in inspection.characteristics if one.limits is not None]
+    asked = [(one, one.limits) for one in inspection.characteristics if one.limits is not None]
     return tuple(
         Open(
             section.index,
             section.arc_length_mm,
-            {one.name: Size(*(one.pairs[section.index - 1] or (math.nan, math.inf)), *one.limits) for one in asked},
+            {of.name: Size(*(of.pairs[section.index - 1] or (math.nan, math.inf)), *limits) for of, limits in asked},
             inspection.guard_factor,
         )
         for section in inspection.sections
@@ -194,19 +194,19 @@ def proposals(cloud: Cloud, edge: MilledEdge, profiler: Profiler, known: Knowled
     length = float(edge.arc_length_mm[-1])
     pitch = max(float(np.nanmedian(np.abs(np.diff(edge.frame_arc_length_mm)))), 1e-3)
 
-    def told(elevation: float) -> PassInformation | None:
+    def seen_from(elevation: float) -> PassInformation | None:
         return information(joint, profiler, known, View(elevation, profiler.middle_mm, pitch), length)
 
-    there = [one for elevation in _elevations(cloud, edge) if (one := told(elevation)) is not None]
+    there = [one for elevation in _elevations(cloud, edge) if (one := seen_from(elevation)) is not None]
     now = np.nanmedian([edge.root.u, edge.bevel.u, edge.root.u], axis=1)
     found = []
     for elevation in ELEVATIONS_DEG:
-        further = told(elevation * DEG)
+        further = seen_from(elevation * DEG)
         if further is not None:
             both = combined(joint, known, (*there, further), length)
-            each = (both.root_mm, both.bevel_deg, both.most_root_mm)
-            u = (COVERAGE * min(one, float(most)) for one, most in zip(each, now, strict=True))
-            found.append(Proposal(elevation, *u, further.step_mm == 0.0, RESERVE))
+            told = np.array([both.root_mm, both.bevel_deg, both.most_root_mm])
+            root_u, bevel_u, most_u = (COVERAGE * np.fmin(told, now)).tolist()
+            found.append(Proposal(elevation, root_u, bevel_u, most_u, further.step_mm == 0.0, RESERVE))
     return found
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
+import numpy as np
 import pytest
 
 from workbench.edge.broken_end import ALIKE_MM
 from workbench.edge.residual_image import Linearity
 from workbench.scan_plan.information import Joint, Knowledge, Predicted, Profiler, View, combined, information
+from workbench.scan_plan.rehearsal import _farther_mm
 from workbench.units import DEG
 
 JOINT = Joint(8.0, 1.5, 40.0 * DEG)
@@ -79,3 +82,16 @@ def test_u_scales_with_the_declared_linearity() -> None:
 @pytest.mark.parametrize("view", [View(85.0 * DEG, 150.0, 0.4), View(30.0 * DEG, 121.0, 0.4)])
 def test_what_cannot_be_seen_tells_nothing(view: View) -> None:
     assert information(JOINT, SENSOR, SHARP, view, LENGTH_MM) is None
+
+
+@pytest.mark.parametrize("rise", [1e-13, -1e-13])
+def test_a_ray_square_to_the_root_face_does_not_meet_the_lower_surface_by_rounding(rise: float) -> None:
+    """With a lead, rounding gave such rays a rise: past the edge they returned from 4e8 m, and the plan was refused."""
+    origin = np.stack([np.zeros(9), np.full(9, -50.0), np.linspace(-0.4, 0.4, 9)], axis=1)[None]
+    pixel, lead = np.array([0.0, 0.0, 0.05]), 15.0 * DEG
+    square, nearly = (
+        _farther_mm(origin, pixel, np.array([math.sin(lead), -math.cos(lead), up]), 0.2) for up in (0.0, rise)
+    )
+    np.testing.assert_allclose(nearly, square, atol=1e-6)
+    assert np.isnan(square[0, 0])
+    assert square[0, -1] == 0.0

@@ -403,10 +403,11 @@ def _rehearse(task: Task, looked: _Looked, learned: list[Learned], tried: Tried,
     return reach
 
 
-def _shortfall(made: ScanPlan) -> tuple[int, float]:
-    """Stations that miss what is wanted, and the largest promised U over it; infinite: the engine refuses."""
+def _shortfall(made: ScanPlan) -> tuple[int, int, float]:
+    """Stations unseen, those that miss what is wanted, and the largest promised U over it; infinite: it is refused."""
     over = np.fmax(made.promised_root_mm / made.wanted.root_mm, made.promised_bevel_deg / made.wanted.bevel_deg)
-    return int((~made.reached).sum()), float(np.nanmax(over, initial=math.inf if made.refused else 0.0))
+    unseen = int(np.isnan(made.promised_root_mm).sum())
+    return unseen, int((~made.reached).sum()), float(np.nanmax(over, initial=math.inf if made.refused else 0.0))
 
 
 def _learn(made: ScanPlan, search: Search, chosen: tuple[int, ...]) -> None:

@@ -29,6 +29,7 @@ WAVE_MM = 0.05  # as a robot leaves a root face, that is promised for: the engin
 LONGEST_MM = 100.0  # of a nominal edge: a longer one is rehearsed on so much, its shadows drawn together
 FOOTPRINT = np.linspace(-0.4, 0.4, 5)  # rays of a pixel, in columns from its middle
 MOST_SEEN_DEG = 80.0  # of incidence: candidates meet the lower surface below 70 deg, or not at all
+LEAST_RISE = 1e-6  # of a ray towards the lower surface: less is rounding, of a view square to the root face
 PLACE_MM = (1500.0, 0.0, 800.0)  # where the nominal edge begins
 RATE_HZ = 200.0  # of frames and of poses
 UNKNOWN = ("root_mm", END), ("bevel_deg", DIRECTIONS)  # quantities by one source, where nothing is told of them
@@ -174,7 +175,7 @@ def _farther_mm(
 def _met(origin: Shaped[Float, "... 3"], ray: Shaped[Float, " 3"]) -> tuple[Float, Float, Float]:
     """Range to the root face, or to the lower surface where that is met first; and along n and m from the edge."""
     by_n = origin[..., 1] / -ray[1]
-    first = by_n if ray[2] <= 0.0 else np.fmax(by_n, -origin[..., 2] / ray[2])
+    first = by_n if ray[2] <= LEAST_RISE else np.fmax(by_n, -origin[..., 2] / ray[2])
     return first, -first * ray[1] - origin[..., 1], first * ray[2] + origin[..., 2]
 
 

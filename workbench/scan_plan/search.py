@@ -173,6 +173,7 @@ def _of_reach(found: tuple[tuple[int, ...], Reach]) -> Reach:
 
 @functools.lru_cache(maxsize=8192)
 def _told(joint: Joint, profiler: Profiler, known: Knowledge, views: tuple[View, ...], length_mm: float) -> Predicted:
-    """What views that see the joint tell together."""
-    each = [information(joint, profiler, known, view, length_mm) for view in views]
+    """What views that see the joint tell together: as much with a lead to either side."""
+    either = [view._replace(lead=abs(view.lead)) for view in views]
+    each = [information(joint, profiler, known, view, length_mm) for view in either]
     return combined(joint, known, [one for one in each if one is not None], length_mm)

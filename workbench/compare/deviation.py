@@ -66,7 +66,7 @@ def deviation(
         normal_mm: D, diameter of what a normal is taken from.
         projection_mm: d, diameter of the cylinder that is averaged.
         depth_mm: largest deviation that is looked for: half the cylinder's length.
-        sections: count of sections along the part, equidistant, as in `inspect.sections`.
+        sections: count of sections along the part, as in `inspect.sections`.
         half_width_mm: on each side of a section what counts for it.
 
     Raises:

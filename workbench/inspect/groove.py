@@ -85,8 +85,7 @@ def preparation(
 
     Args:
         preparation: the measured edge.
-        nominal: required sizes by their names in preparation.json, with tolerances: {'land_mm': 2, 'land_tolerance_mm':
-            [-0.5, 0.5]}; null: nothing is judged.
+        nominal: as in `inspect.groove`, by their names in preparation.json.
         sections: count of sections along the edge.
         guard_factor: guard band over u; 1.645: 95 % one-sided.
         accept_conditions: as in `inspect.sections`.

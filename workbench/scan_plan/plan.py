@@ -189,7 +189,7 @@ def plan(
         wanted_root_mm: U (k = 2) of the root face; null: a tenth of the tolerance's width.
         wanted_bevel_deg: of the bevel angle, likewise.
         passes: greatest number of passes.
-        edge_condition: prior for the lower edge.
+        edge_condition: as in `edge.segment`.
         roughness_mm: of the sawn or cut root face, three standard deviations; null: as a coarse recording shows it,
             else smooth.
         frame_rate_hz: of the profiler.

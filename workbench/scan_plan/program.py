@@ -55,7 +55,7 @@ def program(
     Args:
         plan: the planned scan.
         cell: the robot cell; without one nothing is written.
-        controller: whose language; null: the cell's.
+        controller: as in `program.write`.
         name: of the programs and their files, the pass behind it.
         trigger_signal: digital output that starts the profiler, by name or number (index from 0).
         ready_signal: digital input (index likewise) that says that it records; null: the program waits.

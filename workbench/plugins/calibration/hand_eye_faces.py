@@ -63,7 +63,7 @@ def hand_eye_faces(
             design's pose: a start, and what tells two answers apart.
         target: 'edge': two flat faces that meet; 'plane': one face; 'points': each column is a point that a seam
             tracker found, on a straight line of its own.
-        profile_noise_mm: least standard deviation of a point; more where the lines show more.
+        profile_noise_mm: as in `calibrate.circles`.
         corner_mm: of 'edge': points nearer to the corner, which may be rounded, are left out.
         pose_noise_mm: as in `calibrate.hand_eye`.
         pose_noise_deg: as in `calibrate.hand_eye`.

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import scipy.sparse
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm
@@ -378,25 +379,22 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     """
     pixels, pixel_prior = view.pixels
     onwards = ONWARD if INCIDENCES[-1] > 0.5 * math.pi + view.inclination else ONWARD[:1]
-    sizes, limit, pixel, phase, further = (
-        a.ravel()
-        for a in np.meshgrid(
-            np.arange(templates.size_mm.size),
-            np.arange(INCIDENCES.size),
-            np.arange(len(pixels)),
-            np.arange(len(view.phases)),
-            np.arange(onwards.size),
-            indexing="ij",
-        )
-    )
+    grid = templates.size_mm.size, INCIDENCES.size, len(pixels), len(view.phases), onwards.size
+    sizes, limit, pixel, phase, further = (np.ravel(one) for one in np.indices(grid))
     size, turn, incidence = templates.size_mm[sizes], templates.turn[sizes], INCIDENCES[limit]
     under, onward = incidence > 0.5 * math.pi + view.inclination, onwards[further] * view.step_mm
-    hidden, fall, raised = rendered_end(view, size, turn, incidence, pixel, phase, onward)
-    log, score = np.empty((2, size.size))
-    order = np.lexsort((phase, incidence, pixel, size))
-    fall, fall_u = fall - raised, QUARTER * fall[order]
-    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, fall[order], fall_u, score)
-    log[order] = score
+    shown = _shown_mm(view, templates.size_mm[:, None], templates.turn[:, None], INCIDENCES)[sizes, limit] + onward
+    # Where nothing of a break is seen, returns are those of a sharp end in the same place.
+    rows = np.arange(size.size)
+    alike = np.where(shown > 0.0, rows, np.ravel_multi_index((0, 0, pixel, phase, 0), grid))
+    looks = np.flatnonzero(alike == rows)
+    order = looks[np.lexsort([of[looks] for of in (phase, incidence, pixel, size)])]
+    fall, raised = rendered_end(view, *(of[order] for of in (size, turn, incidence, pixel, phase, onward)))
+    seen, score = fall - raised, np.empty(order.size)
+    _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
+    rows[order] = np.arange(order.size)
+    look, hidden = rows[alike], size - shown
+    log = score[look]
     kept = INCIDENCE_PRIOR * np.clip((INCIDENCES - view.inclination) / STEP + 0.5, 1e-6, 1.0)  # the face returns
     log += np.log(pixel_prior)[pixel] + np.log(kept / kept.mean())[limit]
     log += np.where(under, 0.0, np.where(onward > 0.0, -np.inf, math.log(onwards.size)))
@@ -411,15 +409,23 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     weight /= total[:, None]
     mean = (weight * beyond).sum(axis=1)
     spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
-    fall = np.einsum("ti,tig->tg", weight, fall.reshape(*weight.shape, -1))
-    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, fall)
+    looked = scipy.sparse.csr_array((weight.ravel(), (sizes, look)), (grid[0], order.size))
+    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, looked @ seen)
+
+
+def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Float:
+    """How far along the line templates are seen: arcs to the greatest incidence, chamfers whole or not at all."""
+    lean = view.inclination
+    last = np.clip(incidence - lean, 0.0, math.pi / 2.0)  # turn of the circle where it is lost
+    arc = np.sin(last) - (1.0 - np.cos(last)) * math.tan(lean)
+    flat = np.where(turn + lean < incidence, 1.0 - np.tan(turn) * math.tan(lean), 0.0)
+    return np.asarray(size * np.where(turn == 0.0, arc, flat))
 
 
 def rendered_end(
     view: EndView, size: Float, turn: Float, incidence: Float, pixel: Int, phase: Int, onward: Float
-) -> tuple[Float, Float, Float]:
-    """Virtual edge beyond the last return (n,), depths (n, g) by groups of columns, and how far part-filled pixels
-    return above them (n, g), of n templates; mm.
+) -> tuple[Float, Float]:
+    """Depths (n, g) of n templates by groups of columns, and how far part-filled pixels return above them (n, g); mm.
 
     A quarter circle of radius R leaves the line and is seen up to where its normal stands at the greatest incidence to
     the ray (eq. (12)); a chamfer to its end (eq. (12a)), or not at all. A pixel returns the mean depth of what it sees:
@@ -427,12 +433,7 @@ def rendered_end(
     """
     lean, column, pixels = view.inclination, view.step_mm, view.pixels[0]
     round_, seen = turn == 0.0, turn + lean < incidence
-    last = np.clip(incidence - lean, 0.0, math.pi / 2.0)  # turn of the circle where it is lost
-    shown = np.where(
-        round_,
-        size * (np.sin(last) - (1.0 - np.cos(last)) * math.tan(lean)),
-        np.where(seen, size * (1.0 - np.tan(turn) * math.tan(lean)), 0.0),
-    )
+    shown = _shown_mm(view, size, turn, incidence)
     width = np.diff(view.edges_mm)
     wide = width > 1.5 * column
     within = np.where(wide[:, None], 0.5 * width[:, None], view.phases[:, None, :] * width[:, None])
@@ -444,7 +445,7 @@ def rendered_end(
     before = place - column * pixels[:, 0, None, None, None]
     half = column * pixels[:, 1, None, None, None]
     raised = (0.5 * np.maximum(half - before, 0.0)).mean(axis=3)[pixel, phase] * (math.sin(lean) * math.cos(lean))
-    return size - shown - onward, depth, raised
+    return depth, raised
 
 
 @kernel

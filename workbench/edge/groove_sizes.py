@@ -509,7 +509,7 @@ class GrooveSizes:
         told = self.joint.near(good)
         for place in found.s[found.contradicted]:
             told &= np.abs(self.at - place) >= CELL_MM
-        said = readings(found.s, found.middle, found.middle_u, found.course, self.at)
+        said = readings(found.s, found.middle, found.middle_u, self.at, found.course)
         value = np.where(told, found.course.value(self.at) + said.shift_mm, np.nan)
         return value, np.hypot(found.course.u(self.at), said.u_mm)
 

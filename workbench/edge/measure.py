@@ -209,9 +209,12 @@ def _sound(cloud: Cloud, lower_edge: Float, s: Float, corners: Float) -> Bool:
     return np.asarray(good)
 
 
-def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of: slice) -> Faces:
-    """Directions of both faces along the edge (eq. (5), (6)), from the frames `of`."""
-    pose, side, sigma = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm
+def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, few: slice | None) -> Faces:
+    """Directions of both faces along the edge (eq. (5), (6)).
+
+    few: a first look from these frames, which takes what stands on the root face's ends for the face's own.
+    """
+    pose, side, sigma, of = cloud.base_from_profiler, tracked.side, tracked.range_sigma_mm, few or slice(None)
     lines = [
         section_lines(
             tracked.faces[label],
@@ -231,7 +234,8 @@ def _directions(cloud: Cloud, tracked: TrackedFaces, curve: Curve, s: Float, of:
     group, s_root, variance = cloud.pass_index[of], root.s[of], root.angle_variance[of]
     bevel_course = fit_course(bevel.s[of], bevel_angle[of], bevel.angle_variance[of], group)
     root_angle = np.where(tracked.end_is_burred[of], np.nan, root_angle[of])  # a burr's low foot turns its line
-    variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
+    if few is None:
+        variance = variance / own_directions(s_root, root_angle, variance, width_mm(tracked.faces[ROOT_FACE]))
     root_course, even = fit_course(s_root, root_angle, variance, group), None
     if root_course.noise_factor > min(ROUGH_TIMES * root_course.frame_factor, ROUGH_NOISE):
         even = fit_course(s_root, root_angle, variance, group, shared=Shared(TOGETHER_MM))
@@ -248,7 +252,7 @@ def _state(
     few: a first look from these frames, which takes the middles of the column steps for the root face's end.
     """
     of = few or slice(None)
-    faces = _directions(cloud, tracked, curve, s, of)
+    faces = _directions(cloud, tracked, curve, s, few)
     root, none = faces.root, np.zeros_like(s)
     made = _corner(faces, s, *face_angles(faces, np.where(np.isfinite(s), s, 0.0)), none, none)
     ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
@@ -261,7 +265,7 @@ def _state(
     if few is None:
         ends = _whole(root_ends(cloud, tracked, curve, root, faces.bevel, made, s), broken)
         end = find_end(_as_ends(cloud, tracked, ends, made.upper_s, faces, course, broken), course)
-        said = readings(end.s, end.middle, end.middle_u, end.course, end.course.at_mm)
+        said = readings(end.s, end.middle, end.middle_u, end.course.at_mm, end.course)
         course = said.moved(end.course)
         end = replace(end, course=course)
         made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))

@@ -29,11 +29,14 @@ OFF_MM, RAGGED_MM = 0.1, 0.02  # usual height off the face; by which ragged ones
 STRAY = 1e-3  # density, 1/mm, of a cell that says nothing
 ODDS = 0.3  # of an edge that is prolonged somewhere, and of one that is shortened, against neither
 JUMP = 3.0  # standard deviations of neighbours: half a column's step, as ends pass from column to column, is 2.4
-NEAR, LOW = 10, 0.25  # cells on each side, of which so many are taken for the face's own at first
-LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 8, 0.01
+# Cells on each side, of which so many are taken for the face's own at first; how far so many lie low by chance
+NEAR, LOW, LOWER = 10, 0.25, 0.6745
+LEAST_CELLS, LEAST_OWN, MOST_ROUNDS, SETTLED = 8, 0.2, 3, 0.01
 LONGEST = 200  # cells of a stretch
 LEAST_SHARE = 0.3  # of the cells that are the face's own: what fewer say is no face, however well the others follow
-FAR, FULL = 30.0, math.sqrt(2.0 * math.pi)  # standard deviations, from which on a share is told by its series
+# Standard deviations, from which on a share below is told by its series, one above is all; the density's constant.
+FAR, SURE, FULL = 30.0, 6.0, math.sqrt(2.0 * math.pi)
+NIL = -25.0  # logarithm of a share that counts no more
 FOOT_MM = 0.15  # usual width of what stands on a face, beside its end
 NEAR_MM, LEAST_BURRED = 1.2, 0.5  # of a station, whose frames have a say; of them, that show a burr
 LAGS, LEAST_FRAMES, CERTAIN, STRAYS = (1, 2, 3), 48, 5.0, 4.0  # frames apart; of a pass; standard deviations
@@ -62,20 +65,23 @@ class _Reading(NamedTuple):
     sense: float
 
 
-def readings(s: Float, value: Float, u: Float, course: Course, at: Float, *, is_all: bool = True) -> Readings:
-    """Of ends (c,), outwards, of cells at rising s (c,) mm, u (c,) of one, whose `course` takes all for the face's.
+def readings(
+    s: Float, value: Float, u: Float, at: Float, course: Course | None = None, *, is_all: bool = True
+) -> Readings:
+    """Of ends (c,), outwards, of cells at rising s (c,) mm, u (c,) of one; `course` takes all for the face's.
 
     is_all: `u` is all by which a face's own end scatters, as what columns leave open is; else it may scatter by more.
     """
     nothing = Readings(np.zeros(at.size), np.zeros(at.size), np.ones(s.size))
     if s.size < LEAST_CELLS:
         return nothing
-    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sense, is_all)]
+    plain = fit_course(s, value, u**2)
+    course, scatter = course or plain, 1.0 if is_all else plain.noise_factor
+    sigma = math.sqrt(scatter) * u
+    found = [one for sense in (1.0, -1.0) for one in _off_the_face(s, sense * value, u, sigma, sense, is_all)]
     if not found:
         return nothing
-    plain = fit_course(s, value, u**2)
-    scatter = 1.0 if is_all else plain.noise_factor
-    own = np.log(FULL * math.sqrt(scatter) * u[plain.kept]) + 0.5 * (plain.noise_factor / scatter - 1.0)
+    own = np.log(FULL * sigma[plain.kept]) + 0.5 * (plain.noise_factor / scatter - 1.0)
     log = plain.log_evidence - own.sum() + math.log(STRAY) * (~plain.kept).sum()
     logs = np.array([log, *(one.evidence + math.log(ODDS) for one in found)])
     share = np.exp(logs - logs.max())
@@ -89,26 +95,28 @@ def readings(s: Float, value: Float, u: Float, course: Course, at: Float, *, is_
     return Readings(shift, np.sqrt(share @ ((apart - shift) ** 2 + own_u**2)), own)
 
 
-def _off_the_face(s: Float, value: Float, u: Float, sense: float, is_all: bool) -> list[_Reading]:
-    """The readings by which cells lie above the face's own end, from each start; none where none does."""
+def _off_the_face(s: Float, value: Float, u: Float, sigma: Float, sense: float, is_all: bool) -> list[_Reading]:
+    """The readings by which cells, that scatter by sigma (c,), lie above the face's own end, from each start.
+
+    None where none does.
+    """
     near = np.lib.stride_tricks.sliding_window_view(np.pad(value, NEAR, mode="symmetric"), 2 * NEAR + 1)
-    around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)]
-    if (_told(value - around, u).own > 0.5).all():
+    around = np.sort(near, axis=1)[:, round(2 * NEAR * LOW)] + LOWER * sigma
+    if (_told(value - around, sigma).own > 0.5).all():
         return []
-    whole = np.full(value.size, np.quantile(value, LOW))  # a stretch may be longer than what is near
-    step = np.diff(value, prepend=value[0])
+    step = np.diff(value, prepend=value[0])  # a stretch may be longer than what is near: without what jumps
     jumped = np.cumsum(np.where(np.abs(step) > JUMP * np.hypot(u, np.append(u[:1], u[:-1])), step, 0.0))
-    starts = around, whole, value - jumped + np.quantile(jumped, LOW)
-    settled = [_settled(s, value, u, start, sense, is_all) for start in starts]
+    starts = around, value - jumped + np.quantile(jumped, LOW)
+    settled = [_settled(s, value, u, _told(value - start, sigma), sense, is_all) for start in starts]
     return [one._replace(evidence=one.evidence - math.log(len(starts))) for one in settled if one is not None]
 
 
-def _settled(s: Float, value: Float, u: Float, face: Float, sense: float, is_all: bool) -> _Reading | None:
-    """The reading to which the face's own end `face` (c,) leads (expectation maximisation).
+def _settled(s: Float, value: Float, u: Float, told: _Told, sense: float, is_all: bool) -> _Reading | None:
+    """The reading to which what cells are `told` to be at first leads (expectation maximisation).
 
     Cells that stand off by one height tell the face's shape with its own.
     """
-    told, stiffness = _told(value - face, u), None
+    stiffness = None
     for _ in range(MOST_ROUNDS):
         known = np.maximum(told.own, told.even)
         if (told.own > LEAST_OWN).sum() < LEAST_CELLS // 2:
@@ -166,9 +174,12 @@ def _told(off: Float, u: Float) -> _Told:
     limit = -0.5 * (np.maximum(off, 0.0) / OFF_MM + math.log(OFF_MM))
     longest = min(off.size, LONGEST)
     kinds, height = np.empty((2, off.size, longest)), np.empty((off.size, longest))
-    _stretches(_Cells(*map(as_input, (off, u, limit, below, ragged))), BEGIN, END, kinds, height)
+    weight, chance, clean = 1.0 / u**2, np.log([BEGIN, END, 1.0 - END]), _clean(off, u)
+    of = (off, weight, np.log(weight / (2.0 * math.pi)), limit, below, ragged, clean)
+    reach = np.zeros(off.size, np.int64)
+    _stretches(_Cells(*map(as_input, of)), chance, kinds, height, reach)
     out = np.zeros((3, off.size + 1))
-    log = _parted(np.concatenate([[0.0], _clean(off, u), [0.0]]), kinds, height, out)
+    log = _parted(np.concatenate([[0.0], clean, [0.0]]), kinds, height, reach, out)
     own, even, total = out[:, :-1]
     return _Told(log, own, even, total / np.maximum(even, 1e-6))
 
@@ -177,81 +188,109 @@ class _Cells(NamedTuple):
     """Cells off a face, mm, and logarithmic densities of ragged ones (c,)."""
 
     off: Shaped[Float, " c"]
-    u: Shaped[Float, " c"]
+    weight: Shaped[Float, " c"]  # 1 / variance
+    log_weight: Shaped[Float, " c"]  # logarithm of weight / 2 pi
     limit: Shaped[Float, " c"]  # half of that of a stretch's limit
     first: Shaped[Float, " c"]  # of the first
     further: Shaped[Float, " c"]  # of one after another
+    clean: Shaped[Float, " c"]  # the same of the face's own ends
 
 
 @kernel
-def _stretches(cells: _Cells, begin: Float, end: Float, out: Float, height: Float) -> None:
+def _stretches(cells: _Cells, chance: Float, out: Float, height: Float, reach: Int) -> None:
     """Fill in out (2, c, n): log-likelihoods of stretches off the face, from each cell on over 1 to n, of either kind.
 
-    begin, end (2,): probabilities of a cell that it begins and ends; a limit of all cells is none of it. One height,
-    exponential before, is integrated out; height (c, n): its mean.
+    chance (3, 2): logarithms of the probabilities that one begins, ends at a cell, and does not; a limit of all cells
+    is none of it. One height, exponential before, is integrated out; height (c, n): its mean. reach (c,): how many of
+    the lengths are worth a look: beyond, what is off the face had better end, or begin later.
     """
-    size = cells.off.size
+    size, most = cells.off.size, math.log(FULL / OFF_MM)
     for b in range(size):
         ragged, weight, total, square = cells.first[b] - cells.further[b], 0.0, 0.0, 0.0
+        own, best = 0.0, 0.0
         for c in range(b, min(b + height.shape[1], size)):
-            w = 1.0 / cells.u[c] ** 2
+            w, off = cells.weight[c], cells.off[c]
             weight += w
-            total += w * cells.off[c]
-            square += w * cells.off[c] ** 2 - math.log(w / (2.0 * math.pi))
+            total += w * off
+            square += w * off**2 - cells.log_weight[c]
             ragged += cells.further[c]
-            mean, u = (total - 1.0 / OFF_MM) / weight, 1.0 / math.sqrt(weight)
-            even = 0.5 * (weight * mean**2 - square) - math.log(OFF_MM) + math.log(FULL * u)
-            z = mean / u  # heights lie above the face: the normal distribution's share there
-            even += math.log(0.5 * math.erfc(-z / math.sqrt(2.0))) if z > -FAR else -0.5 * z * z - math.log(-FULL * z)
-            limits = 1.0 - (1.0 if b == 0 else 0.0) - (1.0 if c == size - 1 else 0.0)
-            out[0, b, c - b] = ragged + cells.limit[b] + cells.limit[c]
-            out[1, b, c - b], height[b, c - b] = even, max(mean, 0.0)
+            mean = (total - 1.0 / OFF_MM) / weight
+            even = 0.5 * (weight * mean**2 - square - math.log(weight)) + most
+            z = mean * math.sqrt(weight)  # heights lie above the face: the normal distribution's share there
+            if z < -FAR:
+                even -= 0.5 * z * z + math.log(-FULL * z)
+            elif z < SURE:
+                even += math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
+            limits, within = 1.0 - (1.0 if b == 0 else 0.0) - (1.0 if c == size - 1 else 0.0), c - b
             for k in range(2):
-                out[k, b, c - b] += math.log(begin[k]) + limits * math.log(end[k]) + (c - b) * math.log(1.0 - end[k])
+                stretch = ragged + cells.limit[b] + cells.limit[c] if k == 0 else even
+                out[k, b, within] = stretch + chance[0, k] + limits * chance[1, k] + within * chance[2, k]
+            height[b, within] = max(mean, 0.0)
+            reach[b] = within + 1
+            own += cells.clean[c]
+            likelier = max(out[0, b, within], out[1, b, within]) - own
+            best = max(best, likelier)
+            if likelier < best + NIL:
+                break
 
 
 @kernel
-def _parted(clean: Float, kinds: Float, height: Float, out: Float) -> float:
+def _parted(clean: Float, kinds: Float, height: Float, reach: Int, out: Float) -> float:
     """Fill in out (3, c + 1), probabilities of own and even cells, and the latter times the height; log-likelihood.
 
     clean (c + 2,): logarithmic densities of the face's own ends, 0 beside the first and the last cell; kinds (2, c, n)
-    and height (c, n): of stretches from each cell on over 1 to n.
+    and height (c, n): of stretches from each cell on over 1 to n, of which reach (c,) are known.
     """
     size, longest, stays = clean.size - 2, height.shape[1], math.log(1.0 - BEGIN.sum())
     ahead, behind, term = np.zeros(size + 2), np.zeros(size + 2), np.empty(2 * size + 3)
     for i in range(1, size + 2):
-        term[0] = ahead[i - 1] + (stays if 1 < i < size + 1 else 0.0)
-        cells = min(i - 1, longest)
-        for n in range(cells):
-            for k in range(2):
-                term[2 * n + k + 1] = ahead[i - 2 - n] + kinds[k, i - 2 - n, n]
-        ahead[i] = clean[i] + _sum_of(term[: 2 * cells + 1])
+        term[0], count = ahead[i - 1] + (stays if 1 < i < size + 1 else 0.0), 1
+        for n in range(min(i - 1, longest)):
+            b = i - 2 - n
+            if n < reach[b]:
+                for k in range(2):
+                    term[count], count = ahead[b] + kinds[k, b, n], count + 1
+        ahead[i] = clean[i] + _sum_of(term, count)
     for i in range(size, 0, -1):
-        term[0] = behind[i + 1] + clean[i + 1] + (stays if i < size else 0.0)
-        cells = min(size - i, longest)
-        for n in range(cells):
+        term[0], count = behind[i + 1] + clean[i + 1] + (stays if i < size else 0.0), 1
+        for n in range(reach[i] if i < size else 0):
             for k in range(2):
-                term[2 * n + k + 1] = kinds[k, i, n] + clean[i + n + 2] + behind[i + n + 2]
-        behind[i] = _sum_of(term[: 2 * cells + 1])
+                term[count], count = kinds[k, i, n] + clean[i + n + 2] + behind[i + n + 2], count + 1
+        behind[i] = _sum_of(term, count)
         out[0, i - 1] = math.exp(ahead[i] + behind[i] - ahead[size + 1])
-    for b in range(size):
-        for n in range(min(size - b, longest)):
-            e = b + n + 2
-            share = math.exp(ahead[b] + kinds[1, b, n] + clean[e] + behind[e] - ahead[size + 1])
-            for row, of in ((1, share), (2, share * height[b, n])):
-                out[row, b] += of
-                out[row, e - 1] -= of
-    for row in range(1, 3):
-        for c in range(1, size):
-            out[row, c] += out[row, c - 1]
+    _add_heights(ahead, behind, kinds[1], height, reach, clean, out)
     return float(ahead[size + 1] - math.log(1.0 + (BEGIN / END).sum()))
 
 
 @kernel
-def _sum_of(logs: Float) -> float:
-    """Logarithm of the sum of what these (n,) are the logarithms of."""
-    most = float(logs.max())
-    return most if most == -np.inf else most + math.log(np.exp(logs - most).sum())
+def _add_heights(ahead: Float, behind: Float, even: Float, height: Float, reach: Int, clean: Float, out: Float) -> None:
+    """Fill in rows 1 and 2 of out (`_parted`), by the log-likelihoods of all cells before and behind (c + 2,)."""
+    size = clean.size - 2
+    for b in range(size):
+        for n in range(reach[b]):
+            e = b + n + 2
+            log = ahead[b] + even[b, n] + clean[e] + behind[e] - ahead[size + 1]
+            if log > NIL:
+                for row, of in ((1, math.exp(log)), (2, math.exp(log) * height[b, n])):
+                    out[row, b] += of
+                    out[row, e - 1] -= of
+    for row in range(1, 3):
+        for c in range(1, size):
+            out[row, c] += out[row, c - 1]
+
+
+@kernel
+def _sum_of(logs: Float, count: int) -> float:
+    """Logarithm of the sum of what the first `count` of these are the logarithms of."""
+    most, total = -np.inf, 0.0
+    for i in range(count):
+        most = max(most, logs[i])
+    if most == -np.inf:
+        return most
+    for i in range(count):
+        if logs[i] > most + NIL:
+            total += math.exp(logs[i] - most)
+    return most + math.log(total)
 
 
 def own_directions(s: Float, angle: Float, variance: Float, width_mm: float) -> Float:
@@ -274,7 +313,7 @@ def own_places(s: Float, value: Float, variance: Float) -> Float:
     order = np.argsort(place)
     place, mean, u = place[order], mean[order], 1.0 / np.sqrt(total[order])
     if place.size >= LEAST_CELLS:
-        own = readings(place, mean, u, fit_course(place, mean, u**2), place, is_all=False).own
+        own = readings(place, mean, u, place, is_all=False).own
         out[on] = np.interp(s[on], place, np.maximum(own, STRAY))
     return out
 

@@ -352,7 +352,7 @@ def _broken(root_mm: float, profiler: Profiler, known: Knowledge, view: View, fr
     # a pixel a column wide, which returns where half of it is filled
     usual = np.abs(blank.pixels[0] - [0.0, 0.5]).sum(axis=1).argmin()
     none, most, pixel = np.zeros(2), np.full(2, MOST_INCIDENCE), np.full(2, usual)
-    _, depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(2, np.int64), none)
+    depth, raised = rendered_end(blank, sizes, none, most, pixel, np.zeros(2, np.int64), none)
     return tuple(seen_end(blank._replace(known=blank.known._replace(mean=mean)), templates) for mean in depth - raised)
 
 

@@ -11,11 +11,13 @@ import pytest
 
 from bench.drawn.plates import random_recipe
 from bench.recordings import frames
+from tests.laws.dozen import ABOVE, plate
 from tests.seldom import seldom
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, ROUNDING, MilledEdge
 from workbench.cloud import denoise
 from workbench.edge import segment
 from workbench.errors import InputError
+from workbench.inspect import sections
 from workbench.scan import fuse
 from workbench.synthetic import simulate_recording
 from workbench.units import DEG, Float
@@ -140,10 +142,22 @@ def test_no_edge_in_view(drawn: Scans) -> None:
 
 
 def test_passes_that_make_no_one_edge_are_refused_in_a_sentence() -> None:
-    """One orientation for passes that were made in others: by these poses the places along the edge lie km apart."""
+    """A part that was moved by 30 mm before its second pass."""
     recording, _ = simulate_recording(random_recipe("two_pass", 7_900_010))
     recording = frames(recording, np.arange(len(recording.time_s)) % 4 == 0)
-    held = np.tile(recording.robot_quaternion_wxyz[:1], (len(recording.robot_quaternion_wxyz), 1))
-    cloud = denoise(fuse(replace(recording, robot_quaternion_wxyz=held)))
-    with pytest.raises(InputError, match=r"do not determine one smooth edge|points along a smooth curve"):
+    moved = recording.robot_position_mm + np.where(recording.robot_pass == 1, 30.0, 0.0)[:, None] * [0.0, 0.0, 1.0]
+    cloud = denoise(fuse(replace(recording, robot_position_mm=moved)))
+    with pytest.raises(InputError, match=r"do not determine one smooth edge"):
         segment(cloud)
+
+
+def test_passes_tell_together_which_face_is_the_root_face() -> None:
+    """A thin plate of which neither surface is in view, its faces about as wide: one pass is misread by itself."""
+    above = ABOVE | {"elevation_deg": 17.0}
+    part = plate(above, above | {"elevation_deg": -3.0}, thickness_mm=1.5, root_mm=0.69)
+    found = sections(segment(denoise(fuse(part.recording)), root_nominal_mm=0.83), root_nominal_mm=0.83).sections
+    assert len(found) == 9
+    for one in found:
+        assert one.root_mm is not None
+        assert one.root_u_mm is not None
+        assert abs(one.root_mm - 0.69) < 3 * one.root_u_mm < 0.06

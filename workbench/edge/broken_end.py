@@ -389,7 +389,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     alike = np.where(shown > 0.0, rows, np.ravel_multi_index((0, 0, pixel, phase, 0), grid))
     looks = np.flatnonzero(alike == rows)
     order = looks[np.lexsort([of[looks] for of in (phase, incidence, pixel, size)])]
-    fall, raised = rendered_end(view, *(of[order] for of in (size, turn, incidence, pixel, phase, onward)))
+    looked = size[order], turn[order], incidence[order], pixel[order], phase[order], onward[order]
+    fall, raised = rendered_end(view, *looked)
     seen, score = fall - raised, np.empty(order.size)
     _log_likelihoods(view.known.mean, view.known.noise + view.known.free, seen, QUARTER * fall, score)
     rows[order] = np.arange(order.size)
@@ -409,8 +410,8 @@ def seen_end(view: EndView, templates: EndTemplates) -> SeenEnd:
     weight /= total[:, None]
     mean = (weight * beyond).sum(axis=1)
     spread = np.sqrt((weight * ((beyond - mean[:, None]) ** 2 + beyond_u**2)).sum(axis=1))
-    looked = scipy.sparse.csr_array((weight.ravel(), (sizes, look)), (grid[0], order.size))
-    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, looked @ seen)
+    by_look = scipy.sparse.csr_array((weight.ravel(), (sizes, look)), (grid[0], order.size))
+    return SeenEnd(most[:, 0] + np.log(total / weight.shape[1]), mean, spread, by_look @ seen)
 
 
 def _shown_mm(view: EndView, size: Float, turn: Float, incidence: Float) -> Float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.artefacts import BEVEL_FACE, LOWER_SURFACE, ROOT_FACE, UPPER_SURFACE, Cloud
 from workbench.checks.sensor import PACKED, is_packed
-from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote
+from workbench.edge.identify import Candidate, candidates, contradicted, readings_apart, vote, votes
 from workbench.edge.raw_direction import across_the_edge
 from workbench.errors import InputError
 from workbench.geometry import tracking
@@ -24,6 +24,7 @@ FEW_KEY_FRAMES, KEY_FRAMES = 24, 120  # a pass, where they agree, and where not;
 NEIGHBOURS = 8  # frames to each side
 KEY_SPACING = 5  # frames between key frames at the least
 FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; returns this near may be a face's
+TOGETHER = 0.9  # of the mean of unit directions, that do not turn along the edge
 MAX_LINES = 64  # straight lines kept of one profile
 LABELS = np.array([UPPER_SURFACE, BEVEL_FACE, ROOT_FACE, LOWER_SURFACE])  # in the order of geometry.tracking
 
@@ -71,11 +72,16 @@ def find_faces(
     labels = np.zeros((n, columns), np.uint8)
     sigma = np.full((n, 4), np.nan)
     rising, apart = np.ones(n), math.inf
-    up = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
-    for frames in passes:
+    nominal = root_nominal_mm, bevel_nominal_deg * DEG
+    first = [key_readings(cloud, frames, *nominal, FEW_KEY_FRAMES) for frames in passes]
+    if upper_side is not None:
+        up: Float | None = across_the_edge(cloud, upper_side, "edge.segment.upper_side")
+    else:
+        up = _common_up([(cloud.base_from_profiler[f][k], read) for f, (k, read) in zip(passes, first, strict=True)])
+    for frames, read in zip(passes, first, strict=True):
         named = labels[frames]  # a view, where the frames lie together
-        found = _find_pass(cloud, frames, root_nominal_mm, bevel_nominal_deg * DEG, rim_mm, up, named)
+        found = _find_pass(cloud, frames, read, nominal, rim_mm, up, named)
         if found is not None:
             side_of[frames], rising[frames], tracked, told = found
             apart = min(apart, told)
@@ -147,18 +153,18 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
 def _find_pass(
     cloud: Cloud,
     frames: slice | Int,
-    root_nominal_mm: float,
-    bevel_nominal: float,
+    first: tuple[Int, list[list[Candidate]]],
+    nominal: tuple[float, float],
     rim_mm: float,
     up: Float | None,
     labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
     """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
 
-    A few key frames are enough where all of them agree and no stretch between them is lost.
+    The `first` key frames are enough where all of them agree and no stretch between them is lost. nominal: mm, rad.
     """
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
-        keys, readings = key_readings(cloud, frames, root_nominal_mm, bevel_nominal, most)
+        keys, readings = first if most < KEY_FRAMES else key_readings(cloud, frames, *nominal)
         if up is not None:
             readings = _rising(readings, cloud.base_from_profiler[frames][keys], up)
         found = vote(readings)
@@ -179,6 +185,25 @@ def _find_pass(
             )
     labels[:] = 0
     return None
+
+
+def _common_up(passes: Sequence[tuple[Float, list[list[Candidate]]]]) -> Float | None:
+    """The direction (3,) of the root face towards the bevel, in the base, by which all passes together read best.
+
+    What one pass leaves open, another tells. passes: poses (k, 4, 4) of key frames and their readings. None: there is
+    one pass, or the direction turns along the edge.
+    """
+    ups = []
+    for poses, readings in passes if len(passes) > 1 else ():
+        choice, up = vote(readings), np.zeros(3)
+        for pose, frame in zip(poses, readings, strict=True):
+            fitting = [c for c in frame if (c.side, c.sense) == choice]
+            if fitting:
+                up += pose[:3, 0:3:2] @ min(fitting, key=lambda c: c.score).upwards / len(readings)
+        if np.linalg.norm(up) > TOGETHER:
+            ups.append(up)
+    told = [sum(max(votes(_rising(read, poses, up)).values(), default=0.0) for poses, read in passes) for up in ups]
+    return ups[int(np.argmax(told))] if ups else None
 
 
 def _rising(readings: list[list[Candidate]], base_from_profiler: Float, up: Float) -> list[list[Candidate]]:

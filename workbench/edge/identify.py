@@ -44,9 +44,14 @@ class Candidate:
     root: Float
     lower: Float | None
 
+    @property
+    def upwards(self) -> Float:
+        """Unit direction (2,) along x and z of the root face towards the bevel."""
+        return np.array([1.0, self.root[0]]) * (-self.side / math.hypot(1.0, self.root[0]))
+
     def rises(self, towards: Float) -> bool:
         """Whether the bevel lies on that side of the root face to which `towards` (2,), along x and z, points."""
-        return float(-self.side * (towards[0] + self.root[0] * towards[1])) > 0.0
+        return float(self.upwards @ towards) > 0.0
 
 
 def crossing(a: Float, b: Float) -> float:
@@ -229,14 +234,20 @@ def _line(row: Float, end: int, at: float | None = None) -> Float:
 
 def vote(readings: list[list[Candidate]]) -> tuple[int, int] | None:
     """(side, sense) on which the key frames agree, each voting with how good its best such reading is."""
-    votes: dict[tuple[int, int], float] = {}
+    found = votes(readings)
+    return max(found, key=lambda k: found[k]) if found else None
+
+
+def votes(readings: list[list[Candidate]]) -> dict[tuple[int, int], float]:
+    """What the key frames give each (side, sense)."""
+    found: dict[tuple[int, int], float] = {}
     for frame in readings:
         best: dict[tuple[int, int], float] = {}
         for c in frame:
             best[c.side, c.sense] = max(best.get((c.side, c.sense), 0.0), WORST_SCORE - c.score)
         for key, value in best.items():
-            votes[key] = votes.get(key, 0.0) + value
-    return max(votes, key=lambda k: votes[k]) if votes else None
+            found[key] = found.get(key, 0.0) + value
+    return found
 
 
 def readings_apart(readings: list[list[Candidate]], choice: tuple[int, int]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,6 +28,9 @@ FIRST_SIGMA_MM, NEAR_LINE_MM = 0.03, 0.6  # range noise before it is known; retu
 TOGETHER = 0.9  # of the mean of unit directions, that do not turn along the edge
 MAX_LINES = 64  # straight lines kept of one profile
 LABELS = np.array([UPPER_SURFACE, BEVEL_FACE, ROOT_FACE, LOWER_SURFACE])  # in the order of geometry.tracking
+
+
+Readings: TypeAlias = tuple[Int, list[list[Candidate]]]  # numbers of key frames within a pass, and what each may show
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,13 +82,13 @@ def find_faces(
     if upper_side is not None:
         up: Float | None = across_the_edge(cloud, upper_side, "edge.segment.upper_side")
     else:
-        up = _common_up([(cloud.base_from_profiler[f][k], read) for f, (k, read) in zip(passes, first, strict=True)])
+        up = _common_up(cloud, passes, first)
     for frames, read in zip(passes, first, strict=True):
         named = labels[frames]  # a view, where the frames lie together
         found = _find_pass(cloud, frames, read, nominal, rim_mm, up, named)
         if found is not None:
-            side_of[frames], rising[frames], tracked, told = found
-            apart = min(apart, told)
+            side_of[frames], rising[frames], tracked, worse = found
+            apart = min(apart, worse)
             sums[frames], end[frames], seen[frames], sigma[frames], lower[frames] = tracked
             if not isinstance(frames, slice):
                 labels[frames] = named
@@ -153,7 +157,7 @@ def _frames(pass_index: Int, number: int) -> slice | Int:
 def _find_pass(
     cloud: Cloud,
     frames: slice | Int,
-    first: tuple[Int, list[list[Candidate]]],
+    first: Readings,
     nominal: tuple[float, float],
     rim_mm: float,
     up: Float | None,
@@ -187,23 +191,27 @@ def _find_pass(
     return None
 
 
-def _common_up(passes: Sequence[tuple[Float, list[list[Candidate]]]]) -> Float | None:
+def _common_up(cloud: Cloud, passes: Sequence[slice | Int], first: Sequence[Readings]) -> Float | None:
     """The direction (3,) of the root face towards the bevel, in the base, by which all passes together read best.
 
-    What one pass leaves open, another tells. passes: poses (k, 4, 4) of key frames and their readings. None: there is
-    one pass, or the direction turns along the edge.
+    What one pass leaves open, another tells. None: there is one pass, or the direction turns along the edge.
     """
-    ups = []
-    for poses, readings in passes if len(passes) > 1 else ():
-        choice, up = vote(readings), np.zeros(3)
-        for pose, frame in zip(poses, readings, strict=True):
-            fitting = [c for c in frame if (c.side, c.sense) == choice]
-            if fitting:
-                up += pose[:3, 0:3:2] @ min(fitting, key=lambda c: c.score).upwards / len(readings)
-        if np.linalg.norm(up) > TOGETHER:
-            ups.append(up)
-    told = [sum(max(votes(_rising(read, poses, up)).values(), default=0.0) for poses, read in passes) for up in ups]
+    if len(passes) < 2:
+        return None
+    read = [(one, cloud.base_from_profiler[frames][keys]) for frames, (keys, one) in zip(passes, first, strict=True)]
+    ups = [up for up in (_mean_up(*one) for one in read) if np.linalg.norm(up) > TOGETHER]
+    told = [sum(max(votes(_rising(*one, up)).values(), default=0.0) for one in read) for up in ups]
     return ups[int(np.argmax(told))] if ups else None
+
+
+def _mean_up(readings: list[list[Candidate]], poses: Float) -> Float:
+    """Mean (3,) of the root face's unit directions towards the bevel, in the base, as a pass reads it by itself."""
+    choice, up = vote(readings), np.zeros(3)
+    for pose, frame in zip(poses, readings, strict=True):
+        fitting = [c for c in frame if (c.side, c.sense) == choice]
+        if fitting:
+            up += pose[:3, 0:3:2] @ min(fitting, key=lambda c: c.score).upwards / len(readings)
+    return up
 
 
 def _rising(readings: list[list[Candidate]], base_from_profiler: Float, up: Float) -> list[list[Candidate]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -78,14 +78,12 @@ def find_faces(
     rising, apart = np.ones(n), math.inf
     passes = [_frames(cloud.pass_index, p) for p in np.unique(cloud.pass_index)]
     nominal = root_nominal_mm, bevel_nominal_deg * DEG
-    first = [key_readings(cloud, frames, *nominal, FEW_KEY_FRAMES) for frames in passes]
-    if upper_side is not None:
-        up: Float | None = across_the_edge(cloud, upper_side, "edge.segment.upper_side")
-    else:
-        up = _common_up(cloud, passes, first)
+    up = None if upper_side is None else across_the_edge(cloud, upper_side, "edge.segment.upper_side")
+    first = [_readings(cloud, frames, nominal, up, FEW_KEY_FRAMES) for frames in passes]
+    common = _common_up(cloud, passes, first)
     for frames, read in zip(passes, first, strict=True):
         named = labels[frames]  # a view, where the frames lie together
-        found = _find_pass(cloud, frames, read, nominal, rim_mm, up, named)
+        found = _find_pass(cloud, frames, read, nominal, rim_mm, up, common, named)
         if found is not None:
             side_of[frames], rising[frames], tracked, worse = found
             apart = min(apart, worse)
@@ -161,6 +159,7 @@ def _find_pass(
     nominal: tuple[float, float],
     rim_mm: float,
     up: Float | None,
+    common: _CommonUp,
     labels: AnyArray,
 ) -> tuple[float, float, tuple[AnyArray, ...], float] | None:
     """Side and rise of a pass, its faces followed, labels (n, M) filled in, `readings_apart`; None: no edge.
@@ -168,13 +167,12 @@ def _find_pass(
     The `first` key frames are enough where all of them agree and no stretch between them is lost. nominal: mm, rad.
     """
     for most in (FEW_KEY_FRAMES, KEY_FRAMES):
-        keys, readings = first if most < KEY_FRAMES else key_readings(cloud, frames, *nominal)
-        if up is not None:
-            readings = _rising(readings, cloud.base_from_profiler[frames][keys], up)
-        found = vote(readings)
+        keys, readings = first if most < KEY_FRAMES else _readings(cloud, frames, nominal, up, most)
+        agreed = _rising(readings, cloud.base_from_profiler[frames][keys], common.direction)
+        found = vote(agreed)
         if found is not None:
             _refuse_contradicted(cloud, readings, found)
-        choice = None if found is None else _agreed(keys, readings, found)
+        choice = None if found is None else _agreed(keys, agreed, found)
         if found is None or choice is None or (most < KEY_FRAMES and choice[0].size < keys.size):
             continue
         at, states, side = choice
@@ -185,37 +183,50 @@ def _find_pass(
                 side,
                 side * (1.0 if rises_with_column(cloud.x_mm[frames], cloud.keep[frames], at) else -1.0),
                 tracked,
-                readings_apart(readings, found),
+                min(readings_apart(agreed, found), common.apart),
             )
     labels[:] = 0
     return None
 
 
-def _common_up(cloud: Cloud, passes: Sequence[slice | Int], first: Sequence[Readings]) -> Float | None:
-    """The direction (3,) of the root face towards the bevel, in the base, by which all passes together read best.
+def _readings(cloud: Cloud, frames: slice | Int, nominal: tuple[float, float], up: Float | None, most: int) -> Readings:
+    """Key frames of a pass, and what each may show with the bevel where the upper side is, if that is known."""
+    keys, readings = key_readings(cloud, frames, *nominal, most)
+    return keys, _rising(readings, cloud.base_from_profiler[frames][keys], up)
 
-    What one pass leaves open, another tells. None: there is one pass, or the direction turns along the edge.
-    """
-    if len(passes) < 2:
-        return None
+
+class _CommonUp(NamedTuple):
+    """Where the root face leads to the bevel, in the base, by which all passes together read best."""
+
+    direction: Float | None = None  # (3,); None: passes read alike by themselves, or it turns along the edge
+    apart: float = math.inf  # in score of a key frame, by which they read worse the other way
+
+
+def _common_up(cloud: Cloud, passes: Sequence[slice | Int], first: Sequence[Readings]) -> _CommonUp:
+    """What one pass leaves open, another tells."""
     read = [(one, cloud.base_from_profiler[frames][keys]) for frames, (keys, one) in zip(passes, first, strict=True)]
-    ups = [up for up in (_mean_up(*one) for one in read) if np.linalg.norm(up) > TOGETHER]
-    told = [sum(max(votes(_rising(*one, up)).values(), default=0.0) for one in read) for up in ups]
-    return ups[int(np.argmax(told))] if ups else None
+    ups = np.array([_mean_up(*one) for one in read])
+    alike = np.linalg.norm(ups, axis=1) > TOGETHER
+    if alike.sum() < 2 or (ups[alike] @ ups[alike][0] > 0.0).all():
+        return _CommonUp()
+    told = np.array([sum(max(votes(_rising(*one, up)).values(), default=0.0) for one in read) for up in ups[alike]])
+    best = ups[alike][told.argmax()]
+    other = told[ups[alike] @ best < 0.0].max()
+    return _CommonUp(best, float(told.max() - other) / sum(len(one) for one, _ in read))
 
 
 def _mean_up(readings: list[list[Candidate]], poses: Float) -> Float:
     """Mean (3,) of the root face's unit directions towards the bevel, in the base, as a pass reads it by itself."""
-    choice, up = vote(readings), np.zeros(3)
-    for pose, frame in zip(poses, readings, strict=True):
-        fitting = [c for c in frame if (c.side, c.sense) == choice]
-        if fitting:
-            up += pose[:3, 0:3:2] @ min(fitting, key=lambda c: c.score).upwards / len(readings)
-    return up
+    choice = vote(readings)
+    fitting = [[c for c in frame if (c.side, c.sense) == choice] for frame in readings]
+    best = [(pose, min(frame, key=lambda c: c.score)) for pose, frame in zip(poses, fitting, strict=True) if frame]
+    return np.asarray(np.zeros(3) + sum(pose[:3, 0:3:2] @ c.upwards for pose, c in best) / max(len(best), 1))
 
 
-def _rising(readings: list[list[Candidate]], base_from_profiler: Float, up: Float) -> list[list[Candidate]]:
+def _rising(readings: list[list[Candidate]], base_from_profiler: Float, up: Float | None) -> list[list[Candidate]]:
     """Those readings of frames (k, 4, 4) by which the bevel lies where the upper side does, `up` (3,) in the base."""
+    if up is None:
+        return readings
     along = base_from_profiler[:, :3, 0:3:2].swapaxes(1, 2) @ up
     return [[c for c in frame if c.rises(towards)] for frame, towards in zip(readings, along, strict=True)]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from workbench.artefacts import BEVEL_FACE, ROOT_FACE, Cloud
 from workbench.checks.sensor import column_pitch_mm

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.ndimage
+import scipy
 
 from workbench.artefacts import Corner, Quantity
 from workbench.edge.fillet import FORM_U_MM

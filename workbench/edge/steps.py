@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.interpolate
+import scipy
 
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import BIN_MM, Course, fit_course, stretches

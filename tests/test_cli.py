@@ -257,18 +257,18 @@ def test_stopped_run_leaves_the_old_results_whole_and_nothing_else(tmp_path: Pat
     out, flag, pipeline = tmp_path / "out", tmp_path / "flag", tmp_path / "p.json"
     pipeline.write_text('{"version": 1, "stages": [{"stage": "demo.sleep"}]}')
     out.mkdir()
-    (out / "run.json").write_text("{}")
+    (out / "run.json").write_text('{"files": []}')
     command = [sys.executable, "-c", SLEEPER, "run", str(pipeline), "--out", str(out), str(flag)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 300
-    while not flag.exists() and time.monotonic() < deadline:
+    while not flag.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(number)
     _, err = process.communicate(timeout=300)
     assert process.returncode == (-9 if number is signal.SIGKILL else 128 + number)
     assert "Traceback" not in err
     assert os.listdir(out) == ["run.json"]
-    assert (out / "run.json").read_text() == "{}"
+    assert (out / "run.json").read_text() == '{"files": []}'
 
 
 def test_a_shell_completes_commands_options_and_pipelines(command: Any) -> None:

@@ -67,6 +67,44 @@ def test_results_without_a_run_json_are_results_still(tmp_path: Path) -> None:
     assert not (tmp_path / "inspection.json").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "beside"),
+    [("inspection.json", None), ("report.html", None), ("plate.csv", None), ("run.json", b"{}"), ("report.html", OLD)],
+)
+def test_a_file_that_no_run_has_written_is_never_replaced(tmp_path: Path, name: str, beside: Any) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish({key: OLD[key] for key in ("toolpath.json", "run.json")} if beside is OLD else {})
+    (tmp_path / "out" / name).write_bytes(beside if name == "run.json" else b"mine")
+    before = tree(tmp_path)
+    with pytest.raises(OutputError, match=rf"{name}: no run has written it .* another --out") as told, out.reserved():
+        out.publish({name: b"new", **NEW})
+    assert tree(tmp_path) == before
+    assert not told.value.supersedes
+
+
+def test_results_that_a_killed_failure_moved_in_part_do_not_bar_the_next_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = OutputDirectory(tmp_path / "out")
+    out.publish(OLD)
+    left = [1]
+
+    def rename(a: Path, b: Path) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise Killed
+        original(a, b)
+
+    original = os.rename
+    with monkeypatch.context() as patch:
+        patch.setattr("workbench.pipeline.output.os.rename", rename)
+        with pytest.raises(Killed):
+            out.supersede()
+    with out.reserved():
+        out.publish(NEW)
+    assert tree(tmp_path / "out").items() >= NEW.items()
+
+
 def test_failure_while_writing_leaves_the_old_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = OutputDirectory(tmp_path / "out")
     out.publish(OLD)

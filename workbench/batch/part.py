@@ -175,12 +175,12 @@ class LocalFolder:
 
     def publish(self, files: Mapping[str, bytes], marker: str) -> None:
         """As Folder; the marker lists what belongs together, so it may come with the rest."""
-        self._results.publish(files)
+        self._results.publish(files, over=marker)
 
     def withdraw(self, marker: str, content: bytes) -> None:
         """As Folder: results move into `superseded/`."""
         self._results.supersede()
-        self._results.publish({marker: content})
+        self._results.publish({marker: content}, over=marker)
 
 
 class RemoteFolder:

@@ -1,8 +1,9 @@
 """The output directory: one writer at a time, a whole set of results or none, never an earlier run's in their place.
 
 Files are written into a hidden directory beside their final places and renamed when all are complete, `run.json` last
-(a set without it is not one). A directory that did not exist appears with one rename. Files that are not results stay
-untouched. When a run fails, the results that an earlier run left are moved to `superseded/`. One run at a time.
+(a set without it is not one). A directory that did not exist appears with one rename. Files that no run has written
+stay: a run refuses to replace one. When a run fails, the results that an earlier run left are moved to `superseded/`.
+One run at a time.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import shutil
 import signal
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -155,6 +156,12 @@ PROBE_BYTES = 1_000_000
 SUPERSEDED = "superseded"
 
 
+class ForeignFileError(OutputError):
+    """A file that no run has written stands in the place of a result: it stays."""
+
+    supersedes = False
+
+
 class OutputDirectory:
     """Where one run's results go. Every failure is an OutputError that names the directory."""
 
@@ -176,11 +183,16 @@ class OutputDirectory:
                 clear_killed_runs(self.path, beside=not self._exists)
                 if place == self.path and not self._exists:
                     clear_lock(self._lock_beside(self.path.parent))
+                self._refuse_foreign(RESULT_NAMES)
             yield
 
-    def publish(self, files: Mapping[str, bytes]) -> tuple[Path, ...]:
-        """Write `files` (run.json among them) as the directory's one set of results."""
+    def publish(self, files: Mapping[str, bytes], *, over: str = "") -> tuple[Path, ...]:
+        """Write `files` (run.json among them) as the directory's one set of results.
+
+        `over`: a file that is replaced although no run.json lists it.
+        """
         with self._errors(), _signals_wait():
+            self._refuse_foreign(name for name in files if name != over)
             if not self.path.is_dir():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             place = self.path if self.path.is_dir() else self.path.parent
@@ -211,7 +223,7 @@ class OutputDirectory:
             taken = [int(p.name) for p in (self.path / SUPERSEDED).iterdir() if p.name.isdecimal()]
             aside = self.path / SUPERSEDED / str(max(taken, default=0) + 1)
             aside.mkdir()
-            for name in old:
+            for name in sorted(old, key=lambda name: name == RUN_FILE):  # killed before that: the rest is still known
                 os.rename(self.path / name, aside / name)
             return aside
 
@@ -251,16 +263,30 @@ class OutputDirectory:
         for name in names:
             if (self.path / name).is_dir():
                 raise OutputError(str(self.path / name), "is a directory in the place of a result")
-        exchange(staged, self.path, self._results(), names)
+        exchange(staged, self.path, self._there(self._listed()), names)
 
     def _results(self) -> list[str]:
         """Names of the results that stand there: the contract's, and those that its run.json lists."""
+        return self._there([*RESULT_NAMES, *self._listed()])
+
+    def _there(self, names: Iterable[str]) -> list[str]:
+        return [name for name in dict.fromkeys(names) if (self.path / name).is_file()]
+
+    def _listed(self) -> list[str]:
+        """Names that an earlier run.json lists, its own among them; none without one."""
         try:
-            listed = json.loads((self.path / RUN_FILE).read_bytes()).get("files", [])
-        except (OSError, ValueError, AttributeError, RecursionError):
-            listed = []
-        names = [*RESULT_NAMES, *(listed if isinstance(listed, list) else [])]
-        return [name for name in dict.fromkeys(filter(is_plain_name, names)) if (self.path / name).is_file()]
+            listed = json.loads((self.path / RUN_FILE).read_bytes())["files"]
+        except (FileNotFoundError, IsADirectoryError, ValueError, TypeError, LookupError, RecursionError):
+            return []
+        return [RUN_FILE, *filter(is_plain_name, listed)] if isinstance(listed, list) else []
+
+    def _refuse_foreign(self, names: Iterable[str]) -> None:
+        for name in set(self._there(names)) - set(self._listed()):
+            raise ForeignFileError(
+                str(self.path / name),
+                "no run has written it (no run.json lists it), and a result would replace it; move it, or choose "
+                "another --out",
+            )
 
     @contextmanager
     def _errors(self) -> Iterator[None]:

@@ -71,7 +71,7 @@ def test_hand_eye_poses_stored_otherwise_are_read_back() -> None:
 
 
 def order(name: str) -> str:
-    return f"{'-'.join(name.upper())} about {'moving' if name.isupper() else 'fixed'} axes"
+    return f"{'-'.join(name.upper())} ({'moving' if name.isupper() else 'fixed'})"
 
 
 NEAR, FAR = (0.1, 1.4), (np.pi - 1.4, np.pi - 0.1)  # middle angles; beyond 90 deg the order has first and last alike
@@ -87,7 +87,7 @@ def test_angles_of_one_order_read_in_another_are_read_back(
     rng = np.random.default_rng(5)
     angles = np.column_stack([rng.uniform(0.1, 1.4, 40), rng.uniform(*middle, 40), rng.uniform(0.1, 1.4, 40)])
     true, misread = (Rotation.from_euler(name, angles) for name in (written, taken))
-    name = f"Euler angles are of order {order(written)}, but were read as {order(taken)}"
+    name = f"Euler angles of order {order(written)}, read as {order(taken)}"
     readings = [one for one in known_conventions() if one.name == name]
     off = [(read(one, wxyz(misread))[0].inv() * true).magnitude().max() for one in readings]
     assert min(off) < 1e-6

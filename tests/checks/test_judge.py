@@ -152,13 +152,20 @@ def test_a_fault_is_seen_and_named(kind: str) -> None:
     assert words in found[name]
 
 
+def test_a_refusal_names_the_first_suspicion_in_one_short_line() -> None:
+    first = r"off square; suspicion: hand-eye angles of order [^;]* \(or \d+ others\)"
+    with pytest.raises(InputError, match=first) as told:
+        refuse_failed(judge_recording(other_order(good())), "a.h5")
+    assert len(told.value.expected) <= 200
+
+
 @pytest.mark.parametrize(
     ("spoil", "name", "words"),
     [
         (
             other_order,
             "obliquity_deg",
-            "the hand-eye pose's angles are of order Z-Y-X about moving axes, but",
+            "suspicion: hand-eye angles of order Z-Y-X (moving), read as",
         ),
         (partial(coded, code=0.0), "held_end_share", "the range 0 mm to the digit: the sensor's code"),
         (partial(coded, code=-9999.0), "held_end_share", "the range -9999 mm to the digit"),

@@ -125,6 +125,14 @@ def test_a_pass_scanned_twice_with_a_shift_is_refused(scanned, shift_mm: float):
         segment_cloud(PointSet(np.concatenate([points[1::2], other]), "a.ply"), use_order=False)
 
 
+@pytest.mark.parametrize("again", [True, False])
+def test_a_cloud_that_is_refused_as_it_is_rounded_says_so(scanned, again: bool):
+    points = np.round(points_of(scanned().cloud) / 0.5) * 0.5
+    points = points if again else np.unique(points, axis=0)
+    with pytest.raises(InputError, match=r"a\.ply: coordinates are rounded to 0\.5 mm"):
+        segment_cloud(PointSet(points, "a.ply"))
+
+
 def test_passes_that_agree_are_measured_if_they_are_said_to(scanned):
     """Poses without noise."""
     scan = scanned(passes=TWO_PASSES)

@@ -99,16 +99,16 @@ def _known() -> Iterator[Convention]:
     yield Convention("the frames are in reverse order", frames_reversed=True)
     for written, read in permutations(EULER, 2):
         yield Convention(
-            f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
+            f"Euler angles of order {_order(written)}, read as {_order(read)}",
             quaternion=_reordered(written, read),
         )
         yield Convention(
-            f"the hand-eye pose's angles are of order {_order(written)}, but were read as {_order(read)}",
+            f"hand-eye angles of order {_order(written)}, read as {_order(read)}",
             hand_eye=_reordered_pose(written, read),
         )
         if written[0] == written[2]:  # their middle angle goes to 180 deg, where the others' goes to 90
             yield Convention(
-                f"Euler angles are of order {_order(written)}, but were read as {_order(read)}",
+                f"Euler angles of order {_order(written)}, read as {_order(read)}",
                 quaternion=_reordered(written, read, beyond=True),
             )
     for axes in permutations(range(3)):
@@ -172,7 +172,7 @@ def _reordered_pose(written: str, read: str) -> HandEyes:
 
 
 def _order(name: str) -> str:
-    return f"{'-'.join(name.upper())} about {'moving' if name.isupper() else 'fixed'} axes"
+    return f"{'-'.join(name.upper())} ({'moving' if name.isupper() else 'fixed'})"
 
 
 def _axes(axes: tuple[int, ...], signs: tuple[int, ...]) -> str:

@@ -69,7 +69,8 @@ COARSE, NARROWEST_MM = 25.0, 0.5  # a view narrower than usual that is scanned i
 UNKNOWN = ": are orientations, axes or the hand-eye pose wrong?"
 SWAPPED = 0.1  # share of the columns that are unevenly spaced: sensors' pixels are even, ranges have noise
 UNMET = "no face was seen by two passes: nothing tells how far apart these lie"
-TOLD = 3  # suspicions that a refusal names
+TOLD = 3  # copies of passes that a refusal names
+ELSE = "; else "  # between suspicions: a refusal names the first
 UNITS_MM = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
 
@@ -140,8 +141,10 @@ def refuse_failed(checks: Sequence[Check], where: str, parameter: str = "scan.fu
     for one in checks:
         if not one.passed:
             limit = f"{one.limit[0]:g} to {one.limit[1]:g}" if isinstance(one.limit, tuple) else f"{one.limit:g}"
+            likeliest, *others = one.finding.split(ELSE)
+            more = f" (or {len(others)} others)" if others else ""
             raise InputError(
-                where, f"{one.finding} (check {one.name}: {one.value:.4g}, limit {limit}; {parameter} sets it)"
+                where, f"{likeliest}{more} (check {one.name}: {one.value:.4g}, limit {limit}; {parameter} sets it)"
             )
 
 
@@ -337,10 +340,8 @@ def _pose_checks(recording: Recording, given: Mapping[str, Bound], calibration: 
     if calibration:
         return
     jump = jump_mm(recording.robot_time_s, position, recording.robot_pass)
-    told = (
-        f"a recorded position jumps by {jump:.2g} mm along a motion that goes on as before: an encoder that slipped, "
-    )
-    told += "a base set anew within the scan, poses of two moves in one pass?"
+    told = f"a recorded position jumps by {jump:.2g} mm in an even motion: an encoder that slipped, a base set anew, "
+    told += "poses of two moves in one pass?"
     yield check("position_jump_mm", jump, told, given=given)
     standing = []
     for number in np.unique(recording.pass_index):
@@ -483,9 +484,8 @@ def _motion_checks(recording: Recording, hand_eye: Float, given: Mapping[str, Bo
         readings = _consistent(recording, found, hand_eye, most("obliquity_deg"), turning=only)
         explained = [one.name for one, c in readings if one is not AS_READ and _explains(c, now)]
         suspected = [*steadier, *(name for name in explained if name not in steadier)]
-    hint = f"; suspicion: {_listed(suspected)}" if suspected else ""
-    hint += "; or other orientations, axes or a hand-eye pose that are wrong" if suspected else UNKNOWN
-    told = f"the laser plane would stand {now.obliquity_deg:.0f} deg off square to the edge"
+    hint = f"; suspicion: {ELSE.join(suspected)}" if suspected else UNKNOWN
+    told = f"the laser plane stands {now.obliquity_deg:.0f} deg off square"
     yield dataclasses.replace(oblique, finding=told if oblique.passed else told + hint)
     told = f"the angle between laser plane and edge would vary by {now.varies_deg:.1f} deg to each side"
     yield dataclasses.replace(varies, finding=told if varies.passed else told + hint)
@@ -642,8 +642,3 @@ def _unit(length_mm: float, usual_mm: tuple[float, float]) -> str:
     """': metres read as mm?' for the units in which the length would be a usual one."""
     likely = [name for name, mm in UNITS_MM.items() if usual_mm[0] <= length_mm * mm <= usual_mm[1]]
     return f": {' or '.join(likely)} read as mm?" if likely else ": is the unit wrong?"
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" (or {len(names) - TOLD} others)" if len(names) > TOLD else ""
-    return " or ".join(names[:TOLD]) + more

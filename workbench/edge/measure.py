@@ -190,9 +190,8 @@ def check_ends(cloud: Cloud, tracked: TrackedFaces, used: Bool) -> None:
     if clean < max(LEAST_FRAMES, LEAST_CLEAN * used.sum()):
         raise InputError(
             cloud.source,
-            f"the lower end of the root face is bent or drawn out in all but {clean} of {int(used.sum())} frames, "
-            "so that nothing tells the root face's line: a burr all along the edge, a further face beyond a step, or a "
-            "smoothing filter of the sensor? switch the filter off, or remove the burr",
+            f"the root face's lower end is bent or drawn out in all but {clean} of {int(used.sum())} frames: a burr "
+            "all along (remove it), a further face beyond a step, or a smoothing filter of the sensor (switch it off)?",
         )
 
 

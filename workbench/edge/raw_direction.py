@@ -82,9 +82,8 @@ def face_directions(cloud: Cloud, upper_side: Sequence[float], z_away: bool | No
     if not sense:
         raise InputError(
             cloud.source,
-            "nothing beside the end face tells whether z counts away from the sensor: expected a surface of the plate "
-            "or something behind it in view, or the parameter z_away; or is this an edge that is prepared already "
-            "(edge.segment)?",
+            "nothing beside the end face tells whether z counts away from the sensor: expected the plate's surface or "
+            "something behind it in view, or z_away; or is the edge prepared already (edge.segment)?",
         )
     return Directions(along, sense, (BY_LOWER_END.format("away from" if sense > 0 else "towards"),))
 

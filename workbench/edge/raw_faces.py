@@ -82,9 +82,8 @@ def find_end_face(cloud: Cloud, along: Float, sense: float) -> RawFaces:
         if np.isfinite(end.point[:, 0]).sum() < 3:
             raise InputError(
                 cloud.source,
-                f"{name} edge not in view: the end face runs out of the field of view, behind something, or into "
-                "another face or what the plate lies on, in every frame; or are axes mirrored, or is this an edge that "
-                "is prepared already (edge.segment)?",
+                f"{name} edge not in view: the end face runs out of the field of view, behind something or into "
+                "another face in every frame; or are axes mirrored, or is the edge prepared already (edge.segment)?",
             )
     return found
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -24,6 +26,7 @@ from workbench.artefacts import (
     Unseen,
 )
 from workbench.checks import NOT_JUDGED
+from workbench.checks.sensor import step_mm
 from workbench.edge.broken_end import EdgeCondition
 from workbench.edge.faces import find_faces, key_readings
 from workbench.edge.identify import WORST_SCORE, Candidate
@@ -55,6 +58,7 @@ from workbench.units import DEG, Bool, Float
 # What a slice counts for the root face beside a scan line: neighbouring slices cut the same few lines, so that where
 # their last points lie is no new draw in each (tested: bench.metrology, study clouds).
 SLICE_WEIGHT = 0.2
+COARSE_MM, FEW = 0.1, 100_000  # several times a profiler's noise; points that tell a rounding
 LEAST_POINTS, MOST_MM, FAR_MM = 100, 30_000.0, 1e10
 OTHER_SOFTWARE = Unseen(
     "other_software",
@@ -115,46 +119,61 @@ def segment_cloud(
         >>> round(float(milled.arc_length_mm[-1]))
         77
     """
-    _check_extent(points)
-    recovered = recovered_grid(points) if use_order else None
-    if upper_side is not None:
-        if recovered is None:
-            raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
-        recovered = replace(recovered, checks=(NOT_JUDGED,))
-        raw = segment_raw(
-            recovered,
-            upper_side=upper_side,
-            robot_noise_mm=robot_noise_mm,
+    with _rounding_told(points):
+        _check_extent(points)
+        recovered = recovered_grid(points) if use_order else None
+        if upper_side is not None:
+            if recovered is None:
+                raise InputError(points.source, "expected a raw edge's points in the order of scan lines, found none")
+            recovered = replace(recovered, checks=(NOT_JUDGED,))
+            raw = segment_raw(
+                recovered,
+                upper_side=upper_side,
+                robot_noise_mm=robot_noise_mm,
+                robot_noise_length_mm=robot_noise_length_mm,
+                edge_condition=edge_condition,
+                sensor=sensor,
+            )
+            return recovered, replace(raw, warnings=(*points.warnings, *raw.warnings))
+        nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
+        cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
+        cloud = replace(cloud, checks=(NOT_JUDGED,))
+        noise_mm = usual_noise_mm(robot_noise_mm)
+        if passes == "several passes" and noise_mm > MOST_PASS_NOISE_MM:
+            raise InputError(
+                points.source,
+                "points stand on lines of several scanning passes, or of rounded coordinates: give points as "
+                "measured, in scan order or each pass alone (or robot_noise_mm of at most "
+                f"{MOST_PASS_NOISE_MM:g}, if passes agree)",
+            )
+        edge = segment(
+            cloud,
+            root_nominal_mm=root_nominal_mm,
+            bevel_nominal_deg=bevel_nominal_deg,
+            robot_noise_mm=noise_mm,
             robot_noise_length_mm=robot_noise_length_mm,
             edge_condition=edge_condition,
             sensor=sensor,
+            thickness_mm=thickness_mm,
         )
-        return recovered, replace(raw, warnings=(*points.warnings, *raw.warnings))
-    nominal = Nominal(root_nominal_mm, bevel_nominal_deg)
-    cloud, passes = (recovered, None) if recovered else slice_cloud(points, nominal)
-    cloud = replace(cloud, checks=(NOT_JUDGED,))
-    noise_mm = usual_noise_mm(robot_noise_mm)
-    if passes == "several passes" and noise_mm > MOST_PASS_NOISE_MM:
-        raise InputError(
-            points.source,
-            "points stand on lines of several scanning passes, which may differ by the robot's noise, or of rounded "
-            "coordinates: give points as measured, in scan order or each pass alone (or robot_noise_mm of at most "
-            f"{MOST_PASS_NOISE_MM:g}, if they are known to agree)",
-        )
-    edge = segment(
-        cloud,
-        root_nominal_mm=root_nominal_mm,
-        bevel_nominal_deg=bevel_nominal_deg,
-        robot_noise_mm=noise_mm,
-        robot_noise_length_mm=robot_noise_length_mm,
-        edge_condition=edge_condition,
-        sensor=sensor,
-        thickness_mm=thickness_mm,
-    )
-    cut = [BY_CUT] if _ends_with_cloud(cloud, edge, thickness_mm) else []
-    unseen = [*cut, *(one for one in edge.unseen if one.name != BY_WINDOW.name), OTHER_SOFTWARE]
-    edge = replace(edge, unseen=tuple(unseen), warnings=(*points.warnings, *edge.warnings))
-    return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
+        cut = [BY_CUT] if _ends_with_cloud(cloud, edge, thickness_mm) else []
+        unseen = [*cut, *(one for one in edge.unseen if one.name != BY_WINDOW.name), OTHER_SOFTWARE]
+        edge = replace(edge, unseen=tuple(unseen), warnings=(*points.warnings, *edge.warnings))
+        return cloud, edge if passes is None else _of_slices(edge, passes, noise_mm)
+
+
+@contextmanager
+def _rounding_told(points: PointSet) -> Iterator[None]:
+    """Of a cloud that is refused: that its coordinates are rounded, if they are, since that alone hides its faces."""
+    try:
+        yield
+    except InputError as error:
+        few = points.points_mm[:: 1 + len(points.points_mm) // FEW]
+        step = min(step_mm(axis) for axis in few.T)
+        if step < COARSE_MM:
+            raise
+        why = f"coordinates are rounded to {step:.2g} mm: export them at full resolution"
+        raise InputError(points.source, why) from error
 
 
 def _ends_with_cloud(cloud: Cloud, edge: MilledEdge, thickness_mm: float | None) -> bool:

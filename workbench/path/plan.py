@@ -208,9 +208,9 @@ def known_well(
             edge.source or "edge",
             f"known well enough on {100 * share:.0f} % of its length only, expected at least "
             f"{100 * least_seen_share:.0f} % (least_seen_share): typically to "
-            f"{np.median(root_mm[edge.seen]):.2g} mm of root and {np.median(angle_deg[edge.seen]):.2g} deg of bevel "
-            f"(1.645 u), where root_tolerance_mm is {root_tolerance_mm:g} and "
-            f"bevel_tolerance_deg {bevel_tolerance_deg:g}" + (f"; with {_named(chain)}" if chain is not None else ""),
+            f"{np.median(root_mm[edge.seen]):.2g} of {root_tolerance_mm:g} mm (root_tolerance_mm) and "
+            f"{np.median(angle_deg[edge.seen]):.2g} of {bevel_tolerance_deg:g} deg (1.645 u)"
+            + (f"; with {_named(chain)}" if chain is not None else ""),
         )
     told = tuple(
         f"arc length {a:.0f} to {b:.0f} mm: not cut, the scan does not tell the edge well enough: "
@@ -285,9 +285,8 @@ def refuse_small_root(edge: RawEdge, bevel: Bevel) -> None:
     known_mm = 2.0 * float(np.nanmedian(edge.position_u_mm[edge.seen, 1]))
     if known_mm > MOST_KNOWN_MM:
         told = (
-            f"the edge is known to {known_mm:.3g} mm (U, k = 2) only: do its passes disagree, are poses or hand-eye "
-            "pose wrong, is its lower end lost over a long way, blurred by a filter of the sensor, or a rounding of it "
-            "out of view (does edge.segment_raw.edge_condition say it)?"
+            f"the edge is known to {known_mm:.3g} mm (U, k = 2) only: do passes disagree, are poses or hand-eye pose "
+            "wrong, or is its lower end lost, blurred by a filter, or rounded out of view (edge_condition)?"
         )
         raise InputError(edge.source or "edge", told)
     least_mm = max(LEAST_ROOT_MM, SMALL_ROOT * known_mm)

@@ -52,7 +52,7 @@ POSES = {
         Rotation.from_euler("ZYX", np.radians(R.as_euler("ZYX"))),
         p,
     ),
-    "Euler angles are of order Z-Y-X about moving axes, but were read as X-Y-Z about moving": lambda R, p: (
+    r"Euler angles of order Z-Y-X \(moving\), read as X-Y-Z \(moving": lambda R, p: (
         Rotation.from_euler("XYZ", R.as_euler("ZYX")),
         p,
     ),

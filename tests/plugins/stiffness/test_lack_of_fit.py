@@ -177,9 +177,19 @@ def scaled_columns(names: str, factor: float) -> Callable[[list[str], Any], Any]
     return change
 
 
-def test_a_wrench_in_kgf_is_refused(cell: Cell, written: Any) -> None:
-    with pytest.raises(InputError, match=r"0\.1 times as stiff .* kgf"):
-        stiffness.identify(cell, loads=written(scaled_columns("ft", 1 / 9.80665)))
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [
+        (1 / 9.80665, r"0\.1 times .* states: is the wrench in kgf"),
+        (1 / 4.44822, r"0\.2[23] times .* states: is the wrench in lbf"),
+    ],
+)
+def test_the_unit_that_the_stated_stiffness_tells_is_named_first(
+    cell: Cell, written: Any, factor: float, cause: str
+) -> None:
+    with pytest.raises(InputError, match=cause) as told:
+        stiffness.identify(cell, loads=written(scaled_columns("ft", factor)))
+    assert len(told.value.expected.replace(cell.source, "cell.json")) <= 200
 
 
 def test_a_sensor_at_the_end_of_its_range_is_refused(cell: Cell, written: Any) -> None:

@@ -60,10 +60,8 @@ def check_postures(flange: Flange, where: str, what: str, because: str = "") -> 
     if not flange.scans and (count := int(posture_of(poses, *SAME).max()) + 1) < MIN_POSTURES:
         raise InputError(
             where,
-            f"expected at least {MIN_POSTURES} distinct postures that see the {what}, found {count} (of "
-            f"{len(poses)} passes; repeats of a posture do not count): the hand-eye pose and where the "
-            f"{what} lies remain undetermined; turn the flange about two axes and move the {what} through the field of "
-            f"view{because}",
+            f"expected at least {MIN_POSTURES} distinct postures that see the {what}, found {count} in {len(poses)} "
+            f"passes: turn the flange about two axes and move the {what} through the field of view{because}",
         )
 
 

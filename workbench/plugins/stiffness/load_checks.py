@@ -39,6 +39,11 @@ LENGTHS = (("m", 1e3), ("micrometres", 1e-3))
 PLAUSIBLE_NM_PER_RAD = (3e3, 3e7)  # geometric mean over the joints of an industrial robot, with room on both sides
 COARSE = 5.0  # standard deviations of the noise: rounded to 0.1 mm of 0.015, stiffness was up to 4.5 u off
 LEAST_DISTINCT = 10  # readings
+STIFFER = {  # what makes the joints how many times as stiff as they are
+    "is the wrench in lbf (4.448 N)": 1 / 4.448,
+    "is the wrench in kgf (9.807 N)": 1 / 9.807,
+    "are displacements in inches": 25.4,
+}
 UNLIKE = 3.0  # times the stated stiffness: robots of a type differ by less, units by more
 CLIPPED, CLIPPED_SHARE, NEARLY, FINE = 4, 0.5, 0.99, 1e-3  # loads at the end of a range; of those within 1 % of it
 
@@ -276,10 +281,11 @@ def check_stated(found: JointStiffness, stated: Float, source: str, tests: Loadi
     """All loads in kgf or lbf fit as well as they should: only what is known of this robot tells."""
     ratio = float(np.exp(np.mean(np.log(found.nm_per_rad / stated))))
     if max(ratio, 1 / ratio) > UNLIKE:
+        likely = min(STIFFER, key=lambda cause: abs(math.log(ratio / STIFFER[cause])))
         raise InputError(
             tests.source,
-            f"the joints would be {ratio:.2g} times as stiff as {source} states: is the wrench in kgf (9.807 N) or "
-            "lbf (4.448 N), or the displacement in other units? if that is another robot's stiffness, take it out",
+            f"the joints would be {ratio:.2g} times as stiff as {source} states: {likely}? or is that another robot's "
+            "stiffness (take it out)?",
         )
 
 

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from bench.harness import ROOT
 from workbench.batch import run_batch
 from workbench.errors import InputError
 
@@ -65,6 +68,15 @@ def test_parts_survive_the_death_of_a_worker(cluster: Any, pipeline: Path, recor
     assert not [*out.rglob(".*")]
 
 
+@pytest.mark.slow
+def test_a_batch_whose_scheduler_was_killed_is_told_in_one_line_and_carried_on() -> None:
+    """A worker is killed, then the scheduler: the batch ends; the same command does what is left, each part once."""
+    command = [sys.executable, "-m", "bench.kills.cluster", "--parts", "6"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "Traceback" not in done.stderr
+
+
 def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("workbench.batch.workers.CONNECT_S", 0.5)
     with pytest.raises(InputError, match=r"tcp://127\.0\.0\.1:1: no scheduler answers there"):
@@ -72,8 +84,6 @@ def test_no_scheduler_is_one_line(pipeline: Path, record: Write, tmp_path: Path,
 
 
 def test_a_missing_extra_is_one_line(pipeline: Path, record: Write, tmp_path: Path, monkeypatch: Any) -> None:
-    import sys
-
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"install 'bevel-workbench\[cluster\]"):
         run_batch(pipeline, [record("a")], str(tmp_path / "out"), scheduler="tcp://127.0.0.1:1")

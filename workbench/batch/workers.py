@@ -7,6 +7,7 @@ file system), or be URLs.
 
 from __future__ import annotations
 
+import logging
 import os
 import queue
 import signal
@@ -190,6 +191,7 @@ class Cluster:
         require("distributed")
         from distributed import Client
 
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a lost scheduler is told in one line
         self.address, self.time_limit_s = address, time_limit_s
         try:
             connect: Any = Client

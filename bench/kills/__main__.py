@@ -81,7 +81,7 @@ def publishing(name: str, pipeline: str, inputs: dict[str, Any]) -> Command:
     from workbench.pipeline.terminal import Reporter
 
     checked = Pipeline.load(ROOT / "pipelines" / pipeline).plan(inputs)
-    files = run_files(checked, run_plan(checked, Reporter()))
+    (files,) = _forked(lambda _: run_files(checked, run_plan(checked, Reporter())), [range(0)])
 
     def write(out: Path, made: dict[str, bytes] = files) -> None:
         target = OutputDirectory(out)
@@ -407,16 +407,22 @@ def ready(command: Command, scratch: Path) -> Ready:
     return Ready(command, command.state(usual), counts)
 
 
-def drawn(made: dict[str, Ready], scratch: Path, until: float, seeds: range) -> dict[str, Counter[str]]:
-    """Every command under every seed, until the clock says `until`."""
-    found: dict[str, Counter[str]] = {name: Counter() for name in made}
-    for seed in seeds:
-        for name, one in made.items():
-            if time.monotonic() > until or (name == "queue" and len(made) > 1 and seed % QUEUE_EVERY):
-                continue
+def drawn(name: str, seconds: float, seeds: range) -> Counter[str]:
+    """A command under every seed, for so many seconds, in a process that holds what it needs: forks copy that."""
+    found: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory(dir=SCRATCH if SCRATCH.is_dir() else None) as folder:
+        scratch = Path(folder) / "scratch"
+        scratch.mkdir()
+        one = ready(commands(scratch)[name](), scratch)
+        gc.collect()
+        gc.freeze()  # a collection in a forked child would copy every page
+        until = time.monotonic() + seconds
+        for seed in seeds:
+            if time.monotonic() > until:
+                break
             ends = case(one.command, scratch, one.new, one.counts, random.Random(f"{name} {seed}"))
-            found[name] += ends
-            found[name]["cases"] += 1
+            found += ends
+            found["cases"] += 1
             for what in ends:
                 if what.startswith("BROKEN"):
                     print(f"{name}, seed {seed}: {what}", flush=True)
@@ -440,23 +446,21 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", help="commands")
     parser.add_argument("--seed", type=int, default=1, help="of the first case; the next has the next")
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=1e9, help="at most, beside the first run of each command")
+    parser.add_argument(
+        "--seconds", type=float, default=1e9, help="at most, shared by the commands, beside the first run of each"
+    )
     parser.add_argument("--docs", action="store_true", help="write the table into docs/reliability.md")
     options = parser.parse_args()
     if "faults.so" not in os.environ.pop("LD_PRELOAD", ""):
         preload()
-    with tempfile.TemporaryDirectory(dir=SCRATCH if SCRATCH.is_dir() else None) as folder:
-        scratch = Path(folder) / "scratch"
-        scratch.mkdir()
-        known = commands(scratch)
-        made = {name: ready(known[name](), scratch) for name in options.only or known}
-        gc.collect()
-        gc.freeze()  # a collection in a forked child would copy every page
-        last, step = options.seed + options.cases, options.processes
-        shares = [range(options.seed + k, last, step) for k in range(step)]
-        work = partial(drawn, made, scratch, time.monotonic() + options.seconds)
-        found = [work(shares[0])] if step == 1 else _forked(work, shares)
-    summed = {name: sum((each[name] for each in found), Counter()) for name in made}
+    names = options.only or list(commands(Path()))
+    summed = {}
+    for name in names:
+        first, last, step = options.seed, options.seed + options.cases, options.processes
+        if name == "queue" and len(names) > 1:
+            first, step = first + -first % QUEUE_EVERY, QUEUE_EVERY * step
+        shares = [range(first + k * step // options.processes, last, step) for k in range(options.processes)]
+        summed[name] = sum(_forked(partial(drawn, name, options.seconds / len(names)), shares), Counter())
     told = f"`python -m bench.kills --cases {options.cases} --seed {options.seed}`"
     text = "\n".join([f"{told}{made_by() if options.docs else ''}", "", *table(summed)])
     print(text)

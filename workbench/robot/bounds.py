@@ -240,15 +240,16 @@ class CollisionScreen:
             return None
         bounds, _ = self.pair_bounds_mm(joints, turntable)
         moved, count = motions(self.cell.chain, joints), len(self.model.pairs)
-        best, at = np.inf, -1
+        tables = standing_poses(self.cell, turntable)
+        best, at = np.inf, (FREE, FREE)
         for one in np.argsort(bounds, axis=None).tolist():
             if bounds.flat[one] > best + SAFE_MM:
                 break
-            turned = standing_poses(self.cell, turntable[one // count])
-            (distance,) = self.model.distances(moved[one // count], turned, [one % count])
+            n, pair = divmod(one, count)
+            (distance,) = self.model.distances(moved[n], tables[:, n], [pair])
             if distance < best:
-                best, at = distance, one
-        return best, at % count, at // count
+                best, at = distance, (pair, n)
+        return best, *at
 
     def always_near(self) -> tuple[str, str] | None:
         """Two bodies that are too near in every posture: one axis at most moves them, and nowhere far enough apart."""

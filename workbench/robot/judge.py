@@ -291,7 +291,7 @@ def _collisions(
     pairs: CollisionScreen, places: Places, reach: Float, tiny: Bool, found: _Findings
 ) -> tuple[Bool, Int, Float, Int]:
     """Which stretches stay open, the pair that is too near or -1, the least distance and its pair (n,) each."""
-    n, shape = len(places), (len(places),)
+    n = len(places)
     open_, hit = np.zeros(n, bool), np.full(n, -1)
     if not len(pairs.model.pairs) or not n:
         return open_, hit, np.full(n, np.inf), np.full(n, -1)
@@ -300,11 +300,10 @@ def _collisions(
     need = pairs.least_mm + SAFE_MM
     doubtful = apart - moved <= need
     rows = np.flatnonzero(doubtful.any(axis=1))
-    links = motions(pairs.cell.chain, places.joints[rows])
+    links, tables = motions(pairs.cell.chain, places.joints[rows]), standing_poses(pairs.cell, places.turntable[rows])
     for i, row in enumerate(rows.tolist()):
         which = np.flatnonzero(doubtful[row])
-        table = standing_poses(pairs.cell, places.turntable[row])
-        apart[row, which] = pairs.model.distances(links[i], table, which.tolist())
+        apart[row, which] = pairs.model.distances(links[i], tables[:, i], which.tolist())
         short = apart[row, which] < pairs.least_mm[which]
         if short.any():
             hit[row] = which[np.argmin(np.where(short, apart[row, which], np.inf))]
@@ -319,7 +318,6 @@ def _collisions(
     at = int(sure.min(axis=0).argmin())
     if sure.min() < found.proven_mm:
         found.proven_mm, found.proven_pair = float(sure.min()), at
-    assert least.shape == shape
     least = np.where(hit >= 0, apart[np.arange(n), np.maximum(hit, 0)], least)
     return open_, hit, least, np.where(hit >= 0, hit, pair)
 

@@ -19,7 +19,7 @@ from workbench.edge.groove_profile import (
     read_profile,
     upwards,
 )
-from workbench.edge.measure import check_advance, edge_direction
+from workbench.edge.measure import UNDETERMINED, check_advance, edge_direction
 from workbench.errors import InputError
 from workbench.geometry.curves import Curve, along_motion, fit_curve
 from workbench.geometry.poses import inverse
@@ -201,7 +201,10 @@ def groove_curve(cloud: Cloud, read: ReadFrames) -> tuple[Curve, ReadFrames, Flo
     check_advance(cloud, points)
     group = cloud.pass_index[read.frame]
     s = along_motion(points, along, group)
-    curve = fit_curve(points, s, group)
+    try:
+        curve = fit_curve(points, s, group)
+    except np.linalg.LinAlgError:
+        raise InputError(cloud.source, UNDETERMINED) from None
     return curve, read, curve.project(points, s)
 
 

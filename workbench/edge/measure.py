@@ -26,7 +26,10 @@ from workbench.geometry.sections import SectionLines, on_line, section_lines
 from workbench.geometry.silhouette import EndCourse, Ends, find_end, settled
 from workbench.units import Bool, Float, Int, Shaped
 
-UNDETERMINED = "its passes do not determine one smooth edge: do they overlap, are their poses right?"
+UNDETERMINED = (
+    "its frames do not determine one smooth edge: do passes overlap, are poses and hand-eye right, is a face only a "
+    "few columns wide?"
+)
 LEAST_FRAMES, LEAST_LENGTH_MM = 3, 1.0
 LEAST_CLEAN = 1.0 / 3.0  # of the frames, whose root face ends as a face does: with burrs 0.7 and more do
 FAR_MM, FAR_TIMES = 5.0, 5.0  # of the root face: frames that say more have lost the faces
@@ -258,6 +261,8 @@ def _state(
     safe = np.where(np.isfinite(made.upper_s), made.upper_s, 0.0)
     middle, spread = ends.low + 0.5 * ends.step, ends.sigma**2 + ends.step**2 / 12.0 + 1e-8
     shows = np.arange(s.size)[of][weights(made.upper_s[of], broken.doubt_mm[of]) > LEAST_WEIGHT]
+    if not np.isfinite(made.upper_s[shows] + middle[shows]).any():
+        raise np.linalg.LinAlgError("the faces' lines meet nowhere near the frames")
     course = fit_course(made.upper_s[shows], middle[shows], spread[shows], cloud.pass_index[shows])
     made = _corner(faces, s, made.tilt, made.beta, course.value(safe), course.slope(safe))
     end = said = None

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from workbench.errors import InputError
 from workbench.geometry.blocks import as_input
 from workbench.geometry.course import Course, fit_course, stretches
 from workbench.geometry.processes import Process, Shared
@@ -196,6 +195,8 @@ def fit_curve(
     """The smooth curve through points (n, 3) mm at rough arc lengths s (n,); s of the result is arc length from 0.
 
     The course of the points (`geometry.course`): straight but for a bend and waves, as stiff as the points say.
+
+    Raises LinAlgError: they lie along no smooth curve.
     """
     for _ in range(2):  # the spline's own parameter becomes its arc length
         course = fit_course(s, points_mm, None, group, (2, 3), stiffness, shared=Shared(POSE_MM))
@@ -227,8 +228,7 @@ def _arc_length(spline: Spline) -> tuple[Float, Float]:
     speed = np.linalg.norm(spline(dense, 1), axis=1)
     arc = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(dense))])
     if arc[-1] > ENDLESS * (dense[-1] - dense[0]):
-        way = f"through {dense[-1] - dense[0]:.0f} mm of them it would be {arc[-1]:.0f} mm long"
-        raise InputError("edge", f"expected points along a smooth curve: {way}; are poses or the hand-eye wrong?")
+        raise np.linalg.LinAlgError(f"a curve through {dense[-1] - dense[0]:.0f} mm would be {arc[-1]:.0f} mm long")
     return dense, arc
 
 

@@ -1,5 +1,6 @@
 """Shared fixtures: small stages of our own, the command run in this process, a browser."""
 
+import gc
 import os
 import shutil
 import signal
@@ -35,6 +36,14 @@ settings.load_profile("same")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: Ctrl-C is tested all the same
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+gc.disable()  # until all files are imported, of which nothing goes: a third of what that takes
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @dataclass

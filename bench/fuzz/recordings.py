@@ -88,7 +88,7 @@ def _numbers(file: Any, rng: random.Random, draws: np.random.Generator) -> None:
 def _order(file: Any, rng: random.Random, draws: np.random.Generator) -> None:
     """Frames, poses or columns in another order, some of them several times, or only some of them."""
     names, axis = rng.choice(TOGETHER)
-    size = file[names[0]].shape[axis]
+    size = min(file[name].shape[axis] for name in names if name in file)  # one may have been cut already
     every = np.arange(size)
     some = np.sort(draws.choice(every, min(size, rng.choice((1, 2, 3, 5, 12))), replace=False))
     repeated = every - every % rng.choice((2, 3, 10))
